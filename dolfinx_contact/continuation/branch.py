@@ -15,6 +15,7 @@ __all__ = [
     "Branch",
     "BranchPoint",
     "Change",
+    "Departures",
     "Diagram",
     "Edge",
     "Node",
@@ -64,6 +65,22 @@ class Ray:
 
     piece: Piece
     tangent: PETSc.Vec
+
+
+@dataclass(frozen=True)
+class Departures:
+    """How branches leave a solution.
+
+    Attributes:
+        points: the solution, once for each ray that leads out, with that as its tangent. Where one
+            smooth branch passes these are two, and so are they at an ordinary kink.
+        complete: whether it is known that there are no others.
+        method: how the rays were looked for; "" where one smooth branch passes.
+    """
+
+    points: tuple[BranchPoint, ...]
+    complete: bool = True
+    method: str = ""
 
 
 @dataclass(frozen=True)
@@ -166,7 +183,8 @@ class Node:
     """A bifurcation.
 
     Attributes:
-        point: the special point, as it was found first.
+        point: the special point, as it was found first. Nothing comes in at one that the
+            exploration starts from: there `incoming` and `onwards` are None, and all rays `others`.
         rays: all outgoing rays, that by which it was found included.
         edges: number of the branch that leaves or arrives along each ray; None if none has yet.
     """

@@ -5,7 +5,8 @@ Where points change their status the branch continues in another piece. A piece 
 if its own events at those points grow along its tangent, in one of the two senses. For one point
 the status named by its event is tried first; the others are tried if that fails, or if the parity
 of the determinants shows that more branches meet. For k points at once the rays of the tangent cone
-are computed, or all their statuses are tried (`ray_finder`).
+are computed, or all their statuses are tried (`ray_finder`). A branch that begins at such a point
+has no incoming ray: then all rays are looked for.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ray_finder import FoundRays, Kink, RayFinder
 from dolfinx_contact.continuation.system import Events, Piece
 
-__all__ = ["Crossing", "cross", "finder_at", "kinks_at", "parity"]
+__all__ = ["Crossing", "cross", "finder_at", "kinks_at", "parity", "rays_out", "reach_of_events"]
 
 _MOST_PIECES = 1024  # that are tried
 _PROBE = 1e-6  # length at which one-sided derivatives of events are taken
@@ -76,10 +77,80 @@ def kinks_at(
     return tuple(k for part in b.comm.allgather(mine) for k in part)
 
 
-def finder_at(corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...]) -> RayFinder:
-    """Looks for rays of a nonsmooth point, along which events of the kinks there grow."""
-    inside = partial(_stays_inside, corrector, y, kinks)
+def reach_of_events(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> float:
+    """The largest distance of an event, here or as far as ``t`` leads. Collective.
+
+    At a start without load all distances vanish, and their size is that of what they become.
+    """
+    b = corrector.bordered
+    here, slope = _slopes(corrector, y, piece, t)
+    return float(b.comm.allreduce(max(_largest(here.distance), _largest(slope)), op=max))
+
+
+def finder_at(
+    corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...], *, idle: bool = False
+) -> RayFinder:
+    """Looks for rays of a nonsmooth point, along which events of the kinks there grow.
+
+    Args:
+        corrector: on the bordered system that is followed.
+        y: the point.
+        kinks: points at a border there.
+        idle: whether all of these may stay at their borders along a ray.
+    """
+    inside = partial(_stays_inside, corrector, y, kinks, idle=idle)
     return RayFinder(corrector, y, inside, PETSc.Vec.norm)
+
+
+def rays_out(
+    corrector: Corrector,
+    y: PETSc.Vec,
+    piece: Piece,
+    t: PETSc.Vec,
+    kinks: tuple[Kink, ...],
+    tolerance: float,
+) -> FoundRays:
+    """All rays that lead out of the nonsmooth point ``y``, as far as they can be found. Collective.
+
+    Args:
+        corrector: on the bordered system that is followed.
+        y: the point.
+        piece: one of those that meet there.
+        t: direction that is looked at first.
+        kinks: points at a border.
+        tolerance: distances that count as zero.
+    """
+    b = corrector.bordered
+    finder = finder_at(corrector, y, kinks, idle=True)
+    found = finder.by_tangent_cone(100 * tolerance)
+    if found is None or not (found.rays or found.complete):
+        found = _of_pieces(finder, corrector, piece, t, kinks)
+    if not found.complete:
+
+        def leads(ray: Ray, away: PETSc.Vec) -> bool:
+            return b.inner(ray.tangent, away) > 0.9 * np.sqrt(b.inner(away, away))
+
+        led = [
+            finder.led_by_H((sense,), leads, tangent_at_point=False)
+            for sense in (1.0, -1.0)
+            if not any(sense * b.gamma(ray.tangent) > 0 for ray in found.rays)
+        ]
+        rays = (*found.rays, *(ray for one in led for ray in one.rays))
+        method = "; ".join((found.method, *(one.method for one in led[:1])))
+        found = FoundRays(rays, False, method)
+    return replace(found, rays=tuple(finder.distinct(found.rays)))
+
+
+def _of_pieces(
+    finder: RayFinder, corrector: Corrector, piece: Piece, t: PETSc.Vec, kinks: tuple[Kink, ...]
+) -> FoundRays:
+    """Rays of all pieces that have tangents at the point. Collective."""
+    found = finder.enumerated(piece, kinks, t, most=_MOST_PIECES)
+    rough = finder.rough_statuses(piece, kinks) if found.complete else set()
+    if not rough:
+        return found
+    kept = [r for r in found.rays if not any(_code(corrector, r.piece, k) in rough for k in kinks)]
+    return FoundRays(tuple(kept), False, f"{found.method}, some of which have no tangent there")
 
 
 def cross(
@@ -169,33 +240,41 @@ def _code(corrector: Corrector, piece: Piece, kink: Kink) -> int:
     return int(comm.bcast(mine, root=kink.rank))
 
 
-def _stays_inside(corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...], ray: Ray) -> bool:
+def _stays_inside(
+    corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...], ray: Ray, *, idle: bool
+) -> bool:
     """Whether the events of the kinked points that vanish at ``y`` grow along a ray. Collective."""
     b = corrector.bordered
     points = np.array([k.point for k in kinks if k.rank == b.comm.rank], dtype=np.int32)
-    x, gamma = b.split(y)
-    here = b.system.events(x, gamma, ray.piece)
-    probe = y.copy()
-    probe.axpy(_PROBE, ray.tangent)
-    x, gamma = b.split(probe)
-    there = b.system.events(x, gamma, ray.piece)
-    probe.destroy()
+    here, slope = _slopes(corrector, y, ray.piece, ray.tangent)
     chosen = np.isin(here.point, points)
-    slope = (again(here, there) - here.distance) / _PROBE
     largest = b.comm.allreduce(_largest(slope), op=max)
-    # An event that is at its border must grow; one that is away from it must be inside.
-    at_border = np.abs(here.distance) <= _border(here, slope)
+    furthest = b.comm.allreduce(_largest(here.distance), op=max)
+    # An event that is at its border must grow; one that is away from it must be inside. Distances
+    # count as zero up to what a hundredth of the probe would change, and round-off.
+    border = max(1e-2 * largest * _PROBE, 1e-11 * furthest)
+    at_border = np.abs(here.distance) <= border
     bad = chosen & np.where(at_border, slope < -1e-7 * largest, here.distance < 0)
-    idle = chosen & at_border & (np.abs(slope) <= 1e-7 * largest)
+    rests = chosen & at_border & (np.abs(slope) <= 1e-7 * largest)
     inside = not b.comm.allreduce(bool(bad.any()), op=MPI.LOR)
-    moves = b.comm.allreduce(bool((chosen & at_border & ~idle).any()), op=MPI.LOR)
-    return inside and moves
+    moves = b.comm.allreduce(bool((chosen & at_border & ~rests).any()), op=MPI.LOR)
+    return inside and (moves or idle)
 
 
-def _border(events: Events, slope: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """Distances that count as zero: what a hundredth of the probe would change, and round-off."""
-    size = _largest(slope) * _PROBE
-    return np.full_like(events.distance, max(1e-2 * size, 1e-11 * _largest(events.distance)))
+def _slopes(
+    corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec
+) -> tuple[Events, npt.NDArray[np.float64]]:
+    """The events of a piece at ``y``, and how fast their distances grow along ``t``. Collective."""
+    b = corrector.bordered
+    x, gamma = b.split(y)
+    here = b.system.events(x, gamma, piece)
+    probe = y.copy()
+    probe.axpy(_PROBE, t)
+    x, gamma = b.split(probe)
+    there = b.system.events(x, gamma, piece)
+    probe.destroy()
+    slope = np.asarray((again(here, there) - here.distance) / _PROBE, dtype=np.float64)
+    return here, slope
 
 
 def _not_back(corrector: Corrector, piece: Piece, t: PETSc.Vec, rays: Sequence[Ray]) -> list[Ray]:

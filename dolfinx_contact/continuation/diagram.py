@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bifurcation diagrams: all branches that are connected, as a graph.
 
-From every start branches are followed in both senses of gamma. A branch ends at its first
+From every start branches are followed in both senses of gamma; where pieces meet there, along every
+outgoing ray, and with more than two of them the start is a node itself. A branch ends at its first
 bifurcation, which becomes a node with all of its rays; from every ray that no branch has taken yet
 a new one starts. A branch that comes to a node that is known takes the ray by which it comes, so
-that none is followed twice. Points and branches that are found again are merged.
+that none is followed twice. Where the range of gamma ends at a kink, rays that lead back into the
+range are followed as well. Points and branches that are found again are merged.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, get_args
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -30,6 +32,7 @@ from dolfinx_contact.continuation.arguments import (
 from dolfinx_contact.continuation.branch import (
     Branch,
     BranchPoint,
+    Departures,
     Diagram,
     Edge,
     Node,
@@ -46,7 +49,7 @@ from dolfinx_contact.continuation.observer import (
     Observers,
     Stop,
 )
-from dolfinx_contact.continuation.parameters import Direction, StepControl
+from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import System
 
@@ -55,6 +58,7 @@ __all__ = ["explore"]
 logger = logging.getLogger(__name__)
 
 _SAME = 1e-6  # distance at which two points are one
+_SAME_RAY = 1e-3  # distance of unit tangents at which two rays of a nonsmooth point are one
 _ALL = "every ray has been followed"
 
 
@@ -152,6 +156,10 @@ class _Explorer:
         self._observers = Observers(
             *(Guarded(comm, given, _nothing, changed) for given in observers)
         )
+        #: Points from which branches are to be followed, that begin at no node.
+        self._waiting: list[BranchPoint] = []
+        #: Whether all rays are known of the kinks on branches and at their ends that are no nodes.
+        self._all_rays_known = True
 
     def run(
         self, starts: Sequence[tuple[PETSc.Vec, float]], max_branches: int, max_seconds: float
@@ -159,20 +167,20 @@ class _Explorer:
         diagram = self.diagram
         begun = time.monotonic()
         comm = self.follower.bordered.comm
-        low, high = self.range
-        waiting = [(x, gamma, to) for x, gamma in starts for to in get_args(Direction)]
-        waiting = [w for w in waiting if (w[1] < high if w[2] == "increasing" else w[1] > low)]
-        while waiting or diagram.open_rays():
+        left = list(starts)
+        while left or self._waiting or diagram.open_rays():
             late = comm.bcast(time.monotonic() - begun > max_seconds)
             if late or len(diagram.edges) >= max_branches:
                 what = f"{max_seconds:g} s" if late else f"{max_branches} branches"
                 diagram.end(Ending.BUDGET, f"the budget of {what} is exhausted")
                 break
-            if waiting:
-                x, gamma, direction = waiting.pop(0)
-                point = self.follower.start(x, gamma, direction=direction)
+            if self._waiting:
+                point = self._waiting.pop(0)
                 if not self._known(point):
                     self._follow(point, None)
+                continue
+            if left:
+                self._depart(self.follower.departures(*left.pop(0)))
                 continue
             i, j = diagram.open_rays()[0]
             node = diagram.nodes[i]
@@ -200,7 +208,7 @@ class _Explorer:
             else:
                 diagram.end(Ending.REACHED, _ALL)
             known = all(node.point.complete for node in diagram.nodes)
-            diagram.complete = known and not short
+            diagram.complete = known and self._all_rays_known and not short
         self._observers.explored(diagram)
         if comm.rank == 0:
             found = len(diagram.edges), len(diagram.nodes), diagram.reason
@@ -216,45 +224,148 @@ class _Explorer:
             branch_id=number,
             **self.listeners,
         )
+        kinks = [s for s in branch.special if s.kind != "bifurcation" and s.method]
+        self._all_rays_known = self._all_rays_known and all(s.complete for s in kinks)
         end = self._arrive(branch.bifurcations[-1], number) if branch.bifurcations else None
+        if branch.ending is Ending.REACHED:
+            end = self._at_the_end(branch.points[-1], start, number)
         self.diagram.edges.append(Edge(branch, start, end))
         self._observers.explored(self.diagram)
 
+    def _depart(self, found: Departures) -> None:
+        """Set out from a start along its rays, those that leave the range of gamma excepted."""
+        inside = [p for p in found.points if not self._leaves(p)]
+        if len(found.points) > 2 and inside:
+            self._node_of(found, inside)
+        else:
+            self._all_rays_known = self._all_rays_known and found.complete
+            self._waiting += inside
+
+    def _at_the_end(self, point: BranchPoint, start: int | None, number: int) -> int | None:
+        """The node at which branch ``number`` reached the end of the range, if there is one.
+
+        Where pieces meet there rays may lead back into the range, beside that by which it came.
+        """
+        found = self.follower.rays_at(point)
+        if found is None:
+            return None
+        inside = [p for p in found.points if not self._leaves(p)]
+        back = point.tangent.copy()
+        back.scale(-1.0)
+        if len(found.points) <= 2:
+            self._all_rays_known = self._all_rays_known and found.complete
+            self._waiting += [p for p in inside if not self._is_ray(p.tangent, back)]
+            return None
+        if not inside:
+            return None
+        node = self._node_of(found, inside)
+        if node == start:  # the branch has left the range where it left the node
+            return None
+        self._take_ray(node, Ray(point.piece, back), number)
+        return node
+
+    def _node_of(self, found: Departures, inside: Sequence[BranchPoint]) -> int:
+        """The node where more than two rays lead out, of which some lead into the range."""
+        point = inside[0]
+        known = self._node_at(point.y)
+        if known is not None:
+            return known
+        rays = tuple(Ray(p.piece, p.tangent) for p in inside)
+        special = SpecialPoint(
+            "bifurcation",
+            False,
+            point.gamma,
+            point.y,
+            0,
+            others=rays,
+            complete=found.complete,
+            method=found.method,
+        )
+        self.diagram.nodes.append(Node(special, list(rays), [None] * len(rays)))
+        return len(self.diagram.nodes) - 1
+
+    def _leaves(self, point: BranchPoint) -> bool:
+        """Whether gamma leaves its range at once on a branch that begins at a point."""
+        low, high = self.range
+        rate = self.follower.bordered.gamma(point.tangent)
+        least = _SAME * self.follower.bordered.gamma_scale
+        return bool(
+            (rate > least and point.gamma >= high) or (rate < -least and point.gamma <= low)
+        )
+
     def _arrive(self, special: SpecialPoint, number: int) -> int:
         """The node at which branch ``number`` ends, made if it is new."""
-        b = self.follower.bordered
         incoming = special.incoming
         onwards = special.onwards
         assert incoming is not None  # so are bifurcations recorded
         assert onwards is not None
         back = incoming.tangent.copy()
         back.scale(-1.0)
-        for i, node in enumerate(self.diagram.nodes):
-            away = node.point.y - special.y
-            if b.inner(away, away) <= _SAME**2:
-                free = [j for j, edge in enumerate(node.edges) if edge is None]
-                close = [(b.inner(node.rays[j].tangent, back), j) for j in free]
-                if close and max(close)[0] > 0.5:
-                    node.edges[max(close)[1]] = number
-                else:
-                    node.rays.append(Ray(incoming.piece, back))
-                    node.edges.append(number)
-                return i
+        known = self._node_at(special.y)
+        if known is not None:
+            self._take_ray(known, Ray(incoming.piece, back), number)
+            return known
         rays = [Ray(incoming.piece, back), onwards, *special.others]
         self.diagram.nodes.append(Node(special, rays, [number, *[None] * (len(rays) - 1)]))
         return len(self.diagram.nodes) - 1
 
+    def _node_at(self, y: PETSc.Vec) -> int | None:
+        """The number of the node at a point; None if there is none. Collective."""
+        for i, node in enumerate(self.diagram.nodes):
+            if self._is_at(node.point.y, y):
+                return i
+        return None
+
+    def _take_ray(self, number: int, ray: Ray, edge: int) -> None:
+        """Let an edge have the ray of a node by which it came. Collective.
+
+        Rays of a nonsmooth point are known as they are, those of a smooth one as far as the kernel
+        shows them: then the closest of those that are free.
+        """
+        b = self.follower.bordered
+        node = self.diagram.nodes[number]
+        free = [j for j, taken in enumerate(node.edges) if taken is None]
+        close = [(b.inner(node.rays[j].tangent, ray.tangent), j) for j in free]
+        if node.point.smooth:
+            found = max(close)[1] if close and max(close)[0] > 0.5 else None
+        else:
+            same = [j for _, j in sorted(close) if self._is_ray(node.rays[j].tangent, ray.tangent)]
+            found = same[-1] if same else None
+        if found is None:
+            node.rays.append(ray)
+            node.edges.append(edge)
+        else:
+            node.edges[found] = edge
+
     def _known(self, point: BranchPoint) -> bool:
-        """Whether a branch that was followed passes the point, or leaves it in the same sense."""
+        """Whether a branch that was followed passes the point, or leaves it by the same ray."""
         b = self.follower.bordered
         for branch in self.diagram.branches:
-            for other in self.follower.at(branch, point.gamma) if branch.points else []:
-                away = other.y - point.y
-                leaving = other.y.equal(branch.points[0].y)
-                same_sense = b.inner(other.tangent, point.tangent) > 0
-                if b.inner(away, away) <= _SAME**2 and (same_sense or not leaving):
-                    return True
+            if not branch.points:
+                continue
+            first, *beyond = branch.points
+            if self._is_at(first.y, point.y) and self._is_ray(first.tangent, point.tangent):
+                return True
+            # Its own points too: at a kink gamma may turn, and be passed by round-off.
+            near = [p for p in beyond if abs(p.gamma - point.gamma) <= _SAME * b.gamma_scale]
+            passed = [p for p in self.follower.at(branch, point.gamma) if p is not first]
+            if any(self._is_at(p.y, point.y) for p in [*near, *passed]):
+                return True
         return False
+
+    def _is_at(self, y: PETSc.Vec, other: PETSc.Vec) -> bool:
+        """Whether two points are one. Collective."""
+        away = y - other
+        square = self.follower.bordered.inner(away, away)
+        away.destroy()
+        return square <= _SAME**2
+
+    def _is_ray(self, t: PETSc.Vec, other: PETSc.Vec) -> bool:
+        """Whether two unit tangents at a nonsmooth point, or of one branch, are one. Collective."""
+        away = t - other
+        square = self.follower.bordered.inner(away, away)
+        away.destroy()
+        return square <= _SAME_RAY**2
 
 
 def _nothing() -> None:

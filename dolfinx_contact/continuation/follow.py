@@ -33,21 +33,24 @@ from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
     Branch,
     BranchPoint,
+    Departures,
     Ray,
     SpecialPoint,
 )
 from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.crossing import finder_at, kinks_at, rays_out, reach_of_events
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import BranchStep, Observer, ObserverLike, Stepping, Stop
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.passage import SteppingSteps
 from dolfinx_contact.continuation.pivoting import Pivoting
-from dolfinx_contact.continuation.steps import ExactSteps
+from dolfinx_contact.continuation.ray_finder import Kink
+from dolfinx_contact.continuation.steps import AT_BORDER, ExactSteps
 from dolfinx_contact.continuation.system import (
     Piece,
     System,
 )
-from dolfinx_contact.continuation.walk import Next, Walk, Walker
+from dolfinx_contact.continuation.walk import Next, Walk, Walker, onwards_from
 
 __all__ = ["Follower", "Route", "follow", "follower_for"]
 
@@ -213,10 +216,55 @@ class Follower(Walker):
     ) -> BranchPoint:
         """The point of the branch near (x, gamma), with its tangent.
 
+        Where pieces meet there it is that of a ray that leads out: in the piece of the state if
+        it has one, else the straightest of all.
+
         Raises:
-            ValueError: if there is none, gamma does not appear in H, or the direction is unknown.
+            ValueError: if there is none, gamma does not appear in H, it does not go in the
+                direction on any ray, or the direction is unknown.
         """
         sign = sign_of(direction)
+        point = self._tangent_at(x, gamma, sign)
+        kinks, _ = self._kinks(point)
+        if not kinks or self._leads_out(point, kinks):
+            return point
+        found = self.rays_at(point)
+        return point if found is None else onwards_from(self.bordered, point, found, sign)
+
+    def departures(self, x: PETSc.Vec, gamma: float) -> Departures:
+        passing = []
+        for sign in (1.0, -1.0):
+            point = self._tangent_at(x, gamma, sign)
+            found = self.rays_at(point)
+            if found is not None and (found.points or found.complete):
+                return found
+            passing.append(point)
+        return Departures(tuple(passing), complete=found is None)
+
+    def rays_at(self, point: BranchPoint) -> Departures | None:
+        kinks, tolerance = self._kinks(point)
+        if not kinks:
+            return None
+        y, t, piece = point.y, point.tangent, point.piece
+        found = rays_out(self.corrector, y, piece, t, kinks, tolerance)
+        points = []
+        for ray in found.rays:
+            leaving = BranchPoint(y.copy(), ray.tangent, ray.piece, point.gamma, 0.0, 0)
+            points.append(self._steps.rescaled(leaving))
+        return Departures(tuple(points), found.complete, found.method)
+
+    def _kinks(self, point: BranchPoint) -> tuple[tuple[Kink, ...], float]:
+        """Contact points at a border, and the distance that counts as zero. Collective."""
+        tolerance = AT_BORDER * reach_of_events(self.corrector, point.y, point.piece, point.tangent)
+        return kinks_at(self.corrector, point.y, point.piece, tolerance), tolerance
+
+    def _leads_out(self, point: BranchPoint, kinks: tuple[Kink, ...]) -> bool:
+        """Whether the tangent of a point leads over none of the borders there. Collective."""
+        finder = finder_at(self.corrector, point.y, kinks, idle=True)
+        return finder.inside(Ray(point.piece, point.tangent))
+
+    def _tangent_at(self, x: PETSc.Vec, gamma: float, sign: float) -> BranchPoint:
+        """The solution near (x, gamma) with the tangent of its piece. Collective."""
         b = self.bordered
         y = b.vector()
         b.join(x, gamma, y)
@@ -246,11 +294,27 @@ class Follower(Walker):
         return self.system.piece_at(x, beyond) if begin else piece
 
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
-        """A point at a small distance from a special point along one of its other rays.
+        """A point from which to follow one of the other rays of a special point.
+
+        It lies at a small distance along the ray. Where the piece of the ray ends before that it is
+        the nonsmooth point itself, at which the tangent of the ray is exact.
 
         Raises:
             ValueError: if no solution is found there.
         """
+        try:
+            aside = self._aside(special, ray)
+        except ValueError:
+            if special.smooth:
+                raise
+            aside = None
+        if aside is not None and (special.smooth or not self._steps.is_outside(aside)):
+            return aside
+        here = BranchPoint(special.y.copy(), ray.tangent, ray.piece, special.gamma, 0.0, 0)
+        return self._steps.rescaled(here)
+
+    def _aside(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
+        """The point at a small distance along a ray. Collective."""
         b = self.bordered
         y = special.y.copy()
         t = ray.tangent.copy()

@@ -18,12 +18,19 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, Array, Codes
+from dolfinx_contact.continuation.affine import (
+    TOLERANCE,
+    AffinePiece,
+    AffineSystem,
+    Array,
+    Codes,
+)
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
     Branch,
     BranchPoint,
     Change,
+    Departures,
     Ray,
     SpecialPoint,
 )
@@ -39,7 +46,7 @@ from dolfinx_contact.continuation.rays import (
     step,
 )
 from dolfinx_contact.continuation.system import Condensed, System
-from dolfinx_contact.continuation.walk import Next, Walk, Walker
+from dolfinx_contact.continuation.walk import Next, Walk, Walker, onwards_from
 
 __all__ = ["Pivoting"]
 
@@ -74,11 +81,41 @@ class Pivoting(Walker):
     ) -> BranchPoint:
         """The point of the branch near (x, gamma), with its tangent.
 
+        Where pieces meet there it is that of a ray that leads out: in the piece of the state if
+        it has one, else the straightest of all.
+
         Raises:
-            ValueError: if there is none, gamma does not appear in H, the tangent is not unique, or
-                the direction is unknown.
+            ValueError: if there is none, gamma does not appear in H, the tangent is not unique,
+                gamma does not go in the direction on any ray, or the direction is unknown.
         """
         sign = sign_of(direction)
+        piece = self._piece_of(x, gamma)
+        w = piece.at(gamma)
+        ray = AffineRay(piece.codes, sign * piece.coefficients[1], sign)
+        point = self.point(w, gamma, ray, 0.0)
+        cone = self._cone_at(w, ray)
+        if cone is None or _is_inside(cone, ray):
+            return point
+        return onwards_from(self.bordered, point, self._rays_out(cone, w, gamma), sign)
+
+    def departures(self, x: PETSc.Vec, gamma: float) -> Departures:
+        piece = self._piece_of(x, gamma)
+        w = piece.at(gamma)
+        rays = [AffineRay(piece.codes, s * piece.coefficients[1], s) for s in (1.0, -1.0)]
+        passing = tuple(self.point(w, gamma, ray, 0.0) for ray in rays)
+        cone = self._cone_at(w, rays[0])
+        if cone is None:
+            return Departures(passing)
+        found = self._rays_out(cone, w, gamma)
+        return found if found.points or found.complete else replace(found, points=passing)
+
+    def rays_at(self, point: BranchPoint) -> Departures | None:
+        w, ray = self.state(point)
+        cone = self._cone_at(w, ray)
+        return None if cone is None else self._rays_out(cone, w, point.gamma)
+
+    def _piece_of(self, x: PETSc.Vec, gamma: float) -> AffinePiece:
+        """The piece of the solution near (x, gamma); see `start`. Collective."""
         affine = self.condensed.system
         affine.require_finite()
         if not np.abs(affine.rate).max(initial=0.0) > 0:
@@ -89,8 +126,23 @@ class Pivoting(Walker):
         piece = affine.piece(codes)
         if piece is None:
             raise ValueError("the start is a singular point: its tangent is not unique")
-        ray = AffineRay(codes, sign * piece.coefficients[1], sign)
-        return self.point(piece.at(gamma), gamma, ray, 0.0)
+        return piece
+
+    def _cone_at(self, w: Array, ray: AffineRay) -> AffineSystem | None:
+        """The tangent cone at a state; None where no pieces meet.
+
+        Without load all numbers vanish there, and their size is that of what they become.
+        """
+        affine = self.condensed.system
+        change = self.bordered.gamma_scale * np.abs(ray.direction).max(initial=0.0)
+        cone = affine.tangent_cone(w, TOLERANCE * max(self._unit, float(change)))
+        return cone if (cone.allowed.sum(axis=1) > 1).any() else None
+
+    def _rays_out(self, cone: AffineSystem, w: Array, gamma: float) -> Departures:
+        """What leads out of a start at which pieces meet. Collective."""
+        found = outgoing(cone, prove=partial(self.system.prove_rays, self.condensed))
+        points = tuple(self.point(w, gamma, ray, 0.0) for ray in found.rays)
+        return Departures(points, found.complete, found.method)
 
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
         """The special point itself, with one of its other rays as the tangent."""
@@ -298,6 +350,13 @@ class Pivoting(Walker):
         if piece is not None:
             direction = sense * piece.coefficients[1]
         return w, AffineRay(codes, direction, sense)
+
+
+def _is_inside(cone: AffineSystem, ray: AffineRay) -> bool:
+    """Whether a ray of one piece of a tangent cone leads over none of its borders."""
+    slack = cone.slacks(ray.codes, ray.direction)
+    least = float(np.min(slack[np.isfinite(slack)], initial=np.inf))
+    return least >= -TOLERANCE * float(np.abs(ray.direction).max(initial=0.0))
 
 
 def _cosine(a: AffineRay, b: AffineRay) -> float:

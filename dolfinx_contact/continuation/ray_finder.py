@@ -25,6 +25,7 @@ from functools import partial
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 from dolfinx_contact.continuation.branch import Ray
 from dolfinx_contact.continuation.corrector import Corrector
@@ -37,6 +38,8 @@ logger = logging.getLogger(__name__)
 
 _LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # of steps on H itself
 _SAME = 1e-6  # of the size of a tangent
+_PROBE = 1e-6  # size of the steps by which it is seen whether a piece is smooth
+_BENT = 1e-3  # of the change of a row, by which it is not
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,9 @@ class RayFinder:
         y: the point.
         inside: whether a ray stays inside the borders of its piece.
         norm: in which rays are one whose tangents differ by round-off.
+
+    Attributes:
+        inside: as given.
     """
 
     def __init__(
@@ -84,7 +90,7 @@ class RayFinder:
     ):
         self._corrector = corrector
         self._y = y
-        self._inside = inside
+        self.inside = inside
         self._norm = norm
 
     def of_statuses(
@@ -103,12 +109,50 @@ class RayFinder:
             t = tangent.copy()
             t.scale(sense)
             ray = Ray(new, t)
-            if self._inside(ray):
+            if self.inside(ray):
                 rays.append(ray)
             else:
                 t.destroy()
         tangent.destroy()
         return rays
+
+    def rough_statuses(self, piece: Piece, kinks: Sequence[Kink]) -> set[int]:
+        """Statuses with which H has no derivative at the point, so that rays may be missed.
+
+        As slip in 3D where nothing slips yet, and no shear tells in which direction it will: the
+        sum of two small changes does not change H by the sum of what they do.
+        """
+        b = self._corrector.bordered
+        mine = np.array([k.point for k in kinks if k.rank == b.comm.rank], dtype=np.int32)
+        x, gamma = b.split(self._y)
+        x = x.copy()
+        changes = [b.system.probe(seed) for seed in (1, 2)]
+        changes.append(changes[0] + changes[1])
+        rough = set()
+        for status in sorted({s for k in kinks for s in k.statuses}):
+            held = piece.with_codes(mine, [status] * len(mine))
+            rows = [self._rows(x, gamma, held)]
+            for change in changes:
+                there = x.copy()
+                there.axpy(_PROBE, change)
+                rows.append(self._rows(there, gamma, held) - rows[0])
+                there.destroy()
+            _, one, other, both = rows
+            bent = np.abs(both - one - other) > _BENT * (np.abs(one) + np.abs(other))
+            if b.comm.allreduce(int(bent.any()), op=max):
+                rough.add(status)
+        for v in (x, *changes):
+            v.destroy()
+        return rough
+
+    def _rows(self, x: PETSc.Vec, gamma: float, piece: Piece) -> npt.NDArray[np.float64]:
+        """H on this rank. Collective."""
+        system = self._corrector.bordered.system
+        out = system.create_vector()
+        system.residual(x, gamma, out, piece)
+        rows = out.array_r.copy()
+        out.destroy()
+        return np.asarray(rows, dtype=np.float64)
 
     def enumerated(
         self,

@@ -33,9 +33,9 @@ from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import cross
 from dolfinx_contact.continuation.system import Events, Piece
 
-__all__ = ["ExactSteps"]
+__all__ = ["AT_BORDER", "ExactSteps"]
 
-_AT_BORDER = 1e-9  # of the largest distance: an event that counts as located
+AT_BORDER = 1e-9  # of the largest distance: an event that counts as located
 _PROBE = 1e-6  # length over which it is seen whether an event grows
 _IDLE = 1e-7  # of the largest rate of an event: no rate
 _NO_STEP = 1e-9  # a step that is round-off
@@ -168,18 +168,22 @@ class ExactSteps:
         self.largest_distance = float(self.bordered.comm.allreduce(largest, op=max))
         return self.largest_distance or 1.0
 
+    def is_outside(self, point: BranchPoint) -> bool:
+        """Whether a point lies beyond a border of its piece, by more than round-off. Collective."""
+        return self._least_distance(point) < 0
+
     def _least_distance(self, point: BranchPoint) -> float:
         """The least event distance if it is beyond round-off, else 0. Collective."""
         distance = self._distances(point.y, point.piece)
         least = self.bordered.comm.allreduce(float(np.min(distance, initial=np.inf)), op=min)
-        return least if least < -_AT_BORDER * self._unit(point.y, point.piece) else 0.0
+        return least if least < -AT_BORDER * self._unit(point.y, point.piece) else 0.0
 
     def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
         """Whether an event that is zero at ``point`` grows and is negative at the end. Collective.
 
         It vanishes twice, the second time at a distance from ``point``.
         """
-        border = _AT_BORDER * self._unit(point.y, point.piece)
+        border = AT_BORDER * self._unit(point.y, point.piece)
         probe = point.y.copy()
         probe.axpy(_PROBE, point.tangent)
         low, high = (self._events(y, point.piece) for y in (point.y, y_high))
@@ -208,7 +212,7 @@ class ExactSteps:
         corrections = self.corrector.iterations
         here = BranchPoint(y, tangent, point.piece, b.gamma(y), s, corrections, self.test())
         special = self.smooth_points(point, here)
-        tolerance = _AT_BORDER * self._unit(y, point.piece)
+        tolerance = AT_BORDER * self._unit(y, point.piece)
         crossing = cross(self.corrector, y, point.piece, tangent, tolerance)
         onwards = crossing.onwards
         if onwards is None or self._leads_nowhere(here, onwards):

@@ -9,12 +9,13 @@ from dataclasses import replace
 from typing import TextIO, TypeAlias
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import reason_to_stop
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import Branch, BranchPoint, SpecialPoint
+from dolfinx_contact.continuation.branch import Branch, BranchPoint, Departures, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.observer import (
     BranchStep,
@@ -30,12 +31,42 @@ from dolfinx_contact.continuation.observer import (
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
 
-__all__ = ["BranchProgress", "Walk", "Walker"]
+__all__ = ["BranchProgress", "Walk", "Walker", "onwards_from"]
 
 logger = logging.getLogger(__name__)
 
 #: A point, and the special points on the way to it.
 Next: TypeAlias = tuple[BranchPoint, list[SpecialPoint]]
+
+
+#: Rate of gamma along a unit tangent, of its scale, up to which gamma stands still.
+_STILL = 1e-9
+
+
+def onwards_from(
+    bordered: Bordered, start: BranchPoint, found: Departures, sign: float
+) -> BranchPoint:
+    """The departure by which a branch is followed from a start at which pieces meet. Collective.
+
+    Of those on which gamma goes in the sense ``sign`` the straightest beside the tangent of the
+    piece of the state; if there are none, of those on which it stands still. Where rays may be
+    missing and there is neither, the start itself: its first step looks for the way on.
+
+    Raises:
+        ValueError: if it is known that there is neither.
+    """
+    least = _STILL * bordered.gamma_scale
+    for wanted in (lambda rate: sign * rate > least, lambda rate: abs(rate) <= least):
+        ways = [p for p in found.points if wanted(bordered.gamma(p.tangent))]
+        if ways:
+            return max(ways, key=lambda p: bordered.inner(p.tangent, start.tangent))
+    if not found.complete:
+        return start
+    goes = "increases" if sign > 0 else "decreases"
+    raise ValueError(
+        f"gamma {goes} on none of the {len(found.points)} rays that lead out of the start at "
+        f"gamma = {start.gamma:.10g}, by {found.method}"
+    )
 
 
 class Walk(ABC):
@@ -65,6 +96,19 @@ class Walker(ABC):
     system: System
     bordered: Bordered
     control: StepControl
+
+    @abstractmethod
+    def departures(self, x: PETSc.Vec, gamma: float) -> Departures:
+        """How branches leave the solution near (x, gamma), in either sense of gamma.
+
+        Raises:
+            ValueError: on every rank, if there is no solution there, gamma does not appear in H, or
+                the tangent is not unique.
+        """
+
+    @abstractmethod
+    def rays_at(self, point: BranchPoint) -> Departures | None:
+        """What leads out of a point of a branch at which pieces meet; None where they do not."""
 
     @abstractmethod
     def _walk(
