@@ -120,7 +120,7 @@ def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
 
 
 def materials_in(form: ufl.Form) -> list[Material]:
-    """Materials of this module whose energy or stress stands in a form.
+    """Materials of this module whose energy or stress occurs in a form.
 
     An expression that UFL has made anew, as ``ufl.replace`` does, is of none.
     """
@@ -258,7 +258,7 @@ class Material(ReadOnly):
     def check_moduli(self) -> None:
         """Raise ``ValueError`` if moduli have values that no stable material has. Not collective.
 
-        Those that are Constants, or UFL of nothing else, are looked at as they are now: when the
+        Those that are Constants, or UFL of nothing else, are checked with their present values: when the
         material is made, and at the start of every solve with an energy or a stress of it.
         """
 

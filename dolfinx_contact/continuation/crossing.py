@@ -116,7 +116,7 @@ def rays_out(
         corrector: on the bordered system that is followed.
         y: the point.
         piece: one of those that meet there.
-        t: direction that is looked at first.
+        t: direction that is tried first.
         kinks: points at a border.
         tolerance: distances that count as zero.
     """

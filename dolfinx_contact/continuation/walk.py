@@ -46,20 +46,21 @@ _STILL = 1e-9
 def onwards_from(
     bordered: Bordered, start: BranchPoint, found: Departures, sign: float
 ) -> BranchPoint:
-    """The departure by which a branch is followed from a start at which pieces meet. Collective.
+    """The ray along which a branch leaves a start at which pieces meet. Collective.
 
-    Of those on which gamma goes in the sense ``sign`` the straightest beside the tangent of the
-    piece of the state; if there are none, of those on which it stands still. Where rays may be
-    missing and there is neither, the start itself: its first step looks for the way on.
+    Of the rays along which gamma changes with the sign ``sign`` it is the one closest to the
+    tangent of the piece of the state; if there are none, of those along which gamma is constant. If
+    there is neither, and rays may be missing, it is the start itself, whose first step looks for
+    a direction.
 
     Raises:
         ValueError: if it is known that there is neither.
     """
     least = _STILL * bordered.gamma_scale
     for wanted in (lambda rate: sign * rate > least, lambda rate: abs(rate) <= least):
-        ways = [p for p in found.points if wanted(bordered.gamma(p.tangent))]
-        if ways:
-            return max(ways, key=lambda p: bordered.inner(p.tangent, start.tangent))
+        rays = [p for p in found.points if wanted(bordered.gamma(p.tangent))]
+        if rays:
+            return max(rays, key=lambda p: bordered.inner(p.tangent, start.tangent))
     if not found.complete:
         return start
     goes = "increases" if sign > 0 else "decreases"

@@ -187,7 +187,7 @@ class BranchRecord(ProblemRecord[Journal]):
         """Refuse functionals that are others than those of the same names. Collective.
 
         Forms are compared; and the values of all are computed once more at the last point whose
-        fields were kept, from which their columns would go on.
+        fields were kept, after which their columns would continue.
 
         Args:
             known: what the problem is known by.
