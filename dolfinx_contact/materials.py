@@ -258,8 +258,8 @@ class Material(ReadOnly):
     def check_moduli(self) -> None:
         """Raise ``ValueError`` if moduli have values that no stable material has. Not collective.
 
-        Those that are Constants, or UFL of nothing else, are checked with their present values: when the
-        material is made, and at the start of every solve with an energy or a stress of it.
+        Those that are Constants, or UFL of nothing else, are checked with their present values:
+        when the material is made, and at the start of every solve with an energy or a stress of it.
         """
 
     def full_stress(self, u: fem.Function) -> Any:
