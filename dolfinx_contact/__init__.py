@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 from dolfinx_contact._name import refuse_mixture, require_dolfinx, warn_of_namesake
 
 refuse_mixture()  # before anything is imported that may be another's
-require_dolfinx()
+require_dolfinx("mpi4py")
 warn_of_namesake()
 
 # MPI comes first: compiled modules of wheels find the library that mpi4py has loaded.
 from dolfinx_contact._launcher import refuse_serial_copies
 
 refuse_serial_copies()
+require_dolfinx("petsc4py", "dolfinx")
 
 from dolfinx_contact import materials, obstacles
 from dolfinx_contact._petsc import parse_arguments

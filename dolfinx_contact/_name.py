@@ -37,12 +37,13 @@ def refuse_mixture(here: str = _HERE) -> None:
         )
 
 
-def require_dolfinx() -> None:
-    """Raise ``ModuleNotFoundError`` if DOLFINx, or what it is used with, is not installed.
+def require_dolfinx(*modules: str) -> None:
+    """Raise ``ModuleNotFoundError`` if modules of DOLFINx or what it is used with are missing.
 
-    Pip leaves it out without a word where the wheel of the extra ``solver`` is not made for.
+    Pip leaves them out without a word on systems for which the wheel of the extra ``solver`` is not
+    made.
     """
-    missing = [name for name in ("mpi4py", "petsc4py", "dolfinx") if find_spec(name) is None]
+    missing = [name for name in modules if find_spec(name) is None]
     if missing:
         raise ModuleNotFoundError(
             f"DOLFINx with PETSc and MPI is needed, and there is no module {', '.join(missing)}. "

@@ -20,7 +20,7 @@ from blocks import block
 from recorded_run import moved_block, record
 
 from dolfinx_contact.continuation import Observer, follow
-from dolfinx_contact.io import fields, write_contact_table, write_fields, write_summary
+from dolfinx_contact.io import several, write_contact_table, write_fields, write_summary
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
 from dolfinx_contact.records import BranchRecord, lock, read_journal, resume, write_series
@@ -106,11 +106,11 @@ def test_fields_on_a_full_disk(folder, format, size):
 @serial
 def test_adios_fails_on_the_way(folder, monkeypatch):
     """Where the disk fills up in spite of what was seen before: no abort either."""
-    monkeypatch.setattr(fields, "see_room", lambda *_: None)
+    monkeypatch.setattr(several, "see_room", lambda *_: None)
     problem = block(n=6, cell="tri")
     write_fields(folder, problem)
     before = contents(folder)
-    with full(1500), fails(folder / "body.bp"):
+    with full(1500), fails(folder / "contact.bp"):  # all files are begun before any is finished
         write_fields(folder, problem)
     assert contents(folder) == before
 

@@ -130,7 +130,7 @@ def test_large_deformation():
     branch, letters, _ = follow_vee("amg", "exact", *options)
     direct, same, _ = follow_vee("direct", "exact", *options)
     assert branch.reason == direct.reason
-    assert letters[0] != letters[-1]
+    assert set(letters[-1]) == {"o", "+"}
     assert letters[-1] == same[-1]
     ends = [b.points[-1].y for b in (branch, direct)]
     size = ends[0].norm()

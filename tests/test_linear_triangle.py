@@ -7,6 +7,7 @@ from functools import partial
 
 from mpi4py import MPI
 
+import _triangle
 import demo_linear_triangle as demo
 import numpy as np
 import pytest
@@ -140,7 +141,7 @@ def test_friction_decides_on_the_number_of_solutions():
 @pytest.mark.parametrize(("method", "threshold"), [("nodal", 1.911), ("mixed", 2.042)])
 def test_thresholds_of_discretisations(method, threshold, monkeypatch):
     """Where two more solutions appear on a coarse mesh: averages of the gap shift it."""
-    monkeypatch.setattr(demo, "ContactSurface", partial(ContactSurface, method=method))
+    monkeypatch.setattr(_triangle, "ContactSurface", partial(ContactSurface, method=method))
     for friction, count in ((threshold - 0.004, 1), (threshold + 0.004, 3)):
         system = demo.linear_triangle(8, friction)
         system.set_parameter(1.0)

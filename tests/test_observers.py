@@ -484,7 +484,7 @@ def test_a_recorded_diagram(route, folder):
         for count in range(4, len(lines) + 1):
             (folder / "cut" / FILE_NAME).write_bytes(b"".join(lines[:count]))
             scene = scene_of_record(folder / "cut")
-            assert scene.goes_on == (count < len(lines))
+            assert scene.unfinished == (count < len(lines))
             assert scene.kind.startswith("a diagram, ")
     COMM.barrier()
 
@@ -502,7 +502,7 @@ def test_a_recorded_diagram(route, folder):
         for count in range(ends[0], len(lines) + 1):
             (folder / "cut" / FILE_NAME).write_bytes(b"".join(lines[:count]))
             session = count == ends[0] + 1
-            assert scene_of_record(folder / "cut").goes_on == (count not in ends and not session)
+            assert scene_of_record(folder / "cut").unfinished == (count not in ends and not session)
     COMM.barrier()
     assert again.edges == journal.edges
     assert again.explored == journal.explored

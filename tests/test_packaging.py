@@ -327,14 +327,17 @@ def test_package_of_the_same_name_hidden_by_ours(tmp_path):
 
 def test_dolfinx_that_is_missing_is_named(monkeypatch):
     """At import, before anything that needs it."""
-    require_dolfinx()
+    every = ("mpi4py", "petsc4py", "dolfinx")
+    require_dolfinx(*every)
     there = _name.find_spec
     monkeypatch.setattr(_name, "find_spec", lambda name: None if name == "dolfinx" else there(name))
     with pytest.raises(ModuleNotFoundError, match=r"there is no module dolfinx\. .*Python 3\.12"):
-        require_dolfinx()
+        require_dolfinx(*every)
     lines = (Path(_name.__file__).parent / "__init__.py").read_text().splitlines()
-    assert lines.index("require_dolfinx()") < min(
-        i for i, line in enumerate(lines) if "_launcher import" in line
+    launcher = next(i for i, line in enumerate(lines) if "_launcher import" in line)
+    assert lines.index('require_dolfinx("mpi4py")') < launcher
+    assert lines.index('require_dolfinx("petsc4py", "dolfinx")') < min(
+        i for i, line in enumerate(lines) if "_petsc import" in line
     )
 
 

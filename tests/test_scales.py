@@ -87,10 +87,23 @@ def test_what_stays():
 def test_material_that_vanishes():
     problem, E = soft_block(1.0, "tri")
     E.value = 0.0
-    with pytest.raises(ValueError, match="the stiffness of the bulk is zero"):
+    with pytest.raises(ValueError, match="need mu > 0 and 3 lambda"):
         problem.solve()
     E.value = 1e6
     assert problem.solve().counts["open"] >= 0
+
+
+def test_an_energy_of_ones_own_that_vanishes():
+    """Its moduli are not known to the package, its stiffness is seen."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    E = fem.Constant(domain, 0.0)
+    strain = ufl.sym(ufl.grad(u))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)))
+    problem = ContactProblem(E * ufl.inner(strain, strain) * ufl.dx, u, [surface])
+    with pytest.raises(ValueError, match="the stiffness of the bulk is zero"):
+        problem.solve()
 
 
 def test_springs_that_come_and_go():

@@ -14,11 +14,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.continuation import BranchStep, Follower, StepControl
-from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
+from dolfinx_contact.continuation.branch import BranchPoint, Departures, Ray, SpecialPoint
 from dolfinx_contact.continuation.crossing import finder_at, kinks_at
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.state import Statuses
@@ -70,7 +72,7 @@ def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> St
             control = StepControl(kinks="exact")
             try:
                 with Follower(system, control, gamma_scale=1.0) as follower:
-                    return _followed(follower, system, follower.start(x, 0.0))
+                    return _followed(follower, system, x)
             except ValueError as error:
                 return StepBranch(why=f"the solutions were not followed in the step: {error}")
             finally:
@@ -80,12 +82,13 @@ def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> St
         stepper.put(accepted)
 
 
-def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBranch:
-    """What the branch from a start leads to, and those that leave where it turns. Collective."""
-    starts = [start]
+def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:
+    """What the branches from a start lead to, and those that leave where they turn. Collective."""
+    found = follower.departures(x, 0.0)
+    starts = _with_more(follower, x, found)
     turns = 0
-    why = ""
-    unknown = ""
+    why = f"the load turns back at the start, by {found.method}"
+    unknown = "" if found.complete else f"rays out of the start may be missing, {found.method}"
     while starts:
         branch = follower.run(
             starts.pop(), gamma_range=(0.0, 1.0), max_steps=_MOST_STEPS, stop=_turned
@@ -111,6 +114,24 @@ def _followed(follower: Follower, system: Loaded, start: BranchPoint) -> StepBra
             except ValueError as error:
                 unknown = f"other solutions with more load meet there, {turn.method}: {error}"
     return StepBranch(ends=not unknown, why=unknown or why)
+
+
+def _with_more(follower: Follower, x: PETSc.Vec, found: Departures) -> list[BranchPoint]:
+    """The rays out of a start along which the load grows, the straightest last. Collective.
+
+    If there are none, those along which it does not change; and where rays may be missing and there
+    are neither, the start itself, whose first step looks for a direction.
+    """
+    b = follower.bordered
+    rates = [b.gamma(point.tangent) for point in found.points]
+    chosen = [p for p, rate in zip(found.points, rates, strict=True) if rate > _NO_MORE]
+    if not chosen:
+        chosen = [p for p, rate in zip(found.points, rates, strict=True) if abs(rate) <= _NO_MORE]
+    if len(chosen) == 1 or (not chosen and found.complete):
+        return chosen
+    start = follower.start(x, 0.0)
+    chosen.sort(key=lambda point: b.inner(point.tangent, start.tangent))
+    return chosen or [start]
 
 
 def _turned(step: BranchStep) -> str:

@@ -95,6 +95,19 @@ class Result:
     theorems: Callable[[], Theory] | None = field(default=None, repr=False, compare=False)
     _proofs: dict[float, Uniqueness] = field(default_factory=dict, repr=False, compare=False)
 
+    def __str__(self) -> str:
+        """How it was found, what touches, the forces, and the two measures of its error."""
+        counts = ", ".join(f"{n} {kind}" for kind, n in self.counts.items() if n)
+        lines = [
+            f"{self.reason}, {self.iterations} iterations, {self.dofs} unknowns; points: {counts}",
+            *(f"contact force of {name}: {_shown(f)}" for name, f in self.resultants.items()),
+            f"reactions of Dirichlet data: {_shown(self.support)}; "
+            f"loads and springs: {_shown(self.external)}",
+            f"violation of the law {self.kkt_violation:.1e}, imbalance {self.imbalance:.1e}",
+            *(f"{name}: {doubt}" for name, doubt in self.doubts.items()),
+        ]
+        return "\n".join(lines)
+
     @property
     def converged(self) -> bool:
         """True: a failed solve raises."""
@@ -229,6 +242,10 @@ class Result:
     def _rigid_summary(self) -> dict[str, Any]:
         bodies = {name: body.summary() for name, body in self.rigid_bodies.items()}
         return {"rigid_bodies": bodies} if bodies else {}
+
+
+def _shown(vector: npt.NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{v:.6g}" for v in vector) + ")"
 
 
 def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> Result:
