@@ -154,6 +154,7 @@ def test_adhesion(folder):
         "pairs",
     ),
 )
+@pytest.mark.long
 def test_a_fibre_is_pulled_out(folder, no_pictures):
     """Against a bar in a rigid matrix; past the jump friction alone is left."""
     words = ["--length=5", "--n=4", "--steps=25", "--end=0.06", f"--output={folder}"]

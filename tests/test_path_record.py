@@ -246,6 +246,7 @@ def test_what_is_refused(whole, folder):
         "records",
     ),
 )
+@pytest.mark.long
 def test_killed_at_random_moments(case, kills, whole, folder):
     """Every session on another number of ranks; each is killed, but for the last."""
     longest = LONGEST if kills == 1 else LONGEST / 8

@@ -721,6 +721,7 @@ def test_a_mesh_has_one_hash():
         "records",
     ),
 )
+@pytest.mark.long
 def test_killed_at_random_moments(whole, folder, kills):
     """Every session on another number of ranks; each is killed, but for the last."""
     random.seed(3)

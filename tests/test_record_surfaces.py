@@ -193,7 +193,7 @@ def test_both_faces_of_a_pair(folder):
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
-@pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.parametrize("cell", ["tri", pytest.param("hex", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "pictures",
     reference="itself: pictures in a process without the problem",
