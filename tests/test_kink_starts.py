@@ -12,6 +12,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import Ending, explore, find_solutions, follow
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.records import BranchRecord, read_journal
 
 COMM = MPI.COMM_WORLD
 END = 1.0
@@ -98,6 +99,41 @@ def test_many_rays_leave_a_state_without_load(route):
     assert diagram.nodes[0].point.incoming is None
     assert [len(ends(system, diagram, gamma)) for gamma in (END, -END)] == numbers
     assert [edge.start for edge in diagram.edges] == [0] * 4
+
+
+class Halt(Exception):
+    pass
+
+
+def test_a_record_of_a_diagram_from_such_a_state(folder):
+    """It has the node at the start, at which nothing comes in, and is continued from any point."""
+
+    def recorded(place, most=None, **options):
+        calls = []
+
+        def observer(step):
+            calls.append(step)
+            if len(calls) == most:
+                raise Halt
+
+        system = sheared()
+        start = [(system.create_vector(), 0.0)]
+        with BranchRecord(folder / place, system, **options) as record:
+            explore(system, start, gamma_range=(-END, END), observer=observer, record=record)
+        return read_journal(folder / place)
+
+    whole = recorded("whole")
+    assert [len(node.rays) for node in whole.nodes] == [4]
+    assert whole.explored.complete
+    for most in (1, 4, 7):
+        with pytest.raises(Halt):
+            recorded(f"cut {most}", most)
+        again = recorded(f"cut {most}", resume=True)
+        assert again.edges == whole.edges
+        assert again.explored == whole.explored
+        for number in whole.branches:
+            gammas = [journal.columns(number)["gamma"] for journal in (again, whole)]
+            np.testing.assert_allclose(*gammas, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("route", ["pivoting", "steps"])

@@ -346,7 +346,11 @@ def test_looking_for_solutions_leaves_no_trace():
         np.testing.assert_array_equal(f.x.array, values)
     other, _ = loaded_block(0.3)
     afresh = explore(other, [(x, 0.0)], gamma_range=(-1.0, 1.0))
-    assert len(diagram.branches) == len(afresh.branches) == 2
+    # One solution on each side, by enumeration of all pieces: one branch to each end.
+    for found in (diagram, afresh):
+        assert sorted(b.points[-1].gamma for b in found.branches) == [-1.0, 1.0]
+    for gamma in (-1.0, 1.0):
+        assert len(find_solutions(other, [x], gamma).found) == 1
 
 
 def test_friction_that_gamma_makes_negative():

@@ -4,11 +4,10 @@
 In 3D hundreds of points change their status one by one, and to locate each costs more than it
 tells. Here a step is corrected on H itself, with the status that the state determines, so that it
 may lead over any number of kinks. It is accepted if the branch is monotone over it, as far as its
-two
-ends show: gamma continues in the same sense and by as much as its rates predict, the tangents and
-the chord satisfy the target of their angles, and the determinant of [grad H; t^T], t the oriented
-tangent, keeps its sign, so that the parities of the kinks multiply to 1. Every change is recorded
-with the values of gamma between which it lies.
+two ends show: gamma continues in the same sense and by as much as its rates predict, the tangents
+and the chord satisfy the target of their angles, and the determinant of [grad H; t^T], t the
+oriented tangent, keeps its sign, so that the parities of the kinks multiply to 1. Every change is
+recorded with the values of gamma between which it lies.
 
 Else the step is shortened until it holds a few changes, and these are crossed one by one: so
 folds, changes of parity and the events that were selected are located as by `ExactSteps`. What

@@ -116,7 +116,7 @@ def explore(
         progress: see `follow`.
 
     Returns:
-        The diagram, which is partial if a budget is exhausted; `Diagram.reason` is which.
+        The diagram, which is partial if a budget is exhausted; `Diagram.reason` names it.
 
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks, the range

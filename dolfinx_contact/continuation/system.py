@@ -64,8 +64,8 @@ class System:
     """H(x, gamma) = 0 in PETSc, with pieces: a base class. Every method is collective.
 
     ``piece=None`` means H itself, with the statuses that (x, gamma) determines. Nothing is
-    remembered between two calls, but for `scales` and for `matrix`, which `jacobian` fills. What is
-    has no default in its description must be defined.
+    remembered between two calls, but for `scales` and for `matrix`, which `jacobian` fills. Methods
+    whose description names no default must be defined.
     """
 
     comm: MPI.Comm

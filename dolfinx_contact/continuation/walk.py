@@ -39,7 +39,7 @@ logger = logging.getLogger(__name__)
 Next: TypeAlias = tuple[BranchPoint, list[SpecialPoint]]
 
 
-#: Rate of gamma along a unit tangent, of its scale, up to which gamma stands still.
+#: Rate of gamma along a unit tangent, of its scale, up to which gamma is constant.
 _STILL = 1e-9
 
 
