@@ -336,3 +336,18 @@ def test_bodies_are_drawn(folder, look):
         file = plot.picture_of_body(folder / name, problem, stress=stress, **look)
         assert file == folder / name
         assert file.stat().st_size > 10_000
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="arrays of one rank")
+def test_a_straight_floor_reaches_below_what_slipped_off():
+    """Below all that is drawn of the body, on the same line; one that is curved stays."""
+    direction = np.array([2.0, 1.0])
+    floor = np.array([1.0, 1.0]) + np.outer([0.0, 0.25, 1.0], direction)
+    aside = np.array([[0.4, 0.7], [1.5, 2.0]])
+    drawn = floors.floor_below(floor, aside)
+    np.testing.assert_allclose(drawn, [[0.4, 0.7], [3.0, 2.0]])
+    np.testing.assert_allclose(floors.floor_below(floor, floor[1:]), floor[[0, -1]])
+    bent = floor.copy()
+    bent[1, 1] += 1e-3
+    np.testing.assert_array_equal(floors.floor_below(bent, aside), bent)
+    np.testing.assert_array_equal(floors.floor_below(floor[:0], aside), floor[:0])

@@ -13,10 +13,10 @@ from scipy.sparse.csgraph import connected_components
 
 from dolfinx_contact.io.outside import OuterSurface
 
-__all__ = ["lay_floors", "moved_apart", "on_plane", "parts_of"]
+__all__ = ["floor_below", "lay_floors", "moved_apart", "on_plane", "parts_of"]
 
 Array = npt.NDArray[np.float64]
-_FLAT = 1e-9  # by which the normals of a plane may differ
+_FLAT = 1e-9  # by which the normals of a plane may differ, and of its length a line may bend
 _OVER = 0.05  # of the size of the body, by which a floor is at least larger than what is on it
 _FACING = 0.2  # mean of the normals of a face that is seen from one side
 
@@ -33,6 +33,25 @@ def on_plane(floor: Array, normals: Array, x: Array) -> Array | None:
         return None
     n = normals[0] / np.linalg.norm(normals[0])
     return np.asarray(x - np.outer((x - floor[0]) @ n, n))
+
+
+def floor_below(floor: Array, x: Array) -> Array:
+    """Points of a floor; a straight one reaches below all of ``x``, as where a point slipped off.
+
+    Args:
+        floor: its points (m, 2), in order.
+        x: points of the body as it is drawn (k, 2).
+    """
+    if len(floor) < 2 or not len(x):
+        return floor
+    chord = floor[-1] - floor[0]
+    length = float(np.linalg.norm(chord))
+    across = np.array([-chord[1], chord[0]])
+    if length == 0 or np.abs((floor - floor[0]) @ across).max() > _FLAT * length**2:
+        return floor
+    along = np.concatenate([floor, x]) - floor[0]
+    parts = along @ chord / length**2
+    return np.asarray(floor[0] + np.outer([parts.min(), parts.max()], chord))
 
 
 def lay_floors(frames: Sequence[dict[str, Any]], dim: int) -> None:

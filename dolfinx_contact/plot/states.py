@@ -22,6 +22,7 @@ from dolfinx_contact.io.gathering import gather_cells
 from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.plot.floors import floor_below
 from dolfinx_contact.plot.look import checked_scale
 from dolfinx_contact.plot.render import around
 
@@ -173,7 +174,7 @@ def _draw_state(axis: Any, state: dict[str, Any], values: Any, norm: Any, scale:
         area = float(np.clip(14 * 40 / max(len(where), 1), 3, 14))
         rim = 0.3 if len(where) <= 60 else 0.1
         axis.scatter(*where.T, c=colours, s=area, zorder=3, edgecolors="0.2", linewidths=rim)
-        axis.plot(*(floor + scale * moved).T, color="0.15", lw=1.0, zorder=1)
+        axis.plot(*floor_below(floor + scale * moved, where).T, color="0.15", lw=1.0, zorder=1)
     return deformed
 
 
