@@ -28,8 +28,8 @@ help:
 	@echo "                test-paraview and test-browser"
 	@echo "make test-paraview  results opened in ParaView (an environment of its own, 3 GB more);"
 	@echo "                pictures in OUTPUT=$$OUTPUT/paraview"
-	@echo "make test-browser   pages of records opened in Chromium (an environment of its own, 1 GB"
-	@echo "                more); pictures in OUTPUT=$$OUTPUT/browser"
+	@echo "make test-browser   pages of records, and those of the site, opened in Chromium (an"
+	@echo "                environment of its own, 1 GB more); pictures in OUTPUT=$$OUTPUT/browser"
 	@echo "make attacks    data for which an assumption may not hold: is every answer right, refused, or"
 	@echo "                doubted in words? on one and two ranks"
 	@echo "make docs       the site, in docs/_build/html: demos, recipes and tutorials are run, unless the"
@@ -81,6 +81,8 @@ test-browser:
 	mkdir -p "$$OUTPUT/browser"
 	DOLFINX_CONTACT_RESULTS="$$OUTPUT/browser" $(RUN) $(PYTEST)/test_explorer.py --long -k for_a_browser
 	DOLFINX_CONTACT_PACKAGES=browser $(RUN) python3 tests/in_browser.py "$$OUTPUT/browser"
+	$(MAKE) docs-questions
+	DOLFINX_CONTACT_PACKAGES=browser $(RUN) python3 tests/site_in_browser.py docs/_build/check "$$OUTPUT/browser"
 
 docs:
 	$(RUN) python3 docs/run.py

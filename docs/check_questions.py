@@ -3,8 +3,10 @@
 
 ``python3 docs/check_questions.py docs/_build/check`` takes questions, each with the page that
 answers it, from ``docs/questions.csv``, and looks them up in the site's index as its search page
-does: this is ``searchtools.js`` of Sphinx 8 in Python, with the site's ``scorer.js``, since there
-is no browser where the site is built. Every result counts, also several of one page.
+does: this is ``searchtools.js`` of Sphinx 8 in Python, with the site's ``scorer.js`` and
+``words.js``, since there is no browser where the site is built. Every result counts, also several
+of one page. The pages of all questions, the best one first, are written to ``questions.json``
+beside the built pages, for a browser to be compared with.
 """
 
 from __future__ import annotations
@@ -14,8 +16,8 @@ import json
 import re
 import sys
 import time
-from collections.abc import Iterator
-from math import floor
+from collections.abc import Iterable, Iterator
+from math import floor, log
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,9 +37,9 @@ class Result(NamedTuple):
     title: str
     place: str
     about: str
-    score: int
+    score: float
 
-    def key(self) -> tuple[int, str]:
+    def key(self) -> tuple[float, str]:
         """Results are shown from the highest score, those of one score by their titles, a to z."""
         return -self.score, self.title.lower()
 
@@ -67,7 +69,7 @@ class Index:
         words = re.findall(r"\w+", query)
         objects = {word.lower() for word in words}
         kept = [w.lower() for w in words if w.lower() not in self.stopwords and not w.isdigit()]
-        terms = {self.stem(word) for word in kept}
+        terms = dict.fromkeys(self.stem(word) for word in kept)
         plain = [
             *self._titles(query.lower().strip()),
             *(result for term in objects for result in self._objects(term, objects)),
@@ -115,27 +117,39 @@ class Index:
                 about = f"{label}, in {title}"
                 yield Result(self.data["docnames"][number], whole, anchor, about, score)
 
-    def _texts(self, terms: set[str]) -> Iterator[Result]:
-        """Pages that have all words; the score is that of the best one."""
-        scores: dict[int, dict[str, int]] = {}
-        for term in terms:
-            for field, whole, part in (
-                ("terms", WORD, PART_OF_WORD),
-                ("titleterms", TITLE, PART_OF_TITLE),
-            ):
-                known = self.data[field]
-                exact = term in known
-                names = [term] if exact else [n for n in known if len(term) > 2 and term in n]
-                for name in names:
-                    pages = known[name]
-                    for number in [pages] if isinstance(pages, int) else pages:
-                        scores.setdefault(number, {})[term] = whole if exact else part
-        long = sum(len(term) > 2 for term in terms)
-        for number, found in scores.items():
-            if len(found) in (len(terms), long):
+    def _texts(self, terms: Iterable[str]) -> Iterator[Result]:
+        """Pages that have the words, or many of them, as ``docs/_static/words.js`` finds them."""
+        pages = len(self.data["docnames"])
+        found = {term: scores for term in terms if (scores := self._text(term))}
+        weights = {term: log(1 + pages / len(scores)) for term, scores in found.items()}
+        sums: dict[int, list[float]] = {}
+        for term, scores in found.items():
+            for number, score in scores.items():
+                both = sums.setdefault(number, [0.0, 0.0])
+                both[0] += weights[term]
+                both[1] += weights[term] * score
+        whole = sum(weights.values())
+        for number, (weight, score) in sums.items():
+            if weight >= whole / 3:
                 title = self.data["titles"][number]
                 page = self.data["docnames"][number]
-                yield Result(page, title, "", "", max(found.values()))
+                yield Result(page, title, "", "", score / whole)
+
+    def _text(self, term: str) -> dict[int, int]:
+        """Pages that have a word, with its score."""
+        scores: dict[int, int] = {}
+        for field, whole, part in (
+            ("terms", WORD, PART_OF_WORD),
+            ("titleterms", TITLE, PART_OF_TITLE),
+        ):
+            known = self.data[field]
+            exact = term in known
+            names = [term] if exact else [n for n in known if len(term) > 2 and term in n]
+            for name in names:
+                pages = known[name]
+                for number in [pages] if isinstance(pages, int) else pages:
+                    scores[number] = max(scores.get(number, 0), whole if exact else part)
+        return scores
 
 
 def main() -> int:
@@ -144,9 +158,11 @@ def main() -> int:
     with Path(__file__).with_name("questions.csv").open() as file:
         questions = list(csv.DictReader(file))
     answered = 0
+    found: dict[str, list[str]] = {}
     for row in questions:
         start = time.perf_counter()
         pages = [result.page for result in index.search(row["question"])]
+        found[row["question"]] = pages
         milliseconds = 1e3 * (time.perf_counter() - start)
         rank = pages.index(row["page"]) + 1 if row["page"] in pages else 0
         answered += 0 < rank <= FIRST
@@ -157,6 +173,7 @@ def main() -> int:
             print(f"{'':28}  first are {before}")
     least = len(questions) - len(questions) // 10
     print(f"{answered} of {len(questions)} among the first {FIRST}; {least} are asked for")
+    Path(sys.argv[1], "questions.json").write_text(json.dumps(found, indent=1))
     return int(answered < least)
 
 

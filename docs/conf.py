@@ -58,6 +58,8 @@ html_theme = "pydata_sphinx_theme"
 html_title = "dolfinx_contact"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+# It changes what the search page has defined by then, and runs before that page starts to search.
+html_js_files = [("words.js", {"defer": "defer"})]
 html_search_scorer = str(HERE / "_static" / "scorer.js")
 html_favicon = "_static/favicon.svg"
 html_context = {"default_mode": "auto"}

@@ -319,4 +319,5 @@ def main():
     print(f"pages of {folder} were clicked in")
 
 
-main()
+if __name__ == "__main__":
+    main()

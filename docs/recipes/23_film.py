@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I make a film?
 #
-# `plot.animate` draws a recorded history step by step, as a GIF, or as MP4 with imageio-ffmpeg.
-# `scale` magnifies the displacement; what is coloured (`fields`, `cmap`) and seen (`zoom`; in 3D
-# `view` and `clip`) is said as for pictures. `plot.film` draws any states, as the shape of a
-# vibration.
+# `plot.animate` draws a recorded history step by step and saves the movie of the deformation as a
+# GIF, or as MP4 with imageio-ffmpeg. `scale` magnifies the displacement, which the title states;
+# what is coloured (`fields`, `cmap`) and seen (`zoom`; in 3D `view` and `clip`) is given as for
+# pictures. `plot.film` draws any states, as the shape of a vibration.
 
 import numpy as np
 from common import Block

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I choose the discretisation of contact?
 #
-# `method="nodal"`, the default of linear elements (degree 1): the law holds node by node.
-# `"integral"`, the default of quadratic elements (degree 2): Gauss points, the law holds weakly.
-# `"mixed"`: multipliers in the cone at the nodes with consistent integrals. Pivoting and proofs
-# need contact at the nodes, nodal or mixed. Pairs of degrees that are not stable are refused. See
-# {doc}`the theory </theory/2_discretisations>`.
+# `method="nodal"`, the default of linear (first order) elements: the law holds node by node.
+# `"integral"`, the default of quadratic (second order) elements: Gauss points, the law holds
+# weakly. `"mixed"`: multipliers in the cone at the nodes with consistent integrals. Pivoting and
+# proofs need contact at the nodes, nodal or mixed. Pairs of degrees that are not stable are
+# refused. See {doc}`the theory </theory/2_discretisations>`.
 
 import numpy as np
 from common import Block

@@ -2,8 +2,8 @@
 # # What do I do when a solve fails?
 #
 # A solve that fails raises `ConvergenceError` and leaves your Functions as they were. Where
-# Newton's method does not converge, and its fallbacks do not either, the message says what was
-# tried and which points keep changing; `attempts` has the iterates. Then: check that something
+# Newton's method diverges or does not converge, and its fallbacks fail too, the message says what
+# was tried and which points keep changing; `attempts` has the iterates. Then: check that something
 # holds the body; let it touch at the start; go to the load in steps; try `algorithm="lemke"` in 2D.
 # Here a block that only its weight holds begins above the floor.
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How much memory and time does a mesh need, and how does it scale?
 #
-# RAM and time are estimated before a solve: log at the level INFO, for unknowns,
-# solver, expected time and memory. For strong scaling run one mesh with `mpirun -n 1, 2, 4 ...`,
+# How many dofs a laptop can solve is estimated before a solve: log at the level INFO, for unknowns,
+# solver, expected time and RAM. For strong scaling run one mesh with `mpirun -n 1, 2, 4 ...`,
 # for weak scaling let the mesh grow with the ranks; time the second solve, since the first one
 # compiles. Direct solvers need memory like n^(4/3) in 3D; multigrid is linear: a frictional solve
 # costs two to five elastic ones, whatever the mesh.

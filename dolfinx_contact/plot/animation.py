@@ -22,7 +22,7 @@ from dolfinx_contact._errors import everywhere, on_root, require, same_everywher
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.plot.floors import lay_floors
 from dolfinx_contact.plot.look import Look, checked_look, checked_scale
-from dolfinx_contact.plot.pictures import body_seen, check_look, draw, surface_seen
+from dolfinx_contact.plot.pictures import body_seen, check_look, draw, magnified, surface_seen
 from dolfinx_contact.plot.render import known_range
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.records.entries import StateEntry
@@ -87,7 +87,7 @@ def film(
         file: ``.gif``, or ``.mp4``, for which imageio-ffmpeg must be installed.
         problem: whose displacement is drawn; it is put back at the end.
         states: sets the displacement of the problem and yields what is written beside the title,
-            state by state: a generator.
+            state by state: a generator. A scale that is not 1 is written behind it.
         stress: 3 x 3 UFL stress of the displacement, by cell tags if there are several materials,
             as for `write_fields`, for the colours.
         scale: factor of the displacement.
@@ -121,7 +121,7 @@ def film(
     frames: list[dict[str, Any]] = []
     try:
         for words in _in_turn(comm, states):
-            beside = ", ".join(part for part in (title, words) if part)
+            beside = ", ".join(part for part in (title, words, *magnified(scale)) if part)
             finite = bool(np.isfinite(problem.u.x.array).all())
             message = f"the displacement of state {len(frames)} has an entry that is not finite"
             require(comm, finite, message)
@@ -270,7 +270,7 @@ def draw_record(
             words = f"time {entry.time:.4g}"
         else:
             words = f"gamma {entry.gamma:.4g}"
-        beside = ", ".join(part for part in (title, words) if part)
+        beside = ", ".join(part for part in (title, words, *magnified(scale)) if part)
         frame = {"title": beside, "look": shown | {"fields": None}}
         frame["colours"] = {name: np.linalg.norm(state.u, axis=1) for name in shown["fields"]}
         frames.append(frame | surface_seen(surface, state, scale, shown["apart"]))

@@ -38,6 +38,7 @@ from dolfinx_contact._files import hidden_beside
 from dolfinx_contact.io.fields import check_stress, von_mises
 from dolfinx_contact.io.gathering import Arrays, gather_cells
 from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState
+from dolfinx_contact.laws.status import COLOURS
 from dolfinx_contact.plot.faces import (
     along_curve,
     flat_axes,
@@ -59,6 +60,7 @@ __all__ = [
     "body_seen",
     "check_look",
     "draw",
+    "magnified",
     "picture_of_body",
     "picture_of_contact",
     "surface_seen",
@@ -110,8 +112,9 @@ def picture_of_body(
         stress: 3 x 3 UFL stress (``material.full_stress(u)``), of several materials one of each
             cell tag as for `write_fields`, for the colours: von Mises stress, averaged to the
             vertices.
-        scale: factor of the displacement.
-        title: above the picture.
+        scale: factor of the displacement and of the motion of obstacles, which is else where they
+            are: a body that is drawn larger than it moves crosses them.
+        title: above the picture; by default what it is, with the scale.
         look: ``fields``, ``view``, ``up``, ``clip``, ``zoom``, ``cmap``, ``apart``, ``units``: see
             `Look`.
 
@@ -299,7 +302,9 @@ def picture_of_contact(
     data["bonded"] = bonded
     data["body"] = "slave" if s.between_bodies else "body"
     # So are nodes that a crack has not doubled, and those that have nothing opposite.
-    data["clamped"] = "without contact" if s.between_bodies else "clamped"
+    held = "without contact" if s.between_bodies else "clamped"
+    names = ("open", "o"), ("stick", "k"), ("slip", "s"), (held, "d")
+    data["statuses"] = [(name, COLOURS[letter]) for name, letter in names]
     if s.comm.rank == 0:
         data |= seen | (_flat_curve(seen) if s.dim == 2 else _flat_surface(seen))
         codes = np.bincount(seen["status"].astype(int), minlength=len(set(STATUS_CODES.values())))
@@ -311,7 +316,12 @@ def picture_of_contact(
 
 
 def _title(scale: float) -> str:
-    return "Deformed body" if scale == 1 else f"Deformed body, displacement x {scale:g}"
+    return ", ".join(["Deformed body", *magnified(scale)])
+
+
+def magnified(scale: float) -> list[str]:
+    """What a title tells of a scale of the displacement that is not 1, in a list."""
+    return [] if scale == 1 else [f"displacement x {scale:g}"]
 
 
 def _in_space(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

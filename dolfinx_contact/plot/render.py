@@ -17,8 +17,7 @@ import numpy.typing as npt
 
 Data = dict[str, Any]
 
-#: Status by code: name, colour.
-STATUS = [("open", "#dfe3e8"), ("stick", "#2f6db3"), ("slip", "#f08a24"), ("clamped", "#3d3d3d")]
+NO_PRESSURE = "#dfe4ea"
 INK = "#22262b"
 FLOOR = "#c9ced4"
 SHADES = "Spectral_r"
@@ -58,13 +57,17 @@ def _status_legend(axes: Any, data: Data, **where: Any) -> None:
     """Colours of the statuses, with the number of vertices that have each."""
     from matplotlib.patches import Patch
 
-    names = [*(name for name, _ in STATUS[:-1]), data["clamped"]]
     shown = [
         Patch(facecolor=colour, edgecolor=INK, linewidth=0.5, label=f"{name} ({count})")
-        for name, (_, colour), count in zip(names, STATUS, data["counts"], strict=True)
+        for (name, colour), count in zip(data["statuses"], data["counts"], strict=True)
         if count > 0
     ]
     axes.legend(handles=shown, frameon=False, **where)
+
+
+def _status_colours(data: Data) -> npt.NDArray[np.str_]:
+    """The colour of the status of every vertex."""
+    return np.array([colour for _, colour in data["statuses"]])[data["status"].astype(int)]
 
 
 def _triangles(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -141,7 +144,7 @@ def contact_3d(data: Data, file: str) -> None:
     shades = _pressures(left, x, cells, pressure)
     bar = figure.colorbar(shades, cax=below, orientation="horizontal")
     bar.outline.set_linewidth(0.5)
-    _statuses(right, x, cells, data["status"].astype(int))
+    _statuses(right, x, cells, data)
     right.set_title(f"Status, and shear traction on the {data['body']}")
     inside = ((x >= window[:, 0]) & (x <= window[:, 1])).all(axis=1)
     if inside.any():
@@ -177,7 +180,7 @@ def _pressures(axes: Any, x: Any, cells: Any, pressure: Any) -> Any:
     low = min(float(pressure.min()), 0.0)
     high = max(float(pressure.max()), 0.0)
     high = high if high > 0 or low < 0 else 1.0
-    shades: list[tuple[float, Any]] = [(0.0, STATUS[0][1])]  # by the value over the largest
+    shades: list[tuple[float, Any]] = [(0.0, NO_PRESSURE)]  # by the value over the largest
     hot = _pyplot().get_cmap("magma_r")(np.linspace(0.12, 0.95, 12))
     if high > 0:
         shades += zip(np.linspace(0.0, high, 13)[1:], hot, strict=True)
@@ -199,12 +202,12 @@ def _pressures(axes: Any, x: Any, cells: Any, pressure: Any) -> Any:
     )
 
 
-def _statuses(axes: Any, x: Any, cells: Any, status: Any) -> None:
+def _statuses(axes: Any, x: Any, cells: Any, data: Data) -> None:
     """The part of the surface around every vertex in the colour of its status."""
     from matplotlib.collections import PolyCollection
 
     quads, vertex = _shares(x, cells)
-    colours = np.array([colour for _, colour in STATUS])[status[vertex]]
+    colours = _status_colours(data)[vertex]
     axes.add_collection(PolyCollection(quads, facecolors=colours, edgecolors=colours, lw=0.3))
 
 
@@ -236,7 +239,6 @@ def contact_2d(data: Data, file: str) -> None:
 
     s = data["x"]
     cells = data["cells"]
-    status = data["status"].astype(int)
     figure, axes = plt.subplots(figsize=(8.6, 5.0), layout="constrained")
     figure.suptitle(str(data["title"]), fontsize=13, fontweight="bold")
     lines = [
@@ -254,7 +256,7 @@ def contact_2d(data: Data, file: str) -> None:
             line = LineCollection(ends, label=label, **style)
             axes.add_collection(line)
         handles.append(line)
-    colours = np.array([colour for _, colour in STATUS])[status]
+    colours = _status_colours(data)
     for key in ("pressure", "shear"):
         look = dict(s=26 if len(s) <= 60 else 12, linewidths=_margin(len(s)))
         axes.scatter(s, data[key], c=colours, zorder=3, edgecolors=INK, **look)

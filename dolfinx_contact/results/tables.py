@@ -43,7 +43,9 @@ class ContactTable:
         dim: 2 or 3.
         x: positions (n, dim).
         area: area (length in 2D) of each point.
-        un: gap; NaN where a node of a pair has no point of the master opposite to it.
+        un: gap; NaN where a node of a pair has no point of the master opposite to it. Under
+            ``method="mixed"`` the law holds of the mean of the gap, weighted by the hat function of
+            the node, which this is; the gap at the node itself may be negative. Likewise ``ut``.
         ut: tangential displacement (n, dim).
         increment: that since the last accepted step of an evolution (n, dim); else the same.
         n: normals (n, dim).

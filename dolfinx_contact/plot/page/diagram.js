@@ -42,10 +42,11 @@ function classes(by) {
   return null;
 }
 
+/** Several statuses at once have colours that no status of a single point has. */
 const OF_CLASSES = {
   stable: "#0072B2", unstable: "#D55E00", "not decided": "#8a949e",
-  open: "#8a949e", stick: "#0072B2", slip: "#E69F00", "stick + slip": "#009E73",
-  "open + stick": "#56B4E9", "open + slip": "#D55E00", "open + stick + slip": "#CC79A7",
+  open: "#8a949e", stick: "#0072B2", slip: "#E69F00", "stick + slip": "#882255",
+  "open + stick": "#332288", "open + slip": "#D55E00", "open + stick + slip": "#117777",
   clamped: "#555555",
 };
 
