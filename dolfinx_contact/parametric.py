@@ -208,7 +208,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._set(point.gamma)
         done = Attempt("continuation", "a point of a branch", converged=True)
         result = self.problem.collect(x, [done], self.statuses_of(point.piece))
-        self.problem.warn_of_sliding(result)
+        self.problem.warn_of_doubts(result)
         x.destroy()
         return result
 

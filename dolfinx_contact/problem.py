@@ -44,7 +44,7 @@ from dolfinx_contact.proofs import theory_of, uniqueness
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
 from dolfinx_contact.results.fields import contact_fields
-from dolfinx_contact.results.result import Result, collect, warn_of_sliding
+from dolfinx_contact.results.result import Result, collect, warn_of_doubts
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import OTHER_DATA, Theory, Uniqueness, checked_seconds
 from dolfinx_contact.solvers.choice import LinearSolverChoice
@@ -239,8 +239,8 @@ class ContactProblem(ReadOnly):
         self.bcs = ReadOnlyList(self.bcs, "Dirichlet conditions of a problem", _CONDITIONS)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
-        #: In a run, the surfaces on which a warning of sliding has been logged.
-        self._warned: set[str] | None = None
+        #: In a run, the surfaces of which a warning has been logged, each with its kind.
+        self._warned: set[tuple[str, str]] | None = None
         warn_of_obstacles(self.equations)
 
     def moving(self, body: MovingBody) -> ContactProblem:
@@ -480,7 +480,7 @@ class ContactProblem(ReadOnly):
             x.destroy()
             shown.end(result.iterations)
             if self._warned is None:
-                self.warn_of_sliding(result)
+                self.warn_of_doubts(result)
             return result
         finally:
             shown.end()
@@ -548,7 +548,7 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def warning_once(self) -> Iterator[None]:
-        """Within a run: solves do not warn of sliding, `warn_of_sliding` does, once a surface.
+        """Within a run: solves do not warn of what `warn_of_doubts` warns of, once a surface.
 
         A run warns of accepted steps only.
         """
@@ -559,10 +559,10 @@ class ContactProblem(ReadOnly):
         finally:
             self._warned = before
 
-    def warn_of_sliding(self, result: Result) -> None:
-        """Warn of sliding that is not small, in a run once a surface. Not collective."""
+    def warn_of_doubts(self, result: Result) -> None:
+        """Warn of surfaces that slide or give way by much, in a run once each. Not collective."""
         if self.comm.rank == 0:
-            warn_of_sliding(result, self._warned)
+            warn_of_doubts(result, self._warned)
 
     def destroy(self) -> None:
         """Free matrices and solvers now. Collective.

@@ -33,6 +33,7 @@ from dolfinx_contact import (
     Tresca,
 )
 from dolfinx_contact.continuation import follow
+from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.points.vertex_state import vertex_state
 
@@ -398,6 +399,17 @@ def test_up_to_where_regularised_friction_has_one_solution(folder):
         friction["n = 8, eps = 0.001"], rel=0.05
     )
     assert all(1e5 * summary["bound"][case] < F for case, F in friction.items())
+
+
+def test_a_history_warns_once(caplog):
+    """That a surface gives way by much; a solve by itself warns each time."""
+    problem = block(law=NormalCompliance(50.0), top=(0.0, -0.3))
+    with caplog.at_level(logging.WARNING):
+        QuasiStatic(problem, lambda t: None).run([0.0, 1.0, 2.0])
+        in_run = caplog.text.count("the surface gives way by")
+        problem.solve()
+        in_all = caplog.text.count("the surface gives way by")
+    assert (in_run, in_all) == ((1, 2) if COMM.rank == 0 else (0, 0))
 
 
 def test_warning_and_bad_laws(caplog):

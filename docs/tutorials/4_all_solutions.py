@@ -135,12 +135,11 @@ labels = {"ut": "$u_t$ of A", "un": "gap of A", "force": "normal force"}
 journal = records.read_journal("triangle")
 plot.draw_diagram("diagram.png", journal, labels, strips=0)
 
-# The four states at the ends. Displacements are large here, since the load of this example is: the
-# theory is linear, and pictures show half of them.
+# The four states at the ends, with displacements twice as large as they are:
 
 ends.sort(key=lambda p: p.gamma)
 titles = [f"gamma = {p.gamma:g}: {system.letters(p.piece)}" for p in ends]
-plot.picture_of_states("states.png", system, ends, titles=titles, scale=0.5)
+plot.picture_of_states("states.png", system, ends, titles=titles, scale=2.0)
 
 # `find_solutions` finds solutions that hang together with the others or not; `explore` says *how*
 # they hang together. In large problems, or in 3D, where no proof is known, the diagram is what

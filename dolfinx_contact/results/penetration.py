@@ -38,18 +38,17 @@ class Penetration:
         largest: a length, 0 where nothing touches.
         mean: over the area that touches, a length.
         where: position of the point with the largest (dim,).
+        doubt: that it is more than a tenth of the size of a facet, or "".
     """
 
     largest: float
     mean: float
     where: npt.NDArray[np.float64]
+    doubt: str = ""
 
 
 def penetrations(eq: ContactEquations, tables: dict[str, ContactTable]) -> dict[str, Penetration]:
-    """By name of the surfaces whose law is compliant. Collective.
-
-    Logs a warning if one is beyond a tenth of the size of a facet.
-    """
+    """By name of the surfaces whose law is compliant. Collective."""
     found = {}
     for s in eq.surfaces:
         if not s.law.compliant:
@@ -61,16 +60,13 @@ def penetrations(eq: ContactEquations, tables: dict[str, ContactTable]) -> dict[
         # Of points with the same depth, up to round-off, the first in the table.
         i = int(np.flatnonzero(depth >= (1 - 1e-9) * depth.max())[0])
         mean = float(depth[depth > 0] @ area / area.sum()) if len(area) else 0.0
-        found[s.name] = Penetration(float(depth[i]), mean, table.x[i])
-        if depth[i] > _LARGEST * size and eq.comm.rank == 0:
-            logger.warning(
-                "%s: the surface gives way by %.3g at (%s), %.2g of the size of a facet: a small "
-                "stiffness of its NormalCompliance",
-                s.name,
-                depth[i],
-                ", ".join(f"{c:.6g}" for c in table.x[i]),
-                depth[i] / size,
-            )
+        place = ", ".join(f"{c:.6g}" for c in table.x[i])
+        doubt = (
+            f"the surface gives way by {depth[i]:.3g} at ({place}), {depth[i] / size:.2g} of the "
+            "size of a facet: a small stiffness of its NormalCompliance"
+        )
+        large = depth[i] > _LARGEST * size
+        found[s.name] = Penetration(float(depth[i]), mean, table.x[i], doubt if large else "")
     return found
 
 

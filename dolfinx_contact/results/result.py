@@ -34,7 +34,7 @@ from dolfinx_contact.results.uniqueness import Theory, Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.states import without_normal
 
-__all__ = ["Named", "Result", "collect", "warn_of_sliding"]
+__all__ = ["Named", "Result", "collect", "warn_of_doubts"]
 
 logger = logging.getLogger(__name__)
 
@@ -251,8 +251,8 @@ def _shown(vector: npt.NDArray[np.float64]) -> str:
 def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> Result:
     """The result at a solution, which is in the user's Functions. Collective.
 
-    What is to be doubted in it is logged as warnings, on rank 0 only, but for sliding that is not
-    small, which `warn_of_sliding` logs.
+    What is to be doubted in it is logged as warnings, on rank 0 only, but for what `warn_of_doubts`
+    logs.
 
     Args:
         eq: the contact problem.
@@ -322,15 +322,17 @@ def _scales(
     return max(force, eq.round_off_force(u), none[0]), max(u, none[1])
 
 
-def warn_of_sliding(result: Result, known: set[str] | None = None) -> None:
-    """Log a warning of each surface on which the sliding is not small. For rank 0.
+def warn_of_doubts(result: Result, known: set[tuple[str, str]] | None = None) -> None:
+    """Log a warning of surfaces that slide, or give way, by what is not small. For rank 0.
 
     Args:
         result: of a solve.
-        known: names of surfaces that have been warned of; those of this call are added.
+        known: names of surfaces, each with what has been warned of; this call adds its own.
     """
-    for name, doubt in result.doubts.items():
-        if known is None or name not in known:
-            logger.warning("%s: %s", name, doubt)
-        if known is not None:
-            known.add(name)
+    gives_way = {name: p.doubt for name, p in result.penetrations.items() if p.doubt}
+    for kind, doubts in (("sliding", result.doubts), ("penetration", gives_way)):
+        for name, doubt in doubts.items():
+            if known is None or (name, kind) not in known:
+                logger.warning("%s: %s", name, doubt)
+            if known is not None:
+                known.add((name, kind))
