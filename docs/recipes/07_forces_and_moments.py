@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I get contact forces and moments?
 #
-# `resultants` has the total contact force on the body by surface, its friction force in it; reaction
+# `resultants` has the total contact force on the body by surface, with its friction. Reaction
 # forces of Dirichlet data are apart, in `support`. Moments, as the torque on an axle, follow from
 # the table, which has positions and forces of all points. Forces must balance: `imbalance` says how
 # well they do.
