@@ -302,8 +302,8 @@ def picture_of_contact(
     data["bonded"] = bonded
     data["body"] = "slave" if s.between_bodies else "body"
     # So are nodes that a crack has not doubled, and those that have nothing opposite.
-    held = "without contact" if s.between_bodies else "clamped"
-    names = ("open", "o"), ("stick", "k"), ("slip", "s"), (held, "d")
+    inactive = "without contact" if s.between_bodies else "clamped"
+    names = ("open", "o"), ("stick", "k"), ("slip", "s"), (inactive, "d")
     data["statuses"] = [(name, COLOURS[letter]) for name, letter in names]
     if s.comm.rank == 0:
         data |= seen | (_flat_curve(seen) if s.dim == 2 else _flat_surface(seen))
