@@ -79,7 +79,13 @@ class Factor:
         return options_in_database(self._prefix, self.defaults)
 
     def factorise(self, A: PETSc.Mat) -> bool:
-        """Factorise ``A``, its pattern analysed if it is new; False if the matrix is singular."""
+        """Factorise ``A``, its pattern analysed if it is new; False if that is not possible.
+
+        So it is of a singular matrix, and of one with an entry that is not finite, which MUMPS does
+        not always survive.
+        """
+        if not np.isfinite(A.norm(PETSc.NormType.FROBENIUS)):
+            return False
         self.ksp.setOperators(A)
         with self.options():
             self.ksp.setUp()

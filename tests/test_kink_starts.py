@@ -1,16 +1,27 @@
 """Branches and diagrams that begin, or reach the end of their range, where pieces meet."""
 
+from dataclasses import replace
+
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+from _triangle import linear_triangle
 from textbook import Textbook
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
-from dolfinx_contact.continuation import Ending, explore, find_solutions, follow
+from dolfinx_contact.continuation import (
+    Branch,
+    Ending,
+    StepControl,
+    explore,
+    find_solutions,
+    follow,
+    points_at,
+)
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord, read_journal
 
@@ -223,3 +234,60 @@ def test_the_range_ends_at_a_fold_at_a_kink(x, gamma):
     lowest = [p for b in diagram.branches for p in b.points if p.gamma == -0.5]
     left = at(system, -0.5)
     assert sorted(round((state(system, p) - left).norm(), 9) for p in lowest) == [0.0, 1.0]
+
+
+def test_points_are_found_whatever_tangents_are_kept():
+    """Those of a branch may be of another metric, and so of another length."""
+    system = linear_triangle(4, 1.7, preload=(3.0, -6.0))
+    system.set_parameter(-1.0)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    given = dict(gamma_range=(-1.0, 1.5), control=StepControl(kinks="exact"), route="steps")
+    branch = follow(system, x, -1.0, **given)
+    assert len({system.letters(p.piece) for p in branch.points}) > 5
+    longer = []
+    for point in branch.points:
+        tangent = point.tangent.copy()
+        tangent.scale(3.0)
+        longer.append(replace(point, tangent=tangent))
+    for gamma in np.linspace(-0.95, 1.45, 25):
+        (found,) = points_at(system, Branch(longer), gamma, **given)
+        (known,) = points_at(system, branch, gamma, gamma_range=(-1.0, 1.5))
+        assert found.gamma == known.gamma == gamma
+        assert (state(system, found) - state(system, known)).norm() < 1e-9
+
+
+@pytest.mark.parametrize("kind", ["Constant", "Function"])
+def test_friction_that_became_negative_is_refused(kind):
+    """As a solve refuses it: nothing is followed, found or proved with it."""
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    if kind == "Constant":
+        friction = fem.Constant(domain, 0.4)
+        values = friction.value
+    else:
+        friction = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
+        values = friction.x.array
+    values[...] = 0.4
+    system = body(domain, (20.0, -5.0), friction)
+    x = system.create_vector()
+    values[...] = -0.2
+    for attempt in (
+        lambda: find_solutions(system, [x], 1.0),
+        lambda: follow(system, x, 0.0, gamma_range=(0.0, 1.0)),
+        lambda: explore(system, [(x, 0.0)], gamma_range=(0.0, 1.0)),
+    ):
+        with pytest.raises(ValueError, match="negative friction"):
+            attempt()
+
+
+def test_a_stiffness_that_is_not_finite_is_refused():
+    """Poisson's ratio of 1/2 in a field, where a factorisation would end the process."""
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    nu = fem.Function(fem.functionspace(domain, ("DG", 0)))
+    nu.x.array[:] = 0.3
+    system = body(domain, (20.0, -5.0), 0.4, nu=nu)
+    x = system.create_vector()
+    nu.x.array[:] = 0.5
+    with pytest.raises(ValueError, match="not finite"):
+        find_solutions(system, [x], 1.0)

@@ -56,7 +56,8 @@ print(history.reason)
 # ## Stick and slip
 #
 # A row of letters is the bottom from left to right: `k` sticks, `+` and `-` slip. After each turn
-# of the load everything sticks at first, then slip spreads from the ends.
+# of the load everything sticks at first, then slip spreads from the ends; after the first of them
+# within few steps.
 
 for step in history.steps[::6]:
     force = step.result.resultants["contact"]
@@ -99,4 +100,4 @@ without = problem.solve().resultants["contact"][0]
 remembered = history.at(times[24]).result.resultants["contact"][0]
 print(f"shear at t = 0.5: {remembered:+.4f} with memory, {without:+.4f} without")
 assert abs(remembered - without) > 0.1
-plot.picture_of_contact("contact.png", problem)
+plot.picture_of_contact("contact.png", problem, title="The bottom at t = 0.5 without memory")

@@ -226,7 +226,13 @@ class _Explorer:
         )
         kinks = [s for s in branch.special if s.kind != "bifurcation" and s.method]
         self._all_rays_known = self._all_rays_known and all(s.complete for s in kinks)
-        end = self._arrive(branch.bifurcations[-1], number) if branch.bifurcations else None
+        end = None
+        if branch.bifurcations:
+            last = branch.bifurcations[-1]
+            if last.incoming is not None:
+                end = self._arrive(last, number)
+            else:  # steps have crossed it, and its rays are not known: it is no node
+                self._all_rays_known = False
         if branch.ending is Ending.REACHED:
             end = self._at_the_end(branch.points[-1], start, number)
         self.diagram.edges.append(Edge(branch, start, end))
@@ -297,7 +303,7 @@ class _Explorer:
         """The node at which branch ``number`` ends, made if it is new."""
         incoming = special.incoming
         onwards = special.onwards
-        assert incoming is not None  # so are bifurcations recorded
+        assert incoming is not None  # it has been looked at
         assert onwards is not None
         back = incoming.tangent.copy()
         back.scale(-1.0)
@@ -348,7 +354,9 @@ class _Explorer:
                 return True
             # Its own points too: at a kink gamma may turn, and be passed by round-off.
             near = [p for p in beyond if abs(p.gamma - point.gamma) <= _SAME * b.gamma_scale]
-            passed = [p for p in self.follower.at(branch, point.gamma) if p is not first]
+            # What is not found is not known: at worst a branch is followed twice.
+            found = self.follower.at(branch, point.gamma, lost=True)
+            passed = [p for p in found if p is not first]
             if any(self._is_at(p.y, point.y) for p in [*near, *passed]):
                 return True
         return False

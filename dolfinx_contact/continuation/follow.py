@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Literal, TypeAlias
 
@@ -402,10 +403,18 @@ class Follower(Walker):
         slope = b.inner(onwards, start.tangent) / math.sqrt(b.inner(onwards, onwards))
         return b.inner(back, back) <= _BESIDE**2 * square and slope > self.control.cosine
 
-    def at(self, branch: Branch, gamma: float) -> list[BranchPoint]:
+    def at(self, branch: Branch, gamma: float, *, lost: bool = False) -> list[BranchPoint]:
         """The points of ``branch`` at which its parameter is ``gamma``, in order.
 
         Between two points of the branch gamma is taken to pass a value once.
+
+        Args:
+            branch: of the system.
+            gamma: parameter.
+            lost: whether points that are not found are left out.
+
+        Raises:
+            RuntimeError: on every rank, for a point that is not found, unless ``lost``.
         """
         b = self.bordered
         found = []
@@ -415,13 +424,27 @@ class Follower(Walker):
             elif (a.gamma - gamma) * (c.gamma - gamma) < 0:
                 values = a.gamma - gamma, c.gamma - gamma
                 piece = self._steps.piece_between(a, c)
+                # Along the secant: the tangent that a point keeps may be that of the piece before.
+                secant = c.y - a.y
+                secant.scale(1.0 / math.sqrt(b.inner(secant, secant)))
                 located = self._steps.locate(
-                    a, c.y, values, lambda y, _t: b.gamma(y) - gamma, piece=piece
+                    replace(a, tangent=secant),
+                    c.y,
+                    values,
+                    lambda y, _t: b.gamma(y) - gamma,
+                    piece=piece,
                 )
-                if located is not None and self.corrector.natural(located[1], gamma, piece):
-                    s, y = located
-                    there = piece or self.system.piece_at(*b.split(y))
-                    found.append(BranchPoint(y, a.tangent, there, gamma, s, 0))
+                secant.destroy()
+                if located is None or not self.corrector.natural(located[1], gamma, piece):
+                    if lost:
+                        continue
+                    raise RuntimeError(
+                        f"the point at gamma = {gamma:.10g}, between {a.gamma:.10g} and "
+                        f"{c.gamma:.10g}, was not found: follow the branch in shorter steps there"
+                    )
+                s, y = located
+                there = piece or self.system.piece_at(*b.split(y))
+                found.append(BranchPoint(y, a.tangent, there, gamma, s, 0))
         if branch.points[-1].gamma == gamma:
             found.append(branch.points[-1])
         return found

@@ -38,7 +38,8 @@ def points_at(
 ) -> list[BranchPoint]:
     """The points of a branch at which its parameter is ``gamma``, in order. Collective.
 
-    What the system writes to is left as it was.
+    What the system writes to is left as it was. A branch that leaves a bifurcation by steps begins
+    at its first point, a small way beside it: between the two nothing is found.
 
     Args:
         system: that was followed.
@@ -51,6 +52,7 @@ def points_at(
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks, or the
             branch has no point.
+        RuntimeError: on every rank, if a point that must be there is not found.
     """
     same_everywhere(system.comm, points_of_the_branch=len(branch.points))
     low, high = gamma_range

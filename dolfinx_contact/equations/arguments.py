@@ -58,7 +58,9 @@ def check(
         plane = [s.name for s in surfaces if not s.axisymmetric]
         raise ValueError(f"all contact surfaces are axisymmetric or none is, unlike {plane}")
     if not isinstance(bulk, ufl.Form):
-        raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}")
+        density = isinstance(bulk, ufl.core.expr.Expr)
+        hint = ": multiply the energy density by ufl.dx" if density else ""
+        raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}{hint}")
     refuse_other_mesh(bulk, domain, "the bulk")
     for bc in bcs:
         refuse_other_condition(bc, domain)

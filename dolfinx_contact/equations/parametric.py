@@ -218,6 +218,10 @@ class ParametricEquations(System):
             if rates.law_changes
         ]
         looked_at = [s for s in self.equations.surfaces if s in varying or s.between_bodies]
+        for s in self.equations.surfaces:
+            if s not in varying:
+                s.update_geometry()
+                check_law(s)
         with self.restored(always=True):
             for gamma in gammas:
                 self.constant.value = gamma

@@ -93,7 +93,7 @@ def film(
         scale: factor of the displacement.
         title: above the pictures.
         rate: pictures a second.
-        look: as for `picture_of_body`.
+        look: as for `picture_of_body`; without a stress and ``fields`` the displacement is shown.
 
     Returns:
         The file, on every rank; None where it could not be drawn, as for `picture_of_body`.
@@ -117,6 +117,8 @@ def film(
     comm = problem.comm
     path = Path(file)
     on_root(comm, lambda: _require_writer(path.suffix))
+    if stress is None:
+        look = Look(fields="displacement") | look
     before = problem.u.x.array.copy()
     frames: list[dict[str, Any]] = []
     try:
@@ -161,7 +163,7 @@ def animate(
         scale: factor of the displacement.
         title: above the pictures, before the time.
         rate: pictures a second.
-        look: as for `picture_of_body`.
+        look: as for `film`.
 
     Returns:
         The file, on every rank; None where it could not be drawn, as for `picture_of_body`.
@@ -217,7 +219,7 @@ def draw_record(
         scale: factor of the displacement.
         title: above the pictures, before gamma or the time.
         rate: pictures a second.
-        look: as for `picture_of_body`; the only field is ``"displacement"``.
+        look: as for `picture_of_body`; the only field is ``"displacement"``, which is shown.
 
     Returns:
         The file; None where it could not be drawn, as for `picture_of_body`.
@@ -259,7 +261,7 @@ def draw_record(
         )
     surface = journal.surface()
     dim = 2 if np.ptp(surface.x[:, 2]) == 0 else 3
-    shown = checked_look(look, dim, stress=False)
+    shown = checked_look(Look(fields="displacement") | look, dim, stress=False)
     if any(e is not None for e in shown["fields"].values()):
         raise ValueError("of a record displacements are known, and no other fields")
     frames: list[dict[str, Any]] = []
@@ -303,10 +305,12 @@ def _draw_film(
     if comm.rank == 0:
         lay_floors(frames, int(kind[-2]))
         common["reach"] = _reach(frames)
+        # A section shows what is inside.
+        shown = [frame.get("inside", frame)["colours"] for frame in frames]
         common["limits"] = {
             name: (
-                min(known_range(frame["colours"][name])[0] for frame in frames),
-                max(known_range(frame["colours"][name])[1] for frame in frames),
+                min(known_range(colours[name])[0] for colours in shown),
+                max(known_range(colours[name])[1] for colours in shown),
             )
             for name in frames[0]["colours"]
         }

@@ -38,7 +38,7 @@ from dolfinx_contact._files import hidden_beside
 from dolfinx_contact.io.fields import check_stress, von_mises
 from dolfinx_contact.io.gathering import Arrays, gather_cells
 from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState
-from dolfinx_contact.laws.status import COLOURS
+from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.faces import (
     along_curve,
     flat_axes,
@@ -70,6 +70,7 @@ Floats: TypeAlias = npt.NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
+_BACKWARD = 4  # the number, beside `STATUS_CODES`, of slip with u_t < 0 in 2D
 _SECONDS = 120.0  # after which a picture is given up
 _NOTHING = 1e-10  # of a force, what counts as none
 _LITTLE = 1e-6  # of the largest traction, what is left of it where nothing touches
@@ -283,6 +284,10 @@ def picture_of_contact(
     normal = at_vertices["n"]
     traction = fields["traction"].x.array.reshape(-1, s.dim)
     # What supports hold is not contact; and where nothing is pressed round-off would be all to see.
+    if s.dim == 2:
+        # The two senses of slip have colours of their own.
+        backward = at_vertices["minus"] > at_vertices["slip"] / 2
+        status = np.where((status == STATUS_CODES["-"]) & backward, _BACKWARD, status)
     carries = (status != STATUS_CODES["d"]) & _is_seen(problem, s, traction)
     values = {
         "pressure": np.where(carries, pressure, 0.0),
@@ -303,11 +308,12 @@ def picture_of_contact(
     data["body"] = "slave" if s.between_bodies else "body"
     # So are nodes that a crack has not doubled, and those that have nothing opposite.
     inactive = "without contact" if s.between_bodies else "clamped"
-    names = ("open", "o"), ("stick", "k"), ("slip", "s"), (inactive, "d")
-    data["statuses"] = [(name, COLOURS[letter]) for name, letter in names]
+    letters = "ok+d-" if s.dim == 2 else "oksd"
+    names = NAMES | {"d": inactive}
+    data["statuses"] = [(names[letter], COLOURS[letter]) for letter in letters]
     if s.comm.rank == 0:
         data |= seen | (_flat_curve(seen) if s.dim == 2 else _flat_surface(seen))
-        codes = np.bincount(seen["status"].astype(int), minlength=len(set(STATUS_CODES.values())))
+        codes = np.bincount(seen["status"].astype(int), minlength=len(letters))
         data["counts"] = codes
     return draw(s.comm, f"contact_{s.dim}d", data, Path(file))
 
@@ -372,7 +378,7 @@ def _flat_surface(seen: Arrays) -> dict[str, Any]:
 
 def _touching(seen: Arrays) -> npt.NDArray[np.bool_]:
     """Vertices of a face where it sticks or slips, or a bond pulls."""
-    closed = np.isin(seen["status"], [STATUS_CODES["k"], STATUS_CODES["s"]])
+    closed = np.isin(seen["status"], [STATUS_CODES["k"], STATUS_CODES["s"], _BACKWARD])
     size = np.hypot(seen["pressure"], np.linalg.norm(seen["shear"], axis=1))
     return np.asarray(closed | (size > _LITTLE * size.max(initial=0.0)))
 

@@ -62,7 +62,7 @@ def _status_legend(axes: Any, data: Data, **where: Any) -> None:
         for (name, colour), count in zip(data["statuses"], data["counts"], strict=True)
         if count > 0
     ]
-    axes.legend(handles=shown, frameon=False, **where)
+    axes.legend(handles=shown, title="status (vertices)", frameon=False, **where)
 
 
 def _status_colours(data: Data) -> npt.NDArray[np.str_]:
@@ -589,6 +589,9 @@ def body_3d(data: Data, file: str) -> None:
         raise SystemExit("the section leaves nothing of the body to be seen")
     if colours:
         (name,) = colours
+        if cut is not None:
+            # Of what is seen: the section is not in the values of the surface.
+            data = data | {"colours": {name: np.asarray(body.point_data[name])}}
         style["clim"] = _limits(data, name)
         style |= dict(cmap=look["cmap"] or SHADES, nan_color=NO_NUMBER)
         plotter.add_mesh(body, scalars=name, show_scalar_bar=False, **style)

@@ -70,21 +70,26 @@ function traces(x, y, by) {
   if (kinds) {
     const lines = new Map();
     META.series.forEach((s) => {
+      // A point that is an event, a fold or a bifurcation itself has what is known behind it: the part
+      // up to it has that of the point before, any other part that of the point it leads to.
+      const turns = new Set(s.marks.filter((m) => !(m.share < 1)).map((m) => m.index));
       for (let i = 0; i < s.count; i++) {
-        const kind = kinds[s.first + i];
-        if (!lines.has(kind)) lines.set(kind, { x: [], y: [], last: -2 });
-        const line = lines.get(kind);
         const at = s.first + i;
-        // The part up to a point has what is known of the point.
-        if (i > 0 && line.last === at - 1) { line.x.push(x[at]); line.y.push(y[at]); }
-        else {
+        const kind = kinds[turns.has(i) && i > 0 ? at - 1 : at];
+        // What is known of single points has its name in the legend too.
+        for (const one of [kind, kinds[at]])
+          if (!lines.has(one)) lines.set(one, { x: [], y: [], last: -2 });
+        if (i === 0) continue;
+        const line = lines.get(kind);
+        if (line.last !== at - 1) {
           if (line.x.length) { line.x.push(null); line.y.push(null); }
-          if (i > 0) { line.x.push(x[at - 1]); line.y.push(y[at - 1]); }
-          line.x.push(x[at]); line.y.push(y[at]);
+          line.x.push(x[at - 1]); line.y.push(y[at - 1]);
         }
+        line.x.push(x[at]); line.y.push(y[at]);
         line.last = at;
       }
     });
+    for (const line of lines.values()) if (!line.x.length) { line.x.push(null); line.y.push(null); }
     let number = 0;
     for (const [kind, line] of lines) {
       const dash = by === SERIES ? ["solid", "dash", "dashdot", "dot"][
