@@ -152,10 +152,10 @@ def main(argv=None):
     if comm.rank == 0:
         errors = [key for key in finest if key.endswith("error")]
         h = np.array([level["h_over_a"] for level in levels])
-        curves = {key: (h, [level[key] for level in levels]) for key in errors}
+        curves = {key.replace("_", " "): (h, [level[key] for level in levels]) for key in errors}
         first = levels[0][errors[0]]
         slope = {"order 2": (h, first * (h / h[0]) ** 2)}
-        look = dict(labels=("h_over_a", "error"), loglog=True)
+        look = dict(labels=("size of cells over the contact radius, $h/a$", "error"), loglog=True)
         plot.draw_curves(folder / "convergence.png", curves, dotted=slope, **look)
         args.hertz.draw(folder / "pressure.png", result.tables["contact"])
     if args.friction > 0:

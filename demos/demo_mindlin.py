@@ -170,7 +170,9 @@ def main(argv=None):
             computed = {"computed": (x, q)}
             closed_form = {"half-planes": (x, exact)}
             picture = folder / f"{name}.png"
-            plot.draw_curves(picture, computed, dotted=closed_form)
+            plot.draw_curves(
+                picture, computed, dotted=closed_form, labels=("x", "shear traction"), title=name
+            )
     io.write_contact_table(comm, folder, [table])
     last = history.steps[-1].result.summary()
     summary |= summary["loading"]

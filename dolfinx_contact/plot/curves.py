@@ -18,6 +18,7 @@ from dolfinx_contact.plot.page.of_charts import chart_scene
 
 __all__ = ["FILLS", "LINES", "draw_chart", "draw_curves", "figure_of", "written"]
 
+_BLACK = (":", "--", "-.")  # styles of curves to compare with
 _FEW = 20  # points of a curve that are marked
 #: Abscissae and ordinates.
 Curve: TypeAlias = "tuple[npt.ArrayLike, npt.ArrayLike]"
@@ -47,7 +48,7 @@ def draw_curves(
         curves: lines by name, those of few points with dots; a name that begins with an underscore
             is not in the legend.
         marks: the same, as dots alone.
-        dotted: the same, black, to compare with.
+        dotted: the same, black, dotted or dashed, to compare with.
         labels: of the axes, TeX between dollars.
         title: above the picture.
         loglog: whether both axes are logarithmic.
@@ -58,7 +59,8 @@ def draw_curves(
     """
     drawn = [(name, curve, "-") for name, curve in curves.items()]
     drawn += [(name, curve, "o") for name, curve in (marks or {}).items()]
-    drawn += [(name, curve, ":") for name, curve in (dotted or {}).items()]
+    references = enumerate((dotted or {}).items())
+    drawn += [(name, curve, _BLACK[i % len(_BLACK)]) for i, (name, curve) in references]
     if not drawn:
         raise ValueError("there is nothing to draw")
     for name, (x, y), _ in drawn:
@@ -68,8 +70,9 @@ def draw_curves(
     axes = figure.subplots()
     for i, (name, (x, y), style) in enumerate(drawn):
         style += "o" if style == "-" and np.size(x) <= _FEW else ""
-        colour = "black" if style == ":" else LINES[i % len(LINES)]
-        axes.plot(x, y, style, color=colour, lw=1.6, ms=3.5, label=name)
+        colour = "black" if style in _BLACK else LINES[i % len(LINES)]
+        size = 5.5 if style == "o" else 3.5
+        axes.plot(x, y, style, color=colour, lw=1.6, ms=size, label=name)
     if loglog:
         axes.set(xscale="log", yscale="log")
     axes.set(xlabel=labels[0], ylabel=labels[1])
