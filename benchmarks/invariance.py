@@ -325,7 +325,10 @@ def main():
                 break
         output.write_text(json.dumps(records, indent=1) + "\n")
         output.with_suffix(".md").write_text(table(records) + "\n")
-    print(table(records))
+    shown = table(records)
+    print(shown)
+    if "**" in shown:
+        sys.exit("not all is invariant: see what is bold in the table")
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ import ufl
 
 from dolfinx_contact.continuation import StepControl
 
-DEMOS = Path(__file__).parents[1] / "demos"
+DEMOS = Path(__file__).resolve().parents[1] / "demos"
 _FOLLOWERS = ("explore", "follow", "follower_for")
 _MESHES = ("create_rectangle", "create_submesh")
 
@@ -46,7 +46,9 @@ def varied(*, step_factor=None, r=None, seed=None, mm=None, MPa=None):
                 changed = change(getattr(module, name))
                 stack.enter_context(mock.patch.object(module, name, changed))
 
-        modules = [m for name, m in sys.modules.items() if name.startswith("demo_")]
+        # Also what demos share: it makes the problems of some.
+        files = {m: getattr(m, "__file__", None) for m in sys.modules.values()}
+        modules = [m for m, file in files.items() if file and Path(file).resolve().parent == DEMOS]
         for module in modules:
             if r is not None:
                 put(module, "ContactProblem", lambda f: partial(f, r=r))
