@@ -139,6 +139,29 @@ def along_a_branch(b, name, dim):
     b.no_errors()
 
 
+def parts_of_branches(b, name):
+    """Every part of a branch has the status that holds on it: before an event that before it."""
+    b.open(name)
+    b.choose("colour", "status")
+    b.settled()
+    wrong = b.ask(
+        "(() => { const x = column(byId('axis-x').value), y = column(byId('axis-y').value);"
+        " const lines = traces(x, y, 'status').filter((t) => t.mode === 'lines'); let bad = [];"
+        " META.series.forEach((s) => { for (let i = 1; i < s.count; i++) {"
+        "  const at = s.first + i;"
+        "  const here = s.marks.some((m) => m.index === i && !(m.share < 1));"
+        "  const kind = kindsOf(diagram.words[here ? at - 1 : at]);"
+        "  const has = lines.some((t) => t.name === plain(kind) && t.x.some((v, k) =>"
+        "   k > 0 && t.x[k - 1] === x[at - 1] && t.y[k - 1] === y[at - 1] && v === x[at]"
+        "   && t.y[k] === y[at]));"
+        "  if (!has) bad.push([s.name, i, kind]); } }); return bad; })()"
+    )
+    assert not wrong, wrong
+    events = b.ask("META.series.flatMap((s) => s.marks.filter((m) => !(m.share < 1))).length")
+    assert events > 0
+    b.no_errors()
+
+
 def tables(b, name, dim):
     """The table is sorted by a click, and a click on a row finds the point in the face."""
     b.open(name)
@@ -294,6 +317,7 @@ def main():
     try:
         for name, dim in (("branch_quad", 2), ("branch_hex", 3)):
             along_a_branch(b, name, dim)
+            parts_of_branches(b, name)
             tables(b, name, dim)
             controls(b, name)
             solutions(b, name)

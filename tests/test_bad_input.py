@@ -20,10 +20,13 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
     LevelSet,
+    ParametricContact,
     Sphere,
     Tresca,
 )
+from dolfinx_contact.analysis import critical_friction, renard_criterion, stability_at_rest
 from dolfinx_contact.body.rigid import parts
+from dolfinx_contact.continuation import explore, find_solutions, follow
 from dolfinx_contact.evolution import NSCD, NoContinuation
 from dolfinx_contact.materials import (
     Axisymmetric,
@@ -657,6 +660,53 @@ def test_coefficients_that_become_bad():
     mu.value, a.value = 300.0, 150.0
     with pytest.raises(ValueError, match="a must lie between 0 and mu/2"):
         problem.solve()
+
+
+@pytest.mark.parametrize("kind", ["Constant", "Function"])
+def test_friction_that_becomes_negative(kind):
+    """Whatever finds, follows, proves or analyses solutions refuses it, as a solve does."""
+    domain, u = square(n=2)
+    if kind == "Constant":
+        friction = fem.Constant(domain, 0.4)
+        values = friction.value
+    else:
+        friction = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
+        values = friction.x.array
+    values[...] = 0.4
+    gamma = fem.Constant(domain, 1.0)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) - gamma * (20.0 * u[0] - 5.0 * u[1])
+    floor = surface(u, law=Coulomb(friction))
+    problem = ContactProblem(energy * ufl.dx, u, [floor], bcs=[clamp(u, 1, 1.0)])
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    values[...] = -0.2
+    for attempt in (
+        lambda: find_solutions(system, [x], 1.0),
+        lambda: follow(system, x, 1.0, gamma_range=(0.0, 2.0)),
+        lambda: explore(system, [(x, 1.0)], gamma_range=(0.0, 2.0)),
+        lambda: critical_friction(problem),
+        lambda: renard_criterion(problem),
+        lambda: stability_at_rest(problem, density=1.0),
+    ):
+        with pytest.raises(ValueError, match="negative friction") as info:
+            attempt()
+        same_on_every_rank(info)
+
+
+def test_a_stiffness_that_is_not_finite():
+    """Poisson's ratio of 1/2 in a field, where a factorisation would end the process."""
+    domain, u = square(n=2)
+    nu = fem.Function(fem.functionspace(domain, ("DG", 0)))
+    nu.x.array[:] = 0.3
+    gamma = fem.Constant(domain, 1.0)
+    energy = LinearElastic.from_young(1000.0, nu).energy(u) - gamma * 20.0 * u[0]
+    problem = ContactProblem(energy * ufl.dx, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
+    system = ParametricContact(problem, gamma)
+    nu.x.array[:] = 0.5
+    with pytest.raises(ValueError, match="not finite"):
+        find_solutions(system, [system.create_vector()], 1.0)
 
 
 def test_an_energy_of_ones_own_may_have_any_constant():

@@ -258,36 +258,49 @@ def test_points_are_found_whatever_tangents_are_kept():
         assert (state(system, found) - state(system, known)).norm() < 1e-9
 
 
-@pytest.mark.parametrize("kind", ["Constant", "Function"])
-def test_friction_that_became_negative_is_refused(kind):
-    """As a solve refuses it: nothing is followed, found or proved with it."""
-    domain = mesh.create_unit_square(COMM, 2, 2)
-    if kind == "Constant":
-        friction = fem.Constant(domain, 0.4)
-        values = friction.value
-    else:
-        friction = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
-        values = friction.x.array
-    values[...] = 0.4
-    system = body(domain, (20.0, -5.0), friction)
-    x = system.create_vector()
-    values[...] = -0.2
-    for attempt in (
-        lambda: find_solutions(system, [x], 1.0),
-        lambda: follow(system, x, 0.0, gamma_range=(0.0, 1.0)),
-        lambda: explore(system, [(x, 0.0)], gamma_range=(0.0, 1.0)),
-    ):
-        with pytest.raises(ValueError, match="negative friction"):
-            attempt()
-
-
-def test_a_stiffness_that_is_not_finite_is_refused():
-    """Poisson's ratio of 1/2 in a field, where a factorisation would end the process."""
-    domain = mesh.create_unit_square(COMM, 2, 2)
-    nu = fem.Function(fem.functionspace(domain, ("DG", 0)))
-    nu.x.array[:] = 0.3
-    system = body(domain, (20.0, -5.0), 0.4, nu=nu)
-    x = system.create_vector()
-    nu.x.array[:] = 0.5
-    with pytest.raises(ValueError, match="not finite"):
-        find_solutions(system, [x], 1.0)
+def test_steps_that_meet_a_bifurcation_again():
+    """Steps over kinks cross it without its rays: the diagram is not complete, and no error."""
+    h = 0.25
+    domain = mesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], [3 * h, h]], [3, 1])
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    below, above = (
+        mesh.locate_entities_boundary(domain, 1, lambda x, at=at: np.isclose(x[1], at))
+        for at in (0.0, h)
+    )
+    # Forces at the four contact points from left to right, as tractions on the bottom.
+    constant = [
+        *(2.1384288067472355, 3.036612413541159, -1.574641755337038, 2.9703423888517753),
+        *(-25.735853533581327, 7.924126765824298, 45.554404217863855, -12.70147273689615),
+    ]
+    rate = [
+        *(2.028824405086084, -17.321348424395847, -0.836961928170258, -11.632259734447485),
+        *(-6.292880940615545, -4.880058232768574, -7.133133716322436, 5.533784703532895),
+    ]
+    mass = h / 6 * (np.diag([2.0, 4, 4, 2]) + np.eye(4, k=1) + np.eye(4, k=-1))
+    x = V.tabulate_dof_coordinates()
+    nodes = np.flatnonzero(np.isclose(x[:, 1], 0.0))
+    nodes = nodes[np.argsort(x[nodes, 0])]
+    tractions = []
+    for forces in (constant, rate):
+        traction = fem.Function(V)
+        traction.x.array.reshape(-1, 2)[nodes] = np.linalg.solve(mass, np.reshape(forces, (4, 2)))
+        tractions.append(traction)
+    gamma = fem.Constant(domain, 0.3)
+    tags = mesh.meshtags(domain, 1, np.sort(below), np.ones(len(below), dtype=np.int32))
+    ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
+    load = ufl.dot(tractions[0] + gamma * tractions[1], u) * ds
+    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx - load
+    floor = ContactSurface(u, below, obstacle=HalfSpace((0.0, 0.0), (0.0, 1.0)), law=Coulomb(5.0))
+    bc = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, above), V)
+    system = ParametricContact(ContactProblem(energy, u, [floor], bcs=[bc]), gamma)
+    kink = [-0.024314, -0.052678, -0.099934, 0.0]  # the tangential displacement where it starts
+    near = [
+        solution.x
+        for solution in find_solutions(system, [system.create_vector()], 0.3).found
+        if np.abs(solution.x.array.reshape(-1, 2)[nodes, 0] - kink).max() < 1e-4
+    ]
+    given = dict(gamma_range=(-1.0, 1.0), control=StepControl(kinks="stepping"), route="steps")
+    diagram = explore(system, [(near[0], 0.3)], **given)
+    assert len(diagram.edges) >= 4
+    assert not diagram.complete

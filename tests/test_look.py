@@ -1,6 +1,7 @@
 """How bodies and contact faces are drawn: what is shown of them, and from where."""
 
 import shutil
+from collections import Counter
 
 from mpi4py import MPI
 
@@ -12,9 +13,18 @@ from blocks import block
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import RCCM, ContactProblem, ContactSurface, HalfSpace, plot
+from dolfinx_contact import (
+    RCCM,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    plot,
+)
+from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.plot import faces, floors, pictures, render
+from dolfinx_contact.plot import animation, faces, floors, pictures, render
 
 COMM = MPI.COMM_WORLD
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
@@ -269,6 +279,58 @@ def test_the_inside_is_gathered(drawn):
         assert (len(inside["x"]), inside["cells"].shape) == (64, (162, 4))
         np.testing.assert_allclose(inside["colours"]["two"], 2.0)
         np.testing.assert_allclose(drawn["body_3d"]["colours"]["four"], 4.0)
+
+
+@pytest.mark.parametrize("law", [Coulomb(0.3), Frictionless()])
+@pytest.mark.parametrize("way", [-0.01, 0.01])
+def test_senses_of_slip_are_those_of_the_table(drawn, law, way):
+    """Also where there is no friction, and the status has no sense of its own."""
+    problem = block(law=law, top=(way, -0.002))
+    table = problem.solve().tables["contact"]
+    plot.picture_of_contact("a.png", problem)
+    if COMM.rank > 0:
+        return
+    shown = zip(drawn["contact_2d"]["statuses"], drawn["contact_2d"]["counts"], strict=True)
+    counts = {name: count for (name, _), count in shown if count}
+    expected = Counter(status.NAMES[letter] for letter in table.letters)
+    assert counts == expected
+    assert status.NAMES["-" if way < 0 else "+"] in counts
+
+
+def in_the_middle(problem):
+    """A field that vanishes on the surface of the unit cube."""
+    sines = [ufl.sin(np.pi * x) for x in ufl.SpatialCoordinate(problem.V.mesh)]
+    return {"middle": sines[0] * sines[1] * sines[2]}
+
+
+def test_a_film_shows_the_displacement_and_its_scale(monkeypatch):
+    """And the colours of a film of sections are those of all that is inside."""
+    films = []
+    monkeypatch.setattr(animation, "draw", lambda comm, kind, data, *_, **__: films.append(data))
+    problem = block(n=3, cell="tet", top=(0.0, 0.0, -0.01))
+    plot.film("a.gif", problem, iter(["one"]), scale=5.0)
+    plot.film("b.gif", problem, iter(["one"]), fields=in_the_middle(problem), clip="x")
+    if COMM.rank > 0:
+        return
+    shown, cut = (film["frames"][0] for film in films)
+    assert list(shown["colours"]) == ["displacement"]
+    assert shown["title"] == "one, displacement x 5"
+    assert cut["colours"]["middle"].max() < 1e-12
+    assert cut["limits"]["middle"][1] > 0.5
+
+
+@needs_display
+def test_the_bar_of_a_section_is_of_what_is_seen(folder):
+    """Not of the surface, where this field vanishes: it would be of one colour."""
+    if COMM.size > 1:
+        pytest.skip("the picture is the same")
+    problem = block(n=6, cell="tet")
+    file = plot.picture_of_body(folder / "a.png", problem, fields=in_the_middle(problem), clip="x")
+    pixels = matplotlib.image.imread(file)[..., :3]
+    body = pixels[int(0.2 * len(pixels)) : int(0.7 * len(pixels))]
+    # Yellow, as green and red, and not blue: the middle of the range.
+    yellow = (body[..., 0] > 0.8) & (body[..., 1] > 0.8) & (body[..., 2] < 0.75)
+    assert yellow.mean() > 0.02
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@
 # and draw how they hang together as the load varies. Of {doc}`branches </theory/4_branches>` and
 # {doc}`proofs </theory/7_proofs>` there is the theory.
 
+import shutil
+
 from mpi4py import MPI
 
 import numpy as np
@@ -110,8 +112,11 @@ assert len(opposite.found) == 1
 # every contact point is at a kink of the law, and all rays that lead out of this point are found.
 #
 # A record keeps it all on the disk, with functionals along the branches: the displacement of the
-# leftmost point A, its gap, and the normal force on the whole bottom.
+# leftmost point A, its gap, and the normal force on the whole bottom. No record is overwritten:
+# that of an earlier run has to be removed.
 
+if MPI.COMM_WORLD.rank == 0:
+    shutil.rmtree("triangle", ignore_errors=True)
 seen = {"ut": leftmost("ut"), "un": leftmost("un"), "force": total("rn")}
 system.set_parameter(-1.0)
 system.problem.solve()

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import check_times
+from dolfinx_contact.equations.given_data import check_law, check_moduli
 from dolfinx_contact.equations.state import State
 
 __all__ = [
@@ -51,12 +51,16 @@ def static_equations(problem: Any) -> ContactEquations:
     """The equations of a contact problem, whose laws need no time. Collective.
 
     Raises:
-        ValueError: on every rank, if it is none, or a law needs one (`equations.given_data`).
+        ValueError: on every rank, if it is none, a law needs one, or the data of laws and material
+            are not admissible as they are now (`equations.given_data`).
     """
     eq = getattr(problem, "equations", None)
     if not isinstance(eq, ContactEquations):
         raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
-    check_times(eq.surfaces)
+    check_moduli(eq)
+    for s in eq.surfaces:
+        s.update_geometry()
+        check_law(s)
     return eq
 
 

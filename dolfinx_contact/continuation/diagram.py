@@ -355,7 +355,7 @@ class _Explorer:
             # Its own points too: at a kink gamma may turn, and be passed by round-off.
             near = [p for p in beyond if abs(p.gamma - point.gamma) <= _SAME * b.gamma_scale]
             # What is not found is not known: at worst a branch is followed twice.
-            found = self.follower.at(branch, point.gamma, lost=True)
+            found = self.follower.at(branch, point.gamma, skip_missing=True)
             passed = [p for p in found if p is not first]
             if any(self._is_at(p.y, point.y) for p in [*near, *passed]):
                 return True

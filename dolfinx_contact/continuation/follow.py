@@ -403,7 +403,7 @@ class Follower(Walker):
         slope = b.inner(onwards, start.tangent) / math.sqrt(b.inner(onwards, onwards))
         return b.inner(back, back) <= _BESIDE**2 * square and slope > self.control.cosine
 
-    def at(self, branch: Branch, gamma: float, *, lost: bool = False) -> list[BranchPoint]:
+    def at(self, branch: Branch, gamma: float, *, skip_missing: bool = False) -> list[BranchPoint]:
         """The points of ``branch`` at which its parameter is ``gamma``, in order.
 
         Between two points of the branch gamma is taken to pass a value once.
@@ -411,10 +411,10 @@ class Follower(Walker):
         Args:
             branch: of the system.
             gamma: parameter.
-            lost: whether points that are not found are left out.
+            skip_missing: whether points that are not found are left out.
 
         Raises:
-            RuntimeError: on every rank, for a point that is not found, unless ``lost``.
+            RuntimeError: on every rank, for a point that is not found, unless ``skip_missing``.
         """
         b = self.bordered
         found = []
@@ -436,7 +436,7 @@ class Follower(Walker):
                 )
                 secant.destroy()
                 if located is None or not self.corrector.natural(located[1], gamma, piece):
-                    if lost:
+                    if skip_missing:
                         continue
                     raise RuntimeError(
                         f"the point at gamma = {gamma:.10g}, between {a.gamma:.10g} and "

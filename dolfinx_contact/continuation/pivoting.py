@@ -177,8 +177,8 @@ class Pivoting(Walker):
         away = np.abs(w + along * d - w_start).max(initial=0.0)
         return bool(0 < along <= length and away <= 1e-8 * self._unit)
 
-    def at(self, branch: Branch, gamma: float, *, lost: bool = False) -> list[BranchPoint]:
-        """As `Follower.at`; none is lost."""
+    def at(self, branch: Branch, gamma: float, *, skip_missing: bool = False) -> list[BranchPoint]:
+        """As `Follower.at`; all are found."""
         found = []
         for a, c in pairwise(branch.points):
             if a.gamma == gamma:

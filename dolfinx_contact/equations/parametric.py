@@ -26,7 +26,6 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import (
     check_law,
     check_moduli,
-    check_times,
     given_data,
 )
 from dolfinx_contact.equations.measures import Scales
@@ -211,7 +210,6 @@ class ParametricEquations(System):
                 self.constant.value = gamma
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
-        check_times(self.equations.surfaces)
         varying = [
             s
             for s, rates in zip(self.equations.surfaces, self._rates, strict=True)
@@ -219,7 +217,7 @@ class ParametricEquations(System):
         ]
         looked_at = [s for s in self.equations.surfaces if s in varying or s.between_bodies]
         for s in self.equations.surfaces:
-            if s not in varying:
+            if s not in looked_at:
                 s.update_geometry()
                 check_law(s)
         with self.restored(always=True):
@@ -233,8 +231,7 @@ class ParametricEquations(System):
                     for s in looked_at:
                         s.update_geometry()
                         s.check_gaps()
-                        if s in varying:
-                            check_law(s, f" at gamma = {gamma:g}")
+                        check_law(s, f" at gamma = {gamma:g}")
 
     @property
     def scales(self) -> tuple[float, ...]:  # type: ignore[override]

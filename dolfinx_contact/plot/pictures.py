@@ -283,11 +283,11 @@ def picture_of_contact(
     at_vertices = vertex_state(s)
     normal = at_vertices["n"]
     traction = fields["traction"].x.array.reshape(-1, s.dim)
-    # What supports hold is not contact; and where nothing is pressed round-off would be all to see.
     if s.dim == 2:
         # The two senses of slip have colours of their own.
         backward = at_vertices["minus"] > at_vertices["slip"] / 2
         status = np.where((status == STATUS_CODES["-"]) & backward, _BACKWARD, status)
+    # What supports hold is not contact; and where nothing is pressed round-off would be all to see.
     carries = (status != STATUS_CODES["d"]) & _is_seen(problem, s, traction)
     values = {
         "pressure": np.where(carries, pressure, 0.0),

@@ -21,19 +21,21 @@ def vertex_state(s: ContactSurface) -> dict[str, Array]:
     """What is known at the local vertices (owned, then ghosts), for pictures. Collective.
 
     Keys ``un``, ``ut``, ``n``, ``traction``, ``pressure``, ``shear``, ``bound`` as in
-    `ContactSurface.state`, and ``open``, ``slip``, ``minus`` (slip with u_t < 0, in 2D): how much
-    of the area around a vertex has that status (0 or 1 where the vertices are the points).
+    `ContactSurface.state`, and ``open``, ``slip``, in 2D ``minus`` (slip with u_t < 0): how much of
+    the area around a vertex has that status (0 or 1 where the vertices are the points).
     """
     points = s.points
     kept = ("un", "ut", "n", "traction", "pressure", "shear", "bound")
     state = s.state()
     friction = senses(s.statuses)
     slips = closed(s.statuses) & ((friction == PLUS) | (friction == MINUS))
-    shares = {
-        "open": ~closed(s.statuses),
-        "slip": slips,
-        "minus": slips & (friction == MINUS),
-    }
+    shares = {"open": ~closed(s.statuses), "slip": slips}
+    if s.dim == 2:
+        # Where friction does nothing the status has no sense of its own, and the motion shows it.
+        moved = state["increment"]
+        n = state["n"]
+        along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
+        shares["minus"] = slips & np.where(state["bound"] > 0, friction == MINUS, along < 0)
     found = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
     if s.method != "integral":
         return {**found, **{k: points.with_ghosts(state[k]) for k in kept}}
