@@ -26,8 +26,8 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.analysis import critical_friction, renard_criterion, stability_at_rest
 from dolfinx_contact.body.rigid import parts
-from dolfinx_contact.continuation import explore, find_solutions, follow
-from dolfinx_contact.evolution import NSCD, NoContinuation
+from dolfinx_contact.continuation import explore, find_solutions, follow, points_at
+from dolfinx_contact.evolution import NSCD, ArcLength, NoContinuation
 from dolfinx_contact.materials import (
     Axisymmetric,
     CiarletGeymonat,
@@ -693,6 +693,73 @@ def test_friction_that_becomes_negative(kind):
         with pytest.raises(ValueError, match="negative friction") as info:
             attempt()
         same_on_every_rank(info)
+
+
+def test_data_that_are_inadmissible_within_the_range():
+    """Friction is admissible at both ends of the range of gamma, and negative between."""
+    domain, u = square(n=2)
+    gamma = fem.Constant(domain, 0.9)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) - gamma * (20.0 * u[0] - 5.0 * u[1])
+    floor = surface(u, law=Coulomb((gamma - 1.25) ** 2 - 0.04))
+    problem = ContactProblem(energy * ufl.dx, u, [floor], bcs=[clamp(u, 1, 1.0)])
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    for attempt in (
+        lambda: follow(system, x, 0.9, gamma_range=(0.9, 1.6)),
+        lambda: explore(system, [(x, 0.9)], gamma_range=(0.9, 1.6)),
+        lambda: ArcLength(system).run(gamma_range=(0.9, 1.6)),
+    ):
+        with pytest.raises(ValueError, match="negative friction of Coulomb at gamma") as info:
+            attempt()
+        same_on_every_rank(info)
+
+
+def test_a_gap_that_becomes_no_number():
+    """As in a solve, nothing is followed or analysed with it."""
+    domain, u = square(n=2)
+    gamma = fem.Constant(domain, 1.0)
+    height = fem.Constant(domain, 0.0)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) - gamma * (20.0 * u[0] - 5.0 * u[1])
+    place = ufl.as_vector([0.0, height])
+    floor = surface(u, obstacle=HalfSpace(place, (0.0, 1.0)))
+    problem = ContactProblem(energy * ufl.dx, u, [floor], bcs=[clamp(u, 1, 1.0)])
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    height.value = np.nan
+    for attempt in (
+        lambda: follow(system, x, 1.0, gamma_range=(0.0, 2.0), route="steps"),
+        lambda: explore(system, [(x, 1.0)], gamma_range=(0.0, 2.0), route="steps"),
+        lambda: stability_at_rest(problem, density=1.0),
+    ):
+        with pytest.raises(ValueError, match="the gap or normal of the obstacle is not finite"):
+            attempt()
+
+
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
+def test_points_of_a_branch_of_other_data(route):
+    """Whoever changes friction has no points of the branch that was followed before."""
+    domain, u = square(n=2)
+    gamma = fem.Constant(domain, 1.0)
+    friction = fem.Constant(domain, 0.4)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) - gamma * (20.0 * u[0] - 5.0 * u[1])
+    floor = surface(u, law=Coulomb(friction))
+    problem = ContactProblem(energy * ufl.dx, u, [floor], bcs=[clamp(u, 1, 1.0)])
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    given = dict(gamma_range=(1.0, 2.0), route=route)
+    branch = follow(system, x, 1.0, **given)
+    assert len(points_at(system, branch, 1.5, **given)) == 1
+    friction.value = 0.1
+    with pytest.raises(ValueError, match="changed since the branch was followed"):
+        points_at(system, branch, 1.5, **given)
+    friction.value = 0.4
+    assert len(points_at(system, branch, 1.5, **given)) == 1
 
 
 def test_a_stiffness_that_is_not_finite():

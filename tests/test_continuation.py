@@ -14,6 +14,7 @@ from dolfinx_contact.continuation import (
     StepControl,
     System,
     follow,
+    points_at,
 )
 
 
@@ -240,6 +241,23 @@ def test_three_pieces_meet():
         whole = np.concatenate(system.comm.allgather(t.array_r.copy()))
         ends.add(tuple(int(v) for v in np.sign(whole)))
     assert ends == {(1, 1), (-1, 1), (-1, -1)}
+
+
+@pytest.mark.parametrize("kinks", ["exact", "batched", "stepping"])
+def test_points_beside_smooth_folds(kinks):
+    """All roots of x^3 - x + g = 0, also where the fold alone is further than g."""
+    system = smooth(
+        1, lambda x, g: x**3 - x + g, lambda x, g: [[3 * x[0] ** 2 - 1]], lambda x, g: [1.0]
+    )
+    given = dict(gamma_range=(-1.0, 1.0), control=StepControl(kinks=kinks), route="steps")
+    branch = follow(system, start(system, [1.3]), 1.3 - 1.3**3, **given)
+    assert [special.kind for special in branch.special] == ["fold", "fold"]
+    fold = 2 / (3 * np.sqrt(3))
+    for gamma in (0.2, fold - 1e-3, fold - 1e-5, fold - 1e-7, -fold + 1e-5, fold + 1e-3):
+        found = sorted(values(system, p)[0][0] for p in points_at(system, branch, gamma, **given))
+        roots = np.roots([1.0, 0.0, -1.0, gamma])
+        real = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
+        np.testing.assert_allclose(found, real, atol=1e-7)
 
 
 def test_correctors_agree():

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import check_law, check_moduli
+from dolfinx_contact.equations.given_data import check_moduli, check_surface
 from dolfinx_contact.equations.state import State
 
 __all__ = [
@@ -59,8 +59,7 @@ def static_equations(problem: Any) -> ContactEquations:
         raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
     check_moduli(eq)
     for s in eq.surfaces:
-        s.update_geometry()
-        check_law(s)
+        check_surface(s)
     return eq
 
 

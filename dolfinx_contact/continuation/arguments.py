@@ -30,11 +30,18 @@ __all__ = [
     "checked_range",
     "reason_to_stop",
     "require_smooth",
+    "samples_of",
 ]
 
 _SHORTEST = 1e-150  # ranges of gamma whose squares are numbers
 _LONGEST = 1e150
+_SAMPLES = 33  # of a range, at which its data are checked
 _ROUND_OFF = 1e-12  # of gamma: a range below it is a point
+
+
+def samples_of(low: float, high: float) -> list[float]:
+    """Values of a range at which the data of a problem are checked, both ends included."""
+    return [float(gamma) for gamma in np.linspace(low, high, _SAMPLES)]
 
 
 def check_system(system: Any) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -137,6 +138,8 @@ class Branch(Ends):
         reason: why, in words.
         factorisations: of bordered matrices.
         solves: right-hand sides.
+        changed: what says which data have changed since it was followed, "" if none have,
+            collective; None of a branch that was not followed here.
     """
 
     points: list[BranchPoint] = field(default_factory=list)
@@ -145,6 +148,7 @@ class Branch(Ends):
     reason: str = ""
     factorisations: int = 0
     solves: int = 0
+    changed: Callable[[], str] | None = field(default=None, repr=False, compare=False)
 
     @property
     def complete(self) -> bool:

@@ -28,6 +28,7 @@ from dolfinx_contact.continuation.arguments import (
     check_vectors,
     checked_gamma,
     checked_range,
+    samples_of,
 )
 from dolfinx_contact.continuation.branch import (
     Branch,
@@ -125,7 +126,7 @@ def explore(
     pairs = list(starts)
     check_states(system, [x for x, _ in pairs], "a start")
     low, high = gamma_range
-    system.check_parameter([low, high])
+    system.check_parameter(samples_of(low, high))
     scale = high - low
     with (
         system.restored(always=True),

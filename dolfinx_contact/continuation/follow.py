@@ -28,6 +28,7 @@ from dolfinx_contact.continuation.arguments import (
     checked_gamma,
     checked_range,
     require_smooth,
+    samples_of,
 )
 from dolfinx_contact.continuation.batch import BatchedSteps, Locate
 from dolfinx_contact.continuation.bordered import Bordered
@@ -123,7 +124,7 @@ def follow(
     """
     check_states(system, [x], "x")
     low, high = gamma_range
-    system.check_parameter([low, high])
+    system.check_parameter(samples_of(low, high))
     scale = high - low
     with (
         system.restored(),
@@ -406,7 +407,8 @@ class Follower(Walker):
     def at(self, branch: Branch, gamma: float, *, skip_missing: bool = False) -> list[BranchPoint]:
         """The points of ``branch`` at which its parameter is ``gamma``, in order.
 
-        Between two points of the branch gamma is taken to pass a value once.
+        Between two points of the branch, or a point and a smooth fold, gamma is taken to pass a
+        value once.
 
         Args:
             branch: of the system.
@@ -418,7 +420,7 @@ class Follower(Walker):
         """
         b = self.bordered
         found = []
-        for a, c in pairwise(branch.points):
+        for a, c in pairwise(_with_folds(branch)):
             if a.gamma == gamma:
                 found.append(a)
             elif (a.gamma - gamma) * (c.gamma - gamma) < 0:
@@ -475,6 +477,18 @@ class Follower(Walker):
                 if where
                 else "gamma does not appear in H: its derivative by gamma vanishes"
             )
+
+
+def _with_folds(branch: Branch) -> list[BranchPoint]:
+    """The points of a branch, and its smooth folds, which lie between two of them."""
+    folds = [s for s in branch.special if s.kind == "fold" and s.smooth]
+    points: list[BranchPoint] = []
+    for number, point in enumerate(branch.points):
+        for fold in folds:
+            if fold.index == number and number > 0 and fold.gamma != point.gamma:
+                points.append(replace(points[-1], y=fold.y, gamma=fold.gamma))
+        points.append(point)
+    return points
 
 
 class _Corrected(Walk):

@@ -44,17 +44,22 @@ def points_at(
     Args:
         system: that was followed.
         branch: with all of its points.
-        gamma: parameter. Between two points of the branch it is taken to pass a value once.
+        gamma: parameter. Between two points of the branch, or a point and a smooth fold, it is
+            taken to pass a value once.
         gamma_range: with which the branch was followed.
         control: of the corrector.
         route: by which it was followed.
 
     Raises:
-        ValueError: on every rank, if an argument does not fit or differs between ranks, or the
-            branch has no point.
+        ValueError: on every rank, if an argument does not fit or differs between ranks, the branch
+            has no point, or data have changed since it was followed.
         RuntimeError: on every rank, if a point that must be there is not found.
     """
     same_everywhere(system.comm, points_of_the_branch=len(branch.points))
+    changed = branch.changed() if branch.changed is not None else ""
+    if changed:
+        raise ValueError(f"data have changed since the branch was followed: {changed}")
+    system.check_parameter([gamma])
     low, high = gamma_range
     first = branch.points[0]
     x = system.create_vector()

@@ -232,7 +232,7 @@ class System:
         return lambda: ""
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
-        """Raise ``ValueError`` if there is no problem at one of these; by default there is."""
+        """Raise ``ValueError`` if there is no problem at one of these, in order."""
 
     def restored(self, *, always: bool = False) -> AbstractContextManager[None]:
         """Restores what evaluations write to if the context raises; by default nothing.

@@ -174,7 +174,7 @@ class Walker(ABC):
         def put() -> None:
             self.system.put(*b.split(point.y), point.piece)
 
-        changed = self.system.data_watch()
+        changed = branch.changed = self.system.data_watch()
         observers = Observers(
             Guarded(b.comm, record, put, changed),
             Guarded(b.comm, observer, put, changed),

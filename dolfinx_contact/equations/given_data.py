@@ -31,6 +31,7 @@ __all__ = [
     "GivenData",
     "check_law",
     "check_moduli",
+    "check_surface",
     "check_time",
     "check_times",
     "data_in",
@@ -40,6 +41,7 @@ __all__ = [
     "not_finite",
     "numbers_of",
     "placed_data",
+    "require_finite_geometry",
     "require_obstacles",
 ]
 
@@ -208,6 +210,25 @@ def numbers_of(eq: ContactEquations) -> list[list[float]]:
 
 def _values(f: fem.Function | fem.Constant) -> npt.NDArray[np.float64]:
     return np.asarray(f.x.array if hasattr(f, "x") else f.value)
+
+
+def check_surface(s: ContactSurface, where: str = "") -> None:
+    """Raise ``ValueError`` if gaps, normals or law of a surface are none as they are now.
+
+    Collective; see `check_law`.
+    """
+    s.update_geometry()
+    s.check_gaps()
+    require_finite_geometry(s)
+    check_law(s, where)
+
+
+def require_finite_geometry(s: ContactSurface) -> None:
+    """Raise ``ValueError`` if a gap or normal is not finite as evaluated last. Collective."""
+    gaps = bool(np.isfinite(s.points.vertex_gaps).all())
+    normals = bool(np.isfinite(s.points.vertex_normals).all())
+    message = f"{s.name}: the gap or normal of the obstacle is not finite"
+    require(s.comm, gaps and normals, message)
 
 
 def check_law(s: ContactSurface, where: str = "") -> None:

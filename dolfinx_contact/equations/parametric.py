@@ -24,8 +24,8 @@ from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import (
-    check_law,
     check_moduli,
+    check_surface,
     given_data,
 )
 from dolfinx_contact.equations.measures import Scales
@@ -210,28 +210,27 @@ class ParametricEquations(System):
                 self.constant.value = gamma
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
-        varying = [
-            s
-            for s, rates in zip(self.equations.surfaces, self._rates, strict=True)
-            if rates.law_changes
-        ]
-        looked_at = [s for s in self.equations.surfaces if s in varying or s.between_bodies]
-        for s in self.equations.surfaces:
-            if s not in looked_at:
-                s.update_geometry()
-                check_law(s)
+        surfaces = self.equations.surfaces
+        rates = zip(surfaces, self._rates, strict=True)
+        varying = [s for s, rate in rates if rate.law_changes]
+        for s in surfaces:
+            if s not in varying and not s.between_bodies:
+                check_surface(s)
+        ends = (gammas[0], gammas[-1])
         with self.restored(always=True):
             for gamma in gammas:
                 self.constant.value = gamma
                 check_moduli(self.equations, f" at gamma = {gamma:g}")
-        if looked_at:
-            with self.restored(always=True):
-                for gamma in gammas:
+        with self.restored(always=True):
+            for gamma in gammas:
+                # What lies opposite is searched anew: at the ends alone if the law stays.
+                looked_at = [s for s in surfaces if s in varying]
+                if gamma in ends:
+                    looked_at += [s for s in surfaces if s.between_bodies and s not in varying]
+                if looked_at:
                     self._set(gamma)
-                    for s in looked_at:
-                        s.update_geometry()
-                        s.check_gaps()
-                        check_law(s, f" at gamma = {gamma:g}")
+                for s in looked_at:
+                    check_surface(s, f" at gamma = {gamma:g}")
 
     @property
     def scales(self) -> tuple[float, ...]:  # type: ignore[override]

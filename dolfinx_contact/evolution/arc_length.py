@@ -29,6 +29,7 @@ from dolfinx_contact.continuation.arguments import (
     check_steps,
     checked_range,
     require_smooth,
+    samples_of,
 )
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
@@ -193,7 +194,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         assert control is not None
         assert direction is not None
         self._require_no_time()
-        self.parametric.check_parameter(gamma_range)
+        self.parametric.check_parameter(samples_of(*gamma_range))
         run_state = self._run_state
         if run_state is None:
             start = self._stepper(None).start(0.0)

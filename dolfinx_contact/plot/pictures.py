@@ -70,7 +70,9 @@ Floats: TypeAlias = npt.NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
-_BACKWARD = 4  # the number, beside `STATUS_CODES`, of slip with u_t < 0 in 2D
+#: Numbers beside `STATUS_CODES`, of slip in 2D with u_t < 0, and of slip that shows no sense.
+_BACKWARD, _NO_SENSE = 4, 5
+_OTHER_SLIP = "#999933"
 _SECONDS = 120.0  # after which a picture is given up
 _NOTHING = 1e-10  # of a force, what counts as none
 _LITTLE = 1e-6  # of the largest traction, what is left of it where nothing touches
@@ -284,9 +286,11 @@ def picture_of_contact(
     normal = at_vertices["n"]
     traction = fields["traction"].x.array.reshape(-1, s.dim)
     if s.dim == 2:
-        # The two senses of slip have colours of their own.
-        backward = at_vertices["minus"] > at_vertices["slip"] / 2
-        status = np.where((status == STATUS_CODES["-"]) & backward, _BACKWARD, status)
+        # The two senses of slip have colours of their own, and so has slip that shows none.
+        slips = status == STATUS_CODES["-"]
+        plus, minus = at_vertices["plus"], at_vertices["minus"]
+        status = np.where(slips & (minus > plus), _BACKWARD, status)
+        status = np.where(slips & (plus == 0) & (minus == 0), _NO_SENSE, status)
     # What supports hold is not contact; and where nothing is pressed round-off would be all to see.
     carries = (status != STATUS_CODES["d"]) & _is_seen(problem, s, traction)
     values = {
@@ -310,10 +314,11 @@ def picture_of_contact(
     inactive = "without contact" if s.between_bodies else "clamped"
     letters = "ok+d-" if s.dim == 2 else "oksd"
     names = NAMES | {"d": inactive}
-    data["statuses"] = [(names[letter], COLOURS[letter]) for letter in letters]
+    statuses = [(names[letter], COLOURS[letter]) for letter in letters]
+    data["statuses"] = [*statuses, ("slip", _OTHER_SLIP)] if s.dim == 2 else statuses
     if s.comm.rank == 0:
         data |= seen | (_flat_curve(seen) if s.dim == 2 else _flat_surface(seen))
-        codes = np.bincount(seen["status"].astype(int), minlength=len(letters))
+        codes = np.bincount(seen["status"].astype(int), minlength=len(data["statuses"]))
         data["counts"] = codes
     return draw(s.comm, f"contact_{s.dim}d", data, Path(file))
 
@@ -378,7 +383,7 @@ def _flat_surface(seen: Arrays) -> dict[str, Any]:
 
 def _touching(seen: Arrays) -> npt.NDArray[np.bool_]:
     """Vertices of a face where it sticks or slips, or a bond pulls."""
-    closed = np.isin(seen["status"], [STATUS_CODES["k"], STATUS_CODES["s"], _BACKWARD])
+    closed = np.isin(seen["status"], [STATUS_CODES["k"], STATUS_CODES["s"], _BACKWARD, _NO_SENSE])
     size = np.hypot(seen["pressure"], np.linalg.norm(seen["shear"], axis=1))
     return np.asarray(closed | (size > _LITTLE * size.max(initial=0.0)))
 

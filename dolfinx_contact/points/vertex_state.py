@@ -21,8 +21,9 @@ def vertex_state(s: ContactSurface) -> dict[str, Array]:
     """What is known at the local vertices (owned, then ghosts), for pictures. Collective.
 
     Keys ``un``, ``ut``, ``n``, ``traction``, ``pressure``, ``shear``, ``bound`` as in
-    `ContactSurface.state`, and ``open``, ``slip``, in 2D ``minus`` (slip with u_t < 0): how much of
-    the area around a vertex has that status (0 or 1 where the vertices are the points).
+    `ContactSurface.state`, and ``open``, ``slip``: how much of the area around a vertex has that
+    status (0 or 1 where the vertices are the points). In 2D also ``plus`` and ``minus``, slip with
+    u_t > 0 and < 0: neither without friction where nothing has moved since the last step.
     """
     points = s.points
     kept = ("un", "ut", "n", "traction", "pressure", "shear", "bound")
@@ -35,7 +36,9 @@ def vertex_state(s: ContactSurface) -> dict[str, Array]:
         moved = state["increment"]
         n = state["n"]
         along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
-        shares["minus"] = slips & np.where(state["bound"] > 0, friction == MINUS, along < 0)
+        grips = state["bound"] > 0
+        shares["plus"] = slips & np.where(grips, friction == PLUS, along > 0)
+        shares["minus"] = slips & np.where(grips, friction == MINUS, along < 0)
     found = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
     if s.method != "integral":
         return {**found, **{k: points.with_ghosts(state[k]) for k in kept}}

@@ -46,6 +46,7 @@ from dolfinx_contact.equations.given_data import (
     check_moduli,
     not_finite,
     placed_data,
+    require_finite_geometry,
     require_obstacles,
 )
 from dolfinx_contact.equations.state import State, Statuses
@@ -189,11 +190,7 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     lost = without_normal(eq, eq.contact(x0))
     require(eq.comm, not lost, lost)
     for s in eq.surfaces:
-        points = s.points
-        gaps = bool(np.isfinite(points.vertex_gaps).all())
-        normals = bool(np.isfinite(points.vertex_normals).all())
-        message = f"{s.name}: the gap or normal of the obstacle is not finite"
-        require(eq.comm, gaps and normals, message)
+        require_finite_geometry(s)
     values = eq.constraints.values()
     prescribed = bool(np.isfinite(values[eq.constraints.fixed]).all())
     require(eq.comm, prescribed, "a Dirichlet value is not finite")
