@@ -46,7 +46,8 @@ class StepControl:
         tolerance: relative residual at which a point is accepted.
         kinks: how a branch passes them: ``"exact"`` every event is located, and a step ends there
             (`ExactSteps`); ``"batched"`` a step may pass many events along which the branch
-            continues without turning or branching, the others are located (`BatchedSteps`);
+            continues without turning or branching, the others are located (`BatchedSteps`), but for
+            two turns within one step, which are passed: shorter steps show whether there are any;
             ``"stepping"`` the step shrinks to its minimum before a kink and is then tried along
             the tangents beyond (`SteppingSteps`). None: batched where the system has many pieces
             (`System.has_many_pieces`), else exact.
