@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import ctypes
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
@@ -13,6 +14,8 @@ from petsc4py import PETSc
 
 __all__ = [
     "as_raised",
+    "forget_product",
+    "half_of",
     "has_package",
     "logged",
     "options_in_database",
@@ -97,6 +100,14 @@ def half_of(A: PETSc.Mat) -> PETSc.Mat:
     """
     A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     return A.convert("sbaij", PETSc.Mat())
+
+
+def forget_product(A: PETSc.Mat) -> None:
+    """Free what ``A``, a product of matrices, keeps to be made again: its factors. Collective."""
+    library = ctypes.CDLL(PETSc.__file__)  # petsc4py has no name for it
+    error = library.MatProductClear(ctypes.c_void_p(A.handle))
+    if error:
+        raise PETSc.Error(error)
 
 
 def has_package(name: str) -> bool:

@@ -39,7 +39,7 @@ from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk", "check_jumps"]
 
-_PRODUCTS = 4  # that are timed
+_PRODUCTS = 2  # that are timed
 logger = logging.getLogger(__name__)
 
 

@@ -183,10 +183,11 @@ def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
     points = reference_points(domain.basix_cell(), degree)
     table = gradients(domain.ufl_domain().ufl_coordinate_element(), points)
     for part in chunks(domain.topology.index_map(dim).size_local):
-        X = x[nodes[part]].transpose(0, 2, 1)
-        J = (X @ table).reshape(len(X), dim, len(points), dim).transpose(0, 2, 1, 3)
+        corners = x[nodes[part]]
+        X = np.ascontiguousarray(corners.transpose(0, 2, 1)).reshape(-1, corners.shape[1])
+        J = (X @ table).reshape(len(corners), dim, len(points), dim).transpose(0, 2, 1, 3)
         length = np.abs(J).max(axis=(1, 2, 3))
-        yield part, J, length ** (dim - 1) * (length + np.abs(X).max(axis=(1, 2)))
+        yield part, J, length ** (dim - 1) * (length + np.abs(corners).max(axis=(1, 2)))
 
 
 # -- folds ---------------------------------------------------------------------------------------

@@ -122,6 +122,9 @@ def free_motions(
     modes = rigid_motions(V, axisymmetric=axisymmetric)
     n = V.dofmap.index_map.size_local
     held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), n * modes.shape[2])
+    by_data = V.mesh.comm.allreduce(held @ held.T)
+    if not len(loose(by_data)):
+        return modes[:0]
     x = K.createVecRight()
     y = K.createVecLeft()
     scale = K.norm(PETSc.NormType.NORM_INFINITY)
@@ -131,8 +134,8 @@ def free_motions(
         K.mult(x, y)
         forces.append(y.array.copy() / scale)
     x.destroy(), y.destroy()
-    rows = np.hstack([held, np.array(forces)])
-    return combine(V.mesh.comm.allreduce(rows @ rows.T), modes)
+    resisting = np.array(forces)
+    return combine(by_data + V.mesh.comm.allreduce(resisting @ resisting.T), modes)
 
 
 def combine(

@@ -59,6 +59,7 @@ class Scaling:
 
     Attributes:
         stiffness: mean diagonal entry.
+        softness: of the body (`softness`).
         automatic_r: at the local vertices of each surface.
         at_vertices: stiffness of a node by its area, there.
         loose: rigid motions that neither stiffness nor Dirichlet data hold.
@@ -85,6 +86,7 @@ class Scaling:
         self._size = body_size
         self._forced = forced_r
         self.stiffness = 0.0
+        self.softness = 1.0
         self._mark = -1
         self.automatic_r = [0.0 * s.points.r for s in surfaces]
         self.at_vertices = [0.0 * s.points.r for s in surfaces]
@@ -105,10 +107,14 @@ class Scaling:
         surfaces = self._surfaces
         fixed, rigid = self._given
         K = self._bulk.stiffness(u)
+        products = self._bulk.for_products
         around = surfaces[0].axisymmetric
         if around:
             require_hoop_stiffness(K)
-        scale, automatic, at_vertices = automatic_augmentation(K, self._V, surfaces, self._size)
+        self.softness = softness(products, self._V, axisymmetric=around)
+        scale, automatic, at_vertices = automatic_augmentation(
+            K, self.softness, self._V, surfaces, self._size
+        )
         moves = None if self._bulk.has_mass else K
         self.loose = LooseMotions(moves, self._V, surfaces, fixed, rigid, axisymmetric=around)
         self._mark = self._bulk.stiffness_mark
@@ -137,7 +143,11 @@ class Scaling:
 
 
 def automatic_augmentation(
-    K: PETSc.Mat, V: fem.FunctionSpace, surfaces: Sequence[ContactSurface], body_size: float
+    K: PETSc.Mat,
+    soft: float,
+    V: fem.FunctionSpace,
+    surfaces: Sequence[ContactSurface],
+    body_size: float,
 ) -> tuple[float, list[npt.NDArray[np.float64]], list[npt.NDArray[np.float64]]]:
     """Mean diagonal entry of the stiffness; at the local vertices of each surface r, and stiffness.
 
@@ -150,6 +160,13 @@ def automatic_augmentation(
     of a nearly incompressible body is that of its resistance to compression, by which it hardly
     yields to a contact: beyond Poisson's ratio 0.4 r falls with the square root of the `softness`,
     between the two stiffnesses. At 0.499 full steps then converge where they cycled (measured).
+
+    Args:
+        K: the stiffness.
+        soft: the `softness` of the body.
+        V: displacement space.
+        surfaces: where the body may touch.
+        body_size: a length.
 
     Raises:
         ValueError: if the stiffness is zero or not finite. Collective.
@@ -167,17 +184,16 @@ def automatic_augmentation(
         "the stiffness of the bulk is zero or not finite at the starting displacement",
     )
     per_node = diagonal.x.array.reshape(-1, bs).mean(axis=1)
-    around = surfaces[0].axisymmetric
     automatic = []
     at_vertices = []
-    soft = np.sqrt(min(2.0 * softness(K, V, axisymmetric=around), 1.0))
+    share = np.sqrt(min(2.0 * soft, 1.0))
     for s in surfaces:
         # Of two bodies that touch both yield.
         other = s.opposite(per_node)
         pair = np.divide(per_node * other, per_node + other, where=other > 0, out=per_node.copy())
         width = (s.points.vertex_areas / s.points.circumferences) ** (1 / (s.dim - 1))
         stiffness = pair[s.points.vertex_trace_dofs] / s.points.vertex_areas
-        automatic.append(soft * stiffness * width / body_size)
+        automatic.append(share * stiffness * width / body_size)
         at_vertices.append(stiffness)
     return size / (V.dofmap.index_map.size_global * bs), automatic, at_vertices
 
@@ -227,6 +243,8 @@ def softness(K: PETSc.Mat, V: fem.FunctionSpace, *, axisymmetric: bool = False) 
         energies[:, column] = [b @ f.array_r for b in fields]
     u.destroy(), f.destroy()
     energies = V.mesh.comm.allreduce(energies)
+    if not np.isfinite(energies).all():
+        return 1.0
     eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))
     share = np.median(eigenvalues) / np.mean(eigenvalues)
     # A body on the way to instability has no typical stiffness in this sense.

@@ -34,17 +34,17 @@ class Forcing:
         patience: steps without a new minimum of the residual before the tolerances shrink.
     """
 
-    largest: float = 1e-1
-    first: float = 3e-2
+    largest: float = 3e-2
+    first: float = 1e-2
     warm: float = 1e-3
     gamma: float = 0.9
     smallest: float = 1e-10
     tightest: float = 1e-6
-    reserve: float = 0.01
-    near: float = 1.0
+    reserve: float = 0.3
+    near: float = 100.0
     many: float = 0.02
     patience: int = 8
-    _cap: float = field(default=1e-1, init=False)
+    _cap: float = field(default=3e-2, init=False)
     _least: float = field(default=float("inf"), init=False)
     _waited: int = field(default=0, init=False)
     _last: float = field(default=0.0, init=False)
@@ -53,7 +53,7 @@ class Forcing:
     @classmethod
     def in_motion(cls) -> Forcing:
         """For steps of time, where mass makes systems well conditioned and a step more is cheap."""
-        return cls(warm=3e-2, reserve=0.1, near=30.0)
+        return cls(largest=1e-1, first=3e-2, warm=3e-2, reserve=0.1, near=30.0)
 
     def restart(self, *, warm: bool) -> None:
         """Begin anew, from a state that is close to a solution or not."""

@@ -4,6 +4,8 @@
 Algebraic multigrid by PETSc (GAMG, or BoomerAMG of hypre) with the rigid motions as near null
 space, built from the stiffness with the nodes glued that were closed when it was built. Statuses
 may move on: the surface filter corrects what the hierarchy gets wrong at the contact nodes.
+Aggregates of GAMG are plain (`PLAIN`) or smoothed (`SMOOTHED`), which is dearer to set up and needs
+fewer iterations.
 
 In a step of time mass may make the stiffness so well conditioned that a hierarchy is not worth its
 cost: then a short polynomial of it is used instead.
@@ -11,6 +13,7 @@ cost: then a short polynomial of it is used instead.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from petsc4py import PETSc
@@ -20,17 +23,46 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
-from dolfinx_contact._petsc import half_of, has_package, logged, options_in_database
+from dolfinx_contact._petsc import forget_product, half_of, has_package, logged, options_in_database
 
-__all__ = ["Hierarchy", "condition", "rigid_body_space"]
+__all__ = ["PLAIN", "SMOOTHED", "Hierarchy", "Interpolation", "condition", "rigid_body_space"]
 
 _GAMG: dict[str, Any] = {
     "pc_type": "gamg",
+    "pc_use_amat": True,
     "pc_gamg_threshold": 0.005,
-    "pc_gamg_aggressive_coarsening": 1,
     "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_ksp_max_it": 2,
     "mg_levels_pc_type": "jacobi",
 }
+
+
+@dataclass(frozen=True)
+class Interpolation:
+    """How GAMG interpolates from aggregates, and what that costs (`benchmarks/settings_study.py`).
+
+    Costs are counted in iterations with plain aggregates.
+
+    Attributes:
+        options: of the PC.
+        set_up: cost of a hierarchy.
+        iteration: cost of an iteration.
+        per_digit: iterations that a new hierarchy takes for a decimal digit of the residual.
+    """
+
+    options: dict[str, Any]
+    set_up: float
+    iteration: float
+    per_digit: float
+
+
+#: Plain aggregates take more iterations, the more the larger the mesh, and are cheap to set up.
+PLAIN = Interpolation(
+    {"pc_gamg_agg_nsmooths": 0, "pc_gamg_aggressive_coarsening": 1}, 25.0, 1.0, 3.5
+)
+SMOOTHED = Interpolation(
+    {"pc_gamg_agg_nsmooths": 1, "pc_gamg_aggressive_coarsening": 2}, 70.0, 1.4, 2.5
+)
 _HYPRE: dict[str, Any] = {
     "pc_type": "hypre",
     "pc_hypre_type": "boomeramg",
@@ -67,15 +99,24 @@ class Hierarchy:
         prefix: of PETSc options; those of the hierarchy follow with ``amg_``.
         symmetric: whether the stiffness is symmetric and positive definite.
         massive: whether it has a mass in it, so that a polynomial may do.
+        interpolation: of GAMG.
 
     Attributes:
         null_space: rigid motions, for `Mat.setNearNullSpace`.
+        interpolation: of GAMG, the next time that it is built.
     """
 
     def __init__(
-        self, V: fem.FunctionSpace, prefix: str, *, symmetric: bool = True, massive: bool = False
+        self,
+        V: fem.FunctionSpace,
+        prefix: str,
+        *,
+        symmetric: bool = True,
+        massive: bool = False,
+        interpolation: Interpolation = SMOOTHED,
     ):
         self._default = "gamg"
+        self.interpolation = interpolation
         self._massive = massive and symmetric
         self.comm = V.mesh.comm
         self.prefix = prefix + "amg_"
@@ -84,7 +125,8 @@ class Hierarchy:
         self._bs = V.dofmap.index_map_bs
         self.pc: PETSc.PC | None = None
         self.matrix: PETSc.Mat | None = None
-        self._half: PETSc.Mat | None = None
+        self._products: PETSc.Mat | None = None
+        self._coarse: PETSc.Mat | None = None
         #: Number of set-ups so far.
         self.builds = 0
 
@@ -94,9 +136,16 @@ class Hierarchy:
         return str(PETSc.Options().getString(self.prefix + "pc_type", self._default))
 
     @property
+    def may_smooth(self) -> bool:
+        """Whether the interpolation is plain and could be smoothed."""
+        given = PETSc.Options().hasName(self.prefix + "pc_gamg_agg_nsmooths")
+        return self.kind == "gamg" and self.interpolation is PLAIN and not given
+
+    @property
     def options(self) -> dict[str, Any]:
         """The options of the PC where the database has no others."""
-        return {"gamg": _GAMG, "hypre": _HYPRE, "ksp": _POLYNOMIAL}.get(self.kind, {})
+        gamg = {**_GAMG, **self.interpolation.options}
+        return {"gamg": gamg, "hypre": _HYPRE, "ksp": _POLYNOMIAL}.get(self.kind, {})
 
     def build(
         self,
@@ -104,6 +153,7 @@ class Hierarchy:
         identity: npt.NDArray[np.int32],
         diagonal: float,
         added: PETSc.Mat | None = None,
+        half: PETSc.Mat | None = None,
     ) -> PETSc.PC:
         """Build from ``K`` with the owned local dofs ``identity`` held. Collective.
 
@@ -112,6 +162,7 @@ class Hierarchy:
             identity: rows and columns to replace by those of the identity,
             diagonal: times this.
             added: to ``K`` before; it is consumed.
+            half: ``K`` stored by half, if it is at hand and stays as long as the hierarchy.
         """
         self.release()
         with logged("ContactAMGSetUp"):
@@ -119,6 +170,7 @@ class Hierarchy:
             if added is not None:
                 self.matrix.axpy(1.0, added, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
                 added.destroy()
+                half = None
             self.matrix.setBlockSize(self._bs)
             rows = identity + K.getOwnershipRange()[0]
             self.matrix.zeroRowsColumns(rows.astype(np.int32), diag=diagonal)
@@ -129,16 +181,38 @@ class Hierarchy:
                     well = condition(self.matrix, _LANCZOS) <= _WELL
                     self._default = "ksp" if well else "gamg"
                 if self.kind in ("gamg", "ksp"):
-                    self._half = half_of(self.matrix)
+                    held = half_of(self.matrix) if half is None else _held(half, identity, diagonal)
+                    self._products = held
             self.pc = PETSc.PC().create(self.comm)
-            halved = self.kind == "ksp" and self._half is not None
-            self.pc.setOperators(self._half if halved else self.matrix, self.matrix)
+            self.pc.setOperators(self._products or self.matrix, self.matrix)
             self.set_up(self.pc)
-            if self.kind == "gamg" and self._half is not None and self.pc.getMGLevels() > 1:
-                finest = self.pc.getMGSmoother(self.pc.getMGLevels() - 1)
-                finest.setOperators(self._half, self.matrix)
+            if self.kind == "gamg" and self._symmetric:
+                self._shrink(self.pc, half is not None)
         self.builds += 1
         return self.pc
+
+    def _shrink(self, pc: PETSc.PC, free: bool) -> None:
+        """Store the first coarse matrix by half, free what made the hierarchy. Collective.
+
+        Args:
+            pc: that is set up.
+            free: whether the finest matrix may go, since `_products` knows its diagonal.
+        """
+        levels = pc.getMGLevels()
+        for level in range(levels - 1):
+            forget_product(pc.getMGSmoother(level).getOperators()[1])
+        if levels > 2:
+            smoother = pc.getMGSmoother(levels - 2)
+            coarse = smoother.getOperators()[1]
+            self._coarse = half_of(coarse)
+            smoother.setOperators(self._coarse, coarse)
+        if free and levels > 1:
+            pc.setReusePreconditioner(True)
+            pc.setOperators(self._products, self._products)
+            pc.getMGSmoother(levels - 1).setOperators(self._products, self._products)
+            assert self.matrix is not None
+            self.matrix.destroy()
+            self.matrix = None
 
     def set_up(self, pc: PETSc.PC) -> None:
         """Set up a PC, whose operators are set, with the options of the hierarchy. Collective.
@@ -158,10 +232,45 @@ class Hierarchy:
 
     def release(self) -> None:
         """Free the hierarchy."""
-        for thing in (self.pc, self.matrix, self._half):
+        for thing in (self.pc, self.matrix, self._products, self._coarse):
             if thing is not None:
                 thing.destroy()
-        self.pc = self.matrix = self._half = None
+        self.pc = self.matrix = self._products = self._coarse = None
+
+
+class _Held:
+    """Context of a Mat: a symmetric matrix with rows and columns of the identity.
+
+    Args:
+        A: the matrix.
+        rows: owned local indices of these rows.
+        diagonal: times which the identity is taken.
+    """
+
+    def __init__(self, A: PETSc.Mat, rows: npt.NDArray[np.int32], diagonal: float):
+        self._A = A
+        self._rows = rows
+        self._diagonal = diagonal
+        self._x = A.createVecRight()
+
+    def getDiagonal(self, _mat: PETSc.Mat, y: PETSc.Vec) -> None:
+        self._A.getDiagonal(y)
+        y.array[self._rows] = self._diagonal
+
+    def mult(self, _mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Y = A x, but for the rows."""
+        x.copy(self._x)
+        values = x.array_r[self._rows]
+        self._x.array[self._rows] = 0.0
+        self._A.mult(self._x, y)
+        y.array[self._rows] = self._diagonal * values
+
+
+def _held(A: PETSc.Mat, rows: npt.NDArray[np.int32], diagonal: float) -> PETSc.Mat:
+    """``A`` with some rows and columns of the identity, as a product. Collective."""
+    made = PETSc.Mat().createPython(A.getSizes(), _Held(A, rows, diagonal), comm=A.comm)
+    made.setUp()
+    return made
 
 
 def condition(A: PETSc.Mat, steps: int) -> float:

@@ -18,7 +18,7 @@ from dolfinx_contact._petsc import has_package, logged
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.trace import facet_closures
 from dolfinx_contact.solvers.forcing import Forcing
-from dolfinx_contact.solvers.hierarchy import Hierarchy
+from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
 from dolfinx_contact.solvers.linear import LinearSolver, reasons_of, seconds_of_multigrid
 from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.springs import springs
@@ -33,9 +33,10 @@ __all__ = ["Multigrid"]
 
 logger = logging.getLogger(__name__)
 
-_COST = 35.0  # iterations that take as long as the set-up of a hierarchy (measured)
+#: Cost of a decimal digit with smoothed aggregates, in iterations with plain ones.
+_SMOOTHED_PER_DIGIT = SMOOTHED.iteration * SMOOTHED.per_digit
+_SOFT = 0.15  # softness of a body with Poisson's ratio 0.478
 _NEGLIGIBLE = 0.01  # share of the residual on the surface that needs no correction
-_FRESH = 3.0  # iterations per digit with a new hierarchy (measured)
 
 
 @dataclass(frozen=True)
@@ -87,10 +88,20 @@ class Multigrid(LinearSolver):
         self.filter = SurfaceFilter(self.operator, prefix)
         symmetric = equations.bulk.energy is not None
         massive = equations.bulk.has_mass
-        self.hierarchy = Hierarchy(equations.V, prefix, symmetric=symmetric, massive=massive)
+        # In the plane smoothed aggregates are cheap, and plain ones fail where the body hardly
+        # changes its volume (measured).
+        smoothed = equations.dim == 2 or equations.scaling.softness < _SOFT
+        self.hierarchy = Hierarchy(
+            equations.V,
+            prefix,
+            symmetric=symmetric,
+            massive=massive,
+            interpolation=SMOOTHED if smoothed else PLAIN,
+        )
         self.forcing = Forcing.in_motion() if massive else Forcing()
         self._glued: _Glued | None = None
-        self._excess = 0.0  # iterations that a new hierarchy would have saved
+        self._excess = 0.0  # iterations that a new hierarchy would have saved,
+        self._dearer = 0.0  # and what one with smoothed aggregates would have
         self._assemblies = 0  # of the stiffness, when the hierarchy was built
         self._points = sum(s.points.number_everywhere for s in equations.surfaces)
 
@@ -123,7 +134,8 @@ class Multigrid(LinearSolver):
 
     def age(self, iterations: int, digits: float) -> None:
         """Add what a solve took more than a new hierarchy would; `update` acts on it."""
-        self._excess += max(iterations - _FRESH * digits, 0.0)
+        self._excess += max(iterations - self.hierarchy.interpolation.per_digit * digits, 0.0)
+        self._dearer = max(self._dearer + iterations - _SMOOTHED_PER_DIGIT * digits, 0.0)
 
     # -- as the linear solver of Newton's method -------------------------------------------------
 
@@ -136,9 +148,18 @@ class Multigrid(LinearSolver):
         self.filter.update()
         bulk = self._equations.bulk
         changed = bulk.linear and self._assemblies != bulk.assemblies
-        aged = self._excess > _COST and self._is_stale(state)
-        if self.hierarchy.pc is None or changed or aged:
+        now = self.hierarchy.interpolation
+        aged = self._excess * now.iteration > now.set_up and self._is_stale(state)
+        smooth = self._dearer > SMOOTHED.set_up and self._smooth()
+        if self.hierarchy.pc is None or changed or aged or smooth:
             self.build(state)
+
+    def _smooth(self) -> bool:
+        """Whether the next hierarchy has smoothed aggregates where this one has plain ones."""
+        if not self.hierarchy.may_smooth:
+            return False
+        self.hierarchy.interpolation = SMOOTHED
+        return True
 
     def build(self, state: State) -> None:
         """Build the hierarchy from the statuses, or from a guess of them. Collective."""
@@ -146,9 +167,11 @@ class Multigrid(LinearSolver):
         self._glued = self._closed(state)
         held = np.union1d(A.fixed, np.flatnonzero(self._glued.held)).astype(np.int32)
         added = springs(self._equations, A.stiffness, self._glued.joined)
-        self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal, added)
+        products = self._equations.bulk.for_products
+        half = products if products is not A.stiffness else None
+        self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal, added, half)
         self._assemblies = self._equations.bulk.assemblies
-        self._excess = 0.0
+        self._excess = self._dearer = 0.0
         if self.comm.rank == 0:
             logger.info(
                 "multigrid hierarchy %d built: %s", self.hierarchy.builds, self.hierarchy.kind
@@ -219,7 +242,10 @@ class Multigrid(LinearSolver):
         """Build anew if that saves more iterations than it costs. Collective."""
         per_digit = step.krylov / max(digits, 1.0)
         left = max(np.log10(max(step.measures.worst, target) / target), 0.0) + 1
-        if (per_digit - _FRESH) * left > _COST and self._is_stale(state):
+        now = self.hierarchy.interpolation
+        smooth = (per_digit - _SMOOTHED_PER_DIGIT) * left > SMOOTHED.set_up and self._smooth()
+        saved = (per_digit - now.per_digit) * left * now.iteration
+        if smooth or (saved > now.set_up and self._is_stale(state)):
             self.build(state)
 
     def _is_stale(self, state: State) -> bool:
@@ -232,7 +258,7 @@ class Multigrid(LinearSolver):
         return self.forcing.tighten()
 
     def retry(self, ksp: PETSc.KSP, state: State) -> bool:
-        if not self._is_stale(state):
+        if not (self._smooth() or self._is_stale(state)):
             return False
         self.build(state)
         return True
