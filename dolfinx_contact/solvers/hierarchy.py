@@ -241,35 +241,40 @@ class Hierarchy:
 class _Held:
     """Context of a Mat: a symmetric matrix with rows and columns of the identity.
 
+    Matrix and work vector are composed with the Mat, which frees them on all ranks.
+
     Args:
-        A: the matrix.
         rows: owned local indices of these rows.
         diagonal: times which the identity is taken.
     """
 
-    def __init__(self, A: PETSc.Mat, rows: npt.NDArray[np.int32], diagonal: float):
-        self._A = A
+    def __init__(self, rows: npt.NDArray[np.int32], diagonal: float):
         self._rows = rows
         self._diagonal = diagonal
-        self._x = A.createVecRight()
 
-    def getDiagonal(self, _mat: PETSc.Mat, y: PETSc.Vec) -> None:
-        self._A.getDiagonal(y)
+    def getDiagonal(self, mat: PETSc.Mat, y: PETSc.Vec) -> None:
+        """The diagonal."""
+        mat.query("matrix").getDiagonal(y)
         y.array[self._rows] = self._diagonal
 
-    def mult(self, _mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+    def mult(self, mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Y = A x, but for the rows."""
-        x.copy(self._x)
+        work = mat.query("work")
+        x.copy(work)
         values = x.array_r[self._rows]
-        self._x.array[self._rows] = 0.0
-        self._A.mult(self._x, y)
+        work.array[self._rows] = 0.0
+        mat.query("matrix").mult(work, y)
         y.array[self._rows] = self._diagonal * values
 
 
 def _held(A: PETSc.Mat, rows: npt.NDArray[np.int32], diagonal: float) -> PETSc.Mat:
     """``A`` with some rows and columns of the identity, as a product. Collective."""
-    made = PETSc.Mat().createPython(A.getSizes(), _Held(A, rows, diagonal), comm=A.comm)
+    made = PETSc.Mat().createPython(A.getSizes(), _Held(rows, diagonal), comm=A.comm)
     made.setUp()
+    work = A.createVecRight()
+    made.compose("matrix", A)
+    made.compose("work", work)
+    work.destroy()
     return made
 
 
