@@ -12,7 +12,7 @@
 # sticks, and rides on, until its springs pull with mu g. Then it slips and swings about u with the
 # amplitude V/w, in each period of 2 pi/w it is once as fast as the belt, and slips again at once.
 #
-# This repeats: with a friction coefficient that is the same at rest and in motion it sticks once.
+# With a friction coefficient that is the same at rest and in motion it sticks only that once.
 # Where sticking returns in every period friction falls with the speed, or with the way slipped.
 # Some damping calms the rattle of the stiff block on its corners.
 

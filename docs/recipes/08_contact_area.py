@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I get the true contact area?
 #
-# How much of the surface touches is the sum of the areas of the points that are closed: those with
-# the letters k (stick), + and - (slip in 2D) and s (slip in 3D). In 2D areas are lengths. Here a
-# cube is pressed on a ball.
+# How much of the surface touches, its asperities left aside, is the sum of the areas of the points
+# that are closed: those with the letters k (stick), + and - (slip in 2D) and s (slip in 3D). In 2D
+# areas are lengths. Here a cube is pressed on a ball.
 
 import numpy as np
 from common import Block

@@ -3,7 +3,7 @@
 #
 # Solve on finer and finer meshes and compare a number. The rate of convergence follows from three
 # of them; what friction and the ends of contact leave of the regularity bounds it. Here it is the
-# work of the load, which converges about as the square of the error in energy; the corners, where
+# elastic energy, which converges about as the square of the error in its norm; the corners, where
 # the block is held, bound its order.
 
 import numpy as np
@@ -19,7 +19,7 @@ print("energies", energies, "orders", orders)
 draw_curves(
     "convergence.png",
     {"change of the energy": (1 / sizes[1:], changes)},
-    labels=("cell size", ""),
+    labels=("cell size", "change of the energy"),
     loglog=True,
 )
 assert np.all(orders > 0.7)
