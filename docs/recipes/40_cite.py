@@ -3,8 +3,8 @@
 #
 # `CITATION.cff` in the repository names the package and the papers whose methods it has;
 # [Citing](/citing.md) has them as BibTeX with what to cite for what. For the methods section of a
-# paper: what theorems say of your problem is in `result.theory()`. Where none of them says that there
-# is only one solution it may still be the only one: see [recipe 33](33_only_solution.py).
+# paper: what theorems say of your problem is in `result.theory()`. Where none of them says that
+# there is only one solution it may still be the only one: see [recipe 33](33_only_solution.py).
 
 from common import Block
 

@@ -243,7 +243,7 @@ def softness(K: PETSc.Mat, V: fem.FunctionSpace, *, axisymmetric: bool = False) 
         energies[:, column] = [b @ f.array_r for b in fields]
     u.destroy(), f.destroy()
     energies = V.mesh.comm.allreduce(energies)
-    if not np.isfinite(energies).all():
+    if not np.isfinite(energies).all() or not energies.any():
         return 1.0
     eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))
     share = np.median(eigenvalues) / np.mean(eigenvalues)
