@@ -133,15 +133,15 @@ def main(argv=None):
 
     if comm.rank == 0:
         names = ("critical", "one_way", "alternating")
-        curves = {name: curves_of(levels, name) for name in names}
+        curves = {name.replace("_", " "): curves_of(levels, name) for name in names}
         h = np.array([row["h"] for row in levels])
         root = levels[-1]["alternating"] * np.sqrt(h / h[-1])
         slope = {"order 1/2": (h, root)}
-        look = dict(labels=("$h$", "$F$"), loglog=True)
+        look = dict(labels=("size of cells h", "critical friction F"), loglog=True)
         plot.draw_curves(folder / "refinement.png", curves, dotted=slope, **look)
         if found.friction is not None:
             slip = {f"F = {found.friction:.6g}": (found.positions[:, 0], found.slips)}
-            plot.draw_curves(folder / "slip.png", slip, labels=("$x$", "$v$"))
+            plot.draw_curves(folder / "slip.png", slip, labels=("x", "slip of the mode"))
     summary = {
         "converged": True,
         "newton_iterations": 0,

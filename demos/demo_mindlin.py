@@ -165,7 +165,7 @@ def main(argv=None):
             "stick_radius": np.abs(stuck).max(),
             "stick_radius_closed_form": c[k],
         }
-        say(f"{name}: {summary[name]}")
+        say(name + ": " + ", ".join(f"{k} {v:.4g}" for k, v in summary[name].items()))
         if comm.rank == 0:
             computed = {"computed": (x, q)}
             closed_form = {"half-planes": (x, exact)}

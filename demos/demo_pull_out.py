@@ -152,7 +152,7 @@ def main(argv=None):
 
     if comm.rank == 0:
         still = foot < 0.1 * U0  # as the closed form requires
-        curves = {"": (end, force)}
+        curves = {"elastic body": (end, force)}
         dotted = {"bar": (end[still], closed[still])}
         names = ("end of the fibre, mm", "force, N")
         plot.draw_curves(folder / "curve.png", curves, dotted=dotted, labels=names)

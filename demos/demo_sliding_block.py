@@ -138,7 +138,7 @@ def main(argv=None):
     io.write_rows(comm, folder / "steps.csv", history.rows())
 
     if comm.rank == 0:
-        computed = {"": (times, speed)}
+        computed = {"elastic block": (times, speed)}
         point_mass = SPEED * np.maximum(1 - times / stop, 0)
         exact = {"point mass": (times, point_mass)}
         axes = ("time", "mean velocity")

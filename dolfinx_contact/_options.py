@@ -50,6 +50,8 @@ _KNOWN = (
     "ksp_norm_type",
     "ksp_error_if_not_converged",
     "pc_type",
+    "pc_mg_type",
+    "pc_gamg_type",
     "pc_factor_mat_solver_type",
     "pc_factor_mat_ordering_type",
     "pc_factor_levels",

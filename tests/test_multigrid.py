@@ -439,6 +439,28 @@ def test_aggregates_are_smoothed_once_plain_ones_have_cost_more(given):
 
 
 @pytest.mark.parametrize(
+    "options",
+    [
+        {"mg_levels_ksp_type": "richardson", "mg_levels_pc_type": "sor"},
+        {"mg_levels_pc_type": "pbjacobi"},
+        {"mg_levels_pc_type": "bjacobi"},
+        {"pc_mg_type": "full"},
+        {"mg_levels_ksp_max_it": 1, "pc_use_amat": False},
+    ],
+    ids=lambda options: "-".join(map(str, options.values())),
+)
+def test_smoothers_of_the_user(options):
+    """Some need the matrix of the finest level, which those of ours do not keep."""
+    reference = block(cell="hex", n=7).solve()
+    given = {f"amg_{name}": value for name, value in options.items()}
+    problem = block(cell="hex", n=7, options={**AMG, **given})
+    result = problem.solve()
+    assert problem.linear_solver.name == "amg"
+    assert [a.strategy for a in result.attempts] == ["full steps"]
+    same_tables(result.tables["contact"], reference.tables["contact"])
+
+
+@pytest.mark.parametrize(
     ("dim", "poisson", "kind"), [(2, 0.3, "SMOOTHED"), (3, 0.3, "PLAIN"), (3, 0.49, "SMOOTHED")]
 )
 def test_which_aggregates(dim, poisson, kind):

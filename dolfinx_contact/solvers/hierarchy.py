@@ -206,10 +206,12 @@ class Hierarchy:
             coarse = smoother.getOperators()[1]
             self._coarse = half_of(coarse)
             smoother.setOperators(self._coarse, coarse)
-        if free and levels > 1:
+        finest = pc.getMGSmoother(levels - 1)
+        # Jacobi's method needs the diagonal alone; what the user chose may need the matrix.
+        if free and levels > 1 and finest.getPC().getType() == PETSc.PC.Type.JACOBI:
             pc.setReusePreconditioner(True)
             pc.setOperators(self._products, self._products)
-            pc.getMGSmoother(levels - 1).setOperators(self._products, self._products)
+            finest.setOperators(self._products, self._products)
             assert self.matrix is not None
             self.matrix.destroy()
             self.matrix = None
