@@ -225,11 +225,16 @@ def test_from_a_fold_at_a_kink():
     assert branch.ending is Ending.CLOSED
 
 
+@pytest.mark.parametrize("beyond", [0.0, 1e-15, -1e-15, -1e-13])
 @pytest.mark.parametrize(("x", "gamma"), [(0.0, 1.0), (0.5, 0.5), (1.0, 0.0)])
-def test_the_range_ends_at_a_fold_at_a_kink(x, gamma):
-    """Both halves of the diamond are found in a range that ends at its tip, wherever it begins."""
+def test_the_range_ends_at_a_fold_at_a_kink(x, gamma, beyond):
+    """Both halves of the diamond are found in a range that ends at its tip, wherever it begins.
+
+    The end is at the tip to round-off, which may be on either side of it.
+    """
     system = diamond()
-    diagram = explore(system, [(at(system, x), gamma)], gamma_range=(-0.5, 1.0))
+    end = max(1.0 + beyond, gamma)
+    diagram = explore(system, [(at(system, x), gamma)], gamma_range=(-0.5, end))
     assert diagram.complete
     lowest = [p for b in diagram.branches for p in b.points if p.gamma == -0.5]
     left = at(system, -0.5)

@@ -12,6 +12,7 @@ range are followed as well. Points and branches that are found again are merged.
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -353,6 +354,17 @@ class _Explorer:
             first, *beyond = branch.points
             if self._is_at(first.y, point.y) and self._is_ray(first.tangent, point.tangent):
                 return True
+            if beyond and branch.ending is Ending.REACHED:
+                # It came to its last point by one ray, and passes none of the others.
+                last = beyond.pop()
+                if self._is_at(last.y, point.y):
+                    back = last.tangent.copy()
+                    back.scale(-1.0)
+                    came = self._is_ray(back, point.tangent)
+                    back.destroy()
+                    if came:
+                        return True
+                    continue
             # Its own points too: at a kink gamma may turn, and be passed by round-off.
             near = [p for p in beyond if abs(p.gamma - point.gamma) <= _SAME * b.gamma_scale]
             # What is not found is not known: at worst a branch is followed twice.
@@ -370,11 +382,17 @@ class _Explorer:
         return square <= _SAME**2
 
     def _is_ray(self, t: PETSc.Vec, other: PETSc.Vec) -> bool:
-        """Whether two unit tangents at a nonsmooth point, or of one branch, are one. Collective."""
-        away = t - other
-        square = self.follower.bordered.inner(away, away)
+        """Whether two tangents at a nonsmooth point, or of one branch, have one direction.
+
+        They are compared in the metric of now, which need not be that of their units. Collective.
+        """
+        b = self.follower.bordered
+        away = t.copy()
+        away.scale(1.0 / math.sqrt(b.inner(t, t)))
+        away.axpy(-1.0 / math.sqrt(b.inner(other, other)), other)
+        square = b.inner(away, away)
         away.destroy()
-        return square <= _SAME_RAY**2
+        return bool(square <= _SAME_RAY**2)
 
 
 def _nothing() -> None:

@@ -483,7 +483,12 @@ class ExactSteps:
         if not self.corrector.natural(y, gamma, point.piece):
             return new, special
         b = self.bordered
-        end = BranchPoint(y, new.tangent, point.piece, b.gamma(y), new.step, new.corrections)
+        tangent = new.tangent
+        same = bool(np.array_equal(point.piece.codes, new.piece.codes))
+        if b.comm.allreduce(int(not same)):
+            # A kink is there to round-off, and what is kept is the ray by which the branch came.
+            tangent = self.corrector.tangent(y, point.tangent, point.piece) or tangent
+        end = BranchPoint(y, tangent, point.piece, b.gamma(y), new.step, new.corrections)
         return end, special
 
     def between(
