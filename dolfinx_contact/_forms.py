@@ -23,7 +23,7 @@ from ufl.domain import extract_unique_domain
 
 from dolfinx_contact._errors import everywhere
 
-__all__ = ["compiled_expression", "compiled_form"]
+__all__ = ["at_middle", "compiled_expression", "compiled_form"]
 
 
 def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
@@ -35,6 +35,7 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
     """
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
     (domain,) = form.subdomain_data()
+    form = _without_one_point_beside_others(form)
     with _compiler_named(domain.ufl_cargo().comm):
         return fem.form(form, jit_options=_folder(form.signature()[:2]), **maps)
 
@@ -51,6 +52,49 @@ def compiled_expression(
     """
     with _compiler_named(comm or extract_unique_domain(e).ufl_cargo().comm):
         return fem.Expression(e, points, comm=comm, jit_options=_folder("expressions"))
+
+
+def at_middle(dim: int) -> dict[str, Any]:
+    """Metadata of an integral over quadrilaterals or hexahedra by the middle of each.
+
+    A second point has no weight. FFCx (0.9) takes what is the same at all points of one rule, as
+    the Jacobian at a single one, for all rules of an integral: beside another rule, a rule of one
+    point gives both a wrong value where cells are no parallelograms.
+
+    Args:
+        dim: of what is integrated over.
+    """
+    return {
+        "quadrature_rule": "custom",
+        "quadrature_points": ((0.5,) * dim, (0.25,) * dim),
+        "quadrature_weights": (1.0, 0.0),
+    }
+
+
+def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
+    """The form, with `at_middle` for rules of one point where FFCx would mix them with others."""
+    alone = [_one_point_of(integral) is None for integral in form.integrals()]
+    if all(alone):
+        return form
+    integrals = []
+    for integral in form.integrals():
+        dim = _one_point_of(integral)
+        beside = len(form.integrals_by_type(integral.integral_type())) > 1
+        if dim is not None and beside:
+            integral = integral.reconstruct(metadata=at_middle(dim))
+        integrals.append(integral)
+    return ufl.Form(integrals)
+
+
+def _one_point_of(integral: ufl.Integral) -> int | None:
+    """Dimension of what a rule of one point integrates over, if that may be no parallelogram."""
+    rule = integral.metadata()
+    if rule.get("quadrature_degree", -1) not in (0, 1) or "quadrature_rule" in rule:
+        return None
+    cell = integral.ufl_domain().ufl_cell().cellname()
+    dim = {"quadrilateral": 2, "hexahedron": 3}.get(cell, 0)
+    over = {"cell": dim, "exterior_facet": dim - 1}.get(integral.integral_type(), 0)
+    return over if dim and over else None
 
 
 @contextmanager

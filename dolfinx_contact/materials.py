@@ -33,6 +33,13 @@ Of a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its e
 finds the weight as a factor, in other words too; where it does not, and the values of the integral
 over 2 pi r do not vary like r or 1/r, it warns that this is not decided.
 
+Bilinear quadrilaterals and trilinear hexahedra lock where a body is nearly incompressible. The
+energy of a mean dilatation does not, and is one of u alone; linear triangles and tetrahedra lock
+as well, and there u is taken of degree 2::
+
+    rubber = LinearElastic.from_young(1.0, 0.499)
+    bulk = rubber.mean_dilatation_energy(u, ufl.dx)
+
 A body of several materials has integrals over cell tags, and a stress of each tag::
 
     dx = ufl.Measure("dx", domain, subdomain_data=cell_tags)
@@ -53,6 +60,7 @@ import ufl
 from dolfinx import fem, mesh
 from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
 
+from dolfinx_contact._forms import at_middle
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._numbers import is_number, require_kind
 
@@ -63,6 +71,7 @@ __all__ = [
     "LinearElastic",
     "Material",
     "NeoHookean",
+    "Separable",
     "StVenantKirchhoff",
     "circumference",
     "lame",
@@ -246,10 +255,44 @@ class Material(ReadOnly):
         "": "give a Constant of the mesh for it and change the value of that, or make another "
         "material, energy and problem"
     }
+    _of_revolution: ClassVar[bool] = False
 
     def energy(self, u: fem.Function) -> Any:
         """Stored energy per reference volume (per area in 2D), in units of stress."""
         raise NotImplementedError
+
+    def mean_dilatation_energy(
+        self, u: fem.Function, dx: ufl.Measure = ufl.dx, weight: Any = 1.0
+    ) -> ufl.Form:
+        """The energy for nearly incompressible bodies of quadrilaterals or hexahedra, integrated.
+
+        What grows with lambda is taken of the change of volume of the cell as a whole, exactly also
+        where cells are distorted, the rest by the full rule: B-bar (Nagtegaal, Parks and Rice,
+        Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177; Hughes, Int. J. Numer. Methods Engrg.
+        15, 1980, 1413-1418), in large strain the ratio of the volumes of the cell (Simo, Taylor and
+        Pister, Comput. Methods Appl. Mech. Engrg. 51, 1985, 177-208). The pressure of a cell is
+        that at its middle; it may alternate from cell to cell where the displacement is good.
+
+        Args:
+            u: displacement (length), of degree 1.
+            dx: over the cells, or over a tag of them; its rule is that of the rest.
+            weight: of all integrals: `circumference` of a section of a body of revolution.
+
+        Raises:
+            ValueError: if the cells are simplices (there take u of degree 2), if edges are curved,
+                if u is not of degree 1, or if what grows with lambda is not the change of volume
+                (plane stress, which does not lock, and `StVenantKirchhoff`).
+        """
+        # Few need it, and importing the package loads what a static solve needs.
+        from dolfinx_contact._cell_volumes import volumes_of
+
+        _require_bilinear(u)
+        cell = volumes_of(u, revolution=self._of_revolution)
+        shape = self._own(self._shape_energy(u, ufl.grad(u)))
+        volume = self._own(self._volume_energy(u, cell.dilatation, cell.ratio) * cell.share)
+        if not (is_number(weight) and weight == 1):
+            shape, volume = shape * weight, volume * weight
+        return shape * dx + volume * dx(metadata=at_middle(len(u)))
 
     def stress(self, u: fem.Function) -> Any:
         """Cauchy stress, dim x dim."""
@@ -285,6 +328,20 @@ class Material(ReadOnly):
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
         raise NotImplementedError
+
+    def _shape_energy(self, u: fem.Function, H: Any) -> Any:
+        """The part of the stored energy that stays bounded with lambda, of a gradient."""
+        raise self._has_no_parts()
+
+    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
+        """The part that grows with lambda, of a change of volume."""
+        raise self._has_no_parts()
+
+    def _has_no_parts(self) -> ValueError:
+        return ValueError(
+            f"of a {type(self).__name__} is not known which part of its energy is that of a change "
+            "of volume: take LinearElastic, NeoHookean or CiarletGeymonat"
+        )
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
         """Stored energy of a 3 x 3 displacement gradient."""
@@ -355,6 +412,16 @@ class LinearElastic(Material):
     def energy(self, u: fem.Function) -> Any:
         return ufl.inner(self.stress(u), ufl.sym(ufl.grad(u))) / 2
 
+    def _shape_energy(self, u: fem.Function, H: Any) -> Any:
+        if self.plane_stress:
+            raise ValueError("a body in plane stress does not lock: take its energy")
+        (mu,) = _constants(u, self.mu)
+        return mu * ufl.inner(ufl.sym(H), ufl.sym(H))
+
+    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
+        (lmbda,) = _constants(u, self.lmbda)
+        return lmbda / 2 * dilatation**2
+
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
         return ufl.inner(self._stress_of(u, H), ufl.sym(H)) / 2
 
@@ -389,8 +456,29 @@ class StVenantKirchhoff(Elastic):
         return lmbda / 2 * ufl.tr(E) ** 2 + mu * ufl.inner(E, E)
 
 
+class Separable(Elastic):
+    """An energy of F that is one of its shape, and one of the change of volume det F."""
+
+    def _stored(self, u: fem.Function, F: Any) -> Any:
+        return self._shape(u, F) + self._volume(u, ufl.det(F))
+
+    def _shape_energy(self, u: fem.Function, H: Any) -> Any:
+        return self._shape(u, ufl.Identity(H.ufl_shape[0]) + H)
+
+    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
+        return self._volume(u, ratio)
+
+    def _shape(self, u: fem.Function, F: Any) -> Any:
+        """Energy that stays bounded with lambda."""
+        raise NotImplementedError
+
+    def _volume(self, u: fem.Function, J: Any) -> Any:
+        """Energy that grows with lambda."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class NeoHookean(Elastic):
+class NeoHookean(Separable):
     """W = mu/2 (|F|^2 - 3 - 2 ln J) + lambda/2 (ln J)^2, in plane strain with F_33 = 1."""
 
     lmbda: Any
@@ -402,14 +490,17 @@ class NeoHookean(Elastic):
     def check_moduli(self) -> None:
         _check_lame(self.lmbda, self.mu)
 
-    def _stored(self, u: fem.Function, F: Any) -> Any:
-        lmbda, mu = _constants(u, self.lmbda, self.mu)
-        log_J = ufl.ln(ufl.det(F))
-        return mu / 2 * (ufl.inner(F, F) - F.ufl_shape[0] - 2 * log_J) + lmbda / 2 * log_J**2
+    def _shape(self, u: fem.Function, F: Any) -> Any:
+        (mu,) = _constants(u, self.mu)
+        return mu / 2 * (ufl.inner(F, F) - F.ufl_shape[0] - 2 * ufl.ln(ufl.det(F)))
+
+    def _volume(self, u: fem.Function, J: Any) -> Any:
+        (lmbda,) = _constants(u, self.lmbda)
+        return lmbda / 2 * ufl.ln(J) ** 2
 
 
 @dataclass(frozen=True)
-class CiarletGeymonat(Elastic):
+class CiarletGeymonat(Separable):
     """Ciarlet and Geymonat's law (Ciarlet, Mathematical Elasticity I, 1988, section 4.10).
 
     W = a tr C + b ((tr C)^2 - |C|^2)/2 + c det C - d/2 ln det C, with C_33 = 1 in plane strain,
@@ -434,17 +525,19 @@ class CiarletGeymonat(Elastic):
         if mu is not None and a is not None and not 0 < a < mu / 2:
             raise ValueError(f"a must lie between 0 and mu/2 = {mu / 2}, got {a}")
 
-    def _stored(self, u: fem.Function, F: Any) -> Any:
-        lmbda, mu, a = _constants(u, self.lmbda, self.mu, self.a)
+    def _shape(self, u: fem.Function, F: Any) -> Any:
+        mu, a = _constants(u, self.mu, self.a)
         b = mu / 2 - a
-        c = lmbda / 4 - mu / 2 + a
-        d = lmbda / 2 + mu
         out = 3 - F.ufl_shape[0]  # the out-of-plane stretch of plane strain, C_33 = 1
         C = F.T * F
         tr = ufl.tr(C) + out
         det = ufl.det(C)
         second = (tr**2 - ufl.inner(C, C) - out) / 2
-        return a * (tr - 3) + b * (second - 3) + c * (det - 1) - d / 2 * ufl.ln(det)
+        return a * (tr - 3) + b * (second - 3) - b * (det - 1) - mu / 2 * ufl.ln(det)
+
+    def _volume(self, u: fem.Function, J: Any) -> Any:
+        (lmbda,) = _constants(u, self.lmbda)
+        return lmbda / 4 * (J**2 - 1 - ufl.ln(J**2))
 
 
 @dataclass(frozen=True)
@@ -462,12 +555,20 @@ class Axisymmetric(Material):
     """
 
     material: Material
+    _of_revolution: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.material, Material) or isinstance(self.material, Axisymmetric):
             raise ValueError(f"axisymmetric is a Material of space, got {self.material!r}")
         if getattr(self.material, "plane_stress", False):
             raise ValueError("a body of revolution is not in plane stress")
+
+    def _shape_energy(self, u: fem.Function, H: Any) -> Any:
+        _require_section(u)
+        return self.material._shape_energy(u, _in_space(H, u[0] / _radius(u)))
+
+    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
+        return self.material._volume_energy(u, dilatation, ratio)
 
     def energy(self, u: fem.Function) -> Any:
         _require_section(u)
@@ -484,6 +585,25 @@ class Axisymmetric(Material):
         on_axis = ufl.lt(r, _ON_AXIS * ufl.CellDiameter(u.function_space.mesh))
         return self.material._stress_of(
             u, _in_space(H, ufl.conditional(on_axis, H[0, 0], u[0] / r))
+        )
+
+
+def _require_bilinear(u: Any) -> None:
+    """Raise ``ValueError`` unless this is of degree 1 on cells whose volumes are known."""
+    _require_displacement(u)
+    cell = u.function_space.mesh.basix_cell().name
+    if cell not in ("quadrilateral", "hexahedron"):
+        raise ValueError(
+            f"the mean dilatation is one of quadrilaterals and hexahedra, got cells of {cell}s, "
+            "for which take u of degree 2 and energy(u)"
+        )
+    if u.function_space.mesh.ufl_domain().ufl_coordinate_element().degree != 1:
+        raise ValueError("the mean dilatation is one of cells with straight edges")
+    degree = u.function_space.ufl_element().basix_element.degree
+    if degree != 1:
+        raise ValueError(
+            f"the mean dilatation is one of a displacement of degree 1, got degree {degree}, which "
+            "does not lock: take energy(u)"
         )
 
 

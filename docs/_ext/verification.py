@@ -44,7 +44,12 @@ FEATURES = {
     "Rigid bodies": ("rigid bodies",),
     "Pairs of bodies": ("matching meshes", "mortar", "points in common"),
     "Cracks": ("press fits", "cracks", "cracks that cross"),
-    "Bulk": ("hyperelastic bodies", "anisotropic bodies", "bulk with kinks"),
+    "Bulk": (
+        "hyperelastic bodies",
+        "nearly incompressible bodies",
+        "anisotropic bodies",
+        "bulk with kinks",
+    ),
     "Bodies of revolution": ("bodies of revolution",),
     "Discretisations": ("nodal contact", "integral contact", "mixed contact"),
     "Checked results": ("balance of forces", "misfit and det F"),

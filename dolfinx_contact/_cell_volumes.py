@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Volumes of bilinear and trilinear cells, and how a displacement changes them, in UFL.
+
+A point of a cell is x = a_0 + sum_i a_i xi_i + sum_{i<j} b_ij xi_i xi_j + c xi_1 xi_2 xi_3, with xi
+from -1/2 to 1/2. Integration of det dx/dxi term by term gives its volume
+
+    [a_1, a_2, a_3] + ([a_1, b_12, b_13] + [b_12, a_2, b_23] + [b_13, b_23, a_3]) / 12,
+
+the area [a_1, a_2] of a quadrilateral, and for a section the integral of the radius r,
+
+    r_0 [a_1, a_2] + (r_1 [a_1, b_12] + r_2 [b_12, a_2]) / 12,
+
+where [...] are determinants, and c takes no part. Each is linear in each of its columns, so that
+the sum of those with one column of the displacement is the integral of its divergence.
+
+All is to be evaluated at the middle of the cell: a and b of u come from its gradient and its second
+derivatives there, those of x from the vertices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import ufl
+from dolfinx import fem
+
+__all__ = ["Volumes", "volumes_of"]
+
+
+@dataclass(frozen=True)
+class Volumes:
+    """Of a cell, at its middle.
+
+    Attributes:
+        share: its volume over the determinant of its Jacobian at the middle; of a section, over
+            that and the radius there.
+        dilatation: mean of div u; of a body of revolution with u_r / r.
+        ratio: volume when displaced over that before.
+    """
+
+    share: Any
+    dilatation: Any
+    ratio: Any
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """Coefficients of a field on a cell: ``b`` by their two numbers, ``r`` of its first component.
+
+    ``r`` are its value at the middle, and its first derivatives.
+    """
+
+    a: list[Any]
+    b: dict[tuple[int, int], Any]
+    r: list[Any]
+
+
+def volumes_of(u: fem.Function, *, revolution: bool = False) -> Volumes:
+    """The volume of every cell, and its change by a displacement, for a rule of one point.
+
+    Args:
+        u: displacement of degree 1 on quadrilaterals or hexahedra with straight edges.
+        revolution: whether the mesh is a section of a body of revolution.
+    """
+    domain = u.function_space.mesh
+    integral: Callable[..., Any] = _volume
+    factors = 3
+    if revolution:
+        integral = _section
+    elif len(u) == 2:
+        integral = _area
+        factors = 2
+    x = _of_vertices(domain)
+    moving = _of_displacement(u, x)
+    moved = _Shape(
+        [p + q for p, q in zip(x.a, moving.a, strict=True)],
+        {key: x.b[key] + moving.b[key] for key in x.b},
+        [p + q for p, q in zip(x.r, moving.r, strict=True)],
+    )
+    before = integral(*[x] * factors)
+    by_one = [
+        integral(*[moving if k == other else x for other in range(factors)]) for k in range(factors)
+    ]
+    at_middle = _determinant(x.a) * (x.r[0] if revolution else 1)
+    ratio = integral(*[moved] * factors) / before
+    return Volumes(before / at_middle, sum(by_one[1:], by_one[0]) / before, ratio)
+
+
+def _of_vertices(domain: Any) -> _Shape:
+    """Coefficients of the position."""
+    dim = domain.geometry.dim
+    nodes = ufl.classes.CellVertices(domain)
+    corners = [ufl.as_vector([nodes[k, i] for i in range(dim)]) for k in range(2**dim)]
+    # Vertex k of the reference cell has its i-th coordinate by the i-th bit of k.
+    sign = [[1 if k >> i & 1 else -1 for i in range(dim)] for k in range(2**dim)]
+
+    def mean(weights: list[int], power: int) -> Any:
+        terms = [w * corner for w, corner in zip(weights, corners, strict=True)]
+        return sum(terms[1:], terms[0]) * (2.0**power / len(corners))
+
+    a = [mean([s[i] for s in sign], 1) for i in range(dim)]
+    b = {(i, j): mean([s[i] * s[j] for s in sign], 2) for j in range(dim) for i in range(j)}
+    return _Shape(a, b, [mean([1] * len(corners), 0)[0], *[column[0] for column in a]])
+
+
+def _of_displacement(u: fem.Function, x: _Shape) -> _Shape:
+    """Coefficients of a displacement."""
+    gradient, second = ufl.grad(u), ufl.grad(ufl.grad(u))
+    k, m, n = ufl.indices(3)
+    a = [gradient * column for column in x.a]
+    b = {
+        (i, j): gradient * x.b[i, j] + ufl.as_vector(second[k, m, n] * x.a[i][m] * x.a[j][n], k)
+        for i, j in x.b
+    }
+    return _Shape(a, b, [u[0], *[column[0] for column in a]])
+
+
+def _determinant(columns: list[Any]) -> Any:
+    return ufl.det(ufl.as_matrix([[c[i] for c in columns] for i in range(len(columns))]))
+
+
+def _area(p: _Shape, q: _Shape) -> Any:
+    return _determinant([p.a[0], q.a[1]])
+
+
+def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
+    """That of a hexahedron, with a column of each."""
+    around = [
+        [p.a[0], q.b[0, 1], s.b[0, 2]],
+        [p.b[0, 1], q.a[1], s.b[1, 2]],
+        [p.b[0, 2], q.b[1, 2], s.a[2]],
+    ]
+    total = sum(_determinant(columns) for columns in around)
+    return _determinant([p.a[0], q.a[1], s.a[2]]) + total / 12
+
+
+def _section(p: _Shape, q: _Shape, s: _Shape) -> Any:
+    """The integral of the radius of the first over a quadrilateral, with a column of the others."""
+    total = p.r[1] * _determinant([q.a[0], s.b[0, 1]]) + p.r[2] * _determinant([q.b[0, 1], s.a[1]])
+    return p.r[0] * _determinant([q.a[0], s.a[1]]) + total / 12
