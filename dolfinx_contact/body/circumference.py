@@ -132,7 +132,7 @@ def refuse_revolution(form: ufl.Form, u: fem.Function) -> None:
 
     That is one in which the displacement over r, a hoop strain, occurs.
     """
-    if u.function_space.mesh.geometry.dim != 2:
+    if u.function_space.mesh.geometry.dim != 2 or not _knows_place(form, u):
         return
     weights = _Weights(u)
     around = [i for i in form.integrals() if weights.has_hoop_strain(i.integrand())]
@@ -143,7 +143,7 @@ def refuse_revolution(form: ufl.Form, u: fem.Function) -> None:
                 f"the bulk: an integral over {_place(integral)} has the hoop strain u[0]/x[0] of a "
                 f"body of revolution, but {_PLANE}"
             )
-    for integral in _terms(form) if _has_coordinates(form) else ():
+    for integral in _terms(form):
         if integral.integral_type() != "cell" or not _stiffness([integral], u):
             continue
         if weights.verdict(integral.integrand()) == "right":
@@ -208,10 +208,13 @@ def _stiffness(integrals: list[ufl.Integral], u: fem.Function) -> list[ufl.Integ
     return list(expand_derivatives(ufl.derivative(residual, u)).integrals())
 
 
-def _has_coordinates(form: ufl.Form) -> bool:
+def _knows_place(form: ufl.Form, u: fem.Function) -> bool:
+    """Whether the radius may occur in a form: as a coordinate, or as the values of a Function."""
     nodes = (n for i in form.integrals() for n in unique_pre_traversal(i.integrand()))
     return any(
-        isinstance(n, ufl.classes.SpatialCoordinate | ufl.classes.Coefficient) for n in nodes
+        isinstance(n, ufl.classes.SpatialCoordinate)
+        or (isinstance(n, ufl.classes.Coefficient) and n is not u)
+        for n in nodes
     )
 
 
