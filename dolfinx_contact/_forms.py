@@ -72,29 +72,41 @@ def at_middle(dim: int) -> dict[str, Any]:
 
 
 def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
-    """The form, with `at_middle` for rules of one point where FFCx would mix them with others."""
-    alone = [_one_point_of(integral) is None for integral in form.integrals()]
-    if all(alone):
+    """The form, with `at_middle` for rules of one point where FFCx would mix them with others.
+
+    Raises:
+        ValueError: where they are on facets, on which FFCx (0.11) adds up such rules wrongly too.
+    """
+    beside = [
+        len(form.integrals_by_type(integral.integral_type())) > 1 and _has_one_point(integral)
+        for integral in form.integrals()
+    ]
+    if not any(beside):
         return form
     integrals = []
-    for integral in form.integrals():
-        dim = _one_point_of(integral)
-        beside = len(form.integrals_by_type(integral.integral_type())) > 1
-        if dim is not None and beside:
+    for integral, mixed in zip(form.integrals(), beside, strict=True):
+        if mixed and integral.integral_type() != "cell":
+            raise ValueError(
+                "an integral over facets of quadrilaterals or hexahedra has quadrature_degree "
+                f"{integral.metadata()['quadrature_degree']}, one point, beside integrals by other "
+                "rules, which FFCx does not compile correctly: take degree 2 for it"
+            )
+        if mixed:
+            dim = integral.ufl_domain().ufl_cargo().topology.dim
             integral = integral.reconstruct(metadata=at_middle(dim))
         integrals.append(integral)
     return ufl.Form(integrals)
 
 
-def _one_point_of(integral: ufl.Integral) -> int | None:
-    """Dimension of what a rule of one point integrates over, if that may be no parallelogram."""
+def _has_one_point(integral: ufl.Integral) -> bool:
+    """Whether the rule was given, and is one point of cells that may be no parallelograms."""
+    cell = integral.ufl_domain().ufl_cargo().topology.cell_type.name
     rule = integral.metadata()
-    if rule.get("quadrature_degree", -1) not in (0, 1) or "quadrature_rule" in rule:
-        return None
-    cell = integral.ufl_domain().ufl_cell().cellname()
-    dim = {"quadrilateral": 2, "hexahedron": 3}.get(cell, 0)
-    over = {"cell": dim, "exterior_facet": dim - 1}.get(integral.integral_type(), 0)
-    return over if dim and over else None
+    return (
+        cell in ("quadrilateral", "hexahedron")
+        and rule.get("quadrature_degree", -1) in (0, 1)
+        and "quadrature_rule" not in rule
+    )
 
 
 @contextmanager
