@@ -57,56 +57,63 @@ def compiled_expression(
 def at_middle(dim: int) -> dict[str, Any]:
     """Metadata of an integral over quadrilaterals or hexahedra by the middle of each.
 
-    A second point has no weight. FFCx (0.9) takes what is the same at all points of one rule, as
-    the Jacobian at a single one, for all rules of an integral: beside another rule, a rule of one
-    point gives both a wrong value where cells are no parallelograms.
+    A second point, close by, has no weight. FFCx (0.9, 0.11) takes what is the same at all points
+    of one rule, as the Jacobian at a single one, for all rules of an integral: beside another rule,
+    a rule of one point gives both a wrong value where cells are no parallelograms.
 
     Args:
-        dim: of what is integrated over.
+        dim: of the cells.
     """
     return {
         "quadrature_rule": "custom",
-        "quadrature_points": ((0.5,) * dim, (0.25,) * dim),
+        "quadrature_points": ((0.5,) * dim, (0.51,) * dim),
         "quadrature_weights": (1.0, 0.0),
     }
 
 
 def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
-    """The form, with `at_middle` for rules of one point where FFCx would mix them with others.
+    """The form, with `at_middle` for rules of one point that FFCx would mix with others.
 
     Raises:
-        ValueError: where they are on facets, on which FFCx (0.11) adds up such rules wrongly too.
+        ValueError: where it would mix them and that is no way out: on facets, on which FFCx (0.11)
+            adds up such rules wrongly too, for rules of one's own, and for other cells.
     """
-    beside = [
+    mixed = [
         len(form.integrals_by_type(integral.integral_type())) > 1 and _has_one_point(integral)
         for integral in form.integrals()
     ]
-    if not any(beside):
+    if not any(mixed):
         return form
     integrals = []
-    for integral, mixed in zip(form.integrals(), beside, strict=True):
-        if mixed and integral.integral_type() != "cell":
-            raise ValueError(
-                "an integral over facets of quadrilaterals or hexahedra has quadrature_degree "
-                f"{integral.metadata()['quadrature_degree']}, one point, beside integrals by other "
-                "rules, which FFCx does not compile correctly: take degree 2 for it"
-            )
-        if mixed:
-            dim = integral.ufl_domain().ufl_cargo().topology.dim
-            integral = integral.reconstruct(metadata=at_middle(dim))
+    for integral, is_mixed in zip(form.integrals(), mixed, strict=True):
+        if is_mixed:
+            topology = integral.ufl_domain().ufl_cargo().topology
+            cell = topology.cell_type.name
+            own = integral.metadata().get("quadrature_rule") == "custom"
+            over_cells = integral.integral_type() == "cell"
+            if own or not over_cells or cell not in ("quadrilateral", "hexahedron"):
+                raise ValueError(
+                    "an integral that is taken by one point stands beside integrals by other "
+                    f"rules over {'' if over_cells else 'facets of '}cells that are not affine "
+                    f"({cell}), which FFCx does not compile correctly: take quadrature_degree 2"
+                )
+            integral = integral.reconstruct(metadata=at_middle(topology.dim))
         integrals.append(integral)
     return ufl.Form(integrals)
 
 
 def _has_one_point(integral: ufl.Integral) -> bool:
-    """Whether the rule was given, and is one point of cells that may be no parallelograms."""
-    cell = integral.ufl_domain().ufl_cargo().topology.cell_type.name
+    """Whether the rule was given, and is one point of cells that are not affine."""
+    domain = integral.ufl_domain()
+    simplex = domain.ufl_cargo().topology.cell_type.name in ("interval", "triangle", "tetrahedron")
+    if simplex and domain.ufl_coordinate_element().degree == 1:
+        return False
     rule = integral.metadata()
-    return (
-        cell in ("quadrilateral", "hexahedron")
-        and rule.get("quadrature_degree", -1) in (0, 1)
-        and "quadrature_rule" not in rule
-    )
+    kind = rule.get("quadrature_rule", "default")
+    if kind == "custom":
+        return len(rule["quadrature_points"]) == 1
+    degree = rule.get("quadrature_degree", -1)
+    return kind in ("default", "Gauss-Jacobi", "GJ") and degree in (0, 1)
 
 
 @contextmanager

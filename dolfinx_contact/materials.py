@@ -56,6 +56,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
@@ -267,32 +268,85 @@ class Material(ReadOnly):
         """The energy for nearly incompressible bodies of quadrilaterals or hexahedra, integrated.
 
         What grows with lambda is taken of the change of volume of the cell as a whole, exactly also
-        where cells are distorted, the rest by the full rule: B-bar (Nagtegaal, Parks and Rice,
+        where cells are distorted, the rest by the rule of ``dx``: B-bar (Nagtegaal, Parks and Rice,
         Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177; Hughes, Int. J. Numer. Methods Engrg.
         15, 1980, 1413-1418), in large strain the ratio of the volumes of the cell (Simo, Taylor and
-        Pister, Comput. Methods Appl. Mech. Engrg. 51, 1985, 177-208). The pressure of a cell is
-        that at its middle; it may alternate from cell to cell where the displacement is good.
+        Pister, Comput. Methods Appl. Mech. Engrg. 51, 1985, 177-208). Moduli and weights that vary
+        within a cell are taken at its middle there. Its stress is `mean_dilatation_stress`.
 
         Args:
             u: displacement (length), of degree 1.
-            dx: over the cells, or over a tag of them; its rule is that of the rest.
+            dx: over the cells, or over a tag of them.
             weight: of all integrals: `circumference` of a section of a body of revolution.
 
         Raises:
             ValueError: if the cells are simplices (there take u of degree 2), if edges are curved,
-                if u is not of degree 1, or if what grows with lambda is not the change of volume
-                (plane stress, which does not lock, and `StVenantKirchhoff`).
+                if u is not Lagrange of degree 1, if ``dx`` is no measure of cells or ``weight`` no
+                scalar, or if what grows with lambda is not the change of volume (plane stress,
+                which does not lock, `StVenantKirchhoff`, and materials of one's own).
         """
-        # Few need it, and importing the package loads what a static solve needs.
-        from dolfinx_contact._cell_volumes import volumes_of
-
-        _require_bilinear(u)
-        cell = volumes_of(u, revolution=self._of_revolution)
+        _require_measure(dx)
+        if not _is_scalar(weight):
+            raise ValueError(f"the weight must be a number or a UFL scalar, got {weight!r}")
+        cell = self._cell_volumes(u)
         shape = self._own(self._shape_energy(u, ufl.grad(u)))
         volume = self._own(self._volume_energy(u, cell.dilatation, cell.ratio) * cell.share)
         if not (is_number(weight) and weight == 1):
             shape, volume = shape * weight, volume * weight
         return shape * dx + volume * dx(metadata=at_middle(len(u)))
+
+    def mean_dilatation_stress(self, u: fem.Function) -> Any:
+        """Cauchy stress, 3 x 3, that belongs to `mean_dilatation_energy`.
+
+        It is that at the middle of each cell, where files, pictures and films take it, one value a
+        cell. (`full_stress` has the pressure of every point for itself, which oscillates without
+        bound as lambda grows.)
+
+        Raises:
+            ValueError: as `mean_dilatation_energy`.
+        """
+        cell = self._cell_volumes(u)
+        return self._own(self._mean_stress(u, self._gradient_in_space(u), cell))
+
+    def _cell_volumes(self, u: fem.Function) -> Any:
+        # Few need it, and importing the package loads what a static solve needs.
+        from dolfinx_contact._cell_volumes import volumes_of
+
+        _require_bilinear(u)
+        self._require_parts()
+        return volumes_of(u, revolution=self._of_revolution)
+
+    def _require_parts(self) -> None:
+        """Raise ``ValueError`` unless the parts are those of the energy, also in a subclass."""
+        classes = type(self).__mro__
+
+        def first(*names: str) -> int:
+            return next(i for i, c in enumerate(classes) if any(n in vars(c) for n in names))
+
+        of_parts = first("_volume_energy", "_volume")
+        if of_parts > first("energy", "_stored", "stress") or classes[of_parts] is Material:
+            raise ValueError(
+                f"of a {type(self).__name__} is not known which part of its energy is that of a "
+                "change of volume: take LinearElastic, NeoHookean or CiarletGeymonat"
+            )
+
+    def _mean_stress(self, u: fem.Function, H: Any, cell: Any) -> Any:
+        H = ufl.variable(H)
+        dilatation = ufl.variable(cell.dilatation)
+        ratio = ufl.variable(cell.ratio)
+        volume = self._volume_energy(u, dilatation, ratio)
+        pressure = ufl.diff(volume, dilatation) + ufl.diff(volume, ratio)
+        shape = self._pushed_forward(ufl.diff(self._shape_energy(u, H), H), H)
+        return shape + pressure * ufl.Identity(3)
+
+    def _gradient_in_space(self, u: fem.Function) -> Any:
+        """The displacement gradient, 3 x 3."""
+        return ufl.grad(u) if len(u) == 3 else _in_space(ufl.grad(u), 0)
+
+    def _pushed_forward(self, P: Any, H: Any) -> Any:
+        """Cauchy stress of the derivative of an energy by the displacement gradient."""
+        F = ufl.Identity(3) + H
+        return P * F.T / ufl.det(F)
 
     def stress(self, u: fem.Function) -> Any:
         """Cauchy stress, dim x dim."""
@@ -331,17 +385,11 @@ class Material(ReadOnly):
 
     def _shape_energy(self, u: fem.Function, H: Any) -> Any:
         """The part of the stored energy that stays bounded with lambda, of a gradient."""
-        raise self._has_no_parts()
+        raise NotImplementedError
 
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
         """The part that grows with lambda, of a change of volume."""
-        raise self._has_no_parts()
-
-    def _has_no_parts(self) -> ValueError:
-        return ValueError(
-            f"of a {type(self).__name__} is not known which part of its energy is that of a change "
-            "of volume: take LinearElastic, NeoHookean or CiarletGeymonat"
-        )
+        raise NotImplementedError
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
         """Stored energy of a 3 x 3 displacement gradient."""
@@ -421,6 +469,9 @@ class LinearElastic(Material):
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
         (lmbda,) = _constants(u, self.lmbda)
         return lmbda / 2 * dilatation**2
+
+    def _pushed_forward(self, P: Any, H: Any) -> Any:
+        return P
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
         return ufl.inner(self._stress_of(u, H), ufl.sym(H)) / 2
@@ -570,6 +621,19 @@ class Axisymmetric(Material):
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
         return self.material._volume_energy(u, dilatation, ratio)
 
+    def _require_parts(self) -> None:
+        self.material._require_parts()
+
+    def _mean_stress(self, u: fem.Function, H: Any, cell: Any) -> Any:
+        return self.material._mean_stress(u, H, cell)
+
+    def _gradient_in_space(self, u: fem.Function) -> Any:
+        _require_section(u)
+        r = _radius(u)
+        H = ufl.grad(u)
+        on_axis = ufl.lt(r, _ON_AXIS * ufl.CellDiameter(u.function_space.mesh))
+        return _in_space(H, ufl.conditional(on_axis, H[0, 0], u[0] / r))
+
     def energy(self, u: fem.Function) -> Any:
         _require_section(u)
         return self.material._energy_of(u, _in_space(ufl.grad(u), u[0] / _radius(u)))
@@ -579,18 +643,27 @@ class Axisymmetric(Material):
         return ufl.as_tensor([[full[i, j] for j in range(2)] for i in range(2)])
 
     def full_stress(self, u: fem.Function) -> Any:
-        _require_section(u)
-        r = _radius(u)
-        H = ufl.grad(u)
-        on_axis = ufl.lt(r, _ON_AXIS * ufl.CellDiameter(u.function_space.mesh))
-        return self.material._stress_of(
-            u, _in_space(H, ufl.conditional(on_axis, H[0, 0], u[0] / r))
+        return self.material._stress_of(u, self._gradient_in_space(u))
+
+
+def _require_measure(dx: Any) -> None:
+    """Raise ``ValueError`` if this is no measure of cells."""
+    if not isinstance(dx, ufl.Measure) or dx.integral_type() != "cell":
+        raise ValueError(
+            f"the measure must be one of cells, as ufl.dx or dx(1), got {dx}; of several tags take "
+            "dx((1, 2))"
         )
 
 
 def _require_bilinear(u: Any) -> None:
     """Raise ``ValueError`` unless this is of degree 1 on cells whose volumes are known."""
     _require_displacement(u)
+    geometry = u.function_space.mesh.geometry
+    if not geometry.dim == len(u) == u.function_space.mesh.topology.dim:
+        raise ValueError(
+            "the mean dilatation is one of plane cells in the plane and of cells in space, with as "
+            f"many displacements; got {len(u)} of them at positions of {geometry.dim} coordinates"
+        )
     cell = u.function_space.mesh.basix_cell().name
     if cell not in ("quadrilateral", "hexahedron"):
         raise ValueError(
@@ -599,12 +672,14 @@ def _require_bilinear(u: Any) -> None:
         )
     if u.function_space.mesh.ufl_domain().ufl_coordinate_element().degree != 1:
         raise ValueError("the mean dilatation is one of cells with straight edges")
-    degree = u.function_space.ufl_element().basix_element.degree
-    if degree != 1:
+    element = u.function_space.ufl_element()
+    if element.degree != 1:
         raise ValueError(
-            f"the mean dilatation is one of a displacement of degree 1, got degree {degree}, which "
-            "does not lock: take energy(u)"
+            "the mean dilatation is one of a displacement of degree 1, got degree "
+            f"{element.degree}, which does not lock: take energy(u)"
         )
+    if element not in ufl.H1 or element != basix.ufl.element("P", cell, 1, shape=u.ufl_shape):
+        raise ValueError(f"the mean dilatation is one of Lagrange elements, got {element}")
 
 
 _ON_AXIS = 1e-8  # of a cell, a distance from the axis that is none: there u_r / r is du_r / dr

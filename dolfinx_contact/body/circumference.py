@@ -323,6 +323,8 @@ class _Weights:
         return frozenset(_multiplied(several) for several in product(*known))
 
     def _quotients(self, above: Any, below: Any) -> frozenset[_Factor] | None:
+        if any(isinstance(n, ufl.classes.CellVertices) for n in unique_pre_traversal(below)):
+            return _NONE  # a change of the volume of a cell
         found = self.factors(above)
         if found is None or not isinstance(below, ufl.classes.ScalarValue):
             return found

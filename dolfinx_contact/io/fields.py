@@ -397,12 +397,14 @@ def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -
     """Put an expression into a discontinuous Function of degree 1, in some cells or all."""
     W = f.function_space
     points = interpolation_points(W)
-    if not _jumps_by_place(e):
+    of_cells = _is_of_cells(e)
+    if not (of_cells or _jumps_by_place(e)):
         f.interpolate(fem.Expression(e, points), cells0=cells)
         return
     # At a corner between two cells the condition has one answer for both. A little inside each
     # cell it has that of the cell.
-    inside = points + _INSIDE * (points.mean(axis=0) - points)
+    share = 1.0 if of_cells else _INSIDE
+    inside = points + share * (points.mean(axis=0) - points)
     if cells is None:
         here = W.mesh.topology.index_map(W.mesh.topology.dim)
         cells = np.arange(here.size_local + here.num_ghosts, dtype=np.int32)
@@ -410,9 +412,15 @@ def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -
     size = W.dofmap.index_map_bs
     # A rank may have none of the cells.
     values = fem.Expression(e, inside).eval(W.mesh, cells).reshape(*dofs.shape, size)
-    middle = values.mean(axis=1, keepdims=True)
-    values = middle + (values - middle) / (1 - _INSIDE)
+    if not of_cells:
+        middle = values.mean(axis=1, keepdims=True)
+        values = middle + (values - middle) / (1 - _INSIDE)
     f.x.array.reshape(-1, size)[dofs] = values
+
+
+def _is_of_cells(e: Any) -> bool:
+    """Whether an expression has the volumes of cells: it is known at their middles alone."""
+    return any(isinstance(n, ufl.classes.CellVertices) for n in unique_pre_traversal(e))
 
 
 def _jumps_by_place(e: Any) -> bool:

@@ -168,9 +168,13 @@ class Newton:
         try:
             with options_in_database(given.prefix, self.options), as_raised():
                 self.snes.solve(None, y)
-                while self.snes.getConvergedReason() == _LINEAR and self.linear.retry(
-                    ksp, self.state
-                ):
+                for again in range(_RETRIES):
+                    # Of one that has not served for a single step another of its kind will not.
+                    useless = again > 0 and self.snes.getIterationNumber() == 0
+                    if self.snes.getConvergedReason() != _LINEAR or useless:
+                        break
+                    if not self.linear.retry(ksp, self.state):
+                        break
                     failure = self._explain()
                     if self.comm.rank == 0:
                         logger.warning("%s; once more with a new preconditioner", failure)
@@ -404,6 +408,7 @@ class Newton:
 _SMALL = 1e-8  # residuals that may be round-off
 _FAR = 1e6  # scales of the start over those of a state beside which it does not count any more
 _STOPPED = PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN
+_RETRIES = 5  # with new preconditioners, in one run
 _LINEAR = PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
 _NOT_A_NUMBER = -4  # DIVERGED_FNORM_NAN, since PETSc 3.24 DIVERGED_FUNCTION_NANORINF
 
