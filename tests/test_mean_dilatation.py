@@ -308,6 +308,7 @@ def shaft(dim, radius):
     return Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), radius)
 
 
+@pytest.mark.skipif(COMM.size > 1, reason="the hierarchy, and what it is no use for, is another")
 def test_multigrid_that_stagnates_ends():
     """A neo-Hookean body for which the hierarchy is no use: it is not built anew for ever."""
     domain = box(COMM, 6, "quad")
