@@ -345,6 +345,23 @@ def test_unstable_pairs():
         surface(u, method="mortar")
 
 
+def test_an_energy_of_the_wrong_sign():
+    """What the strategies ran into is listed after the reason for it."""
+    domain = box(MPI.COMM_WORLD, 2, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    down = fem.dirichletbc(np.array([0.001, -0.01]), top, V)
+    load = fem.Constant(domain, (0.1, -1.0))
+    energy = -LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy - ufl.inner(load, u) * ufl.dx, u, [surface], bcs=[down])
+    with pytest.raises(ConvergenceError) as failure:
+        problem.solve()
+    assert "its energy falls with a strain" in str(failure.value).splitlines()[1]
+
+
 def test_missing_dirichlet_data():
     """Pressed on the floor by a load and held by nothing: friction 0 leaves it free to slide."""
     domain, u = square()

@@ -140,7 +140,7 @@ def solve(
         return turned, attempts
     if floating is not None and attempts[0].reason == str(floating):
         raise FloatingBodyError(str(floating), attempts)
-    raise ConvergenceError(_diagnosis(attempts), attempts)
+    raise ConvergenceError(_diagnosis(attempts, _doubt_of_stiffness(equations)), attempts)
 
 
 def _log_failure(attempt: Attempt, *, floated: bool) -> None:
@@ -241,8 +241,24 @@ def _given_numbers(eq: ContactEquations) -> list[list[float]]:
     return [[float(v) for v in np.ravel(c.value)] for c in constants]
 
 
-def _diagnosis(attempts: list[Attempt]) -> str:
-    lines = ["the contact problem was not solved:"]
+def _doubt_of_stiffness(eq: ContactEquations) -> str:
+    """What is wrong with a linear body if its energy decreases with a strain. Collective."""
+    if not eq.bulk.linear:
+        return ""
+    diagonal = eq.bulk.stiffness(eq.bulk.displacement.x.array).getDiagonal()
+    _, least = diagonal.min()
+    _, largest = diagonal.max()
+    diagonal.destroy()
+    if not least < -1e-12 * max(abs(least), abs(largest)):
+        return ""
+    return (
+        f"the stiffness of the body has negative diagonal entries (the least is {least:.3g}): its "
+        "energy falls with a strain, look at its sign and its moduli"
+    )
+
+
+def _diagnosis(attempts: list[Attempt], doubt: str) -> str:
+    lines = ["the contact problem was not solved:", *([doubt] if doubt else [])]
     for a in attempts:
         worst = f", residual {a.steps[-1].measures.worst:.2g}" if a.steps else ""
         lines.append(f"- {a.strategy}: {a.reason} ({a.iterations} iterations{worst})")
