@@ -5,7 +5,7 @@
 # solver, expected time and RAM. For strong scaling run one mesh with `mpirun -n 1, 2, 4 ...`,
 # for weak scaling let the mesh grow with the ranks; time the second solve, since the first one
 # compiles. Direct solvers need memory like n^(4/3) in 3D; multigrid is linear: a frictional solve
-# costs about two of the fastest elastic ones.
+# costs one and a half to two and a half of the fastest elastic ones ([figures](../guide/cost.md)).
 
 import time
 

@@ -31,7 +31,7 @@ _LARGEST_DIRECT = {2: 100_000, 3: 5_000}
 #: Factor and power of the number of unknowns, by dimension, that give the gigabytes of MUMPS:
 #: measured at 9 10^3 and 7 10^4 unknowns in 2D and at 4 10^3 and 10^4 in 3D.
 _DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
-_AMG_MEMORY = 5.3e-6  # gigabytes per unknown, measured at 10^6 and 3 10^6 unknowns in 3D
+_AMG_MEMORY = 4.2e-6  # gigabytes per unknown, measured at 10^6 and 5 10^6 unknowns in 3D
 
 
 class LinearSolverChoice:
