@@ -24,6 +24,7 @@ from dolfinx_contact.materials import (
     circumference,
     lame,
 )
+from dolfinx_contact.records.points import compiled
 
 COMM = MPI.COMM_WORLD
 YOUNG = 2.0
@@ -514,3 +515,20 @@ class Stiffer(NeoHookean):
 
     def energy(self, u):
         return 3.0 * super().energy(u)
+
+
+def test_a_functional_by_one_point_beside_another_rule():
+    """A user's functional in a record is compiled as the bulk is."""
+    domain = box(COMM, 2, "quad")
+    domain.geometry.x[:, :2] += 0.05 * np.sin(np.pi * domain.geometry.x[:, :2]) ** 2
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(YOUNG, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface])
+    u.interpolate(lambda x: np.sin(3.0 * x[:2] + x[1]))
+    one = ufl.div(u) ** 2 * ufl.dx(domain, metadata={"quadrature_degree": 1})
+    full = ufl.inner(ufl.grad(u), ufl.grad(u)) * ufl.dx(metadata={"quadrature_degree": 4})
+    functionals = {"together": one + full, "one": one, "full": full}
+    together, *apart = [value() for value in compiled(problem, functionals).values()]
+    assert together == pytest.approx(sum(apart), rel=1e-12)

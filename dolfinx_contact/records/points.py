@@ -15,6 +15,7 @@ from dolfinx import fem
 from dolfinx_contact._agreement import described
 from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.continuation import BranchPoint, Change, Node, SpecialPoint
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.given_data import placed_data
@@ -196,7 +197,7 @@ def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[]
     comm = problem.comm
     if isinstance(f, ufl.Form):
         maps = merge_entity_maps([s.submesh for s in problem.surfaces])
-        form = fem.form(f, entity_maps=maps)
+        form = compiled_form(f, maps)
         return lambda: float(comm.allreduce(float(np.real(fem.assemble_scalar(form)))))
 
     def value() -> float:
