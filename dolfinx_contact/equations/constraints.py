@@ -217,6 +217,8 @@ class Constraints:
             return np.asarray(self.fixed & ~s.rigid_body.moves(s.node_positions))
         if opposite is None:
             return self.fixed
+        if s.slides:  # what is opposite changes, and a gap is a mean over several nodes
+            return np.zeros_like(self.fixed)
         return resting(self._V, opposite, self.fixed)
 
 

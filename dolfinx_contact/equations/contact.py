@@ -188,6 +188,8 @@ class ContactEquations:
             traction = s.points.traction(multipliers)
             answers = s.law_at_points(at.jump, traction, at.data, codes)
             codes = answers.required if codes is None else codes
+            if at.operator.absent is not None:
+                codes = np.where(at.operator.absent, s.law_at_points.codes[0], codes)
             found.append(ContactState(at, traction, codes, answers))
         return found
 
@@ -240,6 +242,8 @@ class ContactEquations:
         reactions = body.copy()
         if affine is None and any_missing:
             body += self.bulk.lifting(u, self.prescribed.conditions, u)
+        if any_missing:
+            body -= self._turned_forces(contact, missing, missing_q)
         fixed = self.fixed[:n]
         body[fixed] = self.stiffness_scale * (u - prescribed)[:n][fixed]
         rows = [body]
@@ -247,7 +251,7 @@ class ContactEquations:
             off = state.traction - state.answer
             if any_missing:
                 step = self.relative(s, missing, missing_q)
-                off -= state.along(state.kinematics.operator.rate(step))
+                off -= state.change(step)
             rows.append(self._with_removed(i, s.points.rows(off), x))
         if self.rigid.size:
             pushed = self.comm.allreduce(pushed)
@@ -256,6 +260,20 @@ class ContactEquations:
         rows.append(self.rigid.here(balance))
         b.array[:] = np.concatenate(rows)
         return State(u, q, contact, rows, reactions, -pushed)
+
+    def _turned_forces(self, contact: Sequence[ContactState], du: Array, dq: Array) -> Array:
+        """The derivative of the contact forces of held tractions along displacements. Collective.
+
+        Args:
+            contact: the surfaces at a state.
+            du: displacement at all local dofs.
+            dq: unknowns of the rigid bodies.
+        """
+        forces = np.zeros(self.owned_sizes[0])
+        for s, found in zip(self.surfaces, contact, strict=True):
+            step = self.relative(s, du, dq)
+            forces += found.kinematics.operator.transpose_rate(found.traction, step)
+        return forces
 
     def prescribed_motions(self) -> Array:
         """What is prescribed to the rigid bodies now, zero where they are free."""
@@ -302,6 +320,7 @@ class ContactEquations:
                 at = np.where(self.fixed, self.prescribed.values().reshape(-1) - dirichlet, u)
                 product = self.bulk.lifting(u, conditions, at)
             rows += product
+            rows -= self._turned_forces(state.surfaces, dirichlet, motions)
         fixed = self.fixed[:n]
         rows[fixed] = -self.stiffness_scale * dirichlet[:n][fixed]
         parts = [rows]
@@ -311,7 +330,7 @@ class ContactEquations:
             change = np.zeros_like(found.jump) if rate is None else -rate
             if moving:
                 step = self.relative(s, dirichlet, motions)
-                change -= found.along(found.kinematics.operator.rate(step))
+                change -= found.change(step)
             parts.append(self._with_removed(i, s.points.rows(change), None))
         parts.append(self.rigid.here(-loads - self.stiffness_scale * motions))
         return np.concatenate(parts)
@@ -323,7 +342,7 @@ class ContactEquations:
         points = s.points
         u = state.u
         q = state.q
-        if s.method != "mixed":
+        if s.method != "mixed" or s.slides:
             return self.kinematics(s, u, q).gap
         nodes = self.rigid.relative(s, u.reshape(-1, self.dim), q)
         at = (nodes - s.opposite(nodes))[points.trace_dofs[: points.number]]
@@ -373,7 +392,7 @@ class ContactEquations:
             ValueError: on every rank, if they are not of these surfaces.
         """
         mine = len(memory) == len(self.surfaces) and all(
-            m is None or m.fits(s.points.number, s.dim)
+            m is None or (m.fits(s.points.number, s.dim) and m.slides == s.slides)
             for s, m in zip(self.surfaces, memory, strict=True)
         )
         require(self.comm, mine, "the memory is that of other contact surfaces or another mesh")
@@ -382,9 +401,15 @@ class ContactEquations:
 
     def advanced(self, state: State) -> tuple[Memory, ...]:
         """The memory that a step leaves whose end this state is. Not collective."""
+        n = self.owned_sizes[0]
         found = zip(self.surfaces, state.surfaces, strict=True)
         return tuple(
-            Memory(at.jump + at.kinematics.reference, remembered(s, at)) for s, at in found
+            Memory(
+                at.jump + at.kinematics.reference,
+                remembered(s, at),
+                displacement=state.u[:n].reshape(-1, self.dim) if s.slides else None,
+            )
+            for s, at in found
         )
 
     def resultant(self, forces: Array) -> Array:

@@ -6,7 +6,8 @@ r"""The Jacobian of H: the stiffness of the body, and contact terms that statuse
 
 S has rows at the contact nodes and multipliers alone, and those of rigid bodies. Rows and columns
 of Dirichlet dofs are empty; those of removed multipliers have a typical stiffness on the diagonal.
-Its pattern never changes, so that new statuses cost no more than new numbers.
+Its pattern never changes, so that new statuses cost no more than new numbers; where faces slide over
+each other it changes with a search for what may be opposite (`sliding`).
 
 Of a rigid body the jump is B u - Phi q, so that the contact terms of a surface are bordered by
 
@@ -35,6 +36,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.sliding import SlidingTerms
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.surface import ContactSurface
@@ -126,6 +128,8 @@ class ContactTerms:
         rows = [held, mine]
         columns = [held, mine]
         for i, s in enumerate(eq.surfaces):
+            if s.slides:  # its pattern changes (`SlidingTerms`)
+                continue
             stencils = s.constant_operator(_NEEDED_BY).stencils
             areas = s.points.areas
             coupling = np.einsum(
@@ -217,9 +221,11 @@ class Jacobian:
     def __init__(self, equations: ContactEquations):
         self._equations = equations
         self._terms = ContactTerms(equations)
-        self._assemblies = -1
         eq = equations
         numbering = _Numbering(eq)
+        self._sliding = [
+            (i, SlidingTerms(eq, i, numbering)) for i, s in enumerate(eq.surfaces) if s.slides
+        ]
         n = eq.owned_sizes[0]
         K = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
         indptr, columns, _ = K.getValuesCSR()
@@ -230,15 +236,25 @@ class Jacobian:
         fixed = mine[eq.fixed[:n]]
         self._fixed = Entries(fixed, fixed)
         self._body = Entries(rows, places)
-        size = sum(eq.owned_sizes)
-        parts = self._fixed, self._body, self._terms.entries
-        self.matrix = matrix_of(eq.comm, (size, size), *parts)
+        self._create()
+
+    def _create(self) -> None:
+        """Make the matrix, with the pattern that it has from now on."""
+        size = sum(self._equations.owned_sizes)
+        sliding = [part for _, terms in self._sliding for part in terms.set_up()]
+        parts = self._fixed, self._body, self._terms.entries, *sliding
+        #: A SNES may look at it until it has taken the new one.
+        self._replaced = getattr(self, "matrix", None)
+        self.matrix = matrix_of(self._equations.comm, (size, size), *parts)
         self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATIONS, False)
+        self._assemblies = -1
 
     def update(self, state: State) -> None:
-        """Assemble at a state. Collective."""
+        """Assemble at a state; where faces slide the matrix may be another one. Collective."""
         bulk = self._equations.bulk
         K = bulk.stiffness(state.u)
+        if any(terms.changed for _, terms in self._sliding):
+            self._create()
         if self._assemblies == bulk.assemblies:
             self.matrix.retrieveValues()
         else:
@@ -250,10 +266,13 @@ class Jacobian:
             self.matrix.storeValues()
             self._assemblies = bulk.assemblies
         self._terms.add(state, self.matrix)
+        for i, terms in self._sliding:
+            terms.add(state.surfaces[i], self.matrix)
 
     def destroy(self) -> None:
         """Free the matrix."""
-        self.matrix.destroy()
+        for thing in (self.matrix, *(terms for _, terms in self._sliding)):
+            thing.destroy()
 
 
 @dataclass(frozen=True)

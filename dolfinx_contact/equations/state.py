@@ -49,17 +49,37 @@ class ContactState:
     @cached_property
     def answer(self) -> Array:
         """The traction that the law allows (n, dim)."""
-        return self.answers.traction(self.statuses)
+        return self._present(self.answers.traction(self.statuses))
 
     @cached_property
     def by_jump(self) -> Array:
         """Its derivatives by the jump (n, dim, dim)."""
-        return self.answers.by_jump(self.statuses)
+        return self._present(self.answers.by_jump(self.statuses))
 
     @cached_property
     def by_traction(self) -> Array:
         """Its derivatives by the traction (n, dim, dim)."""
-        return self.answers.by_traction(self.statuses)
+        return self._present(self.answers.by_traction(self.statuses))
+
+    @cached_property
+    def by_normal(self) -> Array:
+        """Its derivatives by the normal, with which the jump turns (n, dim, dim).
+
+        A law does not know directions in space, tau(R j, R t; R n) = R tau, so that of the rotation
+        w x, w = n x dn, that goes with dn
+
+            dtau = w x tau - dtau/dt (w x t).
+        """
+        n = self.data.n
+        turned = _turning(n, self.answer) - self.by_traction @ _turning(n, self.traction)
+        return np.asarray(turned)
+
+    def _present(self, values: Array) -> Array:
+        """Values at the points, zero where nothing is opposite."""
+        absent = self.kinematics.operator.absent
+        if absent is None:
+            return values
+        return np.where(absent.reshape(-1, *np.ones(values.ndim - 1, dtype=int)), 0.0, values)
 
     @cached_property
     def by_around(self) -> Array:
@@ -79,6 +99,13 @@ class ContactState:
             around = self.answers.spreading(np.sum(self.spread_by[0] * step, axis=1))
             rate += self.by_around * around[:, None]
         return rate
+
+    def change(self, v: Array) -> Array:
+        """The derivative of the answer along a displacement v (nodes, dim). Collective."""
+        operator = self.kinematics.operator
+        rate = self.along(operator.rate(v))
+        turned = operator.normal_rate(v)
+        return rate if turned is None else rate + np.einsum("nij,nj->ni", self.by_normal, turned)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +134,12 @@ class State:
     def statuses(self) -> Statuses:
         """Those by which the laws were taken."""
         return [s.statuses for s in self.surfaces]
+
+
+def _turning(n: Array, v: Array) -> Array:
+    """Matrices of (n x dn) x v = dn (n.v) - n (dn.v), by dn (n, dim, dim)."""
+    along = np.sum(n * v, axis=1)[:, None, None]
+    return np.asarray(along * np.eye(n.shape[1]) - n[:, :, None] * v[:, None])
 
 
 def differs(a: Statuses, b: Statuses) -> list[npt.NDArray[np.bool_]]:

@@ -81,7 +81,8 @@ class Energies:
         for p, q in zip(before.surfaces, after.surfaces, strict=True):
             force = (p.force + q.force) / 2
             moved = np.sum((p.n + q.n) / 2 * (q.jump - p.jump), axis=1)
-            outer -= np.dot(force, q.un - p.un + moved)
+            if not p.slides:  # else nothing but the bodies moves
+                outer -= np.dot(force, q.un - p.un + moved)
             pressed += float(np.sum(q.bonds - p.bonds))
             spent += float(np.sum(q.spent))
             pressed -= np.dot((p.springs + q.springs) / 2, q.un - p.un)
@@ -107,6 +108,7 @@ class SurfaceForces:
         springs: forces of a compliant surface, without adhesion; 0 of others (n,).
         bonds: energies that bonds hold (n,).
         spent: energies that bonds have lost since the state before (n,).
+        slides: whether it slides over another face.
     """
 
     force: Array
@@ -116,6 +118,7 @@ class SurfaceForces:
     springs: Array
     bonds: Array
     spent: Array
+    slides: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,17 +161,16 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
         normal = found.data.n.copy()
         pressure = -np.sum(found.traction * normal, axis=1)
         un = found.kinematics.gap
-        force = s.points.areas * pressure
+        areas = found.kinematics.operator.areas
+        force = areas * pressure
         none = np.zeros_like(force), np.zeros_like(force)
         springs = force if s.law.compliant else none[0]
         if s.law.compliant and s.law_at_points.compiled.bonded:
-            springs = force + s.points.areas * np.sum(
-                found.answers.bond("traction") * normal, axis=1
-            )
+            springs = force + areas * np.sum(found.answers.bond("traction") * normal, axis=1)
         names = ("stored", "spent") if s.law_at_points.compiled.bonded else ()
-        bonds = [s.points.areas * found.answers.bond(name) for name in names] or none
+        bonds = [areas * found.answers.bond(name) for name in names] or none
         jump = found.jump + found.kinematics.reference
-        surfaces.append(SurfaceForces(force, un, normal, jump, springs, *bonds))
+        surfaces.append(SurfaceForces(force, un, normal, jump, springs, *bonds, slides=s.slides))
     return Forces(
         eq,
         u,

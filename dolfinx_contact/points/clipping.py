@@ -145,7 +145,16 @@ def nodal_points(corners: int, degree: int) -> Array:
     return np.asarray(_element(corners, degree).points)
 
 
-def cover(slave: Faces, master: Faces, pairs: Nodes, deepest: float) -> Cover:
+def cover(
+    slave: Faces,
+    master: Faces,
+    pairs: Nodes,
+    deepest: float,
+    *,
+    farthest: float = np.inf,
+    least: float = _LEAST_COVER,
+    steep: float = _STEEP,
+) -> Cover:
     """The covered parts. Not collective.
 
     Where several facets of the master lie over each other, as many count as fit, the nearest first;
@@ -156,9 +165,12 @@ def cover(slave: Faces, master: Faces, pairs: Nodes, deepest: float) -> Cover:
         master: facets that may be opposite to some.
         pairs: numbers of slave and master facets that may be opposite to each other (n, 2).
         deepest: how far the bodies may overlap.
+        farthest: how far they may be apart.
+        least: part of a facet of the slave below which it is hardly covered.
+        steep: cosine of the largest angle at which facets face each other.
     """
     i, k = pairs.T
-    facing = np.sum(slave.normals[i] * master.normals[k], axis=1) < -_STEEP
+    facing = np.sum(slave.normals[i] * master.normals[k], axis=1) < -steep
     i = i[facing]
     k = k[facing]
     centre = slave.x.mean(axis=1)
@@ -178,10 +190,10 @@ def cover(slave: Faces, master: Faces, pairs: Nodes, deepest: float) -> Cover:
     area = rule.weights.sum(axis=1)
     gaps = np.einsum("pqk,pk->pq", basis(rule.theirs, master.corners, 1), heights)
     gap = np.einsum("pq,pq->p", rule.weights, gaps) / area
-    kept = np.flatnonzero(gap > -deepest)
+    kept = np.flatnonzero((gap > -deepest) & (gap < farthest))
     kept = kept[_nearest(found.facet[kept], gap[kept], area[kept], size)]
     covered = np.bincount(found.facet[kept], area[kept], len(size))
-    return found[kept[covered[found.facet[kept]] >= _LEAST_COVER * size[found.facet[kept]]]]
+    return found[kept[covered[found.facet[kept]] >= least * size[found.facet[kept]]]]
 
 
 def _axes(faces: Faces) -> Array:

@@ -46,12 +46,15 @@ class Memory:
             depends on it the distance slipped until then, ``SLID`` of `laws.symbols`. Read-only.
         step: time from that state to the present one.
         gap: what replaces the gap in the law (n,), where it is about velocities; None elsewhere.
+        displacement: of the owned nodes (nodes, dim) at that state, of faces that slide over each
+            other; None of others. Read-only.
     """
 
     jump: Array
     fields: Mapping[str, Array] = field(default_factory=dict)
     step: float = 0.0
     gap: Array | None = None
+    displacement: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "jump", _frozen(self.jump))
@@ -59,11 +62,18 @@ class Memory:
         object.__setattr__(self, "fields", fields)
         if self.gap is not None:
             object.__setattr__(self, "gap", _frozen(self.gap))
+        if self.displacement is not None:
+            object.__setattr__(self, "displacement", _frozen(self.displacement))
 
     def fits(self, number: int, dim: int) -> bool:
         """Whether it is that of so many points."""
         lengths = all(len(values) == number for values in self.fields.values())
         return lengths and self.jump.shape == (number, dim)
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is that of faces that slide over each other."""
+        return self.displacement is not None
 
     def later(self, step: float) -> Memory:
         """The same memory at a time later by ``step``."""

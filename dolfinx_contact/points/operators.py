@@ -52,13 +52,28 @@ class Operator(ABC):
     (`ContactSurface.relative`); tractions and jumps those at the contact points of this rank.
     """
 
+    #: W of the points (n,), by which tractions become forces.
+    areas: Array
+
     @abstractmethod
     def apply(self, v: Array) -> Array:
         """B v at the points (n, dim)."""
 
     @abstractmethod
     def rate(self, v: Array) -> Array:
-        """The derivative along v of the jumps that laws see (n, dim)."""
+        """The derivative along v of the jumps that laws see (n, dim).
+
+        Where normals turn with the displacement without what turns with them (`normal_rate`).
+        """
+
+    def normal_rate(self, v: Array) -> Array | None:
+        """The derivative along v of the normals (n, dim); None where jumps alone turn them."""
+        return None
+
+    @property
+    def absent(self) -> npt.NDArray[np.bool_] | None:
+        """Which points have nothing opposite (n,), and carry nothing; None if all have."""
+        return None
 
     @abstractmethod
     def transpose(self, tractions: Array) -> Array:

@@ -19,12 +19,14 @@ from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle, has_ufl
 from dolfinx_contact.points.contact_points import Method
+from dolfinx_contact.points.displaced import SlidingKind, check_sliding
 from dolfinx_contact.points.elements import check_name, displacement_degree
 from dolfinx_contact.points.held_ends import held_in_place, in_place, resting
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.sliding.points import SlidingFacets, check_law_of_slave, require_apart
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
 
@@ -43,11 +45,40 @@ def _check(a: Arguments) -> None:
     for what, flag in (("interference", a.interference), ("axisymmetric", a.axisymmetric)):
         if not isinstance(flag, bool | np.bool_):
             raise ValueError(f"{a.name}: {what} is True or False, got {flag!r}")
+    check_sliding(a.name, a.sliding)
+    if a.sliding == "large":
+        _check_large(a)
     by_index = isinstance(a.facets, np.ndarray)
     _check_sides(a.name, (a.slave, a.master), a.master_facets, by_index=by_index)
     a.gap = _checked_gap(a.gap, a.name)
     _check_surface(a.name, a.surface, alone=a.gap is None and a.normal is None)
     a.normal = _checked_normal(a.normal, a.u.function_space.mesh.geometry.dim, a.name)
+
+
+def _check_large(a: Arguments) -> None:
+    """Raise ``ValueError`` for what does not go with large sliding."""
+    given = {
+        "gap": a.gap is not None,
+        "surface": a.surface is not None,
+        "normal": a.normal is not None,
+        "axisymmetric=True": bool(a.axisymmetric),
+        f"method={a.method!r}": a.method not in (None, "mixed"),
+        "displacements of degree 2": displacement_degree(a.u) != 1,
+        "multipliers of degree 2": a.multiplier_degree != 1,
+    }
+    for what, is_given in given.items():
+        if is_given:
+            raise ValueError(
+                f"{a.name}: with sliding='large' there is no {what}: gaps and normals are those of "
+                "the faces where they are, at nodes of degree 1 by the mixed method"
+            )
+    domain = a.u.function_space.mesh
+    if domain.ufl_domain().ufl_coordinate_element().degree != 1:
+        raise ValueError(f"{a.name}: with sliding='large' cells have straight edges")
+    distance = a.search_distance
+    good = distance is None or (is_number(distance) and np.isfinite(distance) and distance > 0)
+    if not good:
+        raise ValueError(f"{a.name}: the search distance must be positive, got {distance!r}")
 
 
 def _given(a: Arguments) -> dict[str, Any]:
@@ -142,6 +173,8 @@ class ContactPair(ContactSurface):
         method: Method | None = None,
         multiplier_degree: int = 1,
         quadrature_degree: int | None = None,
+        sliding: SlidingKind = "small",
+        search_distance: float | None = None,
         axisymmetric: bool = False,
         name: str = "contact",
     ):
@@ -155,10 +188,11 @@ class ContactPair(ContactSurface):
         self.master_facets = sides[1]
         if axisymmetric:
             check_section(V.mesh, sides[1], f"{name}, master")
-        super().__init__(
-            u,
-            sides[0],
-            obstacle=OppositeFacets(
+        large = sliding == "large"
+        master_face = (
+            SlidingFacets(V, sides[0], sides[1], search_distance, name)
+            if large
+            else OppositeFacets(
                 V,
                 sides[0],
                 sides[1],
@@ -169,14 +203,25 @@ class ContactPair(ContactSurface):
                 must_match=method == "mixed",
                 axisymmetric=bool(axisymmetric),
                 name=name,
-            ),
+            )
+        )
+        super().__init__(
+            u,
+            sides[0],
+            obstacle=master_face,
             law=law,
-            method=method,
+            method="mixed" if large else method,
             multiplier_degree=multiplier_degree,
             quadrature_degree=quadrature_degree,
             axisymmetric=axisymmetric,
             name=name,
         )
+        if large:
+            self._given_gap = ""
+            check_law_of_slave(self.law_at_points, name)
+            if not interference:
+                require_apart(self.points, name)
+            return
         #: How the bodies have slid and turned.
         self.motion = PairMotion(u, self.points, sides[0], sides[1])
         #: The opposing points while no function of a node is given away.
@@ -209,6 +254,8 @@ class ContactPair(ContactSurface):
         Raises:
             ValueError: if there is no node beside a crossing that could take its part.
         """
+        if self.slides:
+            return
         V = self.u.function_space
         trace = self.points.vertex_trace_dofs
         matching = self._apart.matching

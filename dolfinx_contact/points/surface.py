@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -49,6 +50,7 @@ from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_revolution, check_section
 from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.sliding.points import SlidingOpposite, SlidingPoints
 from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["ContactSurface"]
@@ -310,11 +312,28 @@ class ContactSurface(ReadOnly):
             u: displacement at the first local nodes, at least the owned ones (n, dim).
             motion: of the rigid body; None where there is none.
         """
+        if isinstance(self.points, SlidingPoints):
+            return self._sliding_kinematics(self.points, u)
         operator = self.points.operator
         reference = self._reference
         jump = operator.apply(self.relative(u[: self.owned_nodes], motion))
         jump = jump - self.points.aside - reference
         return Kinematics(operator, jump, reference, self._data_at(jump))
+
+    def _sliding_kinematics(self, points: SlidingPoints, u: Array) -> Kinematics:
+        """Those of faces that slide over each other. Collective."""
+        memory = self.memory
+        operator = points.at(u, None if memory is None else memory.displacement)
+        nodal = operator.facing.nodal
+        n = points.number
+        slipped = np.zeros((n, self.dim))
+        if memory is not None:  # turned with the surface since then
+            turned = memory.reference(nodal.before[:n])
+            slipped = np.einsum("nij,nj->ni", nodal.rotation[:n], turned)
+        normal = nodal.normal[:n]
+        data = replace(points.data, n=normal, gap=np.zeros(n))
+        given = with_memory(self.law_at_points.compiled, memory, data)
+        return Kinematics(operator, nodal.jump[:n], slipped, given)
 
     def _kinematics_now(self) -> Kinematics:
         """Those of the displacement in the Function, and of the rigid body."""
@@ -345,6 +364,11 @@ class ContactSurface(ReadOnly):
         return self._displaced
 
     @property
+    def slides(self) -> bool:
+        """Whether it is a face that slides over another, wherever both go."""
+        return isinstance(self.points, SlidingPoints)
+
+    @property
     def linear(self) -> bool:
         """Whether gap and slip are linear in the displacement."""
         return self._displaced is None and isinstance(self.points.operator, ConstantOperator)
@@ -367,12 +391,11 @@ class ContactSurface(ReadOnly):
 
     @property
     def opposite_nodes(self) -> Opposite | None:
-        """The points opposite to the nodes, the same at every state; None without another body.
+        """The points opposite to the nodes; None without another body.
 
-        Raises:
-            ValueError: on every rank, if that changes with the displacement.
+        Of faces that slide over each other those of the reference configuration.
         """
-        if self.between_bodies:
+        if self.between_bodies and not self.slides:
             self.constant_operator("the map to opposite nodes")
         opposite: Opposite | None = self.obstacle.opposite
         return opposite
@@ -382,9 +405,6 @@ class ContactSurface(ReadOnly):
 
         Args:
             values: at the nodes of the displacement (n, ...), of which the owned ones count.
-
-        Raises:
-            ValueError: on every rank, if the points opposite change with the displacement.
         """
         opposite = self.opposite_nodes
         if opposite is None:
@@ -470,7 +490,7 @@ class ContactSurface(ReadOnly):
         pressure = -np.sum(traction * n, axis=1)
         return {
             "x": points.positions,
-            "area": points.areas,
+            "area": at.operator.areas,
             "un": at.gap,
             "ut": at.slip,
             "increment": at.increment,
@@ -511,6 +531,8 @@ class ContactSurface(ReadOnly):
 
 def _points_class(method: Method, opposite: Opposite | None) -> type[ContactPoints]:
     """What contact points of a method are."""
+    if isinstance(opposite, SlidingOpposite):
+        return SlidingPoints
     if method == "nodal":
         return NodePoints
     if method == "mixed":

@@ -461,6 +461,7 @@ class _AtPoints:
     """
 
     def __init__(self, problem: ContactProblem):
+        self._problem = problem
         self._surfaces = [Gathered(s.comm, s.positions, s.points.ids) for s in problem.surfaces]
 
     def gathered(self, accepted: AcceptedState) -> Arrays:
@@ -478,14 +479,20 @@ class _AtPoints:
         return [found[f"{i}.statuses"][s.mine] for i, s in enumerate(self._surfaces)]
 
     def memory(self, found: Mapping[str, npt.NDArray[Any]]) -> tuple[Memory | None, ...]:
-        """The memory of the points of this rank, surface by surface."""
+        """The memory of the points of this rank, surface by surface.
+
+        That of faces that slide has the displacement, which is that of the problem.
+        """
+        u = self._problem.u.x.array.reshape(-1, self._problem.equations.dim)
         memories: list[Memory | None] = []
-        for i, surface in enumerate(self._surfaces):
+        for i, (surface, s) in enumerate(zip(self._surfaces, self._problem.surfaces, strict=True)):
             start = f"{i}.memory."
             names = [name for name in found if name.startswith(start)]
             arrays = {name.removeprefix(start): found[name][surface.mine] for name in names}
             jump = arrays.pop("jump", None)
-            memories.append(None if jump is None else Memory(jump, arrays))
+            displacement = u[: s.owned_nodes] if s.slides else None
+            memory = None if jump is None else Memory(jump, arrays, displacement=displacement)
+            memories.append(memory)
         return tuple(memories)
 
 

@@ -79,7 +79,10 @@ def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance
     low, high = bounding_box(comm, x[:n][slave])
     size = float(np.linalg.norm(high - low))
     moment = None
-    if not eq.axisymmetric and _apart(s, x) <= _SAME_PLACE * size:
+    if s.slides:
+        moved = x + state.u.reshape(-1, eq.dim)
+        x = moved
+    if not eq.axisymmetric and (s.slides or _apart(s, x) <= _SAME_PLACE * size):
         arms = x[:n] - (low + high) / 2
         turned = np.cross(_in_space(arms), _in_space(forces))
         moment = float(np.linalg.norm(comm.allreduce(turned.sum(axis=0)))) / (total * size)

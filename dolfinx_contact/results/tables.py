@@ -223,7 +223,10 @@ def contact_table(
     pressure = -np.sum(traction * normal, axis=1) + 0.0
     gap = known["un"] + 0.0
     opposite = s.opposite_nodes
-    if s.method != "integral" and opposite is not None and not opposite.matching:
+    absent = found.kinematics.operator.absent
+    if absent is not None:
+        gap[absent] = np.nan
+    elif s.method != "integral" and opposite is not None and not opposite.matching:
         gap[opposite.none[s.points.vertex_trace_dofs[:n]]] = np.nan
     columns = {
         "x": known["x"],

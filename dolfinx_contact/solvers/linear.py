@@ -125,11 +125,15 @@ class Direct(LinearSolver):
     def __init__(self, equations: ContactEquations):
         self._equations = equations
         self._jacobian = Jacobian(equations)
-        self.matrix = self._jacobian.matrix
         self._residual = 0.0  # of the last solve, over its right-hand side
         if (equations.options.value("pc_type") or "lu") not in ("lu", "cholesky"):
             factor = ("pc_factor_mat_solver_type", "mat_mumps_icntl_14")
             self.defaults = {k: v for k, v in Direct.defaults.items() if k not in factor}
+
+    @property
+    def matrix(self) -> PETSc.Mat:  # type: ignore[override]
+        """The Jacobian, another matrix where its pattern has changed."""
+        return self._jacobian.matrix
 
     def attach(self, ksp: PETSc.KSP) -> None:
         ksp.setPostSolve(self._measure)

@@ -241,7 +241,10 @@ class Newton:
         statuses = self.held if self._guess is None else self._guess
         self._guess = None
         state = self.equations.contact(x, statuses)
+        before = self.linear.matrix
         self.linear.update(state)
+        if self.linear.matrix is not before:  # the SNES takes its matrix after this call
+            self.snes.setJacobian(self._jacobian, self.linear.matrix)
         tolerance = self.snes.getTolerances()[0]
         step = self.attempt.steps[-1]
         self.linear.prepare(self.snes.getKSP(), step, tolerance, state, warm=self._warm)

@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Contact terms of the Jacobian where faces slide over each other.
+
+With the displacements u, the vectors m(u) of which normals are made, and the multipliers l, the
+contact terms of H depend on (u, m, l), so that with D = dm/du
+
+    S = S_u + S_m D,
+
+S_u on all unknowns, S_m from the vectors m. The pattern is that of all candidates, which changes
+with a search alone (`points.sliding`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.points.sliding.operator import SlidingOperator
+from dolfinx_contact.points.sliding.points import SlidingPoints
+
+__all__ = ["Numbering", "SlidingTerms"]
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+class Numbering(Protocol):
+    """Places of dofs among all unknowns."""
+
+    def places(self, field: int, nodes: Indices) -> Indices:
+        """Of global nodes (..., dim), -1 of those that are fixed. Collective."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Values of blocks (n, rows, dim, columns, dim), rows and columns (n, k, dim) by their places.
+
+    Negative places count for nothing.
+    """
+
+    rows: Indices
+    columns: Indices
+    values: Array
+
+    def places(self) -> tuple[Indices, Indices]:
+        """Row and column of every value."""
+        n, r, d = self.rows.shape
+        c = self.columns.shape[1]
+        shape = (n, r, d, c, d)
+        rows = np.broadcast_to(self.rows[:, :, :, None, None], shape)
+        columns = np.broadcast_to(self.columns[:, None, None], shape)
+        return rows.reshape(-1), columns.reshape(-1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """Derivatives at pieces of the faces, with a corners of the slave's facet, b of the master's.
+
+    Attributes:
+        facet: of the slave (p,).
+        nodes: global, of the master's facets (p, b).
+        coupling: of forces with multipliers, on the slave first (p, a + b, a).
+        on_master: of forces by u of the slave, m, and u of the master (p, b, dim, c, dim).
+        of_law: of contact rows by these (p, a, dim, c, dim).
+    """
+
+    facet: Indices
+    nodes: Indices
+    coupling: Array
+    on_master: Array
+    of_law: Array
+
+
+class SlidingTerms:
+    """The terms of one surface. Collective, as its methods are.
+
+    Args:
+        equations: the contact problem.
+        number: of the surface.
+        numbering: of the unknowns.
+    """
+
+    def __init__(self, equations: ContactEquations, number: int, numbering: Numbering):
+        s = equations.surfaces[number]
+        assert isinstance(s.points, SlidingPoints)
+        self._points = s.points
+        self._faces = s.points.faces
+        self._comm = equations.comm
+        self._dim = s.dim
+        self._unit = equations.units[number + 1]
+        self._numbering = numbering
+        self._size = sum(equations.owned_sizes)
+        vertices = self._faces.slave_vertices()
+        self._slave = numbering.places(0, self._faces.slave_nodes())
+        self._multipliers = numbering.places(number + 1, vertices)
+        self._vectors = s.dim * vertices[..., None] + np.arange(s.dim)
+        first = s.points.vertices.dofmap.index_map.local_range[0]
+        own = first + np.arange(s.points.number, dtype=np.int64)[:, None]
+        self._own = numbering.places(number + 1, own)
+        self._own_vectors = s.dim * own[..., None] + np.arange(s.dim)
+        self._searches = -1
+        self._matrices: list[PETSc.Mat] = []
+
+    @property
+    def changed(self) -> bool:
+        """Whether there has been a search since the pattern was set up."""
+        return self._searches != self._faces.searches
+
+    def set_up(self) -> list[Entries]:
+        """Make matrices with the pattern of the candidates; places of the entries of S."""
+        self.destroy()
+        n = self._size
+        m = self._dim * self._points.number
+        k = self._faces.corners.shape[1]
+        none = self._blocks(
+            self._none(), *np.zeros((2, len(self._own), 1, self._dim, 1, self._dim))
+        )
+        turned = self._turned(np.zeros((len(self._slave), self._dim, k, self._dim)))
+        shapes = ((n, n), (n, m), (m, n))
+        for shape, blocks in zip(shapes, (*none, [turned]), strict=True):
+            self._matrices.append(matrix_of(self._comm, shape, _entries(blocks)))
+        S, N, D = self._matrices
+        self._matrices.append(N.matMult(D))
+        self._searches = self._faces.searches
+        return [_pattern(S), _pattern(self._matrices[3])]
+
+    def add(self, state: ContactState, A: PETSc.Mat) -> None:
+        """Add S at a state to ``A``, which has its pattern."""
+        operator = state.kinematics.operator
+        assert isinstance(operator, SlidingOperator)
+        by_unknowns, by_vectors = self._blocks(*self._at(state, operator))
+        turned = self._turned(self._faces.normal_rates(operator.x))
+        S, N, D, product = self._matrices
+        for matrix, blocks in ((S, by_unknowns), (N, by_vectors), (D, [turned])):
+            matrix.zeroEntries()
+            values = np.concatenate([b.values.reshape(-1) for b in blocks])
+            _entries(blocks).add(values, matrix)
+        N.matMult(D, product)
+        for matrix in (S, product):
+            A.axpy(1.0, matrix, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+
+    def destroy(self) -> None:
+        """Free the matrices."""
+        for A in self._matrices:
+            A.destroy()
+        self._matrices = []
+
+    # -- parts -----------------------------------------------------------------------------------
+
+    def _none(self) -> _Pieces:
+        """Zeros at all candidates."""
+        found = self._faces.candidates
+        facet, master = found.pairs.T
+        nodes = found.nodes[master]
+        n, b = nodes.shape
+        a = self._faces.corners.shape[1]
+        d = self._dim
+        columns = 2 * a + b
+        on_master = np.broadcast_to(0.0, (n, b, d, columns, d))
+        of_law = np.broadcast_to(0.0, (n, a, d, columns, d))
+        return _Pieces(facet, nodes, np.zeros((n, a + b, a)), on_master, of_law)
+
+    def _at(self, state: ContactState, operator: SlidingOperator) -> tuple[_Pieces, Array, Array]:
+        """Derivatives at pieces, and at vertices of contact rows by l and m there."""
+        facing = operator.facing
+        faces = self._faces
+        n = operator.number
+        nodal = facing.nodal
+        areas = self._points.areas
+        weight = nodal.weight[:n]
+        share = np.divide(areas, weight, out=np.zeros_like(areas), where=weight > 0)
+        by_jump = share[:, None, None] * state.by_jump
+        by_gap = faces.ghosted(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
+        by_slip = faces.ghosted(-by_jump @ nodal.rotation[:n])
+        at = faces.corners[facing.facet]
+        place, gap, slip = facing.slopes()
+        weighted = facing.weighted
+        gaps = np.einsum("pqa,pqcj->pacj", weighted, gap, optimize=True)
+        slips = np.einsum("pqa,pqdcj->padcj", weighted, slip, optimize=True)
+        of_law = np.einsum("pai,pacj->paicj", by_gap[at], gaps)
+        of_law += np.einsum("paid,padcj->paicj", by_slip[at], slips, optimize=True)
+        t = facing.areas[..., None] * operator.at_quadrature(state.traction)
+        moving = facing.rays.slopes
+        on_master = np.einsum("pqbe,pqi,pqecj->pbicj", moving, t, place, optimize=True)
+        alive = (nodal.weight > 0)[at]
+        basis = facing.basis * alive[:, None]
+        both = np.concatenate([-facing.basis, facing.rays.weights], axis=2)
+        coupling = np.einsum("pq,pqc,pqa->pca", facing.areas, both, basis, optimize=True)
+        of_traction = areas[:, None, None] * (np.eye(self._dim) - state.by_traction)
+        turned = state.by_jump @ nodal.spin[:n] + state.by_normal
+        of_normal = -areas[:, None, None] * (turned @ nodal.by_normal[:n])
+        pieces = _Pieces(facing.facet, facing.master_nodes, coupling, on_master, of_law)
+        return pieces, of_traction[:, None, :, None], of_normal[:, None, :, None]
+
+    def _blocks(
+        self, at: _Pieces, of_traction: Array, of_normal: Array
+    ) -> tuple[list[_Block], list[_Block]]:
+        """Blocks of S_u and of S_m."""
+        mine = self._slave[at.facet]
+        multipliers = self._multipliers[at.facet]
+        vectors = self._vectors[at.facet]
+        theirs = self._numbering.places(0, at.nodes)
+        bodies = np.concatenate([mine, theirs], axis=1)
+        k = mine.shape[1]
+        moved = [*range(k), *range(2 * k, 2 * k + theirs.shape[1])]
+        turned = slice(k, 2 * k)
+        identity = np.eye(self._dim)
+        coupling = self._unit * np.einsum("pca,ij->pciaj", at.coupling, identity)
+        by_unknowns = [
+            _Block(bodies, multipliers, coupling),
+            _Block(theirs, bodies, at.on_master[:, :, :, moved]),
+            _Block(multipliers, bodies, at.of_law[:, :, :, moved]),
+            _Block(self._own, self._own, self._unit * of_traction),
+        ]
+        by_vectors = [
+            _Block(theirs, vectors, at.on_master[:, :, :, turned]),
+            _Block(multipliers, vectors, at.of_law[:, :, :, turned]),
+            _Block(self._own, self._own_vectors, of_normal),
+        ]
+        return by_unknowns, by_vectors
+
+    def _turned(self, rates: Array) -> _Block:
+        """The block of D, of rates of the vectors of facets by their corners (n, dim, k, dim)."""
+        k = self._slave.shape[1]
+        return _Block(self._vectors, self._slave, np.repeat(rates[:, None], k, axis=1))
+
+
+def _entries(blocks: list[_Block]) -> Entries:
+    places = [b.places() for b in blocks]
+    return Entries(*(np.concatenate(part) for part in zip(*places, strict=True)))
+
+
+def _pattern(A: PETSc.Mat) -> Entries:
+    """The entries of a matrix."""
+    indptr, columns, _ = A.getValuesCSR()
+    first, last = A.getOwnershipRange()
+    rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
+    return Entries(rows, columns.astype(np.int64))

@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The faces of a pair that slide over each other, wherever they are. Collective throughout.
+
+A rank has the facets of the slave that it owns, and of the master those that may be opposite to
+these. What may be opposite is searched for anew when nodes have moved, or normals turned, so far
+that others may be (`candidates`).
+"""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem, la
+
+from dolfinx_contact._compat import FacetSubmesh
+from dolfinx_contact._errors import require
+from dolfinx_contact.points.clipping import Faces, basis, cover
+from dolfinx_contact.points.facing import faces_of
+from dolfinx_contact.points.sliding.candidates import Candidates, candidates
+from dolfinx_contact.points.sliding.facing import Facing, Nodal
+from dolfinx_contact.points.sliding.rays import (
+    area_vector_rates,
+    area_vectors,
+    cast,
+    slopes,
+)
+from dolfinx_contact.points.trace import at_global_places, facet_normals
+
+__all__ = ["SlidingFaces"]
+
+Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+
+_STEEP = 0.1  # cosine of the largest angle at which facets face each other
+_LEAST_COVER = 1e-6  # of a facet, below which it has nothing opposite
+_LEAST_WEIGHT = 1e-4  # of the area of a node, below which it has nothing opposite
+#: Degree of the quadrature, by dimension: products of the bases of slave and master, and more in the
+#: plane, where it costs little and normals turn.
+_DEGREES = {2: 4, 3: 2}
+
+
+class SlidingFaces:
+    """Slave and master, and who faces whom at a displacement.
+
+    Args:
+        V: displacement space of degree 1.
+        submesh: of the facets of the slave.
+        vertices: scalar P1 space on it.
+        trace: for every local vertex the local node of `V` at its place.
+        master: local facets of the master, ghosts included.
+        depth: how far rays reach, before the slave and behind it.
+
+    Attributes:
+        corners: local vertices of the facets of the slave that this rank owns (n, k).
+        searches: how often candidates were searched for.
+    """
+
+    def __init__(
+        self,
+        V: fem.FunctionSpace,
+        submesh: FacetSubmesh,
+        vertices: fem.FunctionSpace,
+        trace: npt.NDArray[np.int32],
+        master: npt.NDArray[np.int32],
+        depth: float,
+    ):
+        domain = V.mesh
+        self.comm: MPI.Comm = domain.comm
+        self.dim = domain.geometry.dim
+        self._V = V
+        self._trace = trace
+        self._map = vertices.dofmap.index_map
+        self._depth = depth
+        owned = submesh.mesh.topology.index_map(submesh.mesh.topology.dim).size_local
+        self.corners: Nodes = vertices.dofmap.list[:owned].astype(np.int64)
+        self._size = self.dim * V.dofmap.index_map.size_local
+        self._X = V.tabulate_dof_coordinates()[:, : self.dim].copy()
+        mine = facet_normals(domain, submesh.parent_facets[:owned])
+        self._sense = np.sign(np.sum(area_vectors(self._of_slave(self._X)) * mine, axis=1))
+        self._reference = self._of_slave(self._X)
+        facets = master[master < domain.topology.index_map(self.dim - 1).size_local]
+        theirs = faces_of(V, facets)
+        self._master = V.dofmap.index_map.global_to_local(theirs.nodes.reshape(-1)).reshape(
+            theirs.nodes.shape
+        )
+        self._master_nodes = theirs.nodes
+        self._master_sense = np.sign(np.sum(area_vectors(theirs.x) * theirs.normals, axis=1))
+        sizes = [np.ptp(x, axis=1).max(axis=1) for x in (self._reference, theirs.x)]
+        largest = [self.comm.allreduce(float(np.max(s, initial=0.0)), op=max) for s in sizes]
+        self._skin = max(largest)
+        self.searches = 0
+        self._then: tuple[Array, Array, Array]  # positions and normals at the last search
+        self._found: Candidates
+        self._found_before: Array  # where the mesh has their corners
+
+    # -- nodes -----------------------------------------------------------------------------------
+
+    def _of_slave(self, values: Array) -> Array:
+        """Values of local nodes at the corners of the slave (n, k, dim)."""
+        return values[self._trace[self.corners]]
+
+    def of_slave(self, values: Array) -> Array:
+        """Values of the owned nodes (n, dim) at the corners of the slave (n, k, dim)."""
+        return self._of_slave(self.spread(values))
+
+    def spread(self, u: Array) -> Array:
+        """Values at all local nodes from those at the owned ones (n, dim)."""
+        index_map = self._V.dofmap.index_map
+        v = la.vector(index_map, self.dim)
+        v.array[: self.dim * index_map.size_local] = u[: index_map.size_local].reshape(-1)
+        v.scatter_forward()
+        return v.array.reshape(-1, self.dim).copy()
+
+    def sums(self, facet: Nodes, values: Array) -> Array:
+        """Values of corners (p, k, ...) of facets, added up at the local vertices (n, ...)."""
+        shape = values.shape[2:]
+        width = int(np.prod(shape, dtype=int))
+        v = la.vector(self._map, width)
+        v.array[:] = 0.0
+        rows = v.array.reshape(-1, width)
+        at = self.corners[facet].reshape(-1)
+        np.add.at(rows, at, values.reshape(-1, width))
+        v.scatter_reverse(la.InsertMode.add)
+        v.scatter_forward()
+        return v.array.reshape(-1, *shape).copy()
+
+    def ghosted(self, values: Array) -> Array:
+        """Values at the local vertices from those at the owned ones (n, ...)."""
+        shape = values.shape[1:]
+        width = int(np.prod(shape, dtype=int))
+        v = la.vector(self._map, width)
+        v.array[: values.size] = values.reshape(-1)
+        v.scatter_forward()
+        return v.array.reshape(-1, *shape).copy()
+
+    def positions(self, u: Array) -> Array:
+        """Where the corners of the slave's facets are at a displacement (n, k, dim)."""
+        return self._of_slave(self._X + self.spread(u))
+
+    @property
+    def _all(self) -> Nodes:
+        return np.arange(len(self.corners))
+
+    def _area_vectors(self, x: Array) -> Array:
+        """Outward area vectors of the facets of the slave (n, dim)."""
+        return np.asarray(self._sense[:, None] * area_vectors(x))
+
+    def normal_rates(self, x: Array) -> Array:
+        """Derivatives of the vectors of facets by their corners (n, dim, k, dim)."""
+        return np.asarray(self._sense[:, None, None, None] * area_vector_rates(x))
+
+    def at_nodes(self, of_facets: Array) -> Array:
+        """Sums of vectors of facets (n, dim) around the local vertices."""
+        k = self.corners.shape[1]
+        return self.sums(self._all, np.repeat(of_facets[:, None], k, axis=1))
+
+    def of_master(self, values: Array, found: Candidates) -> Array:
+        """Values of the owned nodes (n, dim) at the corners of candidates (m, b, dim)."""
+        n = self._V.dofmap.index_map.size_local
+        at = at_global_places(self.comm, np.ascontiguousarray(values[:n]), found.known)
+        return np.asarray(at[found.places])
+
+    def forces(self, facing: Facing, mine: Array, theirs: Array) -> Array:
+        """Forces at the owned displacement dofs, flat.
+
+        Args:
+            facing: whose pieces they act on.
+            mine: at the corners of the slave's facets (p, k, dim).
+            theirs: at the nodes of the master's (p, b, dim).
+        """
+        nodes = np.concatenate(
+            [self.slave_nodes()[facing.facet].reshape(-1), facing.master_nodes.reshape(-1)]
+        )
+        values = np.concatenate([mine.reshape(-1, self.dim), theirs.reshape(-1, self.dim)])
+        sums = PETSc.Vec().createMPI((self._size, None), comm=self.comm)
+        dofs = (self.dim * nodes[:, None] + np.arange(self.dim)).reshape(-1)
+        sums.setValues(
+            dofs.astype(PETSc.IntType), values.reshape(-1), addv=PETSc.InsertMode.ADD_VALUES
+        )
+        sums.assemble()
+        found = sums.array_r.copy()
+        sums.destroy()
+        return np.asarray(found)
+
+    # -- search ----------------------------------------------------------------------------------
+
+    def _search(self, x: Array) -> None:
+        """Search for candidates where nodes have moved too far since the last time.
+
+        Args:
+            x: positions of the local nodes.
+        """
+        mine = self._of_slave(x)
+        normals = self._area_vectors(mine)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        theirs = x[self._master]
+        if self.searches:
+            then, before, others = self._then
+            moved = [_largest(mine - then), _largest(theirs - others)]
+            turned = self._depth * _largest(normals - before)
+            far = self.comm.allreduce(np.array([*moved, turned]), op=np.maximum)
+            if far.sum() <= self._skin:
+                return
+        finite = bool(np.isfinite(mine).all() and np.isfinite(theirs).all())
+        require(self.comm, finite, "positions of a contact pair are not finite")
+        self._then = mine, normals, theirs
+        n = self._master_sense[:, None] * area_vectors(theirs)
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        given = Faces(mine, normals, np.zeros((len(mine), 0), dtype=np.int64))
+        others = Faces(theirs, n, self._master_nodes)
+        skin = self._skin
+        self._found = candidates(self.comm, given, others, self._master_sense, self._depth, skin)
+        self._found_before = self.of_master(self._X, self._found)
+        self.searches += 1
+
+    @property
+    def candidates(self) -> Candidates:
+        """What the last search has found."""
+        return self._found
+
+    def slave_nodes(self) -> Nodes:
+        """Global nodes of the displacement at the corners of the facets of the slave (n, k)."""
+        local = self._trace[self.corners]
+        found = self._V.dofmap.index_map.local_to_global(local.reshape(-1).astype(np.int32))
+        return np.asarray(found, dtype=np.int64).reshape(local.shape)
+
+    def slave_vertices(self) -> Nodes:
+        """Global vertices there (n, k)."""
+        found = self._map.local_to_global(self.corners.reshape(-1).astype(np.int32))
+        return np.asarray(found, dtype=np.int64).reshape(self.corners.shape)
+
+    # -- a state ---------------------------------------------------------------------------------
+
+    def at(self, u: Array, before: Array | None, areas: Array) -> Facing:
+        """Who faces whom.
+
+        Args:
+            u: displacement at the first local nodes, at least the owned ones (n, dim).
+            before: of the owned nodes at the last accepted state; None: they were where the mesh
+                is.
+            areas: of the local vertices in the reference configuration.
+        """
+        x = self._X + self.spread(u)
+        self._search(x)
+        mine = self._of_slave(x)
+        vectors = self._area_vectors(mine)
+        theirs = self._found_before + self.of_master(u, self._found)
+        facet, master, shape, weights, eta = self._pieces(mine, vectors, theirs)
+        m = self.at_nodes(vectors)
+        at = self.corners[facet]
+        start = np.einsum("pqa,pad->pqd", shape, mine[facet])
+        normal = np.einsum("pqa,pad->pqd", shape, m[at])
+        rays = cast(start, normal, theirs[master], eta)
+        old, old_m, old_theirs = self._last(before)
+        gone = np.einsum("pqb,pbd->pqd", rays.weights, old_theirs[master])
+        gone -= np.einsum("pqa,pad->pqd", shape, old[facet])
+        o = np.einsum("pqa,pad->pqd", shape, old_m[at])
+        o /= np.linalg.norm(o, axis=2, keepdims=True)
+        edges = np.einsum("pqbi,pbd->pqdi", rays.slopes, old_theirs[master])
+        edges -= o[..., None] * np.einsum("pqd,pqdi->pqi", o, edges)[..., None, :]
+        gone -= np.sum(gone * o, axis=2, keepdims=True) * o
+        nodal = self._nodal(facet, shape * weights[..., None], rays.gap, gone, m, old_m, areas)
+        return Facing(self._found, facet, master, shape, weights, rays, edges, nodal)
+
+    def _last(self, before: Array | None) -> tuple[Array, Array, Array]:
+        """Slave, vectors at its nodes, and candidates at the last accepted state."""
+        if before is None:
+            mine = self._reference
+            theirs = self._found_before
+        else:
+            mine = self._of_slave(self._X + self.spread(before))
+            theirs = self._found_before + self.of_master(before, self._found)
+        return mine, self.at_nodes(self._area_vectors(mine)), theirs
+
+    def _pieces(
+        self, mine: Array, vectors: Array, theirs: Array
+    ) -> tuple[Nodes, Nodes, Array, Array, Array]:
+        """Parts that face each other: facets, basis, weights, and places on the master."""
+        normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        n = self._found.senses[:, None] * area_vectors(theirs)
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        none = np.zeros((0, 0), dtype=np.int64)
+        slave = Faces(mine, normals, none)
+        master = Faces(theirs, n, none)
+        common = cover(
+            slave,
+            master,
+            self._found.pairs,
+            self._depth,
+            farthest=self._depth,
+            least=_LEAST_COVER,
+            steep=_STEEP,
+        )
+        rule = common.rule(_DEGREES[self.dim])
+        k = self.corners.shape[1]
+        facet = common.facet
+        stretch = self._measure(self._reference[facet], rule.mine)
+        stretch /= self._measure(mine[facet], rule.mine)
+        return facet, common.other, basis(rule.mine, k, 1), rule.weights * stretch, rule.theirs
+
+    def _measure(self, x: Array, at: Array) -> Array:
+        """Area of facets (p, k, dim) by that of the reference facet, at places (p, q)."""
+        edges = np.einsum("pqai,pad->pqdi", slopes(at, x.shape[1]), x)
+        if self.dim == 2:
+            return np.linalg.norm(edges[..., 0], axis=-1)
+        return np.linalg.norm(np.cross(edges[..., 0], edges[..., 1]), axis=-1)
+
+    def _nodal(
+        self,
+        facet: Nodes,
+        weighted: Array,
+        gap: Array,
+        slip: Array,
+        m: Array,
+        old: Array,
+        areas: Array,
+    ) -> Nodal:
+        """Means at the local vertices."""
+        weight = self.sums(facet, weighted.sum(axis=1))
+        weight = np.where(weight > _LEAST_WEIGHT * areas, weight, 0.0)
+        by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
+        gaps = by * self.sums(facet, np.einsum("pqa,pq->pa", weighted, gap))
+        gaps = np.where(weight > 0, gaps, self._depth)
+        slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqd->pad", weighted, slip))
+        length = np.linalg.norm(m, axis=1)
+        o = old / np.linalg.norm(old, axis=1, keepdims=True)
+        slips -= np.sum(slips * o, axis=1)[:, None] * o
+        return Nodal(weight, gaps, slips, m / length[:, None], length, o)
+
+
+def _largest(off: Array) -> float:
+    """The longest of some vectors."""
+    return float(np.max(np.linalg.norm(off, axis=-1), initial=0.0))

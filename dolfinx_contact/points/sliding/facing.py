@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Weighted gap and slip of the nodes of a slave at a state, and their derivatives.
+
+With quadrature points q on the parts that facets of slave and master have in common, weights w of
+the reference configuration, and the gap g and the place eta of the ray of each (`rays`), a node a
+of the slave has
+
+    W_a = sum_q w N_a,    g_a = sum_q w N_a g / W_a,    d_a = sum_q w N_a d / W_a,
+
+in which the slip is the way of the two material points that face each other now, along the surface
+of the last accepted state,
+
+    d = (I - n_o n_o^T) (y_o(eta) - x_o),
+
+with x_o, y_o and n_o of that state. It does not change where both bodies turn as one, so that
+points that stick keep their tractions turned with them. The law of node a sees the jump
+
+    j_a = -g_a n_a + R_a d_a
+
+with the normal n_a of now and the smallest rotation R_a that takes the normal of the last state to
+it. The tractions t of the nodes are nominal; their forces are w N_a t on the slave, and
+-w N_b(eta) t on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and
+Renard, Comput. Struct. 153, 2015). Limits of the parts are not differentiated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.points.sliding.candidates import Candidates
+from dolfinx_contact.points.sliding.rays import Rays
+
+__all__ = ["Facing", "Nodal"]
+
+Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Nodal:
+    """What the local vertices of the slave have.
+
+    Attributes:
+        weight: W (n,), 0 where nothing is opposite.
+        gap: g (n,).
+        slip: d (n, dim), along the surface of the last accepted state.
+        normal: n (n, dim).
+        length: |m| (n,).
+        before: normal of the last accepted state (n, dim).
+    """
+
+    weight: Array
+    gap: Array
+    slip: Array
+    normal: Array
+    length: Array
+    before: Array
+
+    @cached_property
+    def rotation(self) -> Array:
+        """R (n, dim, dim), of vectors along the surface of the last accepted state."""
+        n = self.normal
+        o = self.before
+        c = 1.0 + np.sum(n * o, axis=1)
+        along = np.eye(n.shape[1]) - o[:, :, None] * o[:, None]
+        turned = np.eye(n.shape[1]) - ((n + o) / c[:, None])[:, :, None] * n[:, None]
+        return np.asarray(turned @ along)
+
+    @property
+    def slip_now(self) -> Array:
+        """R d (n, dim)."""
+        return np.einsum("nij,nj->ni", self.rotation, self.slip)
+
+    @property
+    def jump(self) -> Array:
+        """j (n, dim)."""
+        return self.slip_now - self.gap[:, None] * self.normal
+
+    @cached_property
+    def by_normal(self) -> Array:
+        """dn/dm (n, dim, dim)."""
+        n = self.normal
+        along = n[:, :, None] * n[:, None]
+        return np.asarray((np.eye(n.shape[1]) - along) / self.length[:, None, None])
+
+    @cached_property
+    def spin(self) -> Array:
+        """d(R d)/dn less what a rotation with the normal makes of R d (n, dim, dim).
+
+        Zero in the plane, and where the normal is that of the last accepted state.
+        """
+        n = self.normal
+        o = self.before
+        d = self.slip - np.sum(self.slip * o, axis=1)[:, None] * o
+        b = np.sum(n * d, axis=1)[:, None]
+        c = (1.0 + np.sum(n * o, axis=1))[:, None]
+        turned = -(n + o)[:, :, None] * (d / c - b * o / c**2)[:, None]
+        turned -= (b / c)[:, :, None] * np.eye(n.shape[1])
+        return np.asarray(turned + n[:, :, None] * self.slip_now[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Facing:
+    """Parts of slave and master that face each other, p, with q quadrature points each.
+
+    Attributes:
+        found: the candidates.
+        facet: of the slave (p,).
+        master: of the master, among the candidates (p,).
+        basis: N_a at the points (p, q, a).
+        areas: w, weights of the reference configuration (p, q).
+        rays: at the points.
+        along: (I - n_o n_o^T) Y_o, of the last accepted state (p, q, dim, dim - 1).
+        nodal: what the vertices have.
+    """
+
+    found: Candidates
+    facet: Nodes
+    master: Nodes
+    basis: Array
+    areas: Array
+    rays: Rays
+    along: Array
+    nodal: Nodal
+
+    @property
+    def master_nodes(self) -> Nodes:
+        """Global nodes of the facets of the master (p, b)."""
+        return self.found.nodes[self.master]
+
+    @property
+    def weighted(self) -> Array:
+        """w N_a (p, q, a)."""
+        return self.areas[..., None] * self.basis
+
+    def moved(self, x: Array, m: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Changes of places (p, q, dim - 1), gaps (p, q) and slips (p, q, dim).
+
+        Args:
+            x: displacements of the corners of the slave (p, a, dim).
+            m: changes of the vectors m there (p, a, dim).
+            y: displacements of the nodes of the master (p, b, dim).
+        """
+        rays = self.rays
+        at = np.einsum("pqa,pad->pqd", self.basis, x)
+        at -= np.einsum("pqb,pbd->pqd", rays.weights, y)
+        turned = np.einsum("pqa,pad->pqd", self.basis, m)
+        at += rays.gap[..., None] * np.einsum("pqij,pqj->pqi", rays.by_normal, turned)
+        found = np.einsum("pqij,pqj->pqi", rays.inverse, at)
+        place = found[..., :-1]
+        return place, found[..., -1], np.einsum("pqdi,pqi->pqd", self.along, place)
+
+    def slopes(self) -> tuple[Array, Array, Array]:
+        """Derivatives of `moved` by its arguments, of all corners and nodes one after the other.
+
+        Returns:
+            Of places (p, q, dim - 1, c, dim), gaps (p, q, c, dim), slips (p, q, dim, c, dim), in
+            which c numbers the corners of x, those of m, the nodes of y.
+        """
+        rays = self.rays
+        inverse = rays.inverse[..., :, None, :]
+        by_x = inverse * self.basis[..., None, :, None]
+        turning = (rays.gap[..., None, None] * (rays.inverse @ rays.by_normal))[..., :, None, :]
+        by_m = turning * self.basis[..., None, :, None]
+        by_y = -inverse * rays.weights[..., None, :, None]
+        every = np.concatenate([by_x, by_m, by_y], axis=3)
+        place = every[..., :-1, :, :]
+        slip = np.einsum("pqdi,pqicj->pqdcj", self.along, place)
+        return place, every[..., -1, :, :], slip

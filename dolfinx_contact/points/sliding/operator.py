@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""B of faces that slide, at a state (`facing`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.points.operators import Operator
+from dolfinx_contact.points.sliding.faces import SlidingFaces
+from dolfinx_contact.points.sliding.facing import Facing
+
+__all__ = ["SlidingOperator"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SlidingOperator(Operator):
+    """B at a displacement.
+
+    Attributes:
+        faces: of the pair.
+        facing: who faces whom.
+        number: of contact points, the owned vertices of the slave.
+        x: positions of the corners of the slave's facets (n, k, dim).
+    """
+
+    faces: SlidingFaces
+    facing: Facing
+    number: int
+    x: Array
+
+    @property
+    def areas(self) -> Array:  # type: ignore[override]
+        return self.facing.nodal.weight[: self.number]
+
+    @property
+    def absent(self) -> npt.NDArray[np.bool_]:
+        """Points that have nothing opposite (n,)."""
+        return np.asarray(self.areas == 0.0)
+
+    def _parts(self, v: Array) -> tuple[Array, Array, Array]:
+        """Displacements of slave and master, and what they make of normals, at the pieces."""
+        faces = self.faces
+        facing = self.facing
+        mine = faces.of_slave(v)
+        by_facet = np.einsum("nikj,nkj->ni", faces.normal_rates(self.x), mine)
+        m = faces.at_nodes(by_facet)
+        theirs = faces.of_master(v, facing.found)
+        return mine[facing.facet], m, theirs[facing.master]
+
+    def _means(self, values: Array) -> Array:
+        """Weighted means at the local vertices of values at quadrature points (p, q, ...)."""
+        facing = self.facing
+        weight = facing.nodal.weight
+        by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
+        total = np.einsum("pqa,pq...->pa...", facing.weighted, values)
+        sums = self.faces.sums(facing.facet, total)
+        return np.asarray(by.reshape(-1, *np.ones(sums.ndim - 1, dtype=int)) * sums)
+
+    def apply(self, v: Array) -> Array:
+        facing = self.facing
+        mine, _, theirs = self._parts(v)
+        jump = np.einsum("pqa,pad->pqd", facing.basis, mine)
+        jump -= np.einsum("pqb,pbd->pqd", facing.rays.weights, theirs)
+        return self._means(jump)[: self.number]
+
+    def rate(self, v: Array) -> Array:
+        """The derivative of the jumps, without what turns with the normals (n, dim)."""
+        nodal = self.facing.nodal
+        mine, m, theirs = self._parts(v)
+        _, gap, slip = self.facing.moved(mine, m[self.faces.corners[self.facing.facet]], theirs)
+        gaps = self._means(gap)
+        slips = np.einsum("nij,nj->ni", nodal.rotation, self._means(slip))
+        spun = np.einsum("nij,nj->ni", nodal.spin, self._normal_rate(m))
+        return np.asarray(slips + spun - gaps[:, None] * nodal.normal)[: self.number]
+
+    def _normal_rate(self, m: Array) -> Array:
+        return np.einsum("nij,nj->ni", self.facing.nodal.by_normal, m)
+
+    def normal_rate(self, v: Array) -> Array:
+        _, m, _ = self._parts(v)
+        return self._normal_rate(m)[: self.number]
+
+    def at_quadrature(self, tractions: Array) -> Array:
+        """Tractions (p, q, dim) of those at the owned points."""
+        alive = np.where(self.absent[:, None], 0.0, tractions)
+        at = self.faces.ghosted(alive)[self.faces.corners[self.facing.facet]]
+        return np.einsum("pqa,pad->pqd", self.facing.basis, at)
+
+    def transpose(self, tractions: Array) -> Array:
+        facing = self.facing
+        t = facing.areas[..., None] * self.at_quadrature(tractions)
+        mine = np.einsum("pqa,pqd->pad", facing.basis, t)
+        theirs = -np.einsum("pqb,pqd->pbd", facing.rays.weights, t)
+        return self.faces.forces(facing, mine, theirs)
+
+    def transpose_rate(self, tractions: Array, v: Array) -> Array:
+        facing = self.facing
+        mine, m, theirs = self._parts(v)
+        place, _, _ = facing.moved(mine, m[self.faces.corners[facing.facet]], theirs)
+        t = facing.areas[..., None] * self.at_quadrature(tractions)
+        moving = np.einsum("pqbi,pqi->pqb", facing.rays.slopes, place)
+        on_master = -np.einsum("pqb,pqd->pbd", moving, t)
+        return self.faces.forces(facing, np.zeros_like(mine), on_master)
+
+    def destroy(self) -> None:
+        """There are no matrices."""

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact points of faces that slide over each other: the nodes of the slave."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact._errors import require
+from dolfinx_contact.body.rigid import bounding_box
+from dolfinx_contact.laws import LawAtPoints
+from dolfinx_contact.laws.symbols import before
+from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.points.contact_points import ContactPoints, Method
+from dolfinx_contact.points.node_points import NodePoints
+from dolfinx_contact.points.operators import Operator, Stencils
+from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.sliding.faces import SlidingFaces
+from dolfinx_contact.points.sliding.operator import SlidingOperator
+from dolfinx_contact.points.trace import nodes_on, outward_normals
+
+__all__ = [
+    "SlidingFacets",
+    "SlidingOpposite",
+    "SlidingPoints",
+    "check_law_of_slave",
+    "require_apart",
+]
+
+Array = npt.NDArray[np.float64]
+
+_OVERLAP = 1e-3  # of a facet, that of chords of curved faces
+_REACH = 0.25  # of the size of the smaller face, how far rays reach by default
+
+
+@dataclass(frozen=True)
+class SlidingOpposite(Opposite):
+    """The other face, of which every point may come to be opposite to the nodes of a surface.
+
+    Its rows and weights are those of no node: what is opposite is known at states alone.
+
+    Attributes:
+        depth: how far rays reach.
+    """
+
+    depth: float = 0.0
+
+    @property
+    def matching(self) -> bool:
+        return False
+
+
+class SlidingFacets(Obstacle):
+    """Facets of another body of the same mesh, over which a face slides.
+
+    Args:
+        V: displacement space.
+        slave: local facets, ghosts included.
+        master: likewise.
+        depth: how far rays reach; None for a quarter of the size of the smaller face.
+        name: of the pair, for messages.
+
+    Attributes:
+        opposite: the other face.
+
+    Raises:
+        ValueError: on every rank, if the faces have facets or nodes in common.
+    """
+
+    opposite: SlidingOpposite
+
+    def __init__(
+        self,
+        V: fem.FunctionSpace,
+        slave: npt.NDArray[np.int32],
+        master: npt.NDArray[np.int32],
+        depth: float | None,
+        name: str,
+    ):
+        domain = V.mesh
+        comm = domain.comm
+        dim = domain.geometry.dim
+        owned = domain.topology.index_map(dim - 1).size_local
+        common = comm.allreduce(int((np.intersect1d(slave, master) < owned).sum()))
+        require(comm, common == 0, f"{name}: slave and master have {common} facets in common")
+        sides = nodes_on(V, slave), nodes_on(V, master)
+        n = V.dofmap.index_map.size_local
+        shared = comm.allreduce(int((sides[0] & sides[1])[:n].sum()))
+        require(comm, shared == 0, f"{name}: slave and master share {shared} nodes of the mesh")
+        if depth is None:
+            x = V.tabulate_dof_coordinates()[:, :dim]
+            depth = _REACH * min(_size(comm, x[side]) for side in sides)
+        size = len(sides[0])
+        none = np.zeros((1, 1))
+        self.opposite = SlidingOpposite(
+            rows=np.where(sides[0], 0, -1),
+            nodes=none.astype(np.int64),
+            weights=none,
+            none=np.zeros(size, dtype=bool),
+            areas=None,
+            sides=sides,
+            master_facets=master,
+            depth=depth,
+        )
+        W = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+        field = fem.Function(W)
+        field.x.array[:] = outward_normals(W, slave)[0].reshape(-1)
+        self._normal = field / ufl.sqrt(ufl.dot(field, field))
+
+    @property
+    def flat(self) -> bool:
+        """Whether no displacement is too large: what faces what is found at every state."""
+        return True
+
+    def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
+        return fem.Constant(domain, 0.0), self._normal
+
+
+def _size(comm: MPI.Comm, x: Array) -> float:
+    """Diagonal of the box around points of all ranks. Collective."""
+    low, high = bounding_box(comm, x)
+    return float(np.linalg.norm(high - low))
+
+
+class SlidingPoints(NodePoints):
+    """The nodes of a slave that slides over its master; see `facing`."""
+
+    method: ClassVar[Method] = "mixed"
+
+    def _opposite_to(self, stencils: Stencils, opposite: Opposite) -> Stencils:
+        assert isinstance(opposite, SlidingOpposite)
+        self._opposite = opposite
+        none = np.zeros((len(stencils.points), 0))
+        return Stencils(
+            stencils.points,
+            none.astype(np.int64),
+            none[:, None],
+            stencils.multiplier_nodes,
+            stencils.multiplier_weights,
+            stencils.identity,
+        )
+
+    def _connect(self, stencils: Stencils) -> None:
+        self._weights = stencils
+        opposite = self._opposite
+        given = self._V, self.submesh, self.vertices, self.vertex_trace_dofs
+        self.faces = SlidingFaces(*given, opposite.master_facets, opposite.depth)
+        self._last: tuple[Array, Array | None] | None = None
+        self.known: SlidingOperator
+        self.operator: Operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
+
+    def at(self, u: Array, before: Array | None) -> SlidingOperator:
+        """B at a displacement; the last one is kept. Collective.
+
+        Args:
+            u: at the first local nodes, at least the owned ones (n, dim).
+            before: of the owned nodes at the last accepted state; None: they were where the mesh
+                is.
+        """
+        mine = u[: self._owned_nodes]
+        last = self._last
+        same = last is not None and last[1] is before and np.array_equal(last[0], mine)
+        if not self.comm.allreduce(int(not same)):
+            return self.known
+        facing = self.faces.at(mine, before, self.vertex_areas)
+        x = self.faces.positions(mine)
+        self.known = SlidingOperator(self.faces, facing, self.number, x)
+        self._last = mine.copy(), before
+        return self.known
+
+
+def check_law_of_slave(law: LawAtPoints, name: str) -> None:
+    """Raise ``ValueError`` if a law needs more than increments of slip. Not collective."""
+    compiled = law.compiled
+    whole = set(compiled.names) & set(before(law.dim))
+    for what, has in (
+        ("averages the pressure around points", law.law.averaging is not None),
+        ("has bonds", compiled.bonded),
+        ("depends on the whole tangential jump", bool(whole)),
+        ("bounds the shear of open points", not law.law.needs_pressure),
+    ):
+        if has:
+            raise ValueError(
+                f"{name}: the law {law.law.name} {what}: with sliding='large' a point has another "
+                "one opposite at every state, and nothing of that is there yet"
+            )
+
+
+def require_apart(points: ContactPoints, name: str) -> None:
+    """Raise ``ValueError`` if faces overlap in the reference configuration. Collective."""
+    assert isinstance(points, SlidingPoints)
+    nodal = points.known.facing.nodal
+    worst = float(np.min(nodal.gap[: points.number], initial=0.0))
+    worst = points.comm.allreduce(worst, op=min)
+    allowed = _OVERLAP * points.mean_width
+    require(
+        points.comm,
+        worst >= -allowed,
+        f"{name}: the bodies overlap by {-worst:.3g}; interference=True for a press fit",
+    )

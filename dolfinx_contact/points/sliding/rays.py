@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Rays from points of a face along its normals to facets of another one, and their derivatives.
+
+A point x = sum_a N_a x_a of a slave facet has the normal n = m / |m|, m = sum_a N_a m_a, of the
+vectors m_a at its nodes, each the sum of the area vectors of the facets around it. The ray from x
+along n meets the facet y(eta) = sum_b N_b(eta) y_b of the master at
+
+    x + g n = y(eta),
+
+which gives the gap g and the place eta. With the columns Y_i = dy/deta_i the derivatives along
+displacements dx_a, dy_b and changes dm_a solve
+
+    [Y | -n] (deta, dg) = dx - sum_b N_b dy_b + g dn,    dn = (I - n n^T) dm / |m|
+
+(Poulios and Renard, Comput. Struct. 153, 2015, section 3, with the normals of the slave).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.points.clipping import basis
+
+__all__ = ["Rays", "area_vector_rates", "area_vectors", "cast", "slopes"]
+
+Array = npt.NDArray[np.float64]
+_STEPS = 25
+_FOUND = 1e-14  # relative to the facet, a step of Newton's method that is none
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Rays of some pieces of facets, p, with q points each.
+
+    Attributes:
+        normal: n (p, q, dim).
+        length: |m| (p, q).
+        gap: g (p, q).
+        weights: of the nodes of the master, N_b(eta) (p, q, b).
+        slopes: their derivatives by eta (p, q, b, dim - 1).
+        inverse: of [Y | -n] (p, q, dim, dim).
+    """
+
+    normal: Array
+    length: Array
+    gap: Array
+    weights: Array
+    slopes: Array
+    inverse: Array
+
+    @property
+    def by_normal(self) -> Array:
+        """dn/dm (p, q, dim, dim)."""
+        n = self.normal
+        along = n[..., :, None] * n[..., None, :]
+        return np.asarray((np.eye(n.shape[-1]) - along) / self.length[..., None, None])
+
+
+def cast(x: Array, m: Array, y: Array, eta: Array) -> Rays:
+    """Where rays meet facets.
+
+    Args:
+        x: their starts (p, q, dim).
+        m: normals there, of any length (p, q, dim).
+        y: nodes of the facets of the master (p, b, dim).
+        eta: places where they may meet (p, q, dim - 1).
+    """
+    dim = x.shape[-1]
+    corners = y.shape[1]
+    length = np.linalg.norm(m, axis=-1)
+    n = m / length[..., None]
+    eta = eta.copy()
+    gap = np.zeros(x.shape[:2])
+    for _ in range(_STEPS):
+        weights = basis(eta, corners, 1)
+        by_eta = slopes(eta, corners)
+        matrix = np.concatenate([np.einsum("pqbi,pbd->pqdi", by_eta, y), -n[..., None]], axis=-1)
+        off = x + gap[..., None] * n - np.einsum("pqb,pbd->pqd", weights, y)
+        step = np.linalg.solve(matrix, off[..., None])[..., 0]
+        eta += step[..., : dim - 1]
+        gap += step[..., -1]
+        if np.max(np.abs(step[..., : dim - 1]), initial=0.0) <= _FOUND:
+            break
+    weights = basis(eta, corners, 1)
+    by_eta = slopes(eta, corners)
+    matrix = np.concatenate([np.einsum("pqbi,pbd->pqdi", by_eta, y), -n[..., None]], axis=-1)
+    return Rays(n, length, gap, weights, by_eta, np.linalg.inv(matrix))
+
+
+def slopes(eta: Array, corners: int) -> Array:
+    """Derivatives of the basis of a facet at places (p, q, dim - 1), (p, q, corners, dim - 1)."""
+    if corners == 2:
+        constant = np.array([[-1.0], [1.0]])
+    elif corners == 3:
+        constant = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    else:
+        a = eta[..., 0]
+        b = eta[..., 1]
+        by_a = np.stack([b - 1, 1 - b, -b, b], axis=-1)
+        by_b = np.stack([a - 1, -a, 1 - a, a], axis=-1)
+        return np.stack([by_a, by_b], axis=-1)
+    return np.asarray(np.broadcast_to(constant, (*eta.shape[:-1], *constant.shape)))
+
+
+def area_vectors(x: Array) -> Array:
+    """Area vectors of facets (n, k, dim), of one sense in the order of their corners."""
+    if x.shape[2] == 2:
+        along = x[:, 1] - x[:, 0]
+        return np.stack([along[:, 1], -along[:, 0]], axis=1)
+    first, second = _diagonals(x)
+    return np.asarray(0.5 * np.cross(first, second))
+
+
+def area_vector_rates(x: Array) -> Array:
+    """Derivatives of `area_vectors` by the corners (n, dim, k, dim)."""
+    n, k, dim = x.shape
+    rates = np.zeros((n, dim, k, dim))
+    if dim == 2:
+        turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
+        rates[:, :, 0] = -turn
+        rates[:, :, 1] = turn
+        return rates
+    first, second = _diagonals(x)
+    (a, b), (c, d) = ((1, 0), (2, 0)) if k == 3 else ((3, 0), (2, 1))
+    by_first = -0.5 * _crossing(second)
+    by_second = 0.5 * _crossing(first)
+    rates[:, :, a] += by_first
+    rates[:, :, b] -= by_first
+    rates[:, :, c] += by_second
+    rates[:, :, d] -= by_second
+    return rates
+
+
+def _diagonals(x: Array) -> tuple[Array, Array]:
+    """Two edges of triangles, the diagonals of quadrilaterals in tensor order."""
+    if x.shape[1] == 3:
+        return x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    return x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
+
+
+def _crossing(v: Array) -> Array:
+    """Matrices (n, 3, 3) of the product v x."""
+    found = np.zeros((len(v), 3, 3))
+    found[:, 0, 1] = -v[:, 2]
+    found[:, 0, 2] = v[:, 1]
+    found[:, 1, 2] = -v[:, 0]
+    return found - found.transpose(0, 2, 1)
