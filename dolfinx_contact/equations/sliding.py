@@ -181,10 +181,10 @@ class SlidingTerms:
         by_gap = faces.ghosted(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
         by_slip = faces.ghosted(-by_jump @ nodal.rotation[:n])
         at = faces.corners[facing.facet]
-        place, gap, slip = facing.slopes()
+        place, gap = facing.slopes()
         weighted = facing.weighted
         gaps = np.einsum("pqa,pqcj->pacj", weighted, gap, optimize=True)
-        slips = np.einsum("pqa,pqdcj->padcj", weighted, slip, optimize=True)
+        slips = np.einsum("pqa,pqade,pqecj->padcj", weighted, facing.along, place, optimize=True)
         of_law = np.einsum("pai,pacj->paicj", by_gap[at], gaps)
         of_law += np.einsum("paid,padcj->paicj", by_slip[at], slips, optimize=True)
         t = facing.areas[..., None] * operator.at_quadrature(state.traction)

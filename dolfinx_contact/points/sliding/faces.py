@@ -21,7 +21,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.facing import faces_of
 from dolfinx_contact.points.sliding.candidates import Candidates, candidates
-from dolfinx_contact.points.sliding.facing import Facing, Nodal
+from dolfinx_contact.points.sliding.facing import Facing, Nodal, rotation
 from dolfinx_contact.points.sliding.rays import (
     area_vector_rates,
     area_vectors,
@@ -261,10 +261,13 @@ class SlidingFaces:
         o = np.einsum("pqa,pad->pqd", shape, old_m[at])
         o /= np.linalg.norm(o, axis=2, keepdims=True)
         edges = np.einsum("pqbi,pbd->pqdi", rays.slopes, old_theirs[master])
-        edges -= o[..., None] * np.einsum("pqd,pqdi->pqi", o, edges)[..., None, :]
-        gone -= np.sum(gone * o, axis=2, keepdims=True) * o
-        nodal = self._nodal(facet, shape * weights[..., None], rays.gap, gone, m, old_m, areas)
-        return Facing(self._found, facet, master, shape, weights, rays, edges, nodal)
+        old_normals = old_m / np.linalg.norm(old_m, axis=1, keepdims=True)
+        turn = rotation(o[:, :, None], old_normals[at][:, None])
+        along = turn @ edges[:, :, None]
+        slips = np.einsum("pqaij,pqj->pqai", turn, gone)
+        weighted = shape * weights[..., None]
+        nodal = self._nodal(facet, weighted, rays.gap, slips, m, old_normals, areas)
+        return Facing(self._found, facet, master, shape, weights, rays, along, nodal)
 
     def _last(self, before: Array | None) -> tuple[Array, Array, Array]:
         """Slave, vectors at its nodes, and candidates at the last accepted state."""
@@ -316,7 +319,7 @@ class SlidingFaces:
         gap: Array,
         slip: Array,
         m: Array,
-        old: Array,
+        before: Array,
         areas: Array,
     ) -> Nodal:
         """Means at the local vertices."""
@@ -325,11 +328,9 @@ class SlidingFaces:
         by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
         gaps = by * self.sums(facet, np.einsum("pqa,pq->pa", weighted, gap))
         gaps = np.where(weight > 0, gaps, self._depth)
-        slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqd->pad", weighted, slip))
+        slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqad->pad", weighted, slip))
         length = np.linalg.norm(m, axis=1)
-        o = old / np.linalg.norm(old, axis=1, keepdims=True)
-        slips -= np.sum(slips * o, axis=1)[:, None] * o
-        return Nodal(weight, gaps, slips, m / length[:, None], length, o)
+        return Nodal(weight, gaps, slips, m / length[:, None], length, before)
 
 
 def _largest(off: Array) -> float:

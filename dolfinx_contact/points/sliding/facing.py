@@ -5,7 +5,7 @@ With quadrature points q on the parts that facets of slave and master have in co
 the reference configuration, and the gap g and the place eta of the ray of each (`rays`), a node a
 of the slave has
 
-    W_a = sum_q w N_a,    g_a = sum_q w N_a g / W_a,    d_a = sum_q w N_a d / W_a,
+    W_a = sum_q w N_a,    g_a = sum_q w N_a g / W_a,    d_a = sum_q w N_a R_aq d / W_a,
 
 in which the slip is the way of the two material points that face each other now, along the surface
 of the last accepted state,
@@ -18,7 +18,8 @@ points that stick keep their tractions turned with them. The law of node a sees 
     j_a = -g_a n_a + R_a d_a
 
 with the normal n_a of now and the smallest rotation R_a that takes the normal of the last state to
-it. The tractions t of the nodes are nominal; their forces are w N_a t on the slave, and
+it; R_aq is that from n_o at the point to n_o at the node, so that slips on curved faces keep their
+lengths. The tractions t of the nodes are nominal; their forces are w N_a t on the slave, and
 -w N_b(eta) t on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and
 Renard, Comput. Struct. 153, 2015). Limits of the parts are not differentiated.
 """
@@ -34,7 +35,7 @@ import numpy.typing as npt
 from dolfinx_contact.points.sliding.candidates import Candidates
 from dolfinx_contact.points.sliding.rays import Rays
 
-__all__ = ["Facing", "Nodal"]
+__all__ = ["Facing", "Nodal", "rotation"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -63,12 +64,7 @@ class Nodal:
     @cached_property
     def rotation(self) -> Array:
         """R (n, dim, dim), of vectors along the surface of the last accepted state."""
-        n = self.normal
-        o = self.before
-        c = 1.0 + np.sum(n * o, axis=1)
-        along = np.eye(n.shape[1]) - o[:, :, None] * o[:, None]
-        turned = np.eye(n.shape[1]) - ((n + o) / c[:, None])[:, :, None] * n[:, None]
-        return np.asarray(turned @ along)
+        return rotation(self.before, self.normal)
 
     @property
     def slip_now(self) -> Array:
@@ -114,7 +110,7 @@ class Facing:
         basis: N_a at the points (p, q, a).
         areas: w, weights of the reference configuration (p, q).
         rays: at the points.
-        along: (I - n_o n_o^T) Y_o, of the last accepted state (p, q, dim, dim - 1).
+        along: R_aq (I - n_o n_o^T) Y_o, of the last accepted state (p, q, a, dim, dim - 1).
         nodal: what the vertices have.
     """
 
@@ -137,8 +133,8 @@ class Facing:
         """w N_a (p, q, a)."""
         return self.areas[..., None] * self.basis
 
-    def moved(self, x: Array, m: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Changes of places (p, q, dim - 1), gaps (p, q) and slips (p, q, dim).
+    def moved(self, x: Array, m: Array, y: Array) -> tuple[Array, Array]:
+        """Changes of places (p, q, dim - 1) and gaps (p, q).
 
         Args:
             x: displacements of the corners of the slave (p, a, dim).
@@ -151,15 +147,14 @@ class Facing:
         turned = np.einsum("pqa,pad->pqd", self.basis, m)
         at += rays.gap[..., None] * np.einsum("pqij,pqj->pqi", rays.by_normal, turned)
         found = np.einsum("pqij,pqj->pqi", rays.inverse, at)
-        place = found[..., :-1]
-        return place, found[..., -1], np.einsum("pqdi,pqi->pqd", self.along, place)
+        return found[..., :-1], found[..., -1]
 
-    def slopes(self) -> tuple[Array, Array, Array]:
+    def slopes(self) -> tuple[Array, Array]:
         """Derivatives of `moved` by its arguments, of all corners and nodes one after the other.
 
         Returns:
-            Of places (p, q, dim - 1, c, dim), gaps (p, q, c, dim), slips (p, q, dim, c, dim), in
-            which c numbers the corners of x, those of m, the nodes of y.
+            Of places (p, q, dim - 1, c, dim) and gaps (p, q, c, dim), in which c numbers the
+            corners of x, those of m, the nodes of y.
         """
         rays = self.rays
         inverse = rays.inverse[..., :, None, :]
@@ -168,6 +163,13 @@ class Facing:
         by_m = turning * self.basis[..., None, :, None]
         by_y = -inverse * rays.weights[..., None, :, None]
         every = np.concatenate([by_x, by_m, by_y], axis=3)
-        place = every[..., :-1, :, :]
-        slip = np.einsum("pqdi,pqicj->pqdcj", self.along, place)
-        return place, every[..., -1, :, :], slip
+        return every[..., :-1, :, :], every[..., -1, :, :]
+
+
+def rotation(o: Array, n: Array) -> Array:
+    """The smallest rotations from unit vectors o to n (..., dim), of vectors across o."""
+    dim = n.shape[-1]
+    c = 1.0 + np.sum(n * o, axis=-1)
+    along = np.eye(dim) - o[..., :, None] * o[..., None, :]
+    turned = np.eye(dim) - ((n + o) / c[..., None])[..., :, None] * n[..., None, :]
+    return np.asarray(turned @ along)

@@ -52,13 +52,12 @@ class SlidingOperator(Operator):
         theirs = faces.of_master(v, facing.found)
         return mine[facing.facet], m, theirs[facing.master]
 
-    def _means(self, values: Array) -> Array:
-        """Weighted means at the local vertices of values at quadrature points (p, q, ...)."""
+    def _means(self, parts: Array) -> Array:
+        """Weighted means at the local vertices of weighted parts at corners (p, a, ...)."""
         facing = self.facing
         weight = facing.nodal.weight
         by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
-        total = np.einsum("pqa,pq...->pa...", facing.weighted, values)
-        sums = self.faces.sums(facing.facet, total)
+        sums = self.faces.sums(facing.facet, parts)
         return np.asarray(by.reshape(-1, *np.ones(sums.ndim - 1, dtype=int)) * sums)
 
     def apply(self, v: Array) -> Array:
@@ -66,14 +65,17 @@ class SlidingOperator(Operator):
         mine, _, theirs = self._parts(v)
         jump = np.einsum("pqa,pad->pqd", facing.basis, mine)
         jump -= np.einsum("pqb,pbd->pqd", facing.rays.weights, theirs)
-        return self._means(jump)[: self.number]
+        parts = np.einsum("pqa,pqd->pad", facing.weighted, jump)
+        return self._means(parts)[: self.number]
 
     def rate(self, v: Array) -> Array:
         """The derivative of the jumps, without what turns with the normals (n, dim)."""
         nodal = self.facing.nodal
         mine, m, theirs = self._parts(v)
-        _, gap, slip = self.facing.moved(mine, m[self.faces.corners[self.facing.facet]], theirs)
-        gaps = self._means(gap)
+        facing = self.facing
+        place, gap = facing.moved(mine, m[self.faces.corners[facing.facet]], theirs)
+        gaps = self._means(np.einsum("pqa,pq->pa", facing.weighted, gap))
+        slip = np.einsum("pqa,pqadi,pqi->pad", facing.weighted, facing.along, place, optimize=True)
         slips = np.einsum("nij,nj->ni", nodal.rotation, self._means(slip))
         spun = np.einsum("nij,nj->ni", nodal.spin, self._normal_rate(m))
         return np.asarray(slips + spun - gaps[:, None] * nodal.normal)[: self.number]
@@ -101,7 +103,7 @@ class SlidingOperator(Operator):
     def transpose_rate(self, tractions: Array, v: Array) -> Array:
         facing = self.facing
         mine, m, theirs = self._parts(v)
-        place, _, _ = facing.moved(mine, m[self.faces.corners[facing.facet]], theirs)
+        place, _ = facing.moved(mine, m[self.faces.corners[facing.facet]], theirs)
         t = facing.areas[..., None] * self.at_quadrature(tractions)
         moving = np.einsum("pqbi,pqi->pqb", facing.rays.slopes, place)
         on_master = -np.einsum("pqb,pqd->pbd", moving, t)

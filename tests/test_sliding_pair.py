@@ -1,0 +1,331 @@
+"""Large sliding between the faces of two bodies."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import CELLS
+from scipy.spatial.transform import Rotation
+from test_mortar import hats, stacked
+from test_pair import displacement, tagged
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
+from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
+from dolfinx_contact.meshing import join
+from dolfinx_contact.points.memory import Memory
+
+COMM = MPI.COMM_WORLD
+RUBBER = NeoHookean(*lame(1000.0, 0.3))
+KINDS = [(2, "tri"), (2, "quad"), (3, "tet"), (3, "hex")]
+
+
+def cubes(n, m, cell, *, offset=0.0):
+    """Two cubes on each other, with n and m cells along an edge; tags as `stacked`."""
+    bodies = []
+    tags = []
+    for i, k in enumerate((n, m)):
+        x = np.linspace(0.0, 1.0, k + 1) + i * offset
+        z = np.linspace(i - 1.0, i, max(k // 2, 1) + 1)
+        body = create_grid(COMM, [x, x, z], CELLS[cell])
+        planes = {f"t{2 * i + 1}": (2, i - 1.0), f"t{2 * i + 2}": (2, float(i))}
+        tags.append(tagged(body, **planes))
+        bodies.append(body)
+    return join(bodies, facet_tags=tags)
+
+
+def blocks(dim, cell, n=5, m=7):
+    if dim == 2:
+        return stacked(n, m, (0.0, 1.0), (-0.2, 1.2), cell)
+    return cubes(3, 4, cell, offset=0.1)
+
+
+class Bodies:
+    """Two blocks on each other; the lower one is held below, the upper one is moved above."""
+
+    def __init__(self, both, slave, law, material=RUBBER, **given):
+        self.both = both
+        domain = both.mesh
+        dim = domain.geometry.dim
+        self.dim = dim
+        self.u = u = displacement(domain)
+        V = u.function_space
+        given = {"sliding": "large"} | given
+        self.pair = ContactPair(u, both, slave=slave, master=5 - slave, law=law, **given)
+        self.below, self.above = fem.Function(V), fem.Function(V)
+        bcs = []
+        for tag, f in ((1, self.below), (4, self.above)):
+            nodes = fem.locate_dofs_topological(V, dim - 1, both.facet_tags.find(tag))
+            bcs.append(fem.dirichletbc(f, nodes))
+        self.problem = ContactProblem(material.energy(u) * ufl.dx, u, [self.pair], bcs=bcs)
+
+    def move(self, motion, below=None):
+        """Prescribe motions of positions X (n, dim), above and below."""
+        X = self.u.function_space.tabulate_dof_coordinates()[:, : self.dim]
+        self.above.x.array[:] = motion(X).reshape(-1)
+        if below is not None:
+            self.below.x.array[:] = below(X).reshape(-1)
+
+
+def of_upper(both, V):
+    """Owned nodes of the upper body."""
+    dim = both.mesh.topology.dim
+    cells = mesh.locate_entities(both.mesh, dim, lambda x: x[dim - 1] >= -1e-9)
+    nodes = np.unique(V.dofmap.list[cells])
+    return nodes[nodes < V.dofmap.index_map.size_local]
+
+
+def smooth(x, seed, size):
+    """A smooth vector field at positions x (n, dim)."""
+    rng = np.random.default_rng(seed)
+    dim = x.shape[1]
+    return size * np.sin(x @ rng.normal(size=(dim, dim)) * 2 + rng.normal(size=dim))
+
+
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("law", [Frictionless(), Coulomb(0.3)], ids=["frictionless", "coulomb"])
+@pytest.mark.parametrize("remembers", [False, True])
+@pytest.mark.verifies(
+    "large_sliding",
+    reference="differences of the residual",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_jacobian(dim, cell, slave, law, remembers, monkeypatch):
+    """Central differences of H, with the parts that faces have in common held."""
+    both = blocks(dim, cell)
+    bodies = Bodies(both, slave, law, interference=True)
+    problem, pair, V = bodies.problem, bodies.pair, bodies.u.function_space
+    eq = problem.equations
+    n = eq.owned_sizes[0]
+    X = V.tabulate_dof_coordinates()[: n // dim, :dim]
+    moved = smooth(X, 3, 0.05)
+    upper = of_upper(both, V)
+    at = X[upper]
+    shift = np.full((len(at), dim), 0.07)
+    shift[:, -1] = -0.01 - 0.04 * (at[:, 0] - 0.5) ** 2 + 0.05 * (at[:, 0] - 0.5)
+    moved[upper] += shift
+    x = problem.create_vector()
+    x.array[:n] = moved.reshape(-1)
+    x.array[:n][eq.fixed[:n]] = 0.0
+    ids = pair.points.ids[:, 0]
+    x.array[n:] = 2e-3 * np.sin(np.outer(ids, np.arange(1.0, dim + 1))).reshape(-1)
+    if remembers:
+        before = smooth(X, 5, 0.04)
+        pair.memory = Memory(np.zeros((len(ids), dim)), displacement=before, step=1.0)
+    b, after, before, v, product = (x.duplicate() for _ in range(5))
+    state = eq.residual(x, b)
+    jacobian = Jacobian(eq)
+    jacobian.update(state)
+    v.array[:n] = smooth(X, 8, 1.0).reshape(-1)
+    v.array[:n][eq.fixed[:n]] = 0.0
+    v.array[n:] = 0.1 * np.cos(np.outer(ids, np.arange(1.0, dim + 1))).reshape(-1)
+    jacobian.matrix.mult(v, product)
+    faces = pair.points.faces
+    place = faces._X + faces.spread(x.array[:n].reshape(-1, dim))
+    mine = faces._of_slave(place)
+    theirs = faces._found_before + faces.of_master(x.array[:n].reshape(-1, dim), faces.candidates)
+    held = faces._pieces(mine, faces._area_vectors(mine), theirs)
+    monkeypatch.setattr(faces, "_pieces", lambda *_: held)
+    errors = []
+    for eps in (1e-4, 1e-5):
+        for sign, f in ((eps, after), (-eps, before)):
+            y = x.copy()
+            y.axpy(sign, v)
+            eq.residual(y, f, state.statuses)
+        after.axpy(-1.0, before)
+        after.scale(0.5 / eps)
+        after.axpy(-1.0, product)
+        errors.append(after.norm() / product.norm())
+    assert errors[0] < 1e-5
+    assert errors[1] < 0.02 * errors[0] + 1e-9
+    used = COMM.allreduce(len(np.unique(np.concatenate(COMM.allgather(state.statuses[0])))), max)
+    assert used > 1
+
+
+# -- patches ---------------------------------------------------------------------------------------
+
+STRAIN = 0.1
+STIFF = 500.0  # mu of a material with nu = 0
+
+
+@pytest.mark.parametrize("cell", ["tri", "quad"])
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("part", [0.37, 0.61])
+@pytest.mark.verifies(
+    "large_sliding",
+    reference="closed form: uniform compression",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_patch(cell, slave, part):
+    """A block that has slid by a part of a facet presses uniformly, a slave partly covered too."""
+    low, high = (0.0, 2.0), (0.2, 1.2)
+    n = 8
+    shift = part * 2.0 / n
+    both = stacked(n, 5, low, high, cell)
+    bodies = Bodies(both, slave, Frictionless(), NeoHookean(0.0, STIFF))
+    u, V = bodies.u, bodies.u.function_space
+    stretch = 1 - STRAIN
+    pressure = STIFF * (1 / stretch - stretch)
+    x = V.tabulate_dof_coordinates()[:, :2]
+    face = fem.locate_dofs_topological(V, 1, both.facet_tags.find(2))
+    points = np.linspace(*low, n + 1)
+    free = hats(points, low[0], high[0] + shift) + hats(points, high[1] + shift, low[1])
+    share = (free / hats(points, *low))[np.searchsorted(points, x[face, 0] - 1e-9)]
+    load = fem.Function(V)
+    load.x.array.reshape(-1, 2)[face, 1] = -pressure * share
+    at_vertices = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)(2, metadata=at_vertices)
+    part_of_load = fem.Constant(both.mesh, 0.0)
+    energy = NeoHookean(0.0, STIFF).energy(u) * ufl.dx - part_of_load * ufl.dot(load, u) * ds
+    options = {"snes_rtol": 1e-11}
+    problem = ContactProblem(energy, u, [bodies.pair], bcs=bodies.problem.bcs, petsc_options=options)
+    bodies.move(lambda X: np.tile([shift, 0.0], (len(X), 1)))
+    problem.solve()
+    part_of_load.value = 1.0
+    bodies.move(lambda X: np.tile([shift, -2 * STRAIN], (len(X), 1)))
+    result = problem.solve()
+    off = u.x.array.reshape(-1, 2)[:, 1] + STRAIN * (x[:, 1] + 1)
+    assert COMM.allreduce(np.abs(off).max(), max) < 1e-10
+    table = result.tables["contact"]
+    touching = ~np.isnan(table.un)
+    # A node of which hardly anything is covered knows its pressure to fewer digits.
+    force = table.area * (table.pressure - pressure)
+    assert np.abs(force[touching]).max() < 1e-9 * pressure
+    balance = result.pairs["contact"]
+    assert balance.imbalance < 1e-14
+    assert balance.moment < 1e-12
+
+
+@pytest.mark.parametrize("cell", ["tet", "hex"])
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.verifies(
+    "large_sliding",
+    reference="closed form: uniform compression",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_patch_in_space(cell, slave):
+    """A cube that has turned by a right angle on another one, of other facets, presses uniformly."""
+    both = cubes(3, 4, cell)
+    bodies = Bodies(both, slave, Frictionless(), NeoHookean(0.0, STIFF))
+    V = bodies.u.function_space
+    turn = Rotation.from_euler("z", 90, degrees=True).as_matrix()
+    middle = np.array([0.5, 0.5, 0.0])
+
+    def turned(X):
+        return (X - middle) @ turn.T + middle - X
+
+    upper = of_upper(both, V)
+    X = V.tabulate_dof_coordinates()
+    bodies.u.x.array.reshape(-1, 3)[upper] = turned(X[upper])
+    bodies.u.x.scatter_forward()
+    bodies.move(lambda X: turned(X) - np.array([0.0, 0.0, 2 * STRAIN]))
+    result = bodies.problem.solve()
+    stretch = 1 - STRAIN
+    pressure = STIFF * (1 / stretch - stretch)
+    table = result.tables["contact"]
+    np.testing.assert_allclose(table.pressure, pressure, rtol=1e-8)
+    assert result.pairs["contact"].imbalance < 1e-14
+    x = X + bodies.u.x.array.reshape(-1, 3)
+    squeezed = -STRAIN * (X[:, 2] + 1)
+    assert COMM.allreduce(np.abs(x[:, 2] - X[:, 2] - squeezed).max(), max) < 1e-10
+    assert pair_searches(bodies) >= 2
+
+
+def pair_searches(bodies):
+    return bodies.pair.points.faces.searches
+
+
+# -- rotations, small slides -----------------------------------------------------------------------
+
+
+def pressed_and_sheared(bodies, shear=0.03):
+    """A history that presses the blocks on each other and shears them without slip."""
+    axis = bodies.dim - 1
+
+    def load(t):
+        def motion(X):
+            moved = np.zeros_like(X)
+            moved[:, axis] = -0.05 * min(t, 1.0)
+            moved[:, 0] = shear * max(t - 1.0, 0.0)
+            return moved
+
+        bodies.move(motion)
+
+    evolution = QuasiStatic(bodies.problem, load)
+    evolution.run([0.0, 0.5, 1.0, 1.5, 2.0], rays=False)
+    return evolution
+
+
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("angle", [0.1, 0.3])
+@pytest.mark.verifies(
+    "large_sliding",
+    reference="a rotation changes nothing",
+    aspects=("2D", "3D", "pairs", "large sliding", "histories"),
+)
+def test_turned(dim, cell, slave, angle):
+    """A stuck state turned in one step stays stuck, with its tractions turned."""
+    bodies = Bodies(blocks(dim, cell), slave, Coulomb(2.0))
+    pressed_and_sheared(bodies)
+    u = bodies.u
+    before = u.x.array.reshape(-1, dim).copy()
+    table = bodies.problem.table(bodies.pair)
+    assert (table.letters == "k").sum() > 0.5 * len(table.letters)
+    tractions = bodies.pair.multiplier.x.array.reshape(-1, dim).copy()
+    memory = bodies.problem.equations.advanced(bodies.problem.state())
+    axis = [0.2, 0.9, 0.4] if dim == 3 else [0.0, 0.0, 1.0]
+    Q = Rotation.from_rotvec(angle * np.array(axis) / np.linalg.norm(axis)).as_matrix()[:dim, :dim]
+    X = u.function_space.tabulate_dof_coordinates()[:, :dim]
+    turned = (X + before) @ Q.T - X
+    bodies.problem.equations.remember(memory)
+    for f in (bodies.below, bodies.above):
+        f.x.array[:] = turned.reshape(-1)
+    u.x.array[:] = turned.reshape(-1)
+    bodies.pair.multiplier.x.array[:] = (tractions @ Q.T).reshape(-1)
+    state = bodies.problem.state()
+    start = max(np.abs(rows).max(initial=0.0) for rows in state.rows)
+    assert COMM.allreduce(start, max) < 1e-9 * 1000.0
+    # From another start.
+    u.x.array[:] = (turned + 1e-3 * smooth(X, 2, 1.0)).reshape(-1)
+    bodies.problem.solve(expected=[state.statuses])
+    size = COMM.allreduce(np.abs(tractions).max(initial=0.0), max)
+    off = bodies.pair.multiplier.x.array.reshape(-1, dim) - tractions @ Q.T
+    assert COMM.allreduce(np.abs(off).max(initial=0.0), max) < 1e-9 * size
+
+
+@pytest.mark.parametrize(("dim", "cell"), [(2, "quad"), (2, "tri"), (3, "hex")])
+@pytest.mark.verifies(
+    "large_sliding",
+    reference="the pair of small sliding",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_small_slide_on_matching_faces(dim, cell):
+    """Linear bodies whose nodes match: mixed contact of small sliding is the limit."""
+    both = stacked(6, 6, (0.0, 1.0), (0.0, 1.0), cell) if dim == 2 else cubes(3, 3, cell)
+    differences = []
+    for size in (1e-4, 1e-5):
+        found = []
+        for given in ({"sliding": "large"}, {"sliding": "small", "method": "mixed"}):
+            bodies = Bodies(both, 3, Coulomb(0.2), LinearElastic(*lame(1000.0, 0.3)), **given)
+
+            def motion(X, size=size):
+                moved = np.zeros_like(X)
+                moved[:, -1] = -size
+                moved[:, 0] = size * (0.3 + 0.2 * X[:, 0])
+                return moved
+
+            bodies.move(motion)
+            table = bodies.problem.solve().tables["contact"]
+            assert set(table.letters) >= ({"k", "+"} if dim == 2 else {"k", "s"})
+            found.append(bodies.u.x.array.copy())
+        differences.append(COMM.allreduce(np.abs(found[0] - found[1]).max(initial=0.0), max) / size)
+    # The difference in u is of second order.
+    assert differences[0] < 1e-3
+    assert differences[1] < 0.11 * differences[0] + 1e-12
