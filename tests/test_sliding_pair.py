@@ -184,7 +184,9 @@ def test_patch(cell, slave, part):
     part_of_load = fem.Constant(both.mesh, 0.0)
     energy = NeoHookean(0.0, STIFF).energy(u) * ufl.dx - part_of_load * ufl.dot(load, u) * ds
     options = {"snes_rtol": 1e-11}
-    problem = ContactProblem(energy, u, [bodies.pair], bcs=bodies.problem.bcs, petsc_options=options)
+    problem = ContactProblem(
+        energy, u, [bodies.pair], bcs=bodies.problem.bcs, petsc_options=options
+    )
     bodies.move(lambda X: np.tile([shift, 0.0], (len(X), 1)))
     problem.solve()
     part_of_load.value = 1.0
@@ -210,7 +212,7 @@ def test_patch(cell, slave, part):
     aspects=("3D", "pairs", "large sliding"),
 )
 def test_patch_in_space(cell, slave):
-    """A cube that has turned by a right angle on another one, of other facets, presses uniformly."""
+    """A cube that has turned by a right angle on another one presses uniformly."""
     both = cubes(3, 4, cell)
     bodies = Bodies(both, slave, Frictionless(), NeoHookean(0.0, STIFF))
     V = bodies.u.function_space
@@ -262,9 +264,10 @@ def pressed_and_sheared(bodies, shear=0.03):
     return evolution
 
 
-@pytest.mark.parametrize(("dim", "cell"), KINDS)
-@pytest.mark.parametrize("slave", [2, 3])
-@pytest.mark.parametrize("angle", [0.1, 0.3])
+@pytest.mark.parametrize(
+    ("dim", "cell", "slave"), [(2, "tri", 3), (2, "quad", 2), (3, "tet", 2), (3, "hex", 3)]
+)
+@pytest.mark.parametrize("angle", [0.3])
 @pytest.mark.verifies(
     "large_sliding",
     reference="a rotation changes nothing",
@@ -273,6 +276,7 @@ def pressed_and_sheared(bodies, shear=0.03):
 def test_turned(dim, cell, slave, angle):
     """A stuck state turned in one step stays stuck, with its tractions turned."""
     bodies = Bodies(blocks(dim, cell), slave, Coulomb(2.0))
+    bodies.problem.petsc_options["snes_rtol"] = 1e-11
     pressed_and_sheared(bodies)
     u = bodies.u
     before = u.x.array.reshape(-1, dim).copy()

@@ -248,10 +248,10 @@ class ContactEquations:
         body[fixed] = self.stiffness_scale * (u - prescribed)[:n][fixed]
         rows = [body]
         for i, (s, state) in enumerate(zip(self.surfaces, contact, strict=True)):
-            off = state.traction - state.answer
+            off = state.off
             if any_missing:
                 step = self.relative(s, missing, missing_q)
-                off -= state.change(step)
+                off = off - state.change(step)
             rows.append(self._with_removed(i, s.points.rows(off), x))
         if self.rigid.size:
             pushed = self.comm.allreduce(pushed)

@@ -6,8 +6,8 @@ r"""The Jacobian of H: the stiffness of the body, and contact terms that statuse
 
 S has rows at the contact nodes and multipliers alone, and those of rigid bodies. Rows and columns
 of Dirichlet dofs are empty; those of removed multipliers have a typical stiffness on the diagonal.
-Its pattern never changes, so that new statuses cost no more than new numbers; where faces slide over
-each other it changes with a search for what may be opposite (`sliding`).
+Its pattern never changes, so that new statuses cost no more than new numbers; where faces slide
+over each other it changes with a search for what may be opposite (`sliding`).
 
 Of a rigid body the jump is B u - Phi q, so that the contact terms of a surface are bordered by
 

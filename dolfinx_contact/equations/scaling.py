@@ -42,9 +42,9 @@ Array = npt.NDArray[np.float64]
 _MUCH = 10.0  # times the stiffness, beyond which scales are taken anew
 _NO_HOOP = 1e-12  # of the stiffness, a resistance that is none
 _ROUND_OFF = 1e-12  # of the traction, a shear that has no direction
-#: Of the stiffness of a node, the r of faces that slide over each other: a slip by a facet a step is
-#: far beyond that of small sliding. Shallow ironing: between 0.17 and 1.7 steps take 6 iterations,
-#: below 0.1 points change status in a cycle (measured).
+#: Of the stiffness of a node, the r of faces that slide over each other: a slip by a facet a step
+#: is far beyond that of small sliding. Shallow ironing: between 0.17 and 1.7 steps take 6
+#: iterations, below 0.1 points change status in a cycle (measured).
 _SLIDING = 0.5
 _SHARE = 1e-6  # of a motion, below which a component has no part in it
 

@@ -77,6 +77,7 @@ class _Pieces:
     coupling: Array
     on_master: Array
     of_law: Array
+    means: Array
 
 
 class SlidingTerms:
@@ -166,7 +167,8 @@ class SlidingTerms:
         columns = 2 * a + b
         on_master = np.broadcast_to(0.0, (n, b, d, columns, d))
         of_law = np.broadcast_to(0.0, (n, a, d, columns, d))
-        return _Pieces(facet, nodes, np.zeros((n, a + b, a)), on_master, of_law)
+        means = np.zeros((n, a, a))
+        return _Pieces(facet, nodes, np.zeros((n, a + b, a)), on_master, of_law, means)
 
     def _at(self, state: ContactState, operator: SlidingOperator) -> tuple[_Pieces, Array, Array]:
         """Derivatives at pieces, and at vertices of contact rows by l and m there."""
@@ -176,8 +178,9 @@ class SlidingTerms:
         nodal = facing.nodal
         areas = self._points.areas
         weight = nodal.weight[:n]
-        share = np.divide(areas, weight, out=np.zeros_like(areas), where=weight > 0)
-        by_jump = share[:, None, None] * state.by_jump
+        counts = areas * nodal.share[:n]
+        by_weight = np.divide(counts, weight, out=np.zeros_like(areas), where=weight > 0)
+        by_jump = by_weight[:, None, None] * state.by_jump
         by_gap = faces.ghosted(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
         by_slip = faces.ghosted(-by_jump @ nodal.rotation[:n])
         at = faces.corners[facing.facet]
@@ -194,10 +197,14 @@ class SlidingTerms:
         basis = facing.basis * alive[:, None]
         both = np.concatenate([-facing.basis, facing.rays.weights], axis=2)
         coupling = np.einsum("pq,pqc,pqa->pca", facing.areas, both, basis, optimize=True)
-        of_traction = areas[:, None, None] * (np.eye(self._dim) - state.by_traction)
+        of_traction = areas[:, None, None] * np.eye(self._dim)
+        of_traction = of_traction - counts[:, None, None] * state.by_traction
         turned = state.by_jump @ nodal.spin[:n] + state.by_normal
-        of_normal = -areas[:, None, None] * (turned @ nodal.by_normal[:n])
-        pieces = _Pieces(facing.facet, facing.master_nodes, coupling, on_master, of_law)
+        of_normal = -counts[:, None, None] * (turned @ nodal.by_normal[:n])
+        around = nodal.around[:n]
+        by_around = np.divide(areas - counts, around, out=np.zeros_like(areas), where=around > 0)
+        means = -faces.ghosted(by_around)[at][:, :, None] * facing.mass * alive[:, None]
+        pieces = _Pieces(facing.facet, facing.master_nodes, coupling, on_master, of_law, means)
         return pieces, of_traction[:, None, :, None], of_normal[:, None, :, None]
 
     def _blocks(
@@ -214,11 +221,13 @@ class SlidingTerms:
         turned = slice(k, 2 * k)
         identity = np.eye(self._dim)
         coupling = self._unit * np.einsum("pca,ij->pciaj", at.coupling, identity)
+        means = self._unit * np.einsum("pca,ij->pciaj", at.means, identity)
         by_unknowns = [
             _Block(bodies, multipliers, coupling),
             _Block(theirs, bodies, at.on_master[:, :, :, moved]),
             _Block(multipliers, bodies, at.of_law[:, :, :, moved]),
             _Block(self._own, self._own, self._unit * of_traction),
+            _Block(multipliers, multipliers, means),
         ]
         by_vectors = [
             _Block(theirs, vectors, at.on_master[:, :, :, turned]),

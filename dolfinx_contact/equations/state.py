@@ -52,6 +52,17 @@ class ContactState:
         return self._present(self.answers.traction(self.statuses))
 
     @cached_property
+    def off(self) -> Array:
+        """By how much the tractions are off what is required of them (n, dim). Collective."""
+        operator = self.kinematics.operator
+        off = self.traction - self.answer
+        if operator.share is None:
+            return off
+        share = operator.share[:, None]
+        rest = self.traction - operator.mean_around(self.traction)
+        return self._present(share * off + (1.0 - share) * rest, self.traction)
+
+    @cached_property
     def by_jump(self) -> Array:
         """Its derivatives by the jump (n, dim, dim)."""
         return self._present(self.answers.by_jump(self.statuses))
@@ -74,12 +85,12 @@ class ContactState:
         turned = _turning(n, self.answer) - self.by_traction @ _turning(n, self.traction)
         return np.asarray(turned)
 
-    def _present(self, values: Array) -> Array:
-        """Values at the points, zero where nothing is opposite."""
+    def _present(self, values: Array, other: Array | float = 0.0) -> Array:
+        """Values at the points, others where nothing is opposite."""
         absent = self.kinematics.operator.absent
         if absent is None:
             return values
-        return np.where(absent.reshape(-1, *np.ones(values.ndim - 1, dtype=int)), 0.0, values)
+        return np.where(absent.reshape(-1, *np.ones(values.ndim - 1, dtype=int)), other, values)
 
     @cached_property
     def by_around(self) -> Array:
@@ -101,11 +112,13 @@ class ContactState:
         return rate
 
     def change(self, v: Array) -> Array:
-        """The derivative of the answer along a displacement v (nodes, dim). Collective."""
+        """The derivative of -`off` along a displacement v (nodes, dim). Collective."""
         operator = self.kinematics.operator
         rate = self.along(operator.rate(v))
         turned = operator.normal_rate(v)
-        return rate if turned is None else rate + np.einsum("nij,nj->ni", self.by_normal, turned)
+        if turned is not None:
+            rate += np.einsum("nij,nj->ni", self.by_normal, turned)
+        return rate if operator.share is None else operator.share[:, None] * rate
 
 
 @dataclass(frozen=True, eq=False)

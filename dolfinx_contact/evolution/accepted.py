@@ -100,6 +100,11 @@ class SolvedStep:
 def change(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> float:
     """How much the state changes from one to the other, a length. Collective."""
     d = b.unknowns - a.unknowns
+    if isinstance(a, AtRest) and isinstance(b, AtRest):
+        before = a.forces.covered
+        after = b.forces.covered
+        if before is not None and after is not None:
+            d = d * np.minimum(before, after)
     return float(np.sqrt(comm.allreduce(float(np.dot(d, d)))))
 
 

@@ -33,7 +33,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.state import ContactState, State
+from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["Energies", "Forces", "forces_at"]
 
@@ -133,6 +134,8 @@ class Forces:
         pushes: contact forces on the rigid bodies.
         energy: of the body without its loads; None if it is not known.
         surfaces: contact, surface by surface.
+        covered: of the unknowns (owned), the part of the area of a point that has something
+            opposite, 1 of all else; None where no faces slide over each other.
     """
 
     equations: ContactEquations
@@ -143,6 +146,7 @@ class Forces:
     pushes: Array
     energy: float | None
     surfaces: tuple[SurfaceForces, ...]
+    covered: Array | None = None
 
 
 def forces_at(eq: ContactEquations, state: State) -> Forces:
@@ -168,9 +172,11 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
         if s.law.compliant and s.law_at_points.compiled.bonded:
             springs = force + areas * np.sum(found.answers.bond("traction") * normal, axis=1)
         names = ("stored", "spent") if s.law_at_points.compiled.bonded else ()
-        bonds = [areas * found.answers.bond(name) for name in names] or none
+        stored, spent = [areas * found.answers.bond(name) for name in names] or none
         jump = found.jump + found.kinematics.reference
-        surfaces.append(SurfaceForces(force, un, normal, jump, springs, *bonds, slides=s.slides))
+        if s.slides:  # what has nothing opposite does not move against anything
+            jump = _covered(s, found)[:, None] * jump
+        surfaces.append(SurfaceForces(force, un, normal, jump, springs, stored, spent, s.slides))
     return Forces(
         eq,
         u,
@@ -180,7 +186,24 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
         state.pushes.copy(),
         energy,
         tuple(surfaces),
+        _all_covered(eq, state),
     )
+
+
+def _covered(s: ContactSurface, found: ContactState) -> Array:
+    """The part of the areas of points that has something opposite (n,)."""
+    return np.minimum(found.kinematics.operator.areas / s.points.areas, 1.0)
+
+
+def _all_covered(eq: ContactEquations, state: State) -> Array | None:
+    """`Forces.covered` at a state."""
+    if not any(s.slides for s in eq.surfaces):
+        return None
+    parts = [np.ones(n) for n in eq.owned_sizes]
+    for i, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
+        if s.slides:
+            parts[i + 1] = np.repeat(_covered(s, found), s.dim)
+    return np.concatenate(parts)
 
 
 def _rows(eq: ContactEquations, u: Array) -> Array:

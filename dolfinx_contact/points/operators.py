@@ -75,6 +75,18 @@ class Operator(ABC):
         """Which points have nothing opposite (n,), and carry nothing; None if all have."""
         return None
 
+    @property
+    def share(self) -> Array | None:
+        """By which the laws of the points count (n,); for the rest a traction is `mean_around`.
+
+        None where all count alone.
+        """
+        return None
+
+    def mean_around(self, tractions: Array) -> Array:
+        """Means of the tractions of the points around each (n, dim)."""
+        return tractions
+
     @abstractmethod
     def transpose(self, tractions: Array) -> Array:
         """B^T W t: forces on the owned displacement dofs, flat."""

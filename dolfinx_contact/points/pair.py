@@ -86,7 +86,7 @@ def _given(a: Arguments) -> dict[str, Any]:
 
 
 class ContactPair(ContactSurface):
-    """Two faces of one mesh that may touch each other, with a law; small sliding and turning.
+    """Two faces of one mesh that may touch each other, with a law; sliding is small or large.
 
     The mesh has several parts, or a crack (`meshing.crack`). The contact points, the multiplier and
     everything that is written are those of the *slave*: n points from it to the master, tractions
@@ -110,7 +110,7 @@ class ContactPair(ContactSurface):
     facets between a crossing and its end in the body, or the next crossing, in every method
     multipliers of degree 1, and faces that match.
 
-    Sliding and turning are small: a point keeps the point opposite to it, along the normal of
+    By default sliding and turning are small: a point keeps the point opposite to it, along the normal of
     the reference configuration, wherever the bodies go. A solve measures the error of that
     (`Result.slidings`), and warns if a point that is closed, or carries something across a gap as
     bonds do, has moved half a facet of the master, or half the face of the slave, along the master
@@ -120,7 +120,23 @@ class ContactPair(ContactSurface):
     every accepted step, and warn once a run; branches warn of the points that they put into the
     problem, as the last one; charts and regions prove nothing where bodies slide too far. Make
     facets larger than the slip, start from a mesh in which the bodies lie where they will touch, or
-    take an obstacle for one of them.
+    take ``sliding="large"``.
+
+    With ``sliding="large"`` the bodies may go anywhere: at every state each facet of the slave is
+    cut by the facets of the master that lie opposite to it, along normals that are averaged at the
+    nodes of the slave where it is now, and its nodes have the law, with gaps and slips that are
+    weighted means over what they have opposite (`points.sliding.facing`, with the formulas; a
+    mortar with multipliers of degree 1). Slips are increments since the last accepted state of an
+    evolution, along the surface of then: bodies that turn together do not slip. Under the static
+    law they are counted from the mesh: a solve is one step, and what has slid far needs a history.
+    Faces need not match, or be opposite in the mesh at all, but they may share no nodes. What lies
+    within ``search_distance`` along the normal, before the slave or behind it, counts as opposite;
+    nodes with nothing there are open, and their gap is NaN in tables. Steps should be no longer
+    than a facet of the master. The soft body should be the slave; the face of the master should go
+    around the edges of a tool, and not end there. Tractions are nominal: per area of the mesh.
+    Limits: degree 1 and straight cells, no gap, surface or normal that is given, no body of
+    revolution, no law with bonds, a nonlocal one or Tresca's, the direct solver alone; motions
+    (`NSCD`), reduced problems, proofs and classical algorithms that need one B refuse it by name.
 
     Args:
         u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.
@@ -144,6 +160,10 @@ class ContactPair(ContactSurface):
         method: as for `ContactSurface`, and so the rest.
         multiplier_degree: of the multiplier.
         quadrature_degree: of the Gauss points.
+        sliding: ``"small"`` or ``"large"``.
+        search_distance: with large sliding, how far before and behind the slave something counts as
+            opposite, a length; by default a quarter of the size of the smaller face. It should be
+            larger than what bodies come closer in a step, and smaller than they are thick.
         axisymmetric: as for `ContactSurface`.
         name: used in messages and tables.
 

@@ -296,6 +296,10 @@ def violation(eq: ContactEquations, state: State, force: float, length: float) -
         else:
             missed = answers.missed
         missed = np.where(held, 0.0, missed)
+        share = found.kinematics.operator.share
+        if share is not None:  # elsewhere something else is required of tractions
+            off = np.where((share < 1.0)[:, None], found.off * points.areas[:, None], off)
+            missed = np.where(share < 1.0, 0.0, missed)
         off = np.maximum(np.abs(off), (missed * points.areas)[:, None])
         worst = max(worst, float(np.max(off, initial=0.0)))
     return float(eq.comm.allreduce(worst / force, op=np.maximum))

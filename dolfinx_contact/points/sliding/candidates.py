@@ -76,9 +76,9 @@ def candidates(
     # In the order of the facets, whichever rank an answer comes from.
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     nodes = facets[:, 1:]
-    known, places = np.unique(nodes, return_inverse=True)
-    senses = facets[:, 0].astype(np.float64)
-    return Candidates(nodes, senses, pairs, known, places.reshape(nodes.shape))
+    known, corners = np.unique(nodes, return_inverse=True)
+    senses_found = facets[:, 0].astype(np.float64)
+    return Candidates(nodes, senses_found, pairs, known, corners.reshape(nodes.shape))
 
 
 def _balls(faces: Faces) -> tuple[Array, Array]:

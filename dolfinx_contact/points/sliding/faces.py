@@ -37,9 +37,10 @@ Nodes = npt.NDArray[np.int64]
 
 _STEEP = 0.1  # cosine of the largest angle at which facets face each other
 _LEAST_COVER = 1e-6  # of a facet, below which it has nothing opposite
-_LEAST_WEIGHT = 1e-4  # of the area of a node, below which it has nothing opposite
-#: Degree of the quadrature, by dimension: products of the bases of slave and master, and more in the
-#: plane, where it costs little and normals turn.
+_LEAST_WEIGHT = 1e-9  # of the area of a node, below which it has nothing opposite
+_SHARE = 0.05  # of the area of a node, that has to be covered for the law to count alone
+#: Degree of the quadrature, by dimension: of products of the bases of slave and master, and more in
+#: the plane, where it costs little and normals turn.
 _DEGREES = {2: 4, 3: 2}
 
 
@@ -211,9 +212,9 @@ class SlidingFaces:
         n = self._master_sense[:, None] * area_vectors(theirs)
         n /= np.linalg.norm(n, axis=1, keepdims=True)
         given = Faces(mine, normals, np.zeros((len(mine), 0), dtype=np.int64))
-        others = Faces(theirs, n, self._master_nodes)
+        opposite = Faces(theirs, n, self._master_nodes)
         skin = self._skin
-        self._found = candidates(self.comm, given, others, self._master_sense, self._depth, skin)
+        self._found = candidates(self.comm, given, opposite, self._master_sense, self._depth, skin)
         self._found_before = self.of_master(self._X, self._found)
         self.searches += 1
 
@@ -266,7 +267,11 @@ class SlidingFaces:
         along = turn @ edges[:, :, None]
         slips = np.einsum("pqaij,pqj->pqai", turn, gone)
         weighted = shape * weights[..., None]
-        nodal = self._nodal(facet, weighted, rays.gap, slips, m, old_normals, areas)
+        mass = np.einsum("pqa,pqb->pab", weighted, shape)
+        around = mass.sum(axis=2) - np.einsum("paa->pa", mass)
+        nodal = self._nodal(
+            facet, weighted, around, rays.gap, slips, m=m, before=old_normals, areas=areas
+        )
         return Facing(self._found, facet, master, shape, weights, rays, along, nodal)
 
     def _last(self, before: Array | None) -> tuple[Array, Array, Array]:
@@ -316,8 +321,10 @@ class SlidingFaces:
         self,
         facet: Nodes,
         weighted: Array,
+        around: Array,
         gap: Array,
         slip: Array,
+        *,
         m: Array,
         before: Array,
         areas: Array,
@@ -330,7 +337,9 @@ class SlidingFaces:
         gaps = np.where(weight > 0, gaps, self._depth)
         slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqad->pad", weighted, slip))
         length = np.linalg.norm(m, axis=1)
-        return Nodal(weight, gaps, slips, m / length[:, None], length, before)
+        others = self.sums(facet, around)
+        share = np.where(others > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
+        return Nodal(weight, share, others, gaps, slips, m / length[:, None], length, before)
 
 
 def _largest(off: Array) -> float:

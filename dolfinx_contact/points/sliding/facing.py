@@ -22,6 +22,15 @@ it; R_aq is that from n_o at the point to n_o at the node, so that slips on curv
 lengths. The tractions t of the nodes are nominal; their forces are w N_a t on the slave, and
 -w N_b(eta) t on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and
 Renard, Comput. Struct. 153, 2015). Limits of the parts are not differentiated.
+
+A node of which hardly anything is covered, as at the edge of a master that moves over it, has a gap
+that is known at the edge alone. Its law counts by the share s = W_a / (c A_a), 1 at most, of a part
+c of its area A_a; for the rest its traction is the mean of those around it,
+
+    s (t_a - tau_a) + (1 - s) (t_a - sum_b m_ab t_b / sum_b m_ab) = 0,    m_ab = sum_q w N_a N_b,
+
+so that tractions go on to the edge, and nothing jumps when a node comes to be covered or ceases to
+be.
 """
 
 from __future__ import annotations
@@ -47,6 +56,8 @@ class Nodal:
 
     Attributes:
         weight: W (n,), 0 where nothing is opposite.
+        share: s, by which the law counts (n,).
+        around: sum_b m_ab over the other nodes b (n,).
         gap: g (n,).
         slip: d (n, dim), along the surface of the last accepted state.
         normal: n (n, dim).
@@ -55,6 +66,8 @@ class Nodal:
     """
 
     weight: Array
+    share: Array
+    around: Array
     gap: Array
     slip: Array
     normal: Array
@@ -73,7 +86,7 @@ class Nodal:
 
     @property
     def jump(self) -> Array:
-        """j (n, dim)."""
+        """J (n, dim)."""
         return self.slip_now - self.gap[:, None] * self.normal
 
     @cached_property
@@ -130,8 +143,14 @@ class Facing:
 
     @property
     def weighted(self) -> Array:
-        """w N_a (p, q, a)."""
+        """W N_a (p, q, a)."""
         return self.areas[..., None] * self.basis
+
+    @property
+    def mass(self) -> Array:
+        """Parts of m_ab of other nodes (p, a, b), 0 of a node itself."""
+        found = np.einsum("pqa,pqb->pab", self.weighted, self.basis)
+        return found * (1.0 - np.eye(found.shape[1]))
 
     def moved(self, x: Array, m: Array, y: Array) -> tuple[Array, Array]:
         """Changes of places (p, q, dim - 1) and gaps (p, q).

@@ -42,6 +42,23 @@ class SlidingOperator(Operator):
         """Points that have nothing opposite (n,)."""
         return np.asarray(self.areas == 0.0)
 
+    @property
+    def share(self) -> Array:
+        return self.facing.nodal.share[: self.number]
+
+    def mean_around(self, tractions: Array) -> Array:
+        facing = self.facing
+        around = facing.nodal.around
+        at = self._at_corners(tractions)
+        sums = self.faces.sums(facing.facet, np.einsum("pab,pbd->pad", facing.mass, at))
+        by = np.divide(1.0, around, out=np.zeros_like(around), where=around > 0)
+        return np.asarray(by[:, None] * sums)[: self.number]
+
+    def _at_corners(self, tractions: Array) -> Array:
+        """Tractions at corners of pieces (p, a, dim) of those at the owned points."""
+        alive = np.where(self.absent[:, None], 0.0, tractions)
+        return np.asarray(self.faces.ghosted(alive)[self.faces.corners[self.facing.facet]])
+
     def _parts(self, v: Array) -> tuple[Array, Array, Array]:
         """Displacements of slave and master, and what they make of normals, at the pieces."""
         faces = self.faces
@@ -89,9 +106,7 @@ class SlidingOperator(Operator):
 
     def at_quadrature(self, tractions: Array) -> Array:
         """Tractions (p, q, dim) of those at the owned points."""
-        alive = np.where(self.absent[:, None], 0.0, tractions)
-        at = self.faces.ghosted(alive)[self.faces.corners[self.facing.facet]]
-        return np.einsum("pqa,pad->pqd", self.facing.basis, at)
+        return np.einsum("pqa,pad->pqd", self.facing.basis, self._at_corners(tractions))
 
     def transpose(self, tractions: Array) -> Array:
         facing = self.facing
