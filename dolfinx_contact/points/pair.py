@@ -110,8 +110,8 @@ class ContactPair(ContactSurface):
     facets between a crossing and its end in the body, or the next crossing, in every method
     multipliers of degree 1, and faces that match.
 
-    By default sliding and turning are small: a point keeps the point opposite to it, along the normal of
-    the reference configuration, wherever the bodies go. A solve measures the error of that
+    By default sliding and turning are small: a point keeps the point opposite to it, along the
+    normal of the reference configuration, wherever the bodies go. A solve measures the error of that
     (`Result.slidings`), and warns if a point that is closed, or carries something across a gap as
     bonds do, has moved half a facet of the master, or half the face of the slave, along the master
     or has left its face, if normals have turned by 3 degrees, or if a gap is off by 1e-3 of the
