@@ -11,8 +11,8 @@
 # A stiff die with a round edge is pressed by 1 mm into a soft slab, from a gap of 0.2 mm, and
 # dragged along it by 10 mm: plane strain, mm and MPa. At t = 1 the die is pressed in, at t = 2 it
 # has arrived. It is the shallow ironing of the literature, whose published forces differ by a
-# quarter in the vertical and by more than a half in the horizontal one. Much of that is the elastic law, of which
-# none agrees on the volumetric part: `--law` takes four of them.
+# quarter in the vertical and by more than a half in the horizontal one. Much of that is the elastic
+# law, which authors take with four different volumetric parts: `--law` chooses.
 #
 # The soft body should be the slave, the die the master, whose face has to go around its corners: a
 # face that ends at the edge loses the slab beside it.

@@ -12,7 +12,15 @@ from test_pair import displacement, tagged
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    Coulomb,
+    Frictionless,
+    ParametricContact,
+    records,
+)
+from dolfinx_contact.continuation import follow
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
@@ -333,3 +341,129 @@ def test_small_slide_on_matching_faces(dim, cell):
     # The difference in u is of second order.
     assert differences[0] < 1e-3
     assert differences[1] < 0.11 * differences[0] + 1e-12
+
+
+# -- histories, records, branches ------------------------------------------------------------------
+
+
+def sliding_history(bodies):
+    """Pressed, then pulled by more than two facets, and back by one."""
+
+    def load(t):
+        def motion(X):
+            moved = np.zeros_like(X)
+            moved[:, -1] = -0.05 * min(t, 1.0)
+            moved[:, 0] = 0.5 * (max(t - 1.0, 0.0) - 2 * max(t - 2.0, 0.0))
+            return moved
+
+        bodies.move(motion)
+
+    return QuasiStatic(bodies.problem, load)
+
+
+TIMES = np.concatenate([[0.0, 0.5], np.linspace(1.0, 2.5, 13)])
+
+
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.verifies(
+    "large_sliding",
+    reference="closed form: friction at every point that slips; an account of energies",
+    aspects=("2D", "pairs", "large sliding", "histories"),
+)
+def test_history(slave):
+    """To and fro over two facets: shear at its bound, a balance of forces, energies."""
+    bodies = Bodies(stacked(10, 7, (-1.0, 2.0), (0.0, 1.0), "quad"), slave, Coulomb(0.3))
+    history = sliding_history(bodies).run(TIMES)
+    assert history.reason == "the last time is reached"
+    forth = next(s for s in history.steps if abs(s.time - 2.0) < 1e-9).result
+    back = history.steps[-1].result
+    sense = 1 if slave == 2 else -1
+    for result, sign in ((forth, sense), (back, -sense)):
+        table = result.tables["contact"]
+        closed = table.pressure > 0
+        assert closed.any()
+        slips = closed & (table.letters != "k")
+        assert slips.sum() >= closed.sum() - 1
+        force = result.resultants["contact"]
+        assert np.sign(force[0]) == sign
+        shear = np.linalg.norm(table.shear[slips], axis=1)
+        # A node of which hardly anything is covered has the mean around it.
+        whole = table.area[slips] > 0.06 * table.area.max()
+        np.testing.assert_allclose(shear[whole], 0.3 * table.pressure[slips][whole], rtol=1e-8)
+        pair = result.pairs["contact"]
+        assert pair.imbalance < 1e-13
+        assert pair.moment < 1e-3
+    energies = history.energies
+    assert energies.dissipated > 0
+    assert abs(energies.residue) < 0.03 * energies.external
+
+
+@pytest.mark.verifies(
+    "large_sliding",
+    reference="the run in one go",
+    aspects=("2D", "pairs", "large sliding", "histories", "records"),
+)
+def test_resumed(folder):
+    """A run that is resumed from its record ends where one in one go does."""
+
+    def made():
+        return Bodies(stacked(10, 7, (-1.0, 2.0), (0.0, 1.0), "quad"), 3, Coulomb(0.3))
+
+    class Killed(Exception):
+        pass
+
+    def kill(step):
+        if step.time > 1.6:
+            raise Killed
+
+    whole = made()
+    sliding_history(whole).run(TIMES)
+    first = made()
+    evolution = sliding_history(first)
+    with records.EvolutionRecord(folder / "slide", evolution) as record, pytest.raises(Killed):
+        evolution.run(TIMES, record=record, observer=kill)
+    again = made()
+    evolution = sliding_history(again)
+    with records.EvolutionRecord(folder / "slide", evolution, resume=True) as record:
+        record.go_on()
+    for a, b in zip(whole.problem.fields, again.problem.fields, strict=True):
+        off = np.abs(a.x.array - b.x.array).max(initial=0.0)
+        assert COMM.allreduce(off, max) < 1e-11 * COMM.allreduce(
+            np.abs(a.x.array).max(initial=0.0), max
+        )
+
+
+@pytest.mark.verifies(
+    "large_sliding",
+    reference="solves at single loads",
+    aspects=("2D", "pairs", "large sliding", "branches"),
+)
+def test_branch():
+    """A branch under a growing load meets the solutions at single loads."""
+    bodies = Bodies(stacked(6, 5, (-0.5, 1.5), (0.0, 1.0), "quad"), 3, Coulomb(0.3))
+    gamma = fem.Constant(bodies.both.mesh, 0.0)
+    V = bodies.u.function_space
+    motion = fem.Function(V)
+
+    def way(X):
+        moved = np.zeros_like(X)
+        moved[:, 1] = -0.1
+        moved[:, 0] = 0.5 * X[:, 1] - 0.1
+        return moved
+
+    motion.x.array[:] = way(V.tabulate_dof_coordinates()[:, :2]).reshape(-1)
+    system = ParametricContact(bodies.problem, gamma, driven=[(bodies.above, gamma * motion)])
+    system.set_parameter(0.0)
+    bodies.problem.solve()
+    x = system.create_vector()
+    bodies.problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps")
+    assert branch.reason == "gamma reached the end of its range"
+    for point in branch.points[:: max(len(branch.points) // 3, 1)]:
+        system.put(point.x, point.gamma, point.piece)
+        before = bodies.u.x.array.copy()
+        bodies.u.x.array[:] = 0.0
+        bodies.pair.multiplier.x.array[:] = 0.0
+        bodies.problem.solve()
+        off = np.abs(bodies.u.x.array - before).max(initial=0.0)
+        assert COMM.allreduce(off, max) < 1e-8

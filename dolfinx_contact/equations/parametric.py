@@ -19,6 +19,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._compat import dirichlet_value, is_value_of
+from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
@@ -286,7 +287,16 @@ class ParametricEquations(System):
         return self._scales.measure(self._evaluate(x, gamma, b, piece)).worst
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
-        self._linear().update(self.contact(x, gamma, piece))
+        linear = self._linear()
+        before = linear.matrix
+        linear.update(self.contact(x, gamma, piece))
+        # What follows a branch keeps the matrix.
+        require(
+            self.comm,
+            linear.matrix is before,
+            "faces that slide over each other face others than those for which the Jacobian has "
+            "places, which a branch cannot follow yet: they have too many facets; take a history",
+        )
 
     def correct(
         self,

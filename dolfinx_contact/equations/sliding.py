@@ -112,8 +112,8 @@ class SlidingTerms:
 
     @property
     def changed(self) -> bool:
-        """Whether there has been a search since the pattern was set up."""
-        return self._searches != self._faces.searches
+        """Whether there has been a search since the pattern was set up that it depends on."""
+        return self._faces.whole is None and self._searches != self._faces.searches
 
     def set_up(self) -> list[Entries]:
         """Make matrices with the pattern of the candidates; places of the entries of S."""
@@ -158,7 +158,7 @@ class SlidingTerms:
 
     def _none(self) -> _Pieces:
         """Zeros at all candidates."""
-        found = self._faces.candidates
+        found = self._faces.whole or self._faces.candidates
         facet, master = found.pairs.T
         nodes = found.nodes[master]
         n, b = nodes.shape

@@ -111,11 +111,11 @@ class ContactPair(ContactSurface):
     multipliers of degree 1, and faces that match.
 
     By default sliding and turning are small: a point keeps the point opposite to it, along the
-    normal of the reference configuration, wherever the bodies go. A solve measures the error of that
-    (`Result.slidings`), and warns if a point that is closed, or carries something across a gap as
-    bonds do, has moved half a facet of the master, or half the face of the slave, along the master
-    or has left its face, if normals have turned by 3 degrees, or if a gap is off by 1e-3 of the
-    size of the bodies; then nothing is proved either (`Result.unique`, `find_solutions`,
+    normal of the reference configuration, wherever the bodies go. A solve measures the error of
+    that (`Result.slidings`), and warns if a point that is closed, or carries something across a gap
+    as bonds do, has moved half a facet of the master, or half the face of the slave, along the
+    master or has left its face, if normals have turned by 3 degrees, or if a gap is off by 1e-3 of
+    the size of the bodies; then nothing is proved either (`Result.unique`, `find_solutions`,
     `analysis.renard_criterion`, `analysis.stability_at_rest`). Histories, motions and paths measure
     every accepted step, and warn once a run; branches warn of the points that they put into the
     problem, as the last one; charts and regions prove nothing where bodies slide too far. Make

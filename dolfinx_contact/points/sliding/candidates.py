@@ -14,7 +14,7 @@ import numpy.typing as npt
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import exchanged, ranks_nearby
 
-__all__ = ["Candidates", "candidates"]
+__all__ = ["Candidates", "candidates", "from_rows"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -75,10 +75,21 @@ def candidates(
     pairs = np.column_stack([rows[:, 0].astype(np.int64), inverse.reshape(-1)])
     # In the order of the facets, whichever rank an answer comes from.
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    return _found(facets, pairs)
+
+
+def from_rows(facets: Nodes, number: int) -> Candidates:
+    """All facets of a master (n, 1 + b), senses first, for each facet of the slave."""
+    facets = np.unique(facets, axis=0)
+    pairs = np.indices((number, len(facets))).reshape(2, -1).T
+    return _found(facets, pairs.astype(np.int64))
+
+
+def _found(facets: Nodes, pairs: Nodes) -> Candidates:
     nodes = facets[:, 1:]
     known, corners = np.unique(nodes, return_inverse=True)
-    senses_found = facets[:, 0].astype(np.float64)
-    return Candidates(nodes, senses_found, pairs, known, corners.reshape(nodes.shape))
+    senses = facets[:, 0].astype(np.float64)
+    return Candidates(nodes, senses, pairs, known, corners.reshape(nodes.shape))
 
 
 def _balls(faces: Faces) -> tuple[Array, Array]:

@@ -8,6 +8,8 @@ that others may be (`candidates`).
 
 from __future__ import annotations
 
+from functools import cached_property
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -20,7 +22,7 @@ from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._errors import require
 from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.facing import faces_of
-from dolfinx_contact.points.sliding.candidates import Candidates, candidates
+from dolfinx_contact.points.sliding.candidates import Candidates, candidates, from_rows
 from dolfinx_contact.points.sliding.facing import Facing, Nodal, rotation
 from dolfinx_contact.points.sliding.rays import (
     area_vector_rates,
@@ -36,6 +38,8 @@ Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 
 _STEEP = 0.1  # cosine of the largest angle at which facets face each other
+#: Pairs of facets up to which the Jacobian has places for all of them, and the same pattern always.
+_FEW_PAIRS = 20_000
 _LEAST_COVER = 1e-6  # of a facet, below which it has nothing opposite
 _LEAST_WEIGHT = 1e-9  # of the area of a node, below which it has nothing opposite
 _SHARE = 0.05  # of the area of a node, that has to be covered for the law to count alone
@@ -222,6 +226,16 @@ class SlidingFaces:
     def candidates(self) -> Candidates:
         """What the last search has found."""
         return self._found
+
+    @cached_property
+    def whole(self) -> Candidates | None:
+        """Every facet of the master for every one of the slave; None where these are too many."""
+        counts = np.array([len(self.corners), len(self._master_nodes)])
+        slave, master = self.comm.allreduce(counts)
+        if slave * master > _FEW_PAIRS:
+            return None
+        parts = self.comm.allgather(np.column_stack([self._master_sense, self._master_nodes]))
+        return from_rows(np.concatenate(parts).astype(np.int64), len(self.corners))
 
     def slave_nodes(self) -> Nodes:
         """Global nodes of the displacement at the corners of the facets of the slave (n, k)."""
