@@ -30,6 +30,7 @@ from dolfinx_contact.laws import (
 from dolfinx_contact.obstacles import Cylinder, HalfSpace, LevelSet, Sphere
 from dolfinx_contact.points.pair import ContactPair
 from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.self_contact import SelfContact
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
@@ -63,6 +64,7 @@ __all__ = [
     "Regularised",
     "Result",
     "RigidBody",
+    "SelfContact",
     "Sphere",
     "Tresca",
     "materials",

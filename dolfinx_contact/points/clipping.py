@@ -149,7 +149,7 @@ def cover(
     slave: Faces,
     master: Faces,
     pairs: Nodes,
-    deepest: float,
+    deepest: float | Array,
     *,
     farthest: float = np.inf,
     least: float = _LEAST_COVER,
@@ -164,7 +164,7 @@ def cover(
         slave: facets of this rank.
         master: facets that may be opposite to some.
         pairs: numbers of slave and master facets that may be opposite to each other (n, 2).
-        deepest: how far the bodies may overlap.
+        deepest: how far the bodies may overlap, at each facet of the slave or at all.
         farthest: how far they may be apart.
         least: part of a facet of the slave below which it is hardly covered.
         steep: cosine of the largest angle at which facets face each other.
@@ -190,7 +190,8 @@ def cover(
     area = rule.weights.sum(axis=1)
     gaps = np.einsum("pqk,pk->pq", basis(rule.theirs, master.corners, 1), heights)
     gap = np.einsum("pq,pq->p", rule.weights, gaps) / area
-    kept = np.flatnonzero((gap > -deepest) & (gap < farthest))
+    limit = np.broadcast_to(deepest, (len(slave.x),))[found.facet]
+    kept = np.flatnonzero((gap > -limit) & (gap < farthest))
     kept = kept[_nearest(found.facet[kept], gap[kept], area[kept], size)]
     covered = np.bincount(found.facet[kept], area[kept], len(size))
     return found[kept[covered[found.facet[kept]] >= least * size[found.facet[kept]]]]

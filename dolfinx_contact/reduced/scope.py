@@ -32,7 +32,7 @@ def check_reducible(eq: ContactEquations) -> None:
         (known, "the law of Coulomb or Tresca, or none of friction"),
         (alone, "contact at the nodes (nodal or mixed)"),
         (eq.bulk.linear, "a body that is linear"),
-        (eq.linear or not eq.bulk.linear, "small sliding on curved obstacles"),
+        (eq.linear or not eq.bulk.linear, "small sliding, on curved obstacles and between bodies"),
         (len(eq.scaling.loose.of_body) == 0, "a body that Dirichlet data hold"),
         (along or not guided, "contact nodes that Dirichlet data do not hold in part"),
         (not shared, "surfaces without common nodes"),

@@ -75,6 +75,7 @@ def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance
     # Where a crack ends nodes are of both faces; what acts there cancels.
     slave, master = (side[:n] for side in s.obstacle.opposite.sides)
     sums = [eq.resultant(forces[a & ~b]) for a, b in ((slave, master), (master, slave))]
+    both = eq.resultant(forces[slave & master])
     total = comm.allreduce(float(np.linalg.norm(forces, axis=1).sum())) or 1.0
     low, high = bounding_box(comm, x[:n][slave])
     size = float(np.linalg.norm(high - low))
@@ -86,7 +87,9 @@ def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance
         arms = x[:n] - (low + high) / 2
         turned = np.cross(_in_space(arms), _in_space(forces))
         moment = float(np.linalg.norm(comm.allreduce(turned.sum(axis=0)))) / (total * size)
-    return PairBalance(sums[0], sums[1], float(np.linalg.norm(sums[0] + sums[1])) / total, moment)
+    return PairBalance(
+        sums[0], sums[1], float(np.linalg.norm(sums[0] + sums[1] + both)) / total, moment
+    )
 
 
 def _apart(s: ContactSurface, x: npt.NDArray[np.float64]) -> float:

@@ -8,6 +8,7 @@ that others may be (`candidates`).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 from mpi4py import MPI
@@ -38,6 +39,8 @@ Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 
 _STEEP = 0.1  # cosine of the largest angle at which facets face each other
+_STEEP_ITSELF = 0.5  # the same of one face
+_NEAR = 4.0  # facets of one face, within which they are neighbours
 #: Pairs of facets up to which the Jacobian has places for all of them, and the same pattern always.
 _FEW_PAIRS = 20_000
 _LEAST_COVER = 1e-6  # of a facet, below which it has nothing opposite
@@ -58,6 +61,8 @@ class SlidingFaces:
         trace: for every local vertex the local node of `V` at its place.
         master: local facets of the master, ghosts included.
         depth: how far rays reach, before the slave and behind it.
+        direction: of a face that is slave and master, along which slaves lie farther in the mesh
+            (dim,); None of two faces.
 
     Attributes:
         corners: local vertices of the facets of the slave that this rank owns (n, k).
@@ -72,6 +77,8 @@ class SlidingFaces:
         trace: npt.NDArray[np.int32],
         master: npt.NDArray[np.int32],
         depth: float,
+        *,
+        direction: Array | None = None,
     ):
         domain = V.mesh
         self.comm: MPI.Comm = domain.comm
@@ -100,6 +107,11 @@ class SlidingFaces:
         self.searches = 0
         self._then: tuple[Array, Array, Array]  # positions and normals at the last search
         self._found: Candidates
+        self._direction = direction
+        #: How far the bodies may overlap at each facet: of one face not through the body.
+        self._deepest: Array = np.full(len(self.corners), depth)
+        if direction is not None:
+            self._deepest = self._half_thickness()
         self._found_before: Array  # where the mesh has their corners
 
     # -- nodes -----------------------------------------------------------------------------------
@@ -219,8 +231,49 @@ class SlidingFaces:
         opposite = Faces(theirs, n, self._master_nodes)
         skin = self._skin
         self._found = candidates(self.comm, given, opposite, self._master_sense, self._depth, skin)
+        if self._direction is not None:
+            self._found = self._of_itself(self._found, self._direction)
         self._found_before = self.of_master(self._X, self._found)
         self.searches += 1
+
+    def _of_itself(self, found: Candidates, direction: Array) -> Candidates:
+        """Candidates of one face: those that lie behind along a direction and are no neighbours.
+
+        Neighbours share a node, or are near in the mesh and do not face each other there.
+        """
+        i, k = found.pairs.T
+        corners = self.of_master(self._X, found)
+        slave, master = self._faces(self._reference, corners)
+        mine = self._reference.mean(axis=1)[i]
+        theirs = corners.mean(axis=1)[k]
+        facing = np.sum(slave.normals[i] * master.normals[k], axis=1) < -_STEEP_ITSELF
+        near = np.linalg.norm(theirs - mine, axis=1) < _NEAR * self._skin
+        kept = ~self._shares_node(found) & (facing | ~near) & ((mine - theirs) @ direction > 0)
+        return replace(found, pairs=found.pairs[kept])
+
+    def _shares_node(self, found: Candidates) -> npt.NDArray[np.bool_]:
+        """Which candidates have a node in common with the facet of the slave."""
+        i, k = found.pairs.T
+        same = self.slave_nodes()[i][:, :, None] == found.nodes[k][:, None]
+        return np.asarray(same.any(axis=(1, 2)))
+
+    def _half_thickness(self) -> Array:
+        """Half the way through the body in the mesh behind each facet, or the depth (n,)."""
+        direction = self._direction
+        self._direction = None
+        self._search(self._X)
+        self._direction = direction
+        self.searches = 0
+        found = self._found
+        theirs = self.of_master(self._X, found)
+        slave, master = self._faces(self._reference, theirs)
+        given = slave, master, found.pairs[~self._shares_node(found)], self._depth
+        behind = cover(*given, farthest=0.0, least=_LEAST_COVER, steep=_STEEP)
+        off = master.x[behind.other].mean(axis=1) - slave.x[behind.facet].mean(axis=1)
+        thickness = np.full(len(self.corners), 2 * self._depth)
+        way = np.abs(np.sum(off * slave.normals[behind.facet], axis=1))
+        np.minimum.at(thickness, behind.facet, way)
+        return 0.5 * thickness
 
     @property
     def candidates(self) -> Candidates:
@@ -264,7 +317,7 @@ class SlidingFaces:
         mine = self._of_slave(x)
         vectors = self._area_vectors(mine)
         theirs = self._found_before + self.of_master(u, self._found)
-        facet, master, shape, weights, eta = self._pieces(mine, vectors, theirs)
+        facet, master, shape, weights, eta = self._pieces(mine, theirs)
         m = self.at_nodes(vectors)
         at = self.corners[facet]
         start = np.einsum("pqa,pad->pqd", shape, mine[facet])
@@ -298,24 +351,15 @@ class SlidingFaces:
             theirs = self._found_before + self.of_master(before, self._found)
         return mine, self.at_nodes(self._area_vectors(mine)), theirs
 
-    def _pieces(
-        self, mine: Array, vectors: Array, theirs: Array
-    ) -> tuple[Nodes, Nodes, Array, Array, Array]:
+    def _pieces(self, mine: Array, theirs: Array) -> tuple[Nodes, Nodes, Array, Array, Array]:
         """Parts that face each other: facets, basis, weights, and places on the master."""
-        normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-        n = self._found.senses[:, None] * area_vectors(theirs)
-        n /= np.linalg.norm(n, axis=1, keepdims=True)
-        none = np.zeros((0, 0), dtype=np.int64)
-        slave = Faces(mine, normals, none)
-        master = Faces(theirs, n, none)
         common = cover(
-            slave,
-            master,
+            *self._faces(mine, theirs),
             self._found.pairs,
-            self._depth,
+            self._deepest,
             farthest=self._depth,
             least=_LEAST_COVER,
-            steep=_STEEP,
+            steep=_STEEP if self._direction is None else _STEEP_ITSELF,
         )
         rule = common.rule(_DEGREES[self.dim])
         k = self.corners.shape[1]
@@ -323,6 +367,16 @@ class SlidingFaces:
         stretch = self._measure(self._reference[facet], rule.mine)
         stretch /= self._measure(mine[facet], rule.mine)
         return facet, common.other, basis(rule.mine, k, 1), rule.weights * stretch, rule.theirs
+
+    def _faces(self, mine: Array, theirs: Array) -> tuple[Faces, Faces]:
+        """Slave and candidates at places of their corners."""
+        vectors = self._area_vectors(mine)
+        n = self._found.senses[:, None] * area_vectors(theirs)
+        none = np.zeros((0, 0), dtype=np.int64)
+        return (
+            Faces(mine, vectors / np.linalg.norm(vectors, axis=1, keepdims=True), none),
+            Faces(theirs, n / np.linalg.norm(n, axis=1, keepdims=True), none),
+        )
 
     def _measure(self, x: Array, at: Array) -> Array:
         """Area of facets (p, k, dim) by that of the reference facet, at places (p, q)."""

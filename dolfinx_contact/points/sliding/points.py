@@ -49,9 +49,12 @@ class SlidingOpposite(Opposite):
 
     Attributes:
         depth: how far rays reach.
+        direction: of a face opposite to itself, along which slaves lie farther (dim,); None of two
+            faces.
     """
 
     depth: float = 0.0
+    direction: Array | None = None
 
     @property
     def matching(self) -> bool:
@@ -67,6 +70,7 @@ class SlidingFacets(Obstacle):
         master: likewise.
         depth: how far rays reach; None for a quarter of the size of the smaller face.
         name: of the pair, for messages.
+        direction: as `SlidingOpposite` has it.
 
     Attributes:
         opposite: the other face.
@@ -84,17 +88,29 @@ class SlidingFacets(Obstacle):
         master: npt.NDArray[np.int32],
         depth: float | None,
         name: str,
+        *,
+        direction: Array | None = None,
     ):
         domain = V.mesh
         comm = domain.comm
         dim = domain.geometry.dim
         owned = domain.topology.index_map(dim - 1).size_local
+        itself = direction is not None
         common = comm.allreduce(int((np.intersect1d(slave, master) < owned).sum()))
-        require(comm, common == 0, f"{name}: slave and master have {common} facets in common")
+        require(
+            comm,
+            common == 0 or itself,
+            f"{name}: slave and master have {common} facets in common; for a face that may touch "
+            "itself there is SelfContact",
+        )
         sides = nodes_on(V, slave), nodes_on(V, master)
         n = V.dofmap.index_map.size_local
         shared = comm.allreduce(int((sides[0] & sides[1])[:n].sum()))
-        require(comm, shared == 0, f"{name}: slave and master share {shared} nodes of the mesh")
+        require(
+            comm,
+            shared == 0 or itself,
+            f"{name}: slave and master share {shared} nodes of the mesh",
+        )
         if depth is None:
             x = V.tabulate_dof_coordinates()[:, :dim]
             depth = _REACH * min(_size(comm, x[side]) for side in sides)
@@ -109,6 +125,7 @@ class SlidingFacets(Obstacle):
             sides=sides,
             master_facets=master,
             depth=depth,
+            direction=direction,
         )
         W = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
         field = fem.Function(W)
@@ -152,7 +169,9 @@ class SlidingPoints(NodePoints):
         self._weights = stencils
         opposite = self._opposite
         given = self._V, self.submesh, self.vertices, self.vertex_trace_dofs
-        self.faces = SlidingFaces(*given, opposite.master_facets, opposite.depth)
+        self.faces = SlidingFaces(
+            *given, opposite.master_facets, opposite.depth, direction=opposite.direction
+        )
         self._last: tuple[Array, Array | None] | None = None
         self.known: SlidingOperator
         self.operator: Operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact of a face with itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem, mesh
+
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._kept import keep
+from dolfinx_contact._numbers import is_number
+from dolfinx_contact.laws import Law
+from dolfinx_contact.meshing import GmshMesh, tagged_facets
+from dolfinx_contact.points.elements import check_name, displacement_degree
+from dolfinx_contact.points.sliding.points import (
+    SlidingFacets,
+    check_law_of_slave,
+    require_apart,
+)
+from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.trace import exterior_facets
+
+__all__ = ["SelfContact"]
+
+
+def _check(a: Arguments) -> None:
+    if not isinstance(a.u, fem.Function):
+        raise ValueError(f"the displacement must be a Function, got {type(a.u).__name__}")
+    check_name(a.name, "surface")
+    if displacement_degree(a.u) != 1:
+        raise ValueError(f"{a.name}: self contact needs displacements of degree 1")
+    domain = a.u.function_space.mesh
+    if domain.ufl_domain().ufl_coordinate_element().degree != 1:
+        raise ValueError(f"{a.name}: self contact needs cells with straight edges")
+    distance = a.search_distance
+    good = distance is None or (is_number(distance) and np.isfinite(distance) and distance > 0)
+    if not good:
+        raise ValueError(f"{a.name}: the search distance must be positive, got {distance!r}")
+    a.direction = _checked_direction(a.direction, domain.geometry.dim, a.name)
+
+
+def _checked_direction(
+    direction: npt.ArrayLike | None, dim: int, name: str
+) -> npt.NDArray[np.float64]:
+    """The direction, by default the last axis, or ``ValueError`` if it is none."""
+    if direction is None:
+        return np.eye(dim)[-1]
+    try:
+        found = np.asarray(direction, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != (dim,) or not np.isfinite(found).all() or not found.any():
+        raise ValueError(f"{name}: the direction must be {dim} numbers, not all 0: {direction!r}")
+    return np.asarray(found / np.linalg.norm(found))
+
+
+def _compared(a: Arguments) -> dict[str, Any]:
+    return {"direction": a.direction.tolist(), "search_distance": a.search_distance}
+
+
+class SelfContact(ContactSurface):
+    """A face that may touch itself, with a law, wherever it goes.
+
+    It is a `ContactPair` with ``sliding="large"`` whose slave and master are one face, and has its
+    limits. Of two facets that face each other the one whose middle lies farther along ``direction``
+    in the mesh is the slave, so that each place is looked at once: for a ring that is pressed flat
+    from above its upper half, for the default direction. Choose it so that the parts that will meet
+    lie apart along it. Facets do not face themselves, those that they share a node with, what looks
+    the same way, and what lies behind them through the body: where that is thinner than
+    ``search_distance``, bodies overlap by less than half of its thickness in the mesh.
+
+    Args:
+        u: displacement of the body, a vector Lagrange Function of degree 1.
+        facets: as for `ContactSurface`.
+        law: of contact and friction.
+        tag: tag, or name of a physical group of a mesh from gmsh.
+        direction: (dim,), by default the last axis.
+        search_distance: how far before and behind a facet something counts as opposite, a length;
+            by default a quarter of the size of the face.
+        name: used in messages and tables.
+
+    Raises:
+        ValueError: on every rank, as `ContactPair` with large sliding; if the direction is none.
+    """
+
+    @collective("self contact", _check, compare=_compared, local=("facets", "law"), where="name")
+    def __init__(
+        self,
+        u: fem.Function,
+        facets: GmshMesh | mesh.MeshTags | npt.NDArray[np.int32],
+        *,
+        law: Law,
+        tag: int | str | None = None,
+        direction: npt.ArrayLike | None = None,
+        search_distance: float | None = None,
+        name: str = "contact",
+    ):
+        V = u.function_space
+        keep(V.mesh)
+        face = exterior_facets(V.mesh, *tagged_facets(V.mesh.comm, facets, tag, name), name)
+        along = np.asarray(direction, dtype=np.float64)
+        obstacle = SlidingFacets(V, face, face, search_distance, name, direction=along)
+        super().__init__(u, face, obstacle=obstacle, law=law, method="mixed", name=name)
+        check_law_of_slave(self.law_at_points, name)
+        require_apart(self.points, name)
