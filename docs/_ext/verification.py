@@ -42,7 +42,9 @@ FEATURES = {
     "Regularised friction and penalties": ("normal compliance", "regularised friction"),
     "Obstacles": ("planes", "spheres", "cylinders", "level sets", "moving obstacles"),
     "Rigid bodies": ("rigid bodies",),
-    "Pairs of bodies": ("matching meshes", "mortar", "points in common", "sliding pairs"),
+    "Pairs of bodies": (
+        *("matching meshes", "mortar", "points in common", "sliding pairs", "self contact"),
+    ),
     "Cracks": ("press fits", "cracks", "cracks that cross"),
     "Bulk": (
         "hyperelastic bodies",
