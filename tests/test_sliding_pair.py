@@ -505,7 +505,7 @@ def test_ironing(folder):
     [
         ({"gap": 0.1}, "there is no gap"),
         ({"normal": (0.0, 1.0)}, "there is no normal"),
-        ({"method": "nodal"}, "there is no method='nodal'"),
+        ({"method": "nodal"}, "no choice of the method"),
         ({"search_distance": -1.0}, "search distance must be positive"),
         ({"sliding": "huge"}, "sliding must be"),
         ({"law": Tresca(1.0)}, "bounds the shear of open points"),
@@ -519,20 +519,66 @@ def test_refused(given, words):
         ContactPair(displacement(both.mesh), both, **known)
 
 
-@pytest.mark.refuses("sliding pairs")
-def test_overlap_is_refused():
-    """Bodies that begin in each other, but for a press fit."""
+def lowered(by):
+    """Two blocks of which the upper one begins lower, in the other."""
     both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
-    x = both.mesh.geometry.x
-    x[x[:, 1] > 1e-9, 1] -= 0.02
-    upper = mesh.locate_entities(both.mesh, 2, lambda x: x[1] > -0.05)
+    dim = both.mesh.topology.dim
+    upper = mesh.locate_entities(both.mesh, dim, lambda x: x[1] > -1e-9)
     nodes = np.unique(both.mesh.geometry.dofmap[upper])
-    x[nodes[np.abs(x[nodes, 1]) < 1e-9], 1] = -0.02
+    both.mesh.geometry.x[nodes, 1] -= by
+    return both
+
+
+@pytest.mark.refuses("sliding pairs")
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("distance", [None, 0.01])
+@pytest.mark.parametrize("by", [0.02, 0.3, 0.55])
+def test_overlap_is_refused(slave, distance, by):
+    """Bodies that begin in each other, however deep, but for a press fit."""
+    both = lowered(by)
     u = displacement(both.mesh)
-    given = {"slave": 2, "master": 3, "law": Frictionless(), "sliding": "large"}
-    with pytest.raises(ValueError, match="the bodies overlap by"):
+    given = {"slave": slave, "master": 5 - slave, "law": Frictionless(), "sliding": "large"}
+    given["search_distance"] = distance
+    with pytest.raises(ValueError, match=r"overlap by|behind the slave"):
         ContactPair(u, both, **given)
     ContactPair(u, both, interference=True, **given)
+
+
+@pytest.mark.refuses("sliding pairs")
+def test_edge_of_a_slave_is_refused():
+    """One normal at the node of a corner would push aside what presses down."""
+    both = stacked(4, 4, (0.0, 2.0), (0.5, 1.0))
+    facets = mesh.locate_entities_boundary(
+        both.mesh, 1, lambda x: np.isclose(x[0], 0.5) & (x[1] > -1e-9)
+    )
+    bottom = both.facet_tags.find(3)
+    slave = np.union1d(bottom, facets).astype(np.int32)
+    given = {"law": Coulomb(0.3), "sliding": "large", "master_facets": both.facet_tags.find(2)}
+    with pytest.raises(ValueError, match="the slave has an edge"):
+        ContactPair(displacement(both.mesh), slave, **given)
+
+
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.verifies("sliding pairs", reference="itself: shorter steps", aspects=("2D", "pairs"))
+def test_bodies_that_go_through_each_other(slave, caplog):
+    """A step longer than the search distance: a doubt, which shorter steps have not."""
+    both = lowered(-0.1)
+    doubts = []
+    for distance, steps in ((0.02, 1), (0.02, 20)):
+        bodies = Bodies(both, slave, Frictionless(), search_distance=distance)
+
+        def load(t, bodies=bodies):
+            bodies.move(lambda X: np.tile([0.0, -0.15 * t], (len(X), 1)))
+
+        history = QuasiStatic(bodies.problem, load).run(np.linspace(0.0, 1.0, steps + 1))
+        doubts.append(history.steps[-1].result.doubts)
+        closed = history.steps[-1].result.counts["open"] < len(
+            history.steps[-1].result.tables["contact"].x
+        )
+        assert closed == (steps > 1)
+    assert "gone through each other" in doubts[0]["contact"]
+    assert not doubts[1]
+    assert "gone through each other" in caplog.text
 
 
 @pytest.mark.refuses("sliding pairs")
@@ -543,6 +589,8 @@ def test_what_needs_one_operator_is_refused():
     for call in (bodies.problem.reduced, lambda: NSCD(bodies.problem, 1.0, dt=0.1)):
         with pytest.raises(ValueError, match=r"needs small sliding|a motion needs contact points"):
             call()
+    with pytest.raises(ValueError, match="needs small sliding"):
+        bodies.problem.solve(algorithm="lemke")
     options = {"linear_solver": "amg"}
     energy = RUBBER.energy(bodies.u) * ufl.dx
     problem = ContactProblem(

@@ -26,7 +26,12 @@ from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.sliding.points import SlidingFacets, check_law_of_slave, require_apart
+from dolfinx_contact.points.sliding.points import (
+    SlidingFacets,
+    check_law_of_slave,
+    require_apart,
+    require_no_edge,
+)
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
 
@@ -48,6 +53,8 @@ def _check(a: Arguments) -> None:
     check_sliding(a.name, a.sliding)
     if a.sliding == "large":
         _check_large(a)
+    elif a.search_distance is not None:
+        raise ValueError(f"{a.name}: a search distance is one of sliding='large'")
     by_index = isinstance(a.facets, np.ndarray)
     _check_sides(a.name, (a.slave, a.master), a.master_facets, by_index=by_index)
     a.gap = _checked_gap(a.gap, a.name)
@@ -62,15 +69,16 @@ def _check_large(a: Arguments) -> None:
         "surface": a.surface is not None,
         "normal": a.normal is not None,
         "axisymmetric=True": bool(a.axisymmetric),
-        f"method={a.method!r}": a.method not in (None, "mixed"),
-        "displacements of degree 2": displacement_degree(a.u) != 1,
-        "multipliers of degree 2": a.multiplier_degree != 1,
+        "choice of the method": a.method not in (None, "mixed"),
+        "choice of the quadrature": a.quadrature_degree is not None,
+        "displacement of degree 2": displacement_degree(a.u) != 1,
+        f"multiplier of degree {a.multiplier_degree}": a.multiplier_degree != 1,
     }
     for what, is_given in given.items():
         if is_given:
             raise ValueError(
                 f"{a.name}: with sliding='large' there is no {what}: gaps and normals are those of "
-                "the faces where they are, at nodes of degree 1 by the mixed method"
+                "the faces where they are, at nodes of degree 1, by a mortar of its own"
             )
     domain = a.u.function_space.mesh
     if domain.ufl_domain().ufl_coordinate_element().degree != 1:
@@ -131,9 +139,13 @@ class ContactPair(ContactSurface):
     law they are counted from the mesh: a solve is one step, and what has slid far needs a history.
     Faces need not match, or be opposite in the mesh at all, but they may share no nodes. What lies
     within ``search_distance`` along the normal, before the slave or behind it, counts as opposite;
-    nodes with nothing there are open, and their gap is NaN in tables. Steps should be no longer
-    than a facet of the master. The soft body should be the slave; the face of the master should go
-    around the edges of a tool, and not end there. Tractions are nominal: per area of the mesh.
+    nodes with nothing there are open, and their gap is NaN in tables. Where a node is hardly
+    covered, at the edge of a master, its traction is partly the mean of those around it: there gap
+    and shear of a table need not obey the law. Steps should be no longer than a facet of the
+    master; of a step in which bodies may have gone through each other the result has a doubt. The
+    soft body should be the slave; the face of the master should go around the edges of a tool, and
+    not end there, but that of a slave may not, as it has one normal at a node. Tractions are
+    nominal: per area of the mesh.
     Limits: degree 1 and straight cells, no gap, surface or normal that is given, no body of
     revolution, no law with bonds, a nonlocal one or Tresca's, the direct solver alone; motions
     (`NSCD`), reduced problems, proofs and classical algorithms that need one B refuse it by name.
@@ -173,7 +185,8 @@ class ContactPair(ContactSurface):
             overlap without ``interference``: by more than round-off where they match, else by more
             than 5 % of a facet, since facets of curved faces are chords; and if a given normal is
             more than 60 degrees off that of the slave. Of pairs that cross where nothing beside the
-            crossing can take its part, when they enter a problem.
+            crossing can take its part, when they enter a problem. With large sliding also if the
+            slave has an edge, faces have a node in common, or the master lies behind the slave.
     """
 
     @collective("a contact pair", _check, compare=_given, local=_SIDES, where="name")
@@ -239,6 +252,7 @@ class ContactPair(ContactSurface):
         if large:
             self._given_gap = ""
             check_law_of_slave(self.law_at_points, name)
+            require_no_edge(self.points, name)
             if not interference:
                 require_apart(self.points, name)
             return

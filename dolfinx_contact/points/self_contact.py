@@ -20,6 +20,7 @@ from dolfinx_contact.points.sliding.points import (
     SlidingFacets,
     check_law_of_slave,
     require_apart,
+    require_no_edge,
 )
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
@@ -106,4 +107,5 @@ class SelfContact(ContactSurface):
         obstacle = SlidingFacets(V, face, face, search_distance, name, direction=along)
         super().__init__(u, face, obstacle=obstacle, law=law, method="mixed", name=name)
         check_law_of_slave(self.law_at_points, name)
-        require_apart(self.points, name)
+        require_no_edge(self.points, name)
+        require_apart(self.points, name, itself=True)

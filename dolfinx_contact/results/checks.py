@@ -21,9 +21,10 @@ import numpy.typing as npt
 from dolfinx_contact.body.cells import midpoints, smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import Gathered
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.pair_motion import Moved
+from dolfinx_contact.points.sliding.points import SlidingPoints
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["Sliding", "sliding_doubt", "slidings", "warn_of_inversion", "warn_of_obstacles"]
@@ -101,7 +102,9 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
         held: Marks = np.zeros(len(closed_points), dtype=bool)
         if s.method != "integral":
             held = clamped[: len(held)]
-        if s.motion is not None:
+        if isinstance(s.points, SlidingPoints):
+            found[s.name] = _of_sliding(eq, s, s.points, state, contact)
+        elif s.motion is not None:
             normal = -np.sum(contact.traction * s.points.data.n, axis=1)
             forces = np.where(held, 0.0, s.points.areas * np.maximum(normal, 0.0))
             acting = closed_points | _carrying(s, contact.traction)
@@ -114,6 +117,42 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
         else:
             found[s.name] = _of_obstacle(eq, s, eq.gaps(s, state), closed_points, held)
     return found
+
+
+def _of_sliding(
+    eq: ContactEquations,
+    s: ContactSurface,
+    points: SlidingPoints,
+    state: State,
+    contact: ContactState,
+) -> Sliding:
+    """Of faces that slide over each other: whether they may have gone through. Collective.
+
+    That is where nothing is opposite to a point, and the bodies have come closer in the step, or
+    gone apart, by more than the distance within which that is looked for.
+    """
+    n = eq.owned_sizes[0] // eq.dim
+    moved: Array = np.reshape(state.u[: n * eq.dim], (-1, eq.dim))
+    if s.memory is not None and s.memory.displacement is not None:
+        moved = moved - s.memory.displacement
+    master = moved[s.obstacle.opposite.sides[1][:n]]
+    sums = s.comm.allreduce(np.append(master.sum(axis=0), len(master)))
+    away = contact.kinematics.operator.absent
+    assert away is not None
+    nodes = points.vertex_trace_dofs[: points.number]
+    here = nodes < n
+    way = np.zeros(points.number)
+    way[here] = np.sum((moved[nodes[here]] - sums[:-1] / sums[-1]) * contact.data.n[here], axis=1)
+    far = float(np.max(np.abs(way[away]), initial=0.0))
+    far = s.comm.allreduce(far, op=max)
+    if far <= points.depth:
+        return Sliding(0.0)
+    return Sliding(
+        0.0,
+        doubt=f"in one step points that have nothing opposite now have moved by {far:.3g} along "
+        f"their normals, more than the search distance {points.depth:.3g}: the bodies may have "
+        "gone through each other; take shorter steps, or a longer search distance",
+    )
 
 
 def sliding_doubt(eq: ContactEquations, state: State) -> str:

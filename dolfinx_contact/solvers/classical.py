@@ -196,6 +196,9 @@ def _scaled(contact: PointProblem, scales: Scales) -> PointProblem:
 
 def _require_held(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if the body cannot be at rest without contact."""
+    for s in eq.surfaces:
+        if s.slides:
+            raise ValueError(f"{s.name}: this algorithm needs small sliding; take Newton's method")
     if not eq.linear or len(eq.scaling.loose.of_body):
         raise ValueError(
             "this algorithm needs a body that is linear and that Dirichlet data hold; take "

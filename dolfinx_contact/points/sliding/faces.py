@@ -301,6 +301,53 @@ class SlidingFaces:
         found = self._map.local_to_global(self.corners.reshape(-1).astype(np.int32))
         return np.asarray(found, dtype=np.int64).reshape(self.corners.shape)
 
+    # -- the mesh --------------------------------------------------------------------------------
+
+    def sharpest_edge(self) -> tuple[float, Array]:
+        """The largest angle in degrees of a facet with the normal of a node at an edge, and where.
+
+        An edge is where the facets around a node fall back behind its normal.
+        """
+        x = self._reference
+        vectors = self._area_vectors(x)
+        m = self.at_nodes(vectors)[self.corners]
+        n = m / np.linalg.norm(m, axis=2, keepdims=True)
+        facet = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        turn = np.degrees(np.arccos(np.clip(np.sum(n * facet[:, None], axis=2), -1.0, 1.0)))
+        back = np.sum((x.mean(axis=1, keepdims=True) - x) * n, axis=2)
+        size = np.ptp(x, axis=1).max(axis=1)[:, None]
+        turn = np.where(back < -1e-9 * size, turn, 0.0)
+        worst = (0.0, np.zeros(self.dim).tolist())
+        if turn.size:
+            at = np.unravel_index(int(np.argmax(turn)), turn.shape)
+            worst = float(turn[at]), x[at].tolist()
+        angle, place = max(self.comm.allgather(worst))
+        return angle, np.array(place)
+
+    def farthest_behind(self, far: float) -> float:
+        """How far the nearest facet that faces one of the slave lies behind it in the mesh.
+
+        Args:
+            far: a length, beyond which nothing is looked for.
+        """
+        mine = self._reference
+        theirs = self._X[self._master]
+        n = self._master_sense[:, None] * area_vectors(theirs)
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        vectors = self._area_vectors(mine)
+        normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        slave = Faces(mine, normals, np.zeros((0, 0), dtype=np.int64))
+        given = Faces(theirs, n, self._master_nodes)
+        found = candidates(self.comm, slave, given, self._master_sense, far, 0.0)
+        others = self.of_master(self._X, found)
+        n = found.senses[:, None] * area_vectors(others)
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        master = Faces(others, n, found.nodes)
+        common = cover(slave, master, found.pairs, far, farthest=far, least=_LEAST_COVER)
+        off = others[common.other].mean(axis=1) - mine[common.facet].mean(axis=1)
+        behind = -np.sum(off * normals[common.facet], axis=1)
+        return self.comm.allreduce(float(np.max(behind, initial=0.0)), op=max)
+
     # -- a state ---------------------------------------------------------------------------------
 
     def at(self, u: Array, before: Array | None, areas: Array) -> Facing:

@@ -33,11 +33,13 @@ __all__ = [
     "SlidingPoints",
     "check_law_of_slave",
     "require_apart",
+    "require_no_edge",
 ]
 
 Array = npt.NDArray[np.float64]
 
 _OVERLAP = 1e-3  # of a facet, that of chords of curved faces
+_SHARP = 35.0  # degrees between the normals of a node and of a facet, beyond which it is an edge
 _REACH = 0.25  # of the size of the smaller face, how far rays reach by default
 
 
@@ -176,6 +178,16 @@ class SlidingPoints(NodePoints):
         self.known: SlidingOperator
         self.operator: Operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
 
+    @property
+    def depth(self) -> float:
+        """How far before and behind the slave something counts as opposite."""
+        return self._opposite.depth
+
+    @property
+    def whole_size(self) -> float:
+        """Diagonal of the box around the mesh. Collective."""
+        return _size(self.comm, self._V.mesh.geometry.x[:, : self.dim])
+
     def at(self, u: Array, before: Array | None) -> SlidingOperator:
         """B at a displacement; the last one is kept. Collective.
 
@@ -213,15 +225,36 @@ def check_law_of_slave(law: LawAtPoints, name: str) -> None:
             )
 
 
-def require_apart(points: ContactPoints, name: str) -> None:
+def require_apart(points: ContactPoints, name: str, *, itself: bool = False) -> None:
     """Raise ``ValueError`` if faces overlap in the reference configuration. Collective."""
     assert isinstance(points, SlidingPoints)
     nodal = points.known.facing.nodal
     worst = float(np.min(nodal.gap[: points.number], initial=0.0))
     worst = points.comm.allreduce(worst, op=min)
     allowed = _OVERLAP * points.mean_width
+    words = "interference=True for a press fit"
+    require(points.comm, worst >= -allowed, f"{name}: the bodies overlap by {-worst:.3g}; {words}")
+    if itself:
+        return
+    depth = points.depth
+    behind = points.faces.farthest_behind(points.whole_size)
     require(
         points.comm,
-        worst >= -allowed,
-        f"{name}: the bodies overlap by {-worst:.3g}; interference=True for a press fit",
+        behind <= depth,
+        f"{name}: the master lies {behind:.3g} behind the slave, farther than the search distance "
+        f"{depth:.3g}: the bodies overlap, or slave and master do not look at each other; {words}",
+    )
+
+
+def require_no_edge(points: ContactPoints, name: str) -> None:
+    """Raise ``ValueError`` if the face of a slave goes around an edge of the body. Collective."""
+    assert isinstance(points, SlidingPoints)
+    angle, place = points.faces.sharpest_edge()
+    where = ", ".join(f"{c:.6g}" for c in place)
+    require(
+        points.comm,
+        angle <= _SHARP,
+        f"{name}: the slave has an edge at ({where}), where the mean normal is {angle:.0f} degrees "
+        "off a facet, so that pressure there would push aside: let its face end at the edge, make "
+        "the edge round with smaller facets, or exchange slave and master",
     )
