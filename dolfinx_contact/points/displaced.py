@@ -79,8 +79,8 @@ def displaced_points(
     """What follows the displacement of a surface; None if gap and normal stay. Collective.
 
     Nothing of a plane follows: its gap is exact as it is. Nor, by default, of obstacles that linear
-    bodies touch, of rigid bodies that turn freely, whose motions are small, and of obstacles that
-    are known in the reference configuration alone.
+    bodies touch, of rigid bodies that turn, whose motions are small then, and of obstacles that are
+    known in the reference configuration alone.
 
     Args:
         points: of the surface.
@@ -99,7 +99,8 @@ def displaced_points(
     free = body is not None and body.turns_freely
     if obstacle.flat or sliding == "small":
         return None
-    if sliding is None and (linear or free or not known):
+    turns = body is not None and body.turns
+    if sliding is None and (linear or turns or not known):
         return None
     friction = STICK in law.codes
     given = f"there is no friction with the law {law.law.name}, which"
@@ -111,7 +112,7 @@ def displaced_points(
         (law.law.averaging is None, f"{given} averages the pressure around points"),
         (not (friction and law.compiled.bonded), f"{given} has bonds"),
         (
-            not (body is not None and body.turns and law.compiled.bonded),
+            not (turns and law.compiled.bonded),
             f"a rigid body does not turn with the law {law.law.name}, which has bonds",
         ),
         (

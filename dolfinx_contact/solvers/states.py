@@ -64,8 +64,8 @@ def held_across(eq: ContactEquations, state: State) -> str:
         if s.displaced is None or not s.displaced.friction:
             continue
         n = s.points.vertices.dofmap.index_map.size_local
-        removed = eq.constraints.removed[i]
-        held = np.where(removed.all(axis=1)[:, None], False, removed)
+        fixed = eq.constraints.held[i][s.points.vertex_trace_dofs]
+        held = np.where(fixed.all(axis=1)[:, None], False, fixed)
         if not eq.comm.allreduce(int(held.any())):
             continue
         touches = closed(found.statuses).astype(float)
