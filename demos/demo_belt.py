@@ -7,12 +7,12 @@
 #   slips are arcs along the surface of the obstacle (`points.arcs`), summed up step by step;
 # - go through a history with memory, and take forces from supports.
 #
-# A thin belt hangs over half of a fixed drum. One of its straight ends carries a weight T1; the other
-# one is pulled down until the whole belt slips, and further, so that the straight part on the side of
-# the weight is wound up on the drum. With the friction mu and the angle alpha of contact, forces of a
-# belt without thickness go like T2/T1 = exp(mu alpha) (Euler, 1769; Eytelwein, 1808). Friction acts
-# on the inner face, at the radius R, the tension in the middle of the thickness h, at R + h/2: the
-# balance of moments about the axis, dT (R + h/2) = mu T R dalpha, makes it
+# A thin belt hangs over half of a fixed drum. One of its straight ends carries a weight T1; the
+# other one is pulled down until the whole belt slips, and further, so that the straight part on the
+# side of the weight is wound up on the drum. With the friction mu and the angle alpha of contact,
+# forces of a belt without thickness go like T2/T1 = exp(mu alpha) (Euler, 1769; Eytelwein, 1808).
+# Friction acts on the inner face, at the radius R, the tension in the middle of the thickness h, at
+# R + h/2: the balance of moments about the axis, dT (R + h/2) = mu T R dalpha, makes it
 #
 #     T2/T1 = exp(mu alpha R/(R + h/2)).
 
@@ -42,7 +42,7 @@ def arguments(argv=None):
         "--thickness", type=number(above=0, below=0.5), default=0.005, help="over the radius"
     )
     parser.add_argument("--pull", type=number(above=0), default=0.25, help="way of the pulled end")
-    parser.add_argument("--steps", type=number(int, least=1), default=10, help="of the pull")
+    parser.add_argument("--steps", type=number(int, least=1), default=32, help="of the pull")
     return parser.parse(argv)
 
 
@@ -57,7 +57,7 @@ def belt(args, comm):
     cells = [round(length / size) for length in STRAIGHT]
     length = (sum(cells) + args.n) * size
     lower = np.array([-cells[0] * size, 0.0])
-    upper = lower + [length, h]
+    upper = lower + np.array([length, h])
     shape = [sum(cells) + args.n, 1]
     domain = mesh.create_rectangle(comm, [lower, upper], shape, mesh.CellType.quadrilateral)
     tdim = domain.topology.dim
@@ -115,7 +115,22 @@ def main(argv=None):
     pull = 1.0 + np.arange(1, args.steps + 1) / args.steps
     times = [*hang, *pull]
     history = QuasiStatic(problem, load).run(times, rays=False, sudden=np.inf, observer=watch)
-    return [ratio(s) for s in history.steps]
+    last = history.steps[-1]
+    table = last.result.tables["drum"]
+    plot.picture_of_body(folder / "belt.png", problem)
+    io.write_contact_table(comm, folder, [table])
+    touching = table.rn > 0
+    exact = float(np.exp(args.friction * ALPHA))
+    thick = float(np.exp(args.friction * ALPHA / (1 + args.thickness / (2 * RADIUS))))
+    say(f"T2/T1 = {ratio(last):.6f}, without thickness {exact:.6f}, with it {thick:.6f}")
+    summary = last.result.summary()
+    summary["ratio"] = ratio(last)
+    summary["ratio_closed_form"] = exact
+    summary["ratio_of_thickness"] = thick
+    summary["way"] = args.pull
+    summary["cell"] = ALPHA * RADIUS / args.n
+    summary["slid"] = float(np.linalg.norm(table.ut[touching], axis=1).max())
+    return io.write_summary(comm, folder, summary)
 
 
 if __name__ == "__main__":

@@ -265,8 +265,10 @@ class ContactEquations:
 
         Args:
             s: the surface.
-            u, du: values at the first local dofs, at least the owned ones.
-            q, dq: unknowns of the rigid bodies.
+            u: values at the first local dofs, at least the owned ones.
+            q: unknowns of the rigid bodies.
+            du: displacement, likewise.
+            dq: by which these change.
         """
         n = self.owned_sizes[0]
         at, step = (v[:n].reshape(-1, self.dim) for v in (u, du))
@@ -296,7 +298,8 @@ class ContactEquations:
 
         Args:
             contact: the surfaces at a state.
-            u, q: displacement and unknowns of the rigid bodies there.
+            u: displacement there, at all local dofs.
+            q: unknowns of the rigid bodies there.
             du: displacement at all local dofs.
             dq: unknowns of the rigid bodies.
         """

@@ -250,7 +250,7 @@ class RigidBody(Obstacle):
         return np.asarray(change[: self.dim] + self.crossed(turning, arm))
 
     def crossed(self, turning: Array, v: Array) -> Array:
-        """w x v of vectors (n, dim)."""
+        """The products w x v with vectors (n, dim)."""
         if self.dim == 2:
             return np.asarray(turning * np.stack([-v[:, 1], v[:, 0]], axis=1))
         return np.asarray(np.cross(turning, v))
