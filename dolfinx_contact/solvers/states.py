@@ -64,7 +64,7 @@ def held_across(eq: ContactEquations, state: State) -> str:
         if s.displaced is None or not s.displaced.friction:
             continue
         n = s.points.vertices.dofmap.index_map.size_local
-        fixed = eq.constraints.held[i][s.points.vertex_trace_dofs]
+        fixed = np.asarray(eq.constraints.held[i])[s.points.vertex_trace_dofs]
         held = np.where(fixed.all(axis=1)[:, None], False, fixed)
         if not eq.comm.allreduce(int(held.any())):
             continue
