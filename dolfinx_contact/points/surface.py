@@ -111,9 +111,10 @@ class ContactSurface(ReadOnly):
         multiplier_degree: 1 or 2; 1 is stable with both displacement degrees.
         quadrature_degree: of the Gauss points of the integral method, by default twice the degree
             of the displacement.
-        sliding: ``"large"`` for gap and normal of a curved obstacle at the displaced points,
-            ``"small"`` for those of the reference configuration (`points.displaced`); by default
-            large for bodies that are not linear.
+        sliding: ``"large"`` for gap and normal of a curved obstacle at the displaced points and
+            slips along its surface, ``"small"`` for those of the reference configuration
+            (`points.displaced`); by default large for bodies that are not linear, unless the
+            obstacle is a rigid body that turns.
         axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0, and
             the energy that of the whole circumference (`materials.Axisymmetric`): forces are those
             of the circumference then, and areas those that are swept (`points.revolution`).

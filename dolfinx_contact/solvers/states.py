@@ -65,14 +65,13 @@ def held_across(eq: ContactEquations, state: State) -> str:
             continue
         n = s.points.vertices.dofmap.index_map.size_local
         fixed = np.asarray(eq.constraints.held[i])[s.points.vertex_trace_dofs]
-        held = np.where(fixed.all(axis=1)[:, None], False, fixed)
+        held = np.where(np.all(fixed, axis=1)[:, None], False, fixed)
         if not eq.comm.allreduce(int(held.any())):
             continue
-        touches = closed(found.statuses).astype(float)
-        acts = s.points.at_vertices(touches)[:n] > 0
+        touches = s.points.at_vertices(closed(found.statuses).astype(float))[:n]
         normal = s.points.at_vertices(found.data.n)[:n]
         across = np.linalg.norm(np.where(held[:n], normal, 0.0), axis=1)
-        worst = float(np.max(across[acts], initial=0.0))
+        worst = float(np.max(np.where(touches > 0, across, 0.0), initial=0.0))
         if eq.comm.allreduce(worst, op=max) > _ACROSS:
             return (
                 f"{s.name}: Dirichlet data fix a displacement component of a touching node that "
