@@ -87,6 +87,17 @@ class Kinematics:
         by_jump = np.einsum("nij,ni->nj", data.moved, data.n)
         return np.asarray(-by_jump - np.einsum("nij,ni->nj", data.turn, self.jump))
 
+    def jump_rate(self, v: Array) -> Array:
+        """The derivative of the jumps along a displacement (n, dim). Collective.
+
+        Args:
+            v: as for `gap_rate`.
+        """
+        step = self.operator.rate(v)
+        if self.data.moved is None:
+            return step
+        return np.einsum("nij,nj->ni", self.data.moved, step)
+
     def gap_rate(self, v: Array) -> Array:
         """The derivative of the gaps along a displacement (n,). Collective.
 
@@ -106,7 +117,7 @@ class Kinematics:
         if self.data.turn is None or self.data.moved is None:
             return np.asarray(step - np.sum(step * n, axis=1)[:, None] * n)
         turned = np.einsum("nij,nj->ni", self.data.turn, step)
-        seen = np.einsum("nij,nj->ni", self.data.moved, step)
+        seen = self.jump_rate(v)
         along = np.sum(seen * n, axis=1) + np.sum(self.jump * turned, axis=1)
         depth = np.sum(self.jump * n, axis=1)
         return np.asarray(seen - along[:, None] * n - depth[:, None] * turned)
