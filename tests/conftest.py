@@ -38,6 +38,7 @@ ON_THREE = {
     "test_continuation": ("path_with_two_nonsmooth_folds", "parity_is_that_of_mumps"),
     "test_critical_friction": ("of_a_solution",),
     "test_crossing_cracks": ("blocks_under_unequal_pressures", "planes_that_cross"),
+    "test_curved_friction": ("ranks", "jacobian"),
     "test_doubled_nodes": ("tables_do_not_depend_on_ranks",),
     "test_evolution": ("energy", "a_load_that_fails_on_one_rank"),
     "test_evolution_output": ("a_series_with_stresses_and_its_start",),

@@ -238,13 +238,22 @@ def _removed(s: ContactSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.b
     fixed = held[s.points.trace_dofs]
     if s.degrees[0] != s.degrees[1]:
         fixed = fixed & _fixed_on_support(s, held)
-    if s.displaced is not None:  # the normal turns: what is held in part may carry in any direction
+    follows = s.displaced
+    if follows is not None and not follows.friction:
+        # The normal turns: what is held in part may carry in any direction.
         return np.repeat(np.all(fixed, axis=1)[:, None], s.dim, axis=1)
     normal = _node_normals(s)
     along_fixed = np.linalg.norm(np.where(fixed, normal, 0.0), axis=1)
     along_free = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1)
     clamped = fixed.any(axis=1) & (along_free < _TOLERANCE)
     oblique = (along_fixed > _TOLERANCE) & (along_free > _TOLERANCE)
+    require(
+        s.comm,
+        follows is None or not clamped.any() or bool(fixed[clamped].all()),
+        f"{s.name}: Dirichlet data fix the normal displacement alone at a contact node of a curved "
+        "obstacle, whose normal turns in large sliding; fix all components there or leave the node "
+        "free",
+    )
     frictionless = STICK not in s.law_at_points.codes
     require(
         s.comm,

@@ -238,20 +238,19 @@ class ContactEquations:
         for s, state in zip(self.surfaces, contact, strict=True):
             forces = state.kinematics.operator.transpose(state.traction)
             body = body - forces
-            pushed += self.rigid.reactions(s, forces)
+            pushed += self.rigid.reactions(s, forces, u, q)
         reactions = body.copy()
         if affine is None and any_missing:
             body += self.bulk.lifting(u, self.prescribed.conditions, u)
         if any_missing:
-            body -= self._turned_forces(contact, missing, missing_q)
+            body -= self._turned_forces(contact, u, q, missing, missing_q)
         fixed = self.fixed[:n]
         body[fixed] = self.stiffness_scale * (u - prescribed)[:n][fixed]
         rows = [body]
         for i, (s, state) in enumerate(zip(self.surfaces, contact, strict=True)):
             off = state.off
             if any_missing:
-                step = self.relative(s, missing, missing_q)
-                off = off - state.change(step)
+                off = off - self._change(s, state, u, q, missing, missing_q)
             rows.append(self._with_removed(i, s.points.rows(off), x))
         if self.rigid.size:
             pushed = self.comm.allreduce(pushed)
@@ -261,17 +260,52 @@ class ContactEquations:
         b.array[:] = np.concatenate(rows)
         return State(u, q, contact, rows, reactions, -pushed)
 
-    def _turned_forces(self, contact: Sequence[ContactState], du: Array, dq: Array) -> Array:
+    def relative_rate(self, s: ContactSurface, u: Array, q: Array, du: Array, dq: Array) -> Array:
+        """The derivative of `relative` along displacements of all, at a state (n, dim).
+
+        Args:
+            s: the surface.
+            u: values at the first local dofs, at least the owned ones.
+            q: unknowns of the rigid bodies.
+            du: displacement, likewise.
+            dq: by which these change.
+        """
+        n = self.owned_sizes[0]
+        at, step = (v[:n].reshape(-1, self.dim) for v in (u, du))
+        return self.rigid.relative_rate(s, at, q, step, dq)
+
+    def _change(
+        self, s: ContactSurface, found: ContactState, u: Array, q: Array, du: Array, dq: Array
+    ) -> Array:
+        """The derivative of the answer at a state along displacements of all. Collective.
+
+        Where the frame of a rigid body turns, jump and normal do, and a law does not know
+        directions in space: of the rotation w it is w x tau - dtau/dt (w x t).
+        """
+        change = found.change(self.relative_rate(s, u, q, du, dq))
+        turning = self.rigid.spin(s, q, dq)
+        if turning is not None:
+            assert s.rigid_body is not None
+            crossed = s.rigid_body.crossed
+            back = np.einsum("nij,nj->ni", found.by_traction, crossed(turning, found.traction))
+            change = change + crossed(turning, found.answer) - back
+        return np.asarray(change)
+
+    def _turned_forces(
+        self, contact: Sequence[ContactState], u: Array, q: Array, du: Array, dq: Array
+    ) -> Array:
         """The derivative of the contact forces of held tractions along displacements. Collective.
 
         Args:
             contact: the surfaces at a state.
+            u: displacement there, at all local dofs.
+            q: unknowns of the rigid bodies there.
             du: displacement at all local dofs.
             dq: unknowns of the rigid bodies.
         """
         forces = np.zeros(self.owned_sizes[0])
         for s, found in zip(self.surfaces, contact, strict=True):
-            step = self.relative(s, du, dq)
+            step = self.relative_rate(s, u, q, du, dq)
             forces += found.kinematics.operator.transpose_rate(found.traction, step)
         return forces
 
@@ -320,7 +354,7 @@ class ContactEquations:
                 at = np.where(self.fixed, self.prescribed.values().reshape(-1) - dirichlet, u)
                 product = self.bulk.lifting(u, conditions, at)
             rows += product
-            rows -= self._turned_forces(state.surfaces, dirichlet, motions)
+            rows -= self._turned_forces(state.surfaces, u, state.q, dirichlet, motions)
         fixed = self.fixed[:n]
         rows[fixed] = -self.stiffness_scale * dirichlet[:n][fixed]
         parts = [rows]
@@ -329,8 +363,7 @@ class ContactEquations:
         ):
             change = np.zeros_like(found.jump) if rate is None else -rate
             if moving:
-                step = self.relative(s, dirichlet, motions)
-                change -= found.change(step)
+                change -= self._change(s, found, u, state.q, dirichlet, motions)
             parts.append(self._with_removed(i, s.points.rows(change), None))
         parts.append(self.rigid.here(-loads - self.stiffness_scale * motions))
         return np.concatenate(parts)
@@ -392,8 +425,7 @@ class ContactEquations:
             ValueError: on every rank, if they are not of these surfaces.
         """
         mine = len(memory) == len(self.surfaces) and all(
-            m is None or (m.fits(s.points.number, s.dim) and m.slides == s.slides)
-            for s, m in zip(self.surfaces, memory, strict=True)
+            m is None or _fits(m, s) for s, m in zip(self.surfaces, memory, strict=True)
         )
         require(self.comm, mine, "the memory is that of other contact surfaces or another mesh")
         for s, m in zip(self.surfaces, memory, strict=True):
@@ -405,8 +437,9 @@ class ContactEquations:
         found = zip(self.surfaces, state.surfaces, strict=True)
         return tuple(
             Memory(
-                at.jump + at.kinematics.reference,
+                at.kinematics.whole,
                 remembered(s, at),
+                place=at.kinematics.place,
                 displacement=state.u[:n].reshape(-1, self.dim) if s.slides else None,
             )
             for s, at in found
@@ -432,6 +465,12 @@ class ContactEquations:
         """
         strain = 0.0 if self.bulk.linear else 1e-5 * self.body_size
         return self.stiffness_scale * max(1e-4 * displacement, strain)
+
+
+def _fits(memory: Memory, s: ContactSurface) -> bool:
+    """Whether a memory is one of this surface."""
+    alike = memory.slides == s.slides and memory.follows == (s.displaced is not None)
+    return alike and memory.fits(s.points.number, s.dim)
 
 
 def remembered(s: ContactSurface, at: ContactState) -> dict[str, Array]:

@@ -185,7 +185,9 @@ class ParametricEquations(System):
             mark = zlib.crc32(np.ascontiguousarray(values), mark)
         for memory in self.equations.memory:
             if memory is not None:
-                for values in (memory.jump, *memory.fields.values(), np.array(memory.step)):
+                known = [] if memory.place is None else [memory.place]
+                known += [memory.jump, *memory.fields.values(), np.array(memory.step)]
+                for values in known:
                     mark = zlib.crc32(values, mark)
         return mark
 

@@ -134,7 +134,11 @@ class SurfaceRates:
         normal = rate.of_expression(given.normal)
         self._rates = Given(rate.of_expression(given.gap), normal, fields)
         offset = rate.of_expression(given.gap * given.normal)
-        self._evaluators = s.points.evaluators(self._rates, offset)
+        if s.displaced is None:
+            self._evaluators = s.points.evaluators(self._rates, offset)
+        else:
+            seen = {"seen": rate.of_expression(s.displaced.seen)}
+            self._evaluators = s.points.evaluator({**self._rates.at_points, **seen}), None
 
     @property
     def applies(self) -> bool:
@@ -147,16 +151,22 @@ class SurfaceRates:
             return None
         s = self._surface
         data = state.data
+        at = state.kinematics
+        moved = None
         if s.displaced is not None:
-            rates = s.displaced.rates(self._evaluators[0], state.jump)
-            return s.law_at_points.rate(state.jump, state.traction, data, rates, state.statuses)
-        rates, aside = s.points.rates(self._evaluators)
+            assert at.place is not None
+            seen = self._evaluators[0], at.place, s.memory, at.frame
+            rates, moved = s.displaced.rates(*seen)
+        else:
+            rates, aside = s.points.rates(self._evaluators)
+            if s.memory is not None:
+                aside = aside + s.memory.reference_rate(data.n, rates.n)
         if s.memory is not None:
-            aside = aside + s.memory.reference_rate(data.n, rates.n)
             given = {k: v for k, v in rates.fields.items() if k not in s.memory.fields}
             rates = replace(rates, fields=given)
         args = state.jump, state.traction, data, rates, state.statuses
-        return s.law_at_points.rate(*args) - state.along(aside)
+        rate = s.law_at_points.rate(*args, moved)
+        return rate if s.displaced is not None else rate - state.along(aside)
 
 
 def dirichlet_rates(constraints: Any, driven: Sequence[Driven]) -> Array:

@@ -128,14 +128,43 @@ class RigidBodies:
         body = s.rigid_body
         return u if body is None else s.relative(u, self.of_body(q, body))
 
-    def reactions(self, s: ContactSurface, forces: Array) -> Array:
-        """This rank's part of Phi^T f by the forces B^T W t of ``s`` on its owned nodes."""
+    def relative_rate(self, s: ContactSurface, u: Array, q: Array, du: Array, dq: Array) -> Array:
+        """The derivative of `relative` along ``du`` (n, dim) and ``dq``, at a state."""
+        body = s.rigid_body
+        motions = self.of_body(q, body), du, self.of_body(dq, body)
+        return s.relative_rate(u, *motions)
+
+    def spin(self, s: ContactSurface, q: Array, dq: Array) -> Array | None:
+        """At what rate the frame of ``s`` turns along ``dq``; None where frames do not."""
+        body = s.rigid_body
+        if body is None or not s.turns:
+            return None
+        return np.asarray(body.spin(self.of_body(q, body)) @ self.of_body(dq, body)[s.dim :])
+
+    def conjugate(self, q: Array, pushes: Array) -> Array:
+        """What does work on changes of the unknowns, of forces and moments in their rows."""
+        found = pushes.copy()
+        for b, part in zip(self.bodies, self.slices, strict=True):
+            if any(s.turns and s.rigid_body is b for s in self.surfaces):
+                found[part][b.dim :] = b.spin(self.of_body(q, b)).T @ pushes[part][b.dim :]
+        return found
+
+    def reactions(self, s: ContactSurface, forces: Array, u: Array, q: Array) -> Array:
+        """This rank's part of Phi^T f by the forces B^T W t of ``s`` on its owned nodes.
+
+        On a curved obstacle in large sliding moments are those where the body is.
+        """
         rows = np.zeros(self.size)
         body = s.rigid_body
         if body is not None:
             x = s.node_positions[: s.owned_nodes]
             part = self.slice_of(body)
-            rows[part] = body.resultant(x, forces.reshape(-1, s.dim)) / self._units[part]
+            moved = None
+            if s.displaced is not None:
+                x = x + u.reshape(-1, s.dim)[: s.owned_nodes]
+                moved = self.of_body(q, body)[: s.dim]
+            found = body.resultant(x, forces.reshape(-1, s.dim), moved)
+            rows[part] = found / self._units[part]
             if s.axisymmetric:  # around the axis all else cancels
                 rows[part][[0, 2]] = 0.0
         return rows

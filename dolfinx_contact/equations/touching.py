@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import ContactState, State, Statuses
+from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import PLUS, STICK
 from dolfinx_contact.points.surface import ContactSurface
 
@@ -42,10 +42,10 @@ def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
     gaps = [eq.gaps(s, state) for s in eq.surfaces]
     reaches = [
         max(
-            load * (eq.reach(s, state.u) + _rigid_reach(eq, s, found, state.q)),
+            load * (eq.reach(s, state.u) + _rigid_reach(eq, s, state, i)),
             _TOUCHES * eq.body_size,
         )
-        for s, found in zip(eq.surfaces, state.surfaces, strict=True)
+        for i, s in enumerate(eq.surfaces)
     ]
     found = eq.as_possible(_within(eq, gaps, reaches))
     if not eq.rigid.size or not eq.loose_motions(found):
@@ -69,18 +69,18 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
     return found
 
 
-def _rigid_reach(eq: ContactEquations, s: ContactSurface, found: ContactState, q: Array) -> float:
+def _rigid_reach(eq: ContactEquations, s: ContactSurface, state: State, i: int) -> float:
     """Half of how far prescribed motions will bring a rigid body nearer to points of ``s``."""
-    step = np.where(eq.rigid.fixed, eq.prescribed_motions() - q, 0.0)
-    nearer = float(np.max(_closing(eq, s, found, step), initial=0.0))
+    step = np.where(eq.rigid.fixed, eq.prescribed_motions() - state.q, 0.0)
+    nearer = float(np.max(_closing(eq, s, state, i, step), initial=0.0))
     return 0.5 * float(eq.comm.allreduce(nearer, op=max))
 
 
-def _closing(eq: ContactEquations, s: ContactSurface, found: ContactState, q: Array) -> Array:
+def _closing(eq: ContactEquations, s: ContactSurface, state: State, i: int, dq: Array) -> Array:
     """By how much a motion of rigid bodies closes the points of ``s`` (n,). Collective."""
-    step = eq.relative(s, np.zeros(eq.owned_sizes[0]), q)
-    jump = found.kinematics.operator.rate(step)
-    return np.asarray(np.sum(jump * s.points.data.n, axis=1))
+    still = np.zeros(eq.owned_sizes[0])
+    step = eq.relative_rate(s, state.u, state.q, still, dq)
+    return -state.surfaces[i].kinematics.gap_rate(step)
 
 
 def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
@@ -93,8 +93,6 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
     state = eq.contact(x)
     along = eq.rigid.directions()
     gaps = [eq.gaps(s, state) for s in eq.surfaces]
-    closing = [
-        _closing(eq, s, found, along) for s, found in zip(eq.surfaces, state.surfaces, strict=True)
-    ]
+    closing = [_closing(eq, s, state, i, along) for i, s in enumerate(eq.surfaces)]
     moved = state.q + eq.rigid.free_distances(gaps, closing) * along
     x.array[x.getLocalSize() - eq.rigid.owned :] = eq.rigid.here(moved)

@@ -105,6 +105,8 @@ class Energies:
 class SurfaceForces:
     """A contact surface at a state: forces of pressure, gaps (n,), normals, total jumps (n, dim).
 
+    Normals and jumps are those in the frame of a rigid body that turns.
+
     Attributes:
         springs: forces of a compliant surface, without adhesion; 0 of others (n,).
         bonds: energies that bonds hold (n,).
@@ -131,7 +133,7 @@ class Forces:
         u, q: displacement (owned) and unknowns of the rigid bodies.
         outer: on the body, of loads and supports (owned).
         inner: of the body itself (owned).
-        pushes: contact forces on the rigid bodies.
+        pushes: contact forces on the rigid bodies, that do work on changes of q.
         energy: of the body without its loads; None if it is not known.
         surfaces: contact, surface by surface.
         covered: of the unknowns (owned), the part of the area of a point that has something
@@ -162,28 +164,28 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
         energy += float(eq.comm.allreduce(float(np.dot(load, u))))
     surfaces = []
     for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-        normal = found.data.n.copy()
-        pressure = -np.sum(found.traction * normal, axis=1)
+        pressure = -np.sum(found.traction * found.data.n, axis=1)
         un = found.kinematics.gap
         areas = found.kinematics.operator.areas
         force = areas * pressure
         none = np.zeros_like(force), np.zeros_like(force)
         springs = force if s.law.compliant else none[0]
         if s.law.compliant and s.law_at_points.compiled.bonded:
-            springs = force + areas * np.sum(found.answers.bond("traction") * normal, axis=1)
+            springs = force + areas * np.sum(found.answers.bond("traction") * found.data.n, axis=1)
         names = ("stored", "spent") if s.law_at_points.compiled.bonded else ()
         stored, spent = [areas * found.answers.bond(name) for name in names] or none
-        jump = found.jump + found.kinematics.reference
+        jump, normal = found.kinematics.path
         if s.slides:  # what has nothing opposite does not move against anything
             jump = _covered(s, found)[:, None] * jump
-        surfaces.append(SurfaceForces(force, un, normal, jump, springs, stored, spent, s.slides))
+        known = force, un, normal.copy(), jump, springs, stored, spent
+        surfaces.append(SurfaceForces(*known, slides=s.slides))
     return Forces(
         eq,
         u,
         state.q.copy(),
         load + np.where(eq.fixed[:n], state.reactions, 0.0),
         rows + load,
-        state.pushes.copy(),
+        eq.rigid.conjugate(state.q, state.pushes),
         energy,
         tuple(surfaces),
         _all_covered(eq, state),

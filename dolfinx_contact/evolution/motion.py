@@ -262,7 +262,7 @@ class MotionStepper(Stepper):
             fields = {} if memory is None else memory.fields
             # For a velocity friction gets the motion along the surface, which is h a v_1.
             passed = step.length * (gain if s.law.creeps else 1.0)
-            found.append(Memory(at.jump, fields, passed, gap))
+            found.append(Memory(at.whole, fields, passed, gap, place=at.place))
         return found
 
     def _at(self, state: State, u: Array) -> State:

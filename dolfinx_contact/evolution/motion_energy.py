@@ -175,8 +175,9 @@ def account(
         normal = found.data.n
         force = W[:, None] * found.traction
         operator = found.kinematics.operator
-        relative = operator.apply(eq.relative(s, h * v, turned))
-        dragged = -operator.apply(eq.relative(s, np.zeros_like(v), turned))
+        at = s, state.u, state.q
+        relative = operator.apply(eq.relative_rate(*at, h * v, turned))
+        dragged = -operator.apply(eq.relative_rate(*at, np.zeros_like(v), turned))
         external += float(np.sum(force * dragged))
         closing = np.sum(force * normal, axis=1)
         external += float(np.dot(closing, b.gaps[i] - a.gaps[i]))

@@ -264,11 +264,14 @@ def patch(s: ContactSurface) -> Arrays:
     body = s.rigid_body
     gap = points.vertex_gaps
     n = points.vertex_normals
-    if s.displaced is not None:
-        x = x + (u if body is None else u - body.field(x, body.values))
-        gap, n = s.displaced.at_vertices(x - s.node_positions[points.vertex_trace_dofs])
     floor = x + gap[:, None] * n
-    moved = np.zeros_like(floor) if body is None else body.field(floor, body.values)
+    if s.displaced is not None:
+        motion = None if body is None else body.values
+        seen = s.relative(s.u.x.array.reshape(-1, s.dim), motion)[points.vertex_trace_dofs]
+        gap, normal = s.displaced.at_vertices(seen)
+        floor = x + seen + gap[:, None] * normal
+        _, n = s.at_vertices(seen)
+    moved = s.dragged(floor)
     values = {"u": u, "n": n, "floor": floor, "moved": moved, "ids": points.vertex_ids}
     V = points.vertices
     cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]

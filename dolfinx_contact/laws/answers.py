@@ -39,8 +39,10 @@ class PointData:
         gap: initial gaps (n,).
         r: augmentation parameters (n,).
         fields: of the law, by name (n,).
-        turn: derivatives of the normals by the jump (n, dim, dim); None where they stay.
-        slope: derivatives of the gaps by the jump (n, dim), where normals turn.
+        turn: derivatives of the normals by the displacement of the points (n, dim, dim); None where
+            they stay.
+        moved: derivatives of the jump by the displacement (n, dim, dim), where normals turn; None
+            where the jump moves as the points do.
     """
 
     n: Array
@@ -48,7 +50,7 @@ class PointData:
     r: Array
     fields: Mapping[str, Array]
     turn: Array | None = None
-    slope: Array | None = None
+    moved: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -85,8 +87,8 @@ class Answers:
         law: compiled.
         values: of its compiled expressions.
         spreading: of a law that is not local.
-        turning: what normals and gaps that follow the jump add to the derivatives of the traction
-            by the jump (n, dim, dim), by statuses; None where they stay.
+        turning: derivatives of the traction by the displacement of the points (n, dim, dim), which
+            jumps and normals follow, by statuses; None where the jump is all that moves.
 
     Attributes:
         spreading: as given; None if the law sees its point alone.
@@ -188,9 +190,13 @@ class Answers:
         return self._of(codes, "answer", (self._law.dim,))
 
     def by_jump(self, codes: Codes) -> Array:
-        """Derivatives D_j of tau by the jump, which normals may follow (n, dim, dim)."""
-        held = self._of(codes, "by_jump", (self._law.dim, self._law.dim))
-        return held if self._turning is None else held + self._turning(codes)
+        """Derivatives D_j of tau by the jump (n, dim, dim).
+
+        Where normals turn, by the displacement that jump and normal follow.
+        """
+        if self._turning is not None:
+            return self._turning(codes)
+        return self._of(codes, "by_jump", (self._law.dim, self._law.dim))
 
     def by_traction(self, codes: Codes) -> Array:
         """Derivatives D_t of tau by the traction (n, dim, dim)."""

@@ -277,14 +277,14 @@ class LawAtPoints:
     ) -> Answers:
         """Evaluate at jumps and tractions (n, dim), and statuses if they are held."""
         turn = data.turn
-        slope = data.slope
+        moved = data.moved
         values = self.compiled.values
         found = self._evaluate(values, jump, traction, data)
-        if turn is None or slope is None:
+        if turn is None or moved is None:
             return Answers(self.compiled, found)
 
         def turning(codes: Codes) -> Array:
-            return self._by_given(jump, traction, data, codes, turn, slope[:, None])[0]
+            return self._by_given(jump, traction, data, codes, turn, moved)[0]
 
         return Answers(self.compiled, found, turning=turning)
 
@@ -308,9 +308,15 @@ class LawAtPoints:
         return mine.reshape(self.number, len(mine.T) // (2 * self.dim), 2 * self.dim)
 
     def rate(
-        self, jump: Array, traction: Array, data: PointData, rates: PointData, codes: Codes
+        self,
+        jump: Array,
+        traction: Array,
+        data: PointData,
+        rates: PointData,
+        codes: Codes,
+        moved: Array | None = None,
     ) -> Array:
-        """Rate of the answer at held jumps and tractions while what is given changes (n, dim).
+        """Rate of the answer at held tractions while what is given changes (n, dim).
 
         Args:
             jump: (n, dim).
@@ -318,19 +324,28 @@ class LawAtPoints:
             data: normals, gaps, r and fields.
             rates: of normals, gaps and fields; those of r are not used.
             codes: statuses.
+            moved: rates of the jumps (n, dim); None where they are held.
         """
         normal = rates.n[:, :, None]
-        gap = rates.gap[:, None, None]
-        rate, by_field = self._by_given(jump, traction, data, codes, normal, gap)
+        # A gap is a jump along the normal, backwards.
+        by = -rates.gap[:, None] * data.n
+        by = (by if moved is None else by + moved)[:, :, None]
+        rate, by_field = self._by_given(jump, traction, data, codes, normal, by)
         for name, slope in by_field.items():
             if name in rates.fields:  # what memory has does not change
                 rate[:, :, 0] += slope * rates.fields[name][:, None]
         return rate[:, :, 0]
 
     def _by_given(
-        self, jump: Array, traction: Array, data: PointData, codes: Codes, normal: Array, gap: Array
+        self,
+        jump: Array,
+        traction: Array,
+        data: PointData,
+        codes: Codes,
+        normal: Array,
+        moved: Array,
     ) -> tuple[Array, dict[str, Array]]:
-        """Derivatives of the answers by what normals and gaps depend on, and by the fields.
+        """Derivatives of the answers by what normals and jumps depend on, and by the fields.
 
         Args:
             jump: (n, dim).
@@ -338,7 +353,7 @@ class LawAtPoints:
             data: of the points.
             codes: statuses.
             normal: derivatives of the normals by k numbers (n, dim, k).
-            gap: of the gaps (n, 1, k).
+            moved: of the jumps (n, dim, k).
 
         Returns:
             Derivatives by the k numbers (n, dim, k), and by each field (n, dim).
@@ -353,8 +368,7 @@ class LawAtPoints:
             return every[mine, self.compiled.rows[codes]].reshape(-1, *shape)
 
         held = self(jump, traction, replace(data, turn=None), codes).by_jump(codes)
-        # A gap is a jump along the normal, backwards.
-        found = chosen(by_normal, d, d) @ normal - (held @ data.n[:, :, None]) * gap
+        found = chosen(by_normal, d, d) @ normal + held @ moved
         names = zip(self.compiled.names, by_field, strict=True)
         return found, {name: chosen(places, d) for name, places in names}
 

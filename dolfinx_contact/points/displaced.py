@@ -1,17 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Curved obstacles in large displacement: gap and normal where the contact points are now.
+r"""Curved obstacles in large displacement: gap, normal and slip where the contact points are now.
 
-A contact point X with the jump j is at x = X + j. There the obstacle has the gap g(x) and the
-normal n(x), and the penetration of the law is u_n = -g(x). The law takes it as j.n - gap (`laws`),
-and so is given
+A contact point X with the displacement d, as the obstacle sees it, is at x = X + d. There the
+obstacle has the gap g(x) and the normal n(x) (Wriggers, Computational Contact Mechanics, 2006,
+section 4.1). With the slip s since the last accepted state the law is given no gap, and the jump
 
-    gap = g(x) + j.n,    d gap / dj = dg/dx + n + (dn/dx)^T j,    d n / dj = dn/dx,
+    j = -g n + s.
 
-in which dg/dx = -n where g is a distance, and dn/dx is then minus the Hessian of the distance
-(Wriggers, Computational Contact Mechanics, 2006, section 4.1). On a plane this is the gap of the
-reference configuration, for every jump. The tangential jump is j - (j.n) n at the present normal:
-of a point that has moved around a curve that is no slip, which is why friction is refused.
-Functions of the user in an obstacle are taken where the body was.
+The slip is that along the surface between the two points of it that are opposite to x, and were to
+x_o of the last accepted state, or of the reference configuration where nothing is remembered,
+
+    y = x + g(x) n(x),    y_o = x_o + g(x_o) n(x_o),
+
+turned with the normal (`arcs`). Points that stay where they are on the obstacle do not slip. Of a
+law without friction it is the whole (I - n n^T) d.
+
+What a rigid body sees are points in its own frame: with its displacement d_0 and its rotation Q
+about X_0, of any angle,
+
+    x = X_0 + Q^T (X + u - X_0 - d_0),
+
+so that what sticks to a body that turns does not slip; jumps and normals are turned by Q for the
+law. Of an obstacle that is moved by Constants shape and place alone change, not its material: both
+y and y_o are those of the obstacle as it is now. Functions of the user in an obstacle are taken
+where the body was.
+
+Derivatives by x are exact, those of the gap, the normal and the slip.
 
 Whatever a law is given, `TrueGaps` has how far the points are from the obstacle where they are now.
 """
@@ -30,10 +44,14 @@ from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import require
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
+from dolfinx_contact.laws.symbols import before
 from dolfinx_contact.obstacles import Obstacle, gap_at, known_displaced
+from dolfinx_contact.points.arcs import slip_along
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, fields_of, measure_of
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.sliding.facing import rotation
 
 __all__ = ["DisplacedPoints", "SlidingKind", "TrueGaps", "check_sliding", "displaced_points"]
 
@@ -61,7 +79,7 @@ def displaced_points(
     """What follows the displacement of a surface; None if gap and normal stay. Collective.
 
     Nothing of a plane follows: its gap is exact as it is. Nor, by default, of obstacles that linear
-    bodies touch, of rigid bodies that turn, whose motions are small, and of obstacles that are
+    bodies touch, of rigid bodies that turn, whose motions are small then, and of obstacles that are
     known in the reference configuration alone.
 
     Args:
@@ -78,86 +96,142 @@ def displaced_points(
     """
     body = obstacle if isinstance(obstacle, RigidBody) else None
     known = known_displaced(obstacle if body is None else body.shape)
-    turns = body is not None and body.turns
+    free = body is not None and body.turns_freely
     if obstacle.flat or sliding == "small":
         return None
+    turns = body is not None and body.turns
     if sliding is None and (linear or turns or not known):
         return None
+    friction = STICK in law.codes
+    given = f"there is no friction with the law {law.law.name}, which"
     for good, why in (
         (obstacle.opposite is None, "between bodies sliding is small"),
         (known, "the obstacle is known in the reference configuration alone: it needs a method at"),
-        (not turns, "the rotation of the rigid body is small; hold it"),
+        (not free, "a rigid body that turns freely turns little; hold or prescribe its rotation"),
         (points.method != "mixed", "gaps of mixed contact are averages around nodes; take another"),
+        (law.law.averaging is None, f"{given} averages the pressure around points"),
+        (not (friction and law.compiled.bonded), f"{given} has bonds"),
         (
-            STICK not in law.codes,
-            "there is no friction yet. The slip of a point is the distance that it has moved along "
-            "a normal that has turned meanwhile, and needs to be summed up in increments. Take "
-            "Frictionless() or a HalfSpace",
+            not (turns and law.compiled.bonded),
+            f"a rigid body does not turn with the law {law.law.name}, which has bonds",
+        ),
+        (
+            not (friction and set(law.compiled.names) & set(before(law.dim))),
+            f"{given} depends on the whole tangential jump",
         ),
     ):
         message = f"{name}: in large sliding on a curved obstacle {why}, or sliding='small'"
         require(points.comm, good, message)
-    return DisplacedPoints(points, domain, obstacle)
+    return DisplacedPoints(points, domain, obstacle, friction=friction)
 
 
 class DisplacedPoints:
     """What an obstacle is at displaced contact points. Collective, as all its methods are.
 
+    Displacements, gaps and normals are those in the frame of the obstacle.
+
     Args:
         points: nodes or Gauss points.
         obstacle: known at displaced points (`obstacles.Obstacle.at`).
+        friction: whether slips are counted from the last accepted state.
 
     Attributes:
+        friction: as given.
         given: gap and normal at the displaced points in UFL, and the fields of the law, which are
             those of the reference configuration.
+        seen: j in UFL.
     """
 
-    def __init__(self, points: ContactPoints, domain: mesh.Mesh, obstacle: Obstacle):
+    def __init__(
+        self, points: ContactPoints, domain: mesh.Mesh, obstacle: Obstacle, *, friction: bool
+    ):
         self._points = points
         self._domain = domain
         self._obstacle = obstacle
-        self._jump = fem.Function(blocked_space(points.space, points.dim))
-        x = ufl.variable(ufl.SpatialCoordinate(self._domain) + self._jump)
-        gap, normal = obstacle.at(self._domain, x)
+        self.friction = friction
+        space = blocked_space(points.space, points.dim)
+        self._moved = fem.Function(space)
+        self._moved_before = fem.Function(space)
+        start = ufl.SpatialCoordinate(domain)
+        x = ufl.variable(start + self._moved)
+        gap, normal = obstacle.at(domain, x)
         self.given = Given(gap, normal, points.given.fields)
-        slopes = {"by_gap": ufl.diff(gap, x), "by_normal": ufl.diff(normal, x)}
-        self._evaluate = points.evaluator({"gap": gap, "normal": normal, **slopes})
+        expressions = {"gap": gap, "normal": normal}
+        if friction:
+            there = start + self._moved_before
+            gap_before, normal_before = obstacle.at(domain, there)
+            way = x + gap * normal - there - gap_before * normal_before
+            slip = slip_along(way, normal_before, normal)
+            expressions["normal_before"] = normal_before
+        else:
+            slip = x - start - ufl.dot(x - start, normal) * normal
+        self.seen = slip - gap * normal
+        expressions |= {"seen": self.seen, "turn": ufl.diff(normal, x)}
+        expressions["moved"] = ufl.diff(self.seen, x)
+        self._evaluate = points.evaluator(expressions)
         self._at_vertices: tuple[fem.Function, Evaluator] | None = None
 
-    def _place(self, jump: Array) -> None:
-        """Let the points be where these jumps (n, dim) bring them."""
-        self._jump.x.array[:] = self._points.with_ghosts(jump).reshape(-1)
+    def _place(self, place: Array, before: Array | None) -> None:
+        """Let the points be, and have been, where these displacements (n, dim) bring them."""
+        self._moved.x.array[:] = self._points.with_ghosts(place).reshape(-1)
+        there = np.zeros_like(place) if before is None else before
+        self._moved_before.x.array[:] = self._points.with_ghosts(there).reshape(-1)
 
-    def data(self, jump: Array) -> PointData:
-        """What the law is given at jumps (n, dim), and how that changes with them."""
-        self._place(jump)
+    def at(
+        self, place: Array, memory: Memory | None, frame: Array | None
+    ) -> tuple[PointData, Array, Array]:
+        """What the law is given, the jump that it sees, and what it does not see of it (n, dim).
+
+        Args:
+            place: displacements of the points (n, dim).
+            memory: of the last accepted state.
+            frame: Q (dim, dim); None for the identity.
+        """
+        self._place(place, None if memory is None else memory.place)
         found = {name: v[: self._points.number] for name, v in self._evaluate().items()}
-        normal = found["normal"]
-        turn = found["by_normal"]
+        reference = np.zeros_like(place)
+        if self.friction and memory is not None:  # turned with the surface since then
+            before = found["normal_before"]
+            slipped = memory.reference(before)
+            reference = np.einsum("nij,nj->ni", rotation(before, found["normal"]), slipped)
+        normal, seen = found["normal"], found["seen"]
+        turn, moved = found["turn"], found["moved"]
+        if frame is not None:
+            normal, seen, reference = (v @ frame.T for v in (normal, seen, reference))
+            turn, moved = (frame @ a @ frame.T for a in (turn, moved))
         plain = self._points.data
-        along = np.sum(jump * normal, axis=1)
-        slope = found["by_gap"] + normal + np.einsum("nij,ni->nj", turn, jump)
-        return PointData(normal, found["gap"] + along, plain.r, plain.fields, turn, slope)
+        none = np.zeros(self._points.number)
+        return PointData(normal, none, plain.r, plain.fields, turn, moved), seen, reference
 
-    def rates(self, evaluate: Evaluator, jump: Array) -> PointData:
-        """Rates of what the law is given at held jumps (n, dim), from the evaluator of rates."""
-        self._place(jump)
+    def rates(
+        self, evaluate: Evaluator, place: Array, memory: Memory | None, frame: Array | None
+    ) -> tuple[PointData, Array]:
+        """Rates of what the law is given and of the jump (n, dim), where points stay.
+
+        Args:
+            evaluate: the evaluator of rates, that of the jump under the name seen.
+            place: displacements of the points (n, dim).
+            memory: of the last accepted state.
+            frame: Q (dim, dim); None for the identity.
+        """
+        self._place(place, None if memory is None else memory.place)
         values = {name: v[: self._points.number] for name, v in evaluate().items()}
-        normal = values["normal"]
-        gap = values["gap"] + np.sum(jump * normal, axis=1)
-        return PointData(normal, gap, np.zeros(self._points.number), fields_of(values))
+        turn = np.eye(self._points.dim) if frame is None else frame
+        none = np.zeros(self._points.number)
+        data = PointData(values["normal"] @ turn.T, none, none, fields_of(values))
+        return data, values["seen"] @ turn.T
 
-    def at_vertices(self, jump: Array) -> tuple[Array, Array]:
+    def at_vertices(self, place: Array) -> tuple[Array, Array]:
         """Gaps (n,) and normals (n, dim) at the local vertices.
 
         Args:
-            jump: at the local vertices (n, dim).
+            place: displacements of the local vertices (n, dim).
         """
         if self._at_vertices is None:
             nodal = self._points.space is self._points.vertices
-            self._at_vertices = (self._jump, self._evaluate) if nodal else self._vertices()
+            self._at_vertices = (self._moved, self._evaluate) if nodal else self._vertices()
         moved, evaluate = self._at_vertices
-        moved.x.array[:] = jump.reshape(-1)
+        moved.x.array[:] = place.reshape(-1)
         values = evaluate()
         return values["gap"], values["normal"]
 

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Gap, slip and B of a surface or pair at a state, and how they change with the displacement.
 
-With the jump j that laws see, the normal n and the gap g_0 that the law is given, both of which may
-follow j on a curved obstacle (`points.displaced`),
+With the jump j that laws see, the normal n and the gap g_0 that the law is given,
 
-    gap = g_0 - j.n,    slip = j - (j.n) n,
+    gap = g_0 - j.n,    slip = j - (j.n) n.
 
-and along a displacement v, with the change dj of the jump (`points.operators`),
+On a curved obstacle j and n may follow the displacement of the points (`points.displaced`). Along a
+displacement v, with the change dx of the points (`points.operators`), dj = (dj/dx) dx, elsewhere
+dx itself, and dn = (dn/dx) dx,
 
-    d gap  = (dg_0/dj - n - (dn/dj)^T j) . dj,
-    d slip = dj - (dj.n + j.dn) n - (j.n) dn,    dn = (dn/dj) dj.
+    d gap  = -(dj.n + j.dn),
+    d slip = dj - (dj.n + j.dn) n - (j.n) dn.
 """
 
 from __future__ import annotations
@@ -36,12 +37,17 @@ class Kinematics:
         jump: j of the displacement as laws see it (n, dim).
         reference: what laws do not see of it, as memory has it (n, dim).
         data: what the law is given, normals and gaps there.
+        place: displacement of points that follow a curved obstacle, in its frame (n, dim); None of
+            others.
+        frame: rotation of that frame (dim, dim); None where it does not turn.
     """
 
     operator: Operator
     jump: Array
     reference: Array
     data: PointData
+    place: Array | None = None
+    frame: Array | None = None
 
     @property
     def gap(self) -> Array:
@@ -60,12 +66,37 @@ class Kinematics:
         return self.increment + self.reference
 
     @property
+    def whole(self) -> Array:
+        """The jump as laws see it and what they do not see, in the frame of the obstacle."""
+        jump = self.jump + self.reference
+        return jump if self.frame is None else jump @ self.frame
+
+    @property
+    def path(self) -> tuple[Array, Array]:
+        """Displacements of the points and normals, in the frame of the obstacle (n, dim)."""
+        if self.place is None:
+            return self.whole, self.data.n
+        return self.place, self.data.n if self.frame is None else self.data.n @ self.frame
+
+    @property
     def gap_slope(self) -> Array:
-        """Derivatives of the gaps by the jumps (n, dim)."""
+        """Derivatives of the gaps by the displacement of the points (n, dim)."""
         data = self.data
-        if data.turn is None or data.slope is None:
+        if data.turn is None or data.moved is None:
             return -data.n
-        return np.asarray(data.slope - data.n - np.einsum("nij,ni->nj", data.turn, self.jump))
+        by_jump = np.einsum("nij,ni->nj", data.moved, data.n)
+        return np.asarray(-by_jump - np.einsum("nij,ni->nj", data.turn, self.jump))
+
+    def jump_rate(self, v: Array) -> Array:
+        """The derivative of the jumps along a displacement (n, dim). Collective.
+
+        Args:
+            v: as for `gap_rate`.
+        """
+        step = self.operator.rate(v)
+        if self.data.moved is None:
+            return step
+        return np.einsum("nij,nj->ni", self.data.moved, step)
 
     def gap_rate(self, v: Array) -> Array:
         """The derivative of the gaps along a displacement (n,). Collective.
@@ -83,10 +114,10 @@ class Kinematics:
         """
         n = self.data.n
         step = self.operator.rate(v)
-        along = np.sum(step * n, axis=1)
-        if self.data.turn is None:
-            return np.asarray(step - along[:, None] * n)
+        if self.data.turn is None or self.data.moved is None:
+            return np.asarray(step - np.sum(step * n, axis=1)[:, None] * n)
         turned = np.einsum("nij,nj->ni", self.data.turn, step)
-        along += np.sum(self.jump * turned, axis=1)
+        seen = self.jump_rate(v)
+        along = np.sum(seen * n, axis=1) + np.sum(self.jump * turned, axis=1)
         depth = np.sum(self.jump * n, axis=1)
-        return np.asarray(step - along[:, None] * n - depth[:, None] * turned)
+        return np.asarray(seen - along[:, None] * n - depth[:, None] * turned)

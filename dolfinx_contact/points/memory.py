@@ -9,7 +9,8 @@ of a step from t_n to t_n+1 sees the jump
 whose normal part is total and whose tangential part is the increment since the accepted state n
 (implicit Euler in the slip velocity, for which rate-independent friction needs no time).
 n is the normal of now, and j the motion relative to what is touched, so that a rigid body that
-moves is subtracted.
+moves is subtracted. On a curved obstacle in large sliding the increment is that along its surface,
+from where the points were on it (`displaced`), and memory has j_n in the frame of the obstacle.
 
 A memory is frozen: H reads it, nothing in a solve writes it. Accepting a step makes a new one,
 rejecting a step keeps the old one. Fields that a law remembers (the intensity of an adhesion) are
@@ -48,6 +49,8 @@ class Memory:
         gap: what replaces the gap in the law (n,), where it is about velocities; None elsewhere.
         displacement: of the owned nodes (nodes, dim) at that state, of faces that slide over each
             other; None of others. Read-only.
+        place: displacement of the points at that state, in the frame of a curved obstacle that they
+            follow (n, dim); None of others. Read-only.
     """
 
     jump: Array
@@ -55,25 +58,32 @@ class Memory:
     step: float = 0.0
     gap: Array | None = None
     displacement: Array | None = None
+    place: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "jump", _frozen(self.jump))
         fields = {name: _frozen(values) for name, values in self.fields.items()}
         object.__setattr__(self, "fields", fields)
-        if self.gap is not None:
-            object.__setattr__(self, "gap", _frozen(self.gap))
-        if self.displacement is not None:
-            object.__setattr__(self, "displacement", _frozen(self.displacement))
+        for name in ("gap", "displacement", "place"):
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, _frozen(values))
 
     def fits(self, number: int, dim: int) -> bool:
         """Whether it is that of so many points."""
         lengths = all(len(values) == number for values in self.fields.values())
-        return lengths and self.jump.shape == (number, dim)
+        vectors = [self.jump] if self.place is None else [self.jump, self.place]
+        return lengths and all(values.shape == (number, dim) for values in vectors)
 
     @property
     def slides(self) -> bool:
         """Whether it is that of faces that slide over each other."""
         return self.displacement is not None
+
+    @property
+    def follows(self) -> bool:
+        """Whether it is that of points that follow a curved obstacle."""
+        return self.place is not None
 
     def later(self, step: float) -> Memory:
         """The same memory at a time later by ``step``."""

@@ -172,7 +172,13 @@ class LawAmongPoints(LawAtPoints):
         return Answers(self.compiled, values, _Spread(self.neighbours, around, *slopes))
 
     def rate(
-        self, jump: Array, traction: Array, data: PointData, rates: PointData, codes: Codes
+        self,
+        jump: Array,
+        traction: Array,
+        data: PointData,
+        rates: PointData,
+        codes: Codes,
+        moved: Array | None = None,
     ) -> Array:
         spread = self(jump, traction, data, codes).spreading
         assert isinstance(spread, _Spread)
@@ -185,8 +191,10 @@ class LawAmongPoints(LawAtPoints):
         change = np.where(closed(codes), np.sum(changes * given, axis=1), 0.0)
         # A gap is a jump along the normal, backwards.
         change -= rates.gap * np.sum(spread.by_jump * data.n, axis=1)
+        if moved is not None:
+            change += np.sum(spread.by_jump * moved, axis=1)
         moving = _with(rates, self.neighbours(change))
-        return super().rate(jump, traction, around, moving, codes)
+        return super().rate(jump, traction, around, moving, codes, moved)
 
 
 def _with(data: PointData, around: Array) -> PointData:

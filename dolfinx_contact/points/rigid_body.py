@@ -2,9 +2,17 @@
 r"""Rigid bodies as contact partners: obstacles moved by forces, moments or prescribed motions.
 
 A rigid body has a few unknowns of its own, a displacement d and a rotation theta about a reference
-point X_0, both small: a material point X of it moves by
+point X_0. Where both are small a material point X of it moves by
 
     Phi(X) q = d + theta x (X - X_0),    q = (d, theta).
+
+In large sliding (`displaced`) it moves to X_0 + d + Q(theta) (X - X_0), in which Q is the rotation
+of any angle with the rotation vector theta. While theta changes it turns at the rate
+
+    w = L(theta) dtheta,    L = I + (1 - cos a)/a^2 S + (a - sin a)/a^3 S^2,    a = |theta|,
+
+with S v = theta x v; in the plane L = 1 (Simo and Vu-Quoc, CMAME 58, 1986, section 3). Rotations
+are prescribed there.
 
 Jumps are those of the deformable body relative to it, B (u - Phi q), and what is transmitted at the
 contact points with tractions t balances the loads F on it, F = Phi^T B^T W t, in the components of
@@ -44,8 +52,10 @@ class RigidBody(Obstacle):
     The components of its motion are the displacements ``x``, ``y`` (``z``) of the reference point
     and the rotations ``rz`` (``rx``, ``ry``, ``rz``) about it. Each is either free, and has a load
     (a force, or a moment about the reference point), or prescribed, and has a motion. Values are
-    numbers, scalar Constants or UFL of these, which may be changed later. Displacement and rotation
-    are small; gap and normal are those of the shape where it is given.
+    numbers, scalar Constants or UFL of these, which may be changed later. In small sliding both are
+    small, and gap and normal are those of the shape where it is given. In large sliding the shape
+    moves with the body, by displacements of any size and rotations that are prescribed, in 3D the
+    components of the rotation vector; a rotation that is free is small.
 
     Several contact surfaces may touch one rigid body. Problems with rigid bodies are solved by the
     direct solver; there is no multigrid for them.
@@ -159,6 +169,11 @@ class RigidBody(Obstacle):
         held = all(isinstance(e, ufl.constantvalue.Zero) for e in given)
         return not (held and self.fixed[self.dim :].all())
 
+    @property
+    def turns_freely(self) -> bool:
+        """Whether a rotation of it is found, not prescribed."""
+        return not bool(self.fixed[self.dim :].all())
+
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         self._check(domain)
         return self.shape.at(domain, x)
@@ -191,27 +206,71 @@ class RigidBody(Obstacle):
 
     def place(self) -> None:
         """Let the gaps of `gap_of` follow `values`."""
-        vector = np.zeros(3)
-        vector[3 - len(self.rotation) :] = self.rotation
-        turned = Rotation.from_rotvec(vector).as_matrix().T[: self.dim, : self.dim]
+        turned = self.frame(self.values).T
         for shift, turn in self._places:
             shift.value = self.displacement
             turn.value = turned
+
+    # -- motions of any size ---------------------------------------------------------------------
+
+    def frame(self, values: Array) -> Array:
+        """Q (dim, dim) of displacement and rotation."""
+        vector = np.zeros(3)
+        vector[3 - len(values[self.dim :]) :] = values[self.dim :]
+        turned = Rotation.from_rotvec(vector).as_matrix()
+        return np.asarray(turned[: self.dim, : self.dim])
+
+    def seen(self, x: Array, values: Array) -> Array:
+        """Places (n, dim) in the frame of the body, which has moved, of points that are at x."""
+        arm = x - self.about - values[: self.dim]
+        return np.asarray(self.about + arm @ self.frame(values))
+
+    def carried(self, x: Array, values: Array) -> Array:
+        """Displacements (n, dim) of material points that were at x, by a motion of any size."""
+        arm = x - self.about
+        return np.asarray(values[: self.dim] + arm @ self.frame(values).T - arm)
+
+    def spin(self, values: Array) -> Array:
+        """L (k, k), from rates of the rotation to those at which the body turns."""
+        if self.dim == 2:
+            return np.eye(1)
+        vector = values[self.dim :]
+        angle = float(np.linalg.norm(vector))
+        S = np.cross(np.eye(3), vector)
+        if angle < _SMALL_ANGLE:
+            return np.eye(3) + S / 2 + S @ S / 6
+        first = (1 - np.cos(angle)) / angle**2
+        second = (angle - np.sin(angle)) / angle**3
+        return np.asarray(np.eye(3) + first * S + second * S @ S)
+
+    def rate(self, x: Array, values: Array, change: Array) -> Array:
+        """Velocities (n, dim) of material points that are at x now, as the motion changes."""
+        turning = self.spin(values) @ change[self.dim :]
+        arm = x - self.about - values[: self.dim]
+        return np.asarray(change[: self.dim] + self.crossed(turning, arm))
+
+    def crossed(self, turning: Array, v: Array) -> Array:
+        """The products w x v with vectors (n, dim)."""
+        if self.dim == 2:
+            return np.asarray(turning * np.stack([-v[:, 1], v[:, 0]], axis=1))
+        return np.asarray(np.cross(turning, v))
 
     # -- rigid motions ---------------------------------------------------------------------------
 
     def field(self, x: Array, values: Array) -> Array:
         """Phi q: displacements (n, dim) at points (n, dim) of a motion q."""
         arm = x - self.about
-        d = values[: self.dim]
-        turn = values[self.dim :]
-        if self.dim == 2:
-            return np.asarray(d + turn * np.stack([-arm[:, 1], arm[:, 0]], axis=1))
-        return np.asarray(d + np.cross(turn, arm))
+        return np.asarray(values[: self.dim] + self.crossed(values[self.dim :], arm))
 
-    def resultant(self, x: Array, forces: Array) -> Array:
-        """Phi^T f: force, and moment about the reference point, of forces (n, dim) at points."""
-        arm = x - self.about
+    def resultant(self, x: Array, forces: Array, moved: Array | None = None) -> Array:
+        """Phi^T f: force, and moment about the reference point, of forces (n, dim) at points.
+
+        Args:
+            x: where they act (n, dim).
+            forces: (n, dim).
+            moved: displacement of the reference point (dim,); None for zero.
+        """
+        arm = x - (self.about if moved is None else self.about + moved)
         if self.dim == 2:
             moments: Array = (arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0])[:, None]
         else:
@@ -249,6 +308,7 @@ class RigidBody(Obstacle):
         return f"{self.name} about {self.about.tolist()}, {given}, held {self.fixed.tolist()}"
 
 
+_SMALL_ANGLE = 1e-4  # up to which L is a series
 _TOLERANCE = 1e-9  # of a unit motion, below which a point is where it was
 
 

@@ -111,9 +111,10 @@ class ContactSurface(ReadOnly):
         multiplier_degree: 1 or 2; 1 is stable with both displacement degrees.
         quadrature_degree: of the Gauss points of the integral method, by default twice the degree
             of the displacement.
-        sliding: ``"large"`` for gap and normal of a curved obstacle at the displaced points,
-            ``"small"`` for those of the reference configuration (`points.displaced`); by default
-            large for bodies that are not linear.
+        sliding: ``"large"`` for gap and normal of a curved obstacle at the displaced points and
+            slips along its surface, ``"small"`` for those of the reference configuration
+            (`points.displaced`); by default large for bodies that are not linear, unless the
+            obstacle is a rigid body that turns.
         axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0, and
             the energy that of the whole circumference (`materials.Axisymmetric`): forces are those
             of the circumference then, and areas those that are swept (`points.revolution`).
@@ -315,10 +316,15 @@ class ContactSurface(ReadOnly):
         if isinstance(self.points, SlidingPoints):
             return self._sliding_kinematics(self.points, u)
         operator = self.points.operator
+        seen = operator.apply(self.relative(u[: self.owned_nodes], motion))
+        if self._displaced is not None:
+            frame = self._frame(motion)
+            data, jump, reference = self._displaced.at(seen, self.memory, frame)
+            data = with_memory(self.law_at_points.compiled, self.memory, data)
+            return Kinematics(operator, jump, reference, data, seen, frame)
         reference = self._reference
-        jump = operator.apply(self.relative(u[: self.owned_nodes], motion))
-        jump = jump - self.points.aside - reference
-        return Kinematics(operator, jump, reference, self._data_at(jump))
+        jump = seen - self.points.aside - reference
+        return Kinematics(operator, jump, reference, self.point_data)
 
     def _sliding_kinematics(self, points: SlidingPoints, u: Array) -> Kinematics:
         """Those of faces that slide over each other. Collective."""
@@ -427,7 +433,45 @@ class ContactSurface(ReadOnly):
         if body is None:
             return u
         assert motion is not None
-        return np.asarray(u - body.field(self.node_positions[: len(u)], motion))
+        x = self.node_positions[: len(u)]
+        if self.turns:
+            return np.asarray(body.seen(x + u, motion) - x)
+        return np.asarray(u - body.field(x, motion))
+
+    def relative_rate(self, u: Array, motion: Array, du: Array, change: Array) -> Array:
+        """The derivative of `relative` along a displacement and a motion, turned as the body is.
+
+        Args:
+            u: at the first local nodes of the displacement (n, dim).
+            motion: of the rigid body.
+            du: displacement there (n, dim).
+            change: of the motion.
+        """
+        body = self.rigid_body
+        if body is None or not self.turns:
+            return self.relative(du, change)
+        x = self.node_positions[: len(u)] + u
+        return np.asarray(du - body.rate(x, motion, change))
+
+    @property
+    def turns(self) -> bool:
+        """Whether it follows a rigid body that turns by any angle."""
+        body = self.rigid_body
+        return self._displaced is not None and body is not None and body.turns
+
+    def _frame(self, motion: Array | None) -> Array | None:
+        """The rotation of what is touched (dim, dim); None where it does not turn."""
+        body = self.rigid_body
+        if not self.turns or body is None or motion is None:
+            return None
+        return body.frame(motion)
+
+    def dragged(self, x: Array) -> Array:
+        """Displacements of the rigid body as it is now at its points x (n, dim); 0 without one."""
+        body = self.rigid_body
+        if body is None:
+            return np.zeros_like(x)
+        return body.carried(x, body.values) if self.turns else body.field(x, body.values)
 
     @cached_property
     def node_positions(self) -> Array:
@@ -446,12 +490,6 @@ class ContactSurface(ReadOnly):
 
     # -- what was found --------------------------------------------------------------------------
 
-    def _data_at(self, jump: Array) -> PointData:
-        """What the law is given at the points of this rank where jumps lead them. Collective."""
-        if self._displaced is None:
-            return self.point_data
-        return with_memory(self.law_at_points.compiled, self.memory, self._displaced.data(jump))
-
     @property
     def point_data(self) -> PointData:
         """What the law is given at the points of this rank where they are in the reference."""
@@ -461,13 +499,14 @@ class ContactSurface(ReadOnly):
     def _reference(self) -> Array:
         """What laws do not see of jumps: those along the surface that memory has (n, dim)."""
         n = self.points.data.n
-        memory = self.memory if self._displaced is None else None
-        return np.zeros_like(n) if memory is None else memory.reference(n)
+        return np.zeros_like(n) if self.memory is None else self.memory.reference(n)
 
     def jump(self) -> Array:
-        """Jump of the displacement at the contact points of this rank (n, dim). Collective."""
-        now = self._kinematics_now()
-        return now.jump + now.reference
+        """Jump of the displacement at the contact points of this rank (n, dim). Collective.
+
+        On a curved obstacle in large sliding that in the frame of the obstacle.
+        """
+        return self._kinematics_now().path[0]
 
     def state(self) -> dict[str, Array]:
         """What is known at the contact points of this rank. Collective.
@@ -519,7 +558,10 @@ class ContactSurface(ReadOnly):
             jump: at the local vertices (n, dim).
         """
         if self._displaced is not None:
-            return self._displaced.at_vertices(jump)
+            body = self.rigid_body
+            frame = self._frame(None if body is None else body.values)
+            gap, normal = self._displaced.at_vertices(jump)
+            return gap, normal if frame is None else normal @ frame.T
         normal = self.points.vertex_normals
         return self.points.vertex_gaps - np.sum(jump * normal, axis=1), normal
 

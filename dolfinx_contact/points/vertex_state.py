@@ -50,10 +50,13 @@ def vertex_state(s: ContactSurface) -> dict[str, Array]:
     traction = _multiplier_at_vertices(s)
     along = np.sum(u * n, axis=1)
     pressure = -np.sum(traction * n, axis=1)
+    slip = u - along[:, None] * n
+    if s.displaced is not None:
+        slip = points.at_vertices(state["ut"])
     return {
         **found,
         "un": gap,
-        "ut": u - along[:, None] * n,
+        "ut": slip,
         "n": n,
         "traction": traction,
         "pressure": pressure,

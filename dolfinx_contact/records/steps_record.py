@@ -490,12 +490,18 @@ class _AtPoints:
             names = [name for name in found if name.startswith(start)]
             arrays = {name.removeprefix(start): found[name][surface.mine] for name in names}
             jump = arrays.pop("jump", None)
+            place = arrays.pop("place", None)
             displacement = u[: s.owned_nodes] if s.slides else None
-            memory = None if jump is None else Memory(jump, arrays, displacement=displacement)
+            memory = None
+            if jump is not None:
+                memory = Memory(jump, arrays, displacement=displacement, place=place)
             memories.append(memory)
         return tuple(memories)
 
 
 def _arrays(memory: Memory | None) -> Arrays:
     """All arrays of a memory, whichever it has."""
-    return {} if memory is None else {"jump": memory.jump, **memory.fields}
+    if memory is None:
+        return {}
+    place = {} if memory.place is None else {"place": memory.place}
+    return {"jump": memory.jump, **place, **memory.fields}

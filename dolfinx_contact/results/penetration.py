@@ -107,7 +107,7 @@ def _placed(s: ContactSurface) -> tuple[Array, Array | None, float] | None:
     radius = _value(shape.radius)
     if at is None or radius is None or (axis is None and not is_sphere):
         return None
-    centre: Array = at if body is None else at + body.field(at[None], body.values)[0]
+    centre: Array = at if body is None else at + s.dragged(at[None])[0]
     return centre, axis, float(radius)
 
 

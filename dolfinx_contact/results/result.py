@@ -32,7 +32,7 @@ from dolfinx_contact.results.penetration import Penetration, penetrations, warn_
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
-from dolfinx_contact.solvers.states import without_normal
+from dolfinx_contact.solvers.states import held_across, without_normal
 
 __all__ = ["Named", "Result", "collect", "warn_of_doubts"]
 
@@ -263,7 +263,7 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
         ValueError: on every rank, if a point touches an obstacle where that has no normal.
     """
     assert state.reactions is not None
-    lost = without_normal(eq, state)
+    lost = without_normal(eq, state) or held_across(eq, state)
     require(eq.comm, not lost, lost)
     supports = support_at_nodes(eq, state)
     warn_of_small_obstacles(eq, state)

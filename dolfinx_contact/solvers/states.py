@@ -12,13 +12,14 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws.status import closed
 
-__all__ = ["diverged", "inverted", "without_normal"]
+__all__ = ["diverged", "held_across", "inverted", "without_normal"]
 
 _FAR = 1e5  # sizes of the body, a displacement that is no equilibrium
 
 #: How steeply a gap falls along the normal at a point on the obstacle, at least: 1 where a level
 #: set has a gradient, 1/m where it vanishes like the m-th power of the distance.
 _STEEPEST = -0.75
+_ACROSS = 1e-6  # of a unit normal, a component along a held direction
 
 
 def diverged(equations: ContactEquations, x: PETSc.Vec) -> str:
@@ -53,15 +54,45 @@ def inverted(equations: ContactEquations, x: PETSc.Vec) -> str:
     return f"its solution has det F = {smallest:.3g} at ({where})"
 
 
+def held_across(eq: ContactEquations, state: State) -> str:
+    """Where the support holds a touching point along its normal, in words; "" if nowhere.
+
+    With friction on a curved obstacle it is held across that alone, where its multiplier has no
+    component. Collective.
+    """
+    for i, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
+        if s.displaced is None or not s.displaced.friction:
+            continue
+        n = s.points.vertices.dofmap.index_map.size_local
+        fixed = np.asarray(eq.constraints.held[i])[s.points.vertex_trace_dofs]
+        held = np.where(np.all(fixed, axis=1)[:, None], False, fixed)
+        if not eq.comm.allreduce(int(held.any())):
+            continue
+        touches = s.points.at_vertices(closed(found.statuses).astype(float))[:n]
+        normal = s.points.at_vertices(found.data.n)[:n]
+        across = np.linalg.norm(np.where(held[:n], normal, 0.0), axis=1)
+        worst = float(np.max(np.where(touches > 0, across, 0.0), initial=0.0))
+        if eq.comm.allreduce(worst, op=max) > _ACROSS:
+            return (
+                f"{s.name}: Dirichlet data fix a displacement component of a touching node that "
+                "was tangential to the obstacle and is not where it is now, so that friction and "
+                "the support cannot be distinguished; fix all components there or leave it free"
+            )
+    return ""
+
+
 def without_normal(eq: ContactEquations, state: State) -> str:
     """Where a displaced point has no normal, in words; "" if all have one. Collective."""
     for s, found in zip(eq.surfaces, state.surfaces, strict=True):
         data = found.data
-        if data.turn is None:
+        place = found.kinematics.place
+        if place is None:
             continue
         fall = np.sum(found.kinematics.gap_slope * data.n, axis=1)
-        lost = ~np.isfinite(fall + data.gap) | (closed(found.statuses) & (fall > _STEEPEST))
-        mine = sorted(np.round((s.positions + found.jump)[lost] / eq.body_size, 9).tolist())
+        lost = ~np.isfinite(fall + found.kinematics.gap) | (
+            closed(found.statuses) & (fall > _STEEPEST)
+        )
+        mine = sorted(np.round((s.positions + place)[lost] / eq.body_size, 9).tolist())
         places = sorted(place for part in eq.comm.allgather(mine) for place in part)
         if places:
             where = ", ".join(f"{c * eq.body_size:.6g}" for c in places[0])
