@@ -38,9 +38,9 @@ _NEARLY_SINGULAR = 1e8
 _COARSEST = 1e-2
 _RESERVE = 0.1
 _POLISHED = 1e-4
-#: Of the tolerance, up to which a point that a chord leads to is corrected once more: a step of
+#: Of the tolerance, down to which a point that a chord leads to is corrected once more: a step of
 #: Newton's method would have led further.
-_SHARP = 1e-3
+_SHARP = 3e-2
 _MOST_TESTS = 10  # over the number of corrections, for PETSc
 #: Relative residual of a tangent that is no more than a direction to step along.
 _TO_STEP_ALONG = 1e-4

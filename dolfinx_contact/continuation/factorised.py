@@ -88,6 +88,10 @@ class Factorised(BorderedSolver):
         self._factorised = self._current = self._worn = False
         #: Whether the formula serves `matrix`; None until that is tried.
         self._updated: bool | None = None
+        #: State of `matrix`, state of the factorised one, and whether another state changes so many
+        #: rows that the formula need not be tried.
+        self._at, self._base_at = (self.system.create_vector() for _ in range(2))
+        self._changes_everywhere = False
 
     def assemble(self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None) -> None:
         layout, x, gamma = self.layout, *self.layout.split(y)
@@ -108,6 +112,7 @@ class Factorised(BorderedSolver):
             self._nest = PETSc.Mat().createNest(blocks, comm=self.comm)
         self._nest.assemble()
         self._nest.convert("aij", self.matrix)
+        x.copy(self._at)
         self._current = False
         self._updated = None
 
@@ -123,17 +128,28 @@ class Factorised(BorderedSolver):
         self._worn = False
         if ok and self.reuse is not False:
             self._update.begin(self.matrix)
+            self._at.copy(self._base_at)
         return ok
 
     def _has_few_changes(self) -> bool:
         """Whether the matrix differs from the factorised one in so few rows that it serves."""
         if self._updated is None:
-            self._updated = False
-            if self._factorised and not self._worn and self.reuse is not False:
-                before = self._update.solves
-                self._updated = self._update.take(self.matrix, _MORE if self._is_large else _FEW)
-                self.solves += self._update.solves - before
+            self._updated = (
+                self._factorised
+                and not self._worn
+                and self.reuse is not False
+                and (not self._changes_everywhere or self._at.equal(self._base_at))
+                and self._take()
+            )
         return self._updated
+
+    def _take(self) -> bool:
+        before = self._update.solves
+        taken = self._update.take(self.matrix, _MORE if self._is_large else _FEW)
+        self.solves += self._update.solves - before
+        if self._update.changed > self.layout.size / 2 and not self._at.equal(self._base_at):
+            self._changes_everywhere = True
+        return taken
 
     def solve(
         self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0, near: PETSc.Vec | None = None
@@ -204,7 +220,7 @@ class Factorised(BorderedSolver):
 
     def destroy(self) -> None:
         matrices = (self.matrix, self._column, self._row, self._corner)
-        for thing in (self._krylov, self._update, self.factor, *matrices, self._c):
+        for thing in (self._krylov, self._update, self.factor, *matrices, self._c, self._at, self._base_at):
             thing.destroy()
         if self._nest is not None:
             self._nest.destroy()

@@ -62,6 +62,7 @@ class RowUpdate:
 
     Attributes:
         solves: with A_0, for columns of W.
+        changed: rows in which the matrix that was taken last differs.
     """
 
     def __init__(self, factor: Factor):
@@ -71,7 +72,7 @@ class RowUpdate:
         self._D: PETSc.Mat | None = None
         self._W: list[PETSc.Vec] = []
         self._S = np.eye(0)
-        self.solves = 0
+        self.solves = self.changed = 0
 
     def begin(self, matrix: PETSc.Mat) -> None:
         """``matrix`` has been factorised: it is A_0 from now on."""
@@ -93,10 +94,11 @@ class RowUpdate:
         size = base.sizes(change)
         mine = np.flatnonzero(size > _ROUND_OFF * (size + base.sizes(base.values)))
         comm = matrix.comm.tompi4py()
+        self.changed = comm.allreduce(len(mine))
+        if self.changed > most:
+            return False
         start, _ = matrix.getOwnershipRange()
         rows = [int(r) for part in comm.allgather(mine + start) for r in part]
-        if len(rows) > most:
-            return False
         self._D = _chosen_rows(matrix, base, change, mine)
         self._W = [self._column(matrix, r) for r in rows]
         self._S = np.eye(len(rows)) + self._products(self._W)
