@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Solves with a matrix that differs from a factorised one in a few rows.
+r"""Solves with a matrix that differs from a factorised one in a few rows, and in its last column.
 
 Where a point changes its status, or the border row is another one, A_1 = A_0 + E D, with D the
-differences of the rows E. By the formula of Sherman, Morrison and Woodbury, with W = A_0^{-1} E,
+differences of the rows E. Where the derivative by gamma is another one, that of its column comes
+beside, with the unit vector e of gamma. With U = (E, c), V^T = (D, e^T) and W = A_0^{-1} U, by the
+formula of Sherman, Morrison and Woodbury
 
-    A_1^{-1} = A_0^{-1} - W (I + D W)^{-1} D A_0^{-1},    det A_1 = det A_0 det(I + D W)
+    A_1^{-1} = A_0^{-1} - W (I + V^T W)^{-1} V^T A_0^{-1},    det A_1 = det A_0 det(I + V^T W)
 
 (W. W. Hager, Updating the inverse of a matrix, SIAM Rev. 31, 1989). A column of W costs a solve with
-A_0, and serves every other matrix as well that differs from A_0 in its row.
+A_0; those of E serve every other matrix as well that differs from A_0 in these rows.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[Any]
 
 _ROUND_OFF = 1e-12  # of the size of a row, by which it counts as the same
-_SINGULAR = 1e-13  # reciprocal condition of I + D W, below which the formula does not serve
+_SINGULAR = 1e-13  # reciprocal condition of I + V^T W, below which the formula does not serve
 
 
 @dataclass(frozen=True)
@@ -47,9 +49,13 @@ class _Entries:
         number = len(ends) - 1
         return cls(number, np.repeat(np.arange(number), np.diff(ends)), columns, values)
 
-    def sizes(self, values: Array) -> Array:
-        """Sums of the absolute values of each row."""
-        return np.bincount(self.rows, weights=np.abs(values), minlength=self.number)
+    def changed(self, change: Array) -> Indices:
+        """Rows in which a change of the values is more than round-off; NaN is."""
+        size, of_change = (
+            np.bincount(self.rows, weights=np.abs(v), minlength=self.number)
+            for v in (self.values, change)
+        )
+        return np.flatnonzero(~(of_change <= _ROUND_OFF * (size + of_change)))
 
 
 class RowUpdate:
@@ -69,7 +75,8 @@ class RowUpdate:
         self._factor = factor
         self._base: _Entries | None = None
         self._columns: dict[int, PETSc.Vec] = {}
-        self._D: PETSc.Mat | None = None
+        self._border: PETSc.Vec | None = None  # A_0^{-1} c
+        self._V: PETSc.Mat | None = None
         self._W: list[PETSc.Vec] = []
         self._S = np.eye(0)
         self.solves = self.changed = 0
@@ -91,17 +98,21 @@ class RowUpdate:
         base = self._base
         assert base is not None
         change = matrix.getValuesCSR()[2] - base.values
-        size = base.sizes(change)
-        mine = np.flatnonzero(size > _ROUND_OFF * (size + base.sizes(base.values)))
+        at_border = base.columns == matrix.getSize()[1] - 1
+        mine = base.changed(np.where(at_border, 0.0, change))
         comm = matrix.comm.tompi4py()
         self.changed = comm.allreduce(len(mine))
         if self.changed > most:
             return False
         start, _ = matrix.getOwnershipRange()
         rows = [int(r) for part in comm.allgather(mine + start) for r in part]
-        self._D = _chosen_rows(matrix, base, change, mine)
         self._W = [self._column(matrix, r) for r in rows]
-        self._S = np.eye(len(rows)) + self._products(self._W)
+        others = at_border & ~np.isin(base.rows, mine)
+        bordered = bool(comm.allreduce(len(base.changed(np.where(others, change, 0.0)))))
+        if bordered:
+            self._W.append(self._border_column(matrix, base.rows[others], change[others]))
+        self._V = _rows_of_change(matrix, base, change, mine, bordered=bordered)
+        self._S = np.eye(len(self._W)) + self._products(self._W)
         return self._is_regular()
 
     def _is_regular(self) -> bool:
@@ -113,27 +124,36 @@ class RowUpdate:
     def _column(self, like: PETSc.Mat, row: int) -> PETSc.Vec:
         """A_0^{-1} times the unit vector of a row."""
         if row not in self._columns:
-            e, w = like.createVecs()
-            start, end = e.getOwnershipRange()
-            if start <= row < end:
-                e.array[row - start] = 1.0
-            self._factor.solve(e, w)
-            self.solves += 1
-            e.destroy()
-            self._columns[row] = w
+            start, end = like.getOwnershipRange()
+            here = [row - start] if start <= row < end else []
+            self._columns[row] = self._solved(like, here, 1.0)
         return self._columns[row]
 
+    def _border_column(self, like: PETSc.Mat, rows: Indices, values: Array) -> PETSc.Vec:
+        """A_0^{-1} c, of the entries of c on this rank."""
+        self._border = self._solved(like, rows, values)
+        return self._border
+
+    def _solved(self, like: PETSc.Mat, rows: Any, values: Any) -> PETSc.Vec:
+        """A_0^{-1} times the vector with these entries."""
+        load, w = like.createVecs()
+        load.array[rows] = values
+        self._factor.solve(load, w)
+        self.solves += 1
+        load.destroy()
+        return w
+
     def _products(self, vectors: list[PETSc.Vec]) -> Array:
-        """D times vectors, on every rank (k, number of vectors)."""
-        D = self._D
-        assert D is not None
-        out = D.createVecLeft()
+        """V^T times vectors, on every rank (k, number of vectors)."""
+        V = self._V
+        assert V is not None
+        out = V.createVecLeft()
         mine = np.empty((out.getLocalSize(), len(vectors)))
         for j, v in enumerate(vectors):
-            D.mult(v, out)
+            V.mult(v, out)
             mine[:, j] = out.array_r
         out.destroy()
-        return np.concatenate(D.comm.tompi4py().allgather(mine))
+        return np.concatenate(V.comm.tompi4py().allgather(mine))
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
         """Solve A_1 x = b, or A_0 x = b where no matrix was taken; whether that worked."""
@@ -149,9 +169,10 @@ class RowUpdate:
         return self._factor.determinant_sign * float(np.sign(np.linalg.det(self._S)))
 
     def _forget(self) -> None:
-        if self._D is not None:
-            self._D.destroy()
-            self._D = None
+        for thing in (self._V, self._border):
+            if thing is not None:
+                thing.destroy()
+        self._V = self._border = None
         self._W = []
         self._S = np.eye(0)
 
@@ -162,11 +183,19 @@ class RowUpdate:
             w.destroy()
 
 
-def _chosen_rows(like: PETSc.Mat, entries: _Entries, values: Array, rows: Indices) -> PETSc.Mat:
-    """The matrix of some rows of this rank, with ``values`` in place of those of the entries."""
+def _rows_of_change(
+    like: PETSc.Mat, entries: _Entries, change: Array, rows: Indices, *, bordered: bool
+) -> PETSc.Mat:
+    """V^T: the change of some rows of this rank and, on the last one, that of gamma's column."""
     chosen = np.isin(entries.rows, rows)
-    ends = np.searchsorted(entries.rows[chosen], rows, side="right")
-    index = PETSc.IntType
-    csr = np.insert(ends, 0, 0).astype(index), entries.columns[chosen], values[chosen]
-    sizes = (len(rows), None), (like.getLocalSize()[1], like.getSize()[1])
+    ends = np.insert(np.searchsorted(entries.rows[chosen], rows, side="right"), 0, 0)
+    columns = entries.columns[chosen]
+    values = change[chosen]
+    size = like.getSize()[1]
+    if bordered and like.getOwnershipRange()[1] == size:
+        ends = np.append(ends, ends[-1] + 1)
+        columns = np.append(columns, size - 1)
+        values = np.append(values, 1.0)
+    csr = ends.astype(PETSc.IntType), columns.astype(PETSc.IntType), values
+    sizes = (len(ends) - 1, None), (like.getLocalSize()[1], size)
     return PETSc.Mat().createAIJ(sizes, csr=csr, comm=like.comm)
