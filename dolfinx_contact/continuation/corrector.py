@@ -202,9 +202,7 @@ class Corrector:
 
     # -- SNES ------------------------------------------------------------------------------------
 
-    def _run(
-        self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None, *, keep: bool = False
-    ) -> bool:
+    def _run(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None, *, keep: bool = False) -> bool:
         self._piece = piece
         self._error = 0.0
         self._polished = False
@@ -262,9 +260,10 @@ class Corrector:
         """Whether the next correction from ``y`` keeps the matrix. Collective."""
         if not self._chords.lead_on(error, self._error, self.control.tolerance):
             return False
-        if self._codes is None:
+        codes = self._codes_at(y)
+        if self._codes is None or codes is None:
             return True
-        same = bool(np.array_equal(self._codes, self._codes_at(y)))
+        same = bool(np.array_equal(self._codes, codes))
         return bool(self.bordered.comm.allreduce(same, op=MPI.LAND))
 
     def solve(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:

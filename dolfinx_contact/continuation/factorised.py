@@ -220,7 +220,8 @@ class Factorised(BorderedSolver):
 
     def destroy(self) -> None:
         matrices = (self.matrix, self._column, self._row, self._corner)
-        for thing in (self._krylov, self._update, self.factor, *matrices, self._c, self._at, self._base_at):
+        vectors = (self._c, self._at, self._base_at)
+        for thing in (self._krylov, self._update, self.factor, *matrices, *vectors):
             thing.destroy()
         if self._nest is not None:
             self._nest.destroy()

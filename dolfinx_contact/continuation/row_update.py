@@ -8,8 +8,8 @@ formula of Sherman, Morrison and Woodbury
 
     A_1^{-1} = A_0^{-1} - W (I + V^T W)^{-1} V^T A_0^{-1},    det A_1 = det A_0 det(I + V^T W)
 
-(W. W. Hager, Updating the inverse of a matrix, SIAM Rev. 31, 1989). A column of W costs a solve with
-A_0; those of E serve every other matrix as well that differs from A_0 in these rows.
+(W. W. Hager, Updating the inverse of a matrix, SIAM Rev. 31, 1989). A column of W costs a solve
+with A_0; those of E serve every other matrix as well that differs from A_0 in these rows.
 """
 
 from __future__ import annotations
