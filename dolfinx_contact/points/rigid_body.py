@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
+import scipy
 
 import ufl
 from dolfinx import fem, mesh
@@ -193,7 +193,8 @@ class RigidBody(Obstacle):
         """Let the gaps of `gap_of` follow `values`."""
         vector = np.zeros(3)
         vector[3 - len(self.rotation) :] = self.rotation
-        turned = Rotation.from_rotvec(vector).as_matrix().T[: self.dim, : self.dim]
+        turned = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix().T
+        turned = turned[: self.dim, : self.dim]
         for shift, turn in self._places:
             shift.value = self.displacement
             turn.value = turned
