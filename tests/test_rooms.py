@@ -49,6 +49,8 @@ def module_of(file):
 
 
 MODULES = {module_of(f): f for f in ROOT.rglob("*.py")}
+#: Parts of scipy, which loads them when they are used. They take as long as all of the package.
+SCIPY = ("integrate", "linalg", "optimize", "sparse", "spatial", "special")
 
 
 def imports(name):
@@ -91,10 +93,6 @@ def test_floors(name):
 
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts a process of its own")
-#: Parts of scipy, which loads them when they are used. They take as long as all of the package.
-SCIPY = ("integrate", "linalg", "optimize", "sparse", "spatial", "special")
-
-
 def test_what_a_static_solve_does_not_need_is_not_loaded():
     """Proofs, paths and other algorithms are loaded when they are asked for."""
     code = f"import {PACKAGE}, sys; print(*sys.modules)"
