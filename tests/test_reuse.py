@@ -1,5 +1,8 @@
 """One factorisation for many matrices: solutions and determinants, and how many a step takes."""
 
+import zlib
+from types import SimpleNamespace
+
 from mpi4py import MPI
 
 import demo_ciarlet_geymonat
@@ -8,7 +11,8 @@ import pytest
 from _triangle import linear_triangle
 from textbook import Textbook
 
-from dolfinx_contact.continuation import Follower, Observer, StepControl
+from dolfinx_contact import _mesh_mark
+from dolfinx_contact.continuation import Follower, Observer, StepControl, follow
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
 
@@ -161,6 +165,30 @@ def test_work_of_a_linear_body():
     assert sum(a for counts in work.values() for a, _ in counts) == 0
     total = sum(f for counts in work.values() for _, f in counts)
     assert total <= len(work["event"]) / 2
+
+
+def test_the_mesh_is_not_hashed_at_every_residual(block, monkeypatch):
+    """Once a step, and where an observer may have moved it."""
+    count = [0]
+
+    def crc32(*args):
+        count[0] += 1
+        return zlib.crc32(*args)
+
+    monkeypatch.setattr(_mesh_mark, "zlib", SimpleNamespace(crc32=crc32))
+    seen = []
+
+    class Count(Observer):
+        def step(self, step, state):
+            seen.append(count[0])
+
+    x = block.create_vector()
+    block.set_parameter(1.0)
+    block.problem.solve()
+    block.problem.write(x)
+    given = dict(gamma_range=(0.2, 1.0), direction="decreasing", max_steps=4)
+    follow(block, x, 1.0, control=StepControl(kinks="exact"), observer=Count(), **given)
+    assert max(np.diff(seen)) <= 2
 
 
 def test_chords_change_nothing(block):
