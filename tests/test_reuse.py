@@ -9,12 +9,14 @@ import demo_ciarlet_geymonat
 import numpy as np
 import pytest
 from _triangle import linear_triangle
+from recorded_run import moved_block
 from textbook import Textbook
 
 from dolfinx_contact import _mesh_mark
 from dolfinx_contact.continuation import Follower, Observer, StepControl, follow
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.equations.contact import ContactEquations
 
 COMM = MPI.COMM_WORLD
 
@@ -189,6 +191,29 @@ def test_the_mesh_is_not_hashed_at_every_residual(block, monkeypatch):
     given = dict(gamma_range=(0.2, 1.0), direction="decreasing", max_steps=4)
     follow(block, x, 1.0, control=StepControl(kinks="exact"), observer=Count(), **given)
     assert max(np.diff(seen)) <= 2
+
+
+def test_the_residual_of_a_solution_is_not_evaluated_again(monkeypatch):
+    """Once by the check of the data, else by Newton's method alone; the state is that evaluated."""
+    count = [0]
+    residual = ContactEquations.residual
+
+    def counted(*args):
+        count[0] += 1
+        return residual(*args)
+
+    monkeypatch.setattr(ContactEquations, "residual", counted)
+    system, _ = moved_block(COMM, n=3)
+    system.set_parameter(0.3)
+    result, state = system.problem.solve_step(progress=False)
+    assert count[0] == 1 + sum(a.evaluations for a in result.attempts)
+    assert all(a.state is None for a in result.attempts)
+    again = system.problem.state()
+    for found, expected in zip((*state.rows, state.u), (*again.rows, again.u), strict=True):
+        size = np.abs(expected).max(initial=1.0)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * size)
+    for codes, expected in zip(state.statuses, again.statuses, strict=True):
+        np.testing.assert_array_equal(codes, expected)
 
 
 def test_chords_change_nothing(block):
