@@ -13,7 +13,7 @@ from recorded_run import moved_block
 from textbook import Textbook
 
 from dolfinx_contact import _mesh_mark
-from dolfinx_contact.continuation import Follower, Observer, StepControl, follow
+from dolfinx_contact.continuation import Follower, Observer, StepControl, follow, row_update
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.equations.contact import ContactEquations
@@ -58,6 +58,21 @@ class Matrices:
         return sign
 
 
+def test_columns_that_are_no_longer_kept(monkeypatch):
+    """Those of rows that have their old values again make room for others, and come again."""
+    monkeypatch.setattr(row_update, "_MOST_COLUMNS", 2)
+    m = Matrices(5)
+    m.check()
+    first = m.A
+    for k in (0, 3, 6, 0):
+        m.A = first.copy()
+        m.A[k : k + 2] += m.random.normal(size=(2, 10))
+        m.assemble()
+        m.check()
+    assert m.solver.factorisations == 1
+    m.bordered.destroy()
+
+
 def test_rows_that_change():
     """Rows, the border row and gamma's column change in turn: one factorisation serves, exactly."""
     signs = set()
@@ -78,9 +93,11 @@ def test_rows_that_change():
     assert signs == {-1, 1}
 
 
-def test_a_row_that_makes_it_singular():
+@pytest.mark.parametrize("reuse", [None, True])
+def test_a_row_that_makes_it_singular(reuse):
     """Then it is factorised, and found to be singular; what is regular comes after it."""
     m = Matrices(3)
+    m.solver.reuse = reuse
     m.check()
     regular = m.A, m.c
     m.A, m.c = (v.copy() for v in regular)

@@ -14,6 +14,7 @@ with A_0; those of E serve every other matrix as well that differs from A_0 in t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +31,7 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[Any]
 
 _ROUND_OFF = 1e-12  # of the size of a row, by which it counts as the same
+_MOST_COLUMNS = 100  # of W that are kept
 _SINGULAR = 1e-13  # reciprocal condition of I + V^T W, below which the formula does not serve
 
 
@@ -107,13 +109,17 @@ class RowUpdate:
         start, _ = matrix.getOwnershipRange()
         rows = [int(r) for part in comm.allgather(mine + start) for r in part]
         self._W = [self._column(matrix, r) for r in rows]
+        self._keep(rows)
         others = at_border & ~np.isin(base.rows, mine)
         bordered = bool(comm.allreduce(len(base.changed(np.where(others, change, 0.0)))))
         if bordered:
             self._W.append(self._border_column(matrix, base.rows[others], change[others]))
         self._V = _rows_of_change(matrix, base, change, mine, bordered=bordered)
         self._S = np.eye(len(self._W)) + self._products(self._W)
-        return self._is_regular()
+        regular = self._is_regular()
+        if not regular:
+            self._forget()
+        return regular
 
     def _is_regular(self) -> bool:
         if not np.isfinite(self._S).all():
@@ -128,6 +134,12 @@ class RowUpdate:
             here = [row - start] if start <= row < end else []
             self._columns[row] = self._solved(like, here, 1.0)
         return self._columns[row]
+
+    def _keep(self, rows: Sequence[int]) -> None:
+        """Free the columns of other rows if there are many."""
+        if len(self._columns) > _MOST_COLUMNS:
+            for row in set(self._columns) - set(rows):
+                self._columns.pop(row).destroy()
 
     def _border_column(self, like: PETSc.Mat, rows: Indices, values: Array) -> PETSc.Vec:
         """A_0^{-1} c, of the entries of c on this rank."""
