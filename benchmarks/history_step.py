@@ -38,8 +38,8 @@ from dolfinx_contact.solvers.newton import Newton
 #: another one counts for itself alone.
 PARTS = {
     "newton": [(Newton, "run")],
-    "solve": [(ContactProblem, "solve")],
-    "result": [(ContactProblem, "collect")],
+    "solve": [(ContactProblem, "_solved")],
+    "result": [(ContactProblem, "_collected")],
     "energies": [(accepted, "forces_at")],
     "memory": [(ContactEquations, "advanced"), (ContactEquations, "remember")],
     "rate_problem": [(forks.Forks, "_rays")],

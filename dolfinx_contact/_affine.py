@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import special
+import scipy
 
 import ufl
 from dolfinx import fem, mesh
@@ -553,7 +553,8 @@ def _computed(node: Any, values: list[Any]) -> Array:
             return np.asarray(compute(*values))
     if isinstance(node, classes.MathFunction):
         name = node._name
-        return np.asarray(special.erf(values[0]) if name == "erf" else _FUNCTIONS[name](values[0]))
+        function = scipy.special.erf if name == "erf" else _FUNCTIONS[name]
+        return np.asarray(function(values[0]))
     return np.full(np.shape(values[-1]), np.nan)
 
 

@@ -40,6 +40,12 @@ class Entries:
         self._starts = np.append(starts, self._size).astype(PETSc.IntType)
         self._columns = (places % width).astype(PETSc.IntType)
 
+    def numbers(self, rows: int) -> npt.NDArray[np.int64]:
+        """Of the places in each of the first ``rows`` rows of all."""
+        return np.bincount(self._rows, weights=np.diff(self._starts), minlength=rows).astype(
+            np.int64
+        )
+
     def add(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
         """Add values, in the order of the places, to ``A``. Collective."""
         self.insert(values, A)
@@ -64,6 +70,10 @@ def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETS
         entries: that will be added.
     """
     A = PETSc.Mat().createAIJ(((shape[0], None), (shape[1], None)), comm=comm)
+    if comm.size == 1:  # what other ranks add is not known; then PETSc takes a table
+        numbers = sum(e.numbers(shape[0]) for e in entries)
+        A.setPreallocationNNZ(np.minimum(numbers, shape[1]).astype(PETSc.IntType))
+        A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
     A.setUp()
     for e in entries:
         e.insert(np.zeros(e.number), A)

@@ -8,14 +8,16 @@ Newton's method, and that of the spectral transformation of SLEPc.
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
 import numpy as np
-from scipy.sparse import csc_matrix as Columns
 
 from dolfinx_contact._petsc import options_in_database
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix as Columns
 
 __all__ = ["BATCH", "DEFAULTS", "Factor", "is_symmetric", "marked_symmetric"]
 

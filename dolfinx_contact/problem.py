@@ -62,6 +62,7 @@ __all__ = ["ContactProblem"]
 
 Answer = TypeVar("Answer")
 
+_INCREMENTS = 8  # of the load, in the strategy of that name
 _ANOTHER = "make another problem"
 _CONDITIONS = (
     "values of Dirichlet conditions are those of their Constants and Functions, which may be "
@@ -424,7 +425,7 @@ class ContactProblem(ReadOnly):
         *,
         algorithm: str | Algorithm = "newton",
         monitor: Callable[[Step], None] | None = None,
-        increments: int = 8,
+        increments: int = _INCREMENTS,
         progress: bool | None = None,
         expected: Sequence[Statuses] = (),
     ) -> Result:
@@ -451,6 +452,24 @@ class ContactProblem(ReadOnly):
                 is not finite, a negative friction field, a clamped node inside the obstacle).
             ConvergenceError: if no strategy converges; the Functions are as they were.
         """
+        return self._solved(algorithm, monitor, increments, progress, expected)[0]
+
+    @mesh_stays()
+    def solve_step(
+        self, *, progress: bool | None, expected: Sequence[Statuses] = ()
+    ) -> tuple[Result, State]:
+        """`solve` with its defaults, and the state of the result as it was solved. Collective."""
+        return self._solved("newton", None, _INCREMENTS, progress, expected)
+
+    def _solved(
+        self,
+        algorithm: str | Algorithm,
+        monitor: Callable[[Step], None] | None,
+        increments: int,
+        progress: bool | None,
+        expected: Sequence[Statuses],
+    ) -> tuple[Result, State]:
+        """See `solve`; and the state. Collective."""
         same_everywhere(self.comm, expected_statuses=len(expected))
         fits = all(fit(self.surfaces, statuses) for statuses in expected)
         require(self.comm, fits, "the expected statuses are not those of these contact points")
@@ -474,14 +493,14 @@ class ContactProblem(ReadOnly):
                     algorithm, self.equations, self._linear, x0, monitor=monitor, progress=shown
                 )
             with self.restored():
-                result = self.collect(x, attempts)
+                result, state = self._collected(x, attempts, attempts[-1].state)
             prove, theorems = self._answers_at(x)
             result = replace(result, prove=prove, theorems=theorems)
             x.destroy()
             shown.end(result.iterations)
             if self._warned is None:
                 self.warn_of_doubts(result)
-            return result
+            return result, state
         finally:
             shown.end()
             x0.destroy()
@@ -543,8 +562,20 @@ class ContactProblem(ReadOnly):
         b = self.create_vector()
         state = self.equations.residual(x, b, statuses)
         b.destroy()
+        return self._collected(x, attempts, state)[0]
+
+    def _collected(
+        self, x: PETSc.Vec, attempts: Sequence[Attempt], state: State | None
+    ) -> tuple[Result, State]:
+        """The solution in the Functions, its result, and its state, if need be evaluated."""
+        if state is None:
+            b = self.create_vector()
+            state = self.equations.residual(x, b)
+            b.destroy()
+        for attempt in attempts:
+            attempt.state = None
         self.put(x, state.statuses)
-        return collect(self.equations, state, attempts)
+        return collect(self.equations, state, attempts), state
 
     @contextmanager
     def warning_once(self) -> Iterator[None]:

@@ -16,6 +16,7 @@ from dolfinx_contact.continuation import (
     follow,
     points_at,
 )
+from dolfinx_contact.continuation.corrector import Corrector
 
 
 @pytest.fixture(params=["factorised", "krylov"], autouse=True)
@@ -272,7 +273,12 @@ def test_correctors_agree():
         y = point.y.copy()
         t = point.tangent.copy()
         y.axpy(0.05, point.tangent)
-        assert corrector.moore_penrose(y, t, point.piece)
+        by_chords = y.copy()
+        assert corrector.moore_penrose(by_chords, t.copy(), point.piece)
+        newton = Corrector(b, StepControl(), chords=False)
+        assert newton.moore_penrose(y, t, point.piece)
+        by_chords.axpy(-1.0, y)
+        assert by_chords.norm() < 1e-10
         assert abs(b.inner(t, t) - 1) < 1e-12
         exact = corrector.tangent(y, point.tangent, point.piece)
         exact.axpy(-1.0, t)

@@ -171,7 +171,8 @@ def test_no_assembly(monkeypatch):
         branch = follow(system, x, 0.5, gamma_range=(0.4, 0.8), route="steps", observer=observer)
         work.append((count[0], branch.factorisations, branch.solves))
     assert work[0] == work[1]
-    assert min(work[0]) > 0
+    assert work[0][0] > 0
+    assert work[0][2] > 0
 
 
 def test_after_a_kill(folder):

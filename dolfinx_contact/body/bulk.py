@@ -210,14 +210,15 @@ class Bulk:
     def stiffness(self, u: npt.NDArray[np.float64]) -> PETSc.Mat:
         """Derivative of the residual at ``u``, without Dirichlet rows. Collective.
 
-        The matrix is kept: the caller neither changes nor destroys it.
+        It is assembled where what it depends on has changed since, which ``u`` may be among. The
+        matrix is kept: the caller neither changes nor destroys it.
         """
+        self.displacement.x.array[:] = u
         mark = self._mark(self._data)
         if self._K is None:
             self._K = dolfinx.fem.petsc.create_matrix(self.jacobian_form)
-        elif self.linear and self._same(mark, self._K_mark):
+        elif self._same(mark, self._K_mark):
             return self._K
-        self.displacement.x.array[:] = u
         start = time.perf_counter()
         self._K.zeroEntries()
         dolfinx.fem.petsc.assemble_matrix(self._K, self.jacobian_form)

@@ -8,8 +8,7 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from dolfinx import fem, la
 
@@ -47,8 +46,8 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     size = index_map.size_local + index_map.num_ghosts
     cells = V.dofmap.list
     edges = np.stack([np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].reshape(-1)])
-    graph = coo_array((np.ones(edges.shape[1]), tuple(edges)), shape=(size, size))
-    count, mine = connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_array((np.ones(edges.shape[1]), tuple(edges)), shape=(size, size))
+    count, mine = scipy.sparse.csgraph.connected_components(graph, directed=False)
     counts = comm.allgather(count)
     mine = mine + sum(counts[: comm.rank])
     owners = la.vector(index_map, 1)
@@ -57,8 +56,8 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     joined = np.stack([mine[owned:], owners.array[owned:].astype(np.int64)])
     pairs = np.hstack(comm.allgather(np.unique(joined, axis=1)))
     total = sum(counts)
-    links = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(total, total))
-    whole = connected_components(links, directed=False)[1][mine]
+    links = scipy.sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(total, total))
+    whole = scipy.sparse.csgraph.connected_components(links, directed=False)[1][mine]
     # Ghosts without a cell on this rank are parts of their own here; every part that is left
     # over by that has no owned node, and is dropped by numbering the others anew.
     present = np.unique(np.concatenate(comm.allgather(np.unique(whole[:owned]))))

@@ -5,19 +5,25 @@ All are a SNES on the bordered system; they differ in its last row. Moore-Penros
 Renard, Comput. Mech. 56, 2015, after Dhooge, Govaerts and Kuznetsov) moves orthogonally to a
 tangent that is improved with the same factorisation; pseudo-arclength holds the distance along a
 fixed tangent; natural holds gamma.
+
+Where a factorisation makes further solves cheap, a correction keeps the matrix of the one before
+where few more of these lead to the tolerance (`chords`). Residuals are always those of H.
 """
 
 from __future__ import annotations
 
 import logging
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 from dolfinx_contact._petsc import as_raised, options_in_database
 from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.chords import Chords
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import Piece
 
@@ -32,6 +38,10 @@ _NEARLY_SINGULAR = 1e8
 _COARSEST = 1e-2
 _RESERVE = 0.1
 _POLISHED = 1e-4
+#: Of the tolerance, down to which a point that a chord leads to is corrected once more: a step of
+#: Newton's method would have led further.
+_SHARP = 3e-2
+_MOST_TESTS = 10  # over the number of corrections, for PETSc
 #: Relative residual of a tangent that is no more than a direction to step along.
 _TO_STEP_ALONG = 1e-4
 
@@ -44,7 +54,7 @@ class _BorderedSolve:
 
     def apply(self, pc: PETSc.PC, rhs: PETSc.Vec, out: PETSc.Vec) -> None:
         reasons = PETSc.PC.FailedReason
-        ok = self._corrector.bordered.solver.solve(rhs, out, rtol=self._corrector.forcing)
+        ok = self._corrector.solve(rhs, out)
         pc.setFailedReason(reasons.NOERROR if ok else reasons.FACTOR_NUMERIC_ZEROPIVOT)
 
 
@@ -54,11 +64,14 @@ class Corrector:
     Args:
         bordered: vectors and linear algebra.
         control: tolerance and number of corrections.
+        chords: whether corrections may keep the matrix of the one before. A path with memory, along
+            which round-off decides what comes first, has Newton's method to its end.
     """
 
-    def __init__(self, bordered: Bordered, control: StepControl):
+    def __init__(self, bordered: Bordered, control: StepControl, *, chords: bool = True):
         self.bordered = bordered
         self.control = control
+        self._serves = chords and bordered.solver.many_sides
         self.snes = PETSc.SNES().create(bordered.comm)
         self._b, self._row, self._away = (bordered.vector() for _ in range(3))
         self._hx, self._x, self._d = (bordered.system.create_vector() for _ in range(3))
@@ -74,24 +87,32 @@ class Corrector:
         self.snes.setConvergenceTest(self._test)
         self.snes.setLineSearchPreCheck(self._settle)
         self.snes.setMonitor(self._improve)
-        self.snes.setTolerances(max_it=control.corrections)
+        self.snes.setTolerances(max_it=_MOST_TESTS * control.corrections)
         self._piece: Piece | None = None
         self._reference: PETSc.Vec | None = None
         self._distance = 0.0
         self._polish = False
         self._T: PETSc.Vec | None = None
         self._error = self._residual = 0.0
+        self._chords = Chords()
+        self._keeps = self._polished = False
+        self._codes: npt.NDArray[np.int8] | None = None
         self._scales: tuple[float, ...] = ()  # at the start of the run
         self._predicted: tuple[float, ...] | None = None  # with the state it started from
         #: Relative residual to which a correction is worth solving.
         self.forcing = 0.0
-        self.iterations = 0
+
+    @property
+    def iterations(self) -> int:
+        """Corrections of the last run, in steps of Newton's method."""
+        return self._chords.iterations
 
     # -- the three correctors --------------------------------------------------------------------
 
     def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
         """Correct ``y`` in place, orthogonally to ``t``, which is improved in place."""
         self._reference = None
+        self._polish = False
         self._T = t
         return self._run(y, t, piece)
 
@@ -104,18 +125,18 @@ class Corrector:
         piece: Piece | None,
         *,
         polish: bool = False,
+        keep: bool = False,
     ) -> bool:
         """Correct ``y`` in place to the point at ``distance`` from ``start`` along ``t``.
 
-        With ``polish`` it is corrected once more when it is within the tolerance.
+        With ``polish`` it is corrected once more when it is within the tolerance. With ``keep`` the
+        matrix of the last run, with the same ``t`` and piece, serves as far as it leads.
         """
         self._reference = start
         self._T = None
         self._distance = distance
         self._polish = polish
-        ok = self._run(y, t, piece)
-        self._polish = False
-        return ok
+        return self._run(y, t, piece, keep=keep)
 
     def natural(self, y: PETSc.Vec, gamma: float, piece: Piece | None) -> bool:
         """Correct ``y`` in place at fixed gamma, which it then has to the last bit."""
@@ -181,17 +202,17 @@ class Corrector:
 
     # -- SNES ------------------------------------------------------------------------------------
 
-    def _run(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
+    def _run(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None, *, keep: bool = False) -> bool:
         self._piece = piece
-        self.iterations = 0
         self._error = 0.0
+        self._polished = False
+        self._chords.begin(kept=keep and self._serves)
         self._scales = self.bordered.system.scales
         self._predicted = None
         self.bordered.dual(t, self._row)
         self.snes.setJacobian(self._jacobian, self._matrix(y))
         with self.bordered.solver.options(), as_raised():
             self.snes.solve(None, y)
-        self.iterations = self.snes.getIterationNumber()
         ok = bool(self.snes.getConvergedReason() > 0)
         if not ok:
             self.reject()
@@ -223,7 +244,35 @@ class Corrector:
         b.join(self._hx, last, out)
 
     def _jacobian(self, _snes: PETSc.SNES, y: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
+        if self._keeps:
+            self._chords.number += 1
+            return
         self.bordered.solver.assemble(y, self._row, self._piece)
+        self._chords.new_matrix(serves=self._serves)
+        self._codes = self._codes_at(y) if self._serves else None
+
+    def _codes_at(self, y: PETSc.Vec) -> npt.NDArray[np.int8] | None:
+        """The statuses on this rank by which H is linearised at ``y``; None if they are held."""
+        system = self.bordered.system
+        return None if self._piece is not None else system.piece_at(*self.bordered.split(y)).codes
+
+    def _leads_on(self, y: PETSc.Vec, error: float) -> bool:
+        """Whether the next correction from ``y`` keeps the matrix. Collective."""
+        if not self._chords.lead_on(error, self._error, self.control.tolerance):
+            return False
+        codes = self._codes_at(y)
+        if self._codes is None or codes is None:
+            return True
+        same = bool(np.array_equal(self._codes, codes))
+        return bool(self.bordered.comm.allreduce(same, op=MPI.LAND))
+
+    def solve(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
+        """Solve for a correction, whose last row is that of the tangent as it is; for PETSc."""
+        ok = self.bordered.solver.solve(rhs, out, rtol=self.forcing)
+        if ok and self._keeps and self._T is not None:
+            # The tangent spans what the other rows leave free.
+            out.axpy(self.bordered.gamma(rhs) - self._row.dot(out), self._T)
+        return ok
 
     def _settle(self, y: PETSc.Vec, step: PETSc.Vec) -> None:
         """Put right after the step y - step what is cheap to solve on its own; see `settle`."""
@@ -258,10 +307,12 @@ class Corrector:
             return int(reasons.DIVERGED_LOCAL_MIN)
         scale = max(abs(self._distance), 1e-6) if self._reference is not None else 1.0
         if error <= self.control.tolerance and abs(last) <= 1e-10 * scale:
-            if not self._polish:
+            blunt = self._chords.number > 0 and error > _SHARP * self.control.tolerance
+            if self._polished or not (self._polish or blunt):
                 return int(reasons.CONVERGED_FNORM_RELATIVE)
-            self._polish = False
-        if it >= self.control.corrections:
+            self._polished = True
+        self._keeps = self._leads_on(snes.getSolution(), error)
+        if not self._keeps and self.iterations >= self.control.corrections:
             return int(reasons.DIVERGED_MAX_IT)
         self.forcing = self._forcing(error)
         self._error = error
@@ -281,7 +332,7 @@ class Corrector:
         Where another right-hand side costs another solve the tangent stays as it is.
         """
         b = self.bordered
-        if it == 0 or self._T is None or not b.solver.many_sides:
+        if it == 0 or self._T is None or not b.solver.many_sides or self._chords.number:
             return
         new = b.vector()
         if b.solver.solve(self._e, new):

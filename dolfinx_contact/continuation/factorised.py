@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The bordered matrix assembled and factorised, by default by MUMPS.
 
-One factorisation serves every right-hand side, and the matrices that come after it as well: from
-one state and piece to the next they differ by little and by the rows of the points that change
-their status, so that GMRES, preconditioned with the factorisation, solves with the new matrix to
-round-off in a few iterations. When it needs many, the matrix is factorised anew.
+One factorisation serves every right-hand side, and the matrices that come after it as well. Those
+that differ from it in a few rows, of the points that change their status and of the border, are
+solved with by a formula (`row_update`); where factorising takes many times as long as solving, so
+are those that differ a little everywhere, from one state to the next. Either way GMRES brings the
+solution to round-off, in an iteration or a few. When it needs many, or the matrix differs by more,
+it is factorised anew.
 """
 
 from __future__ import annotations
@@ -17,15 +19,29 @@ import numpy.typing as npt
 from dolfinx_contact._factor import Factor
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.linear import BorderedSolver
+from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.system import Piece
 
 __all__ = ["Factorised"]
 
-_LARGE = 2000  # unknowns from which on a factorisation is reused
+_LARGE = 2000  # unknowns from which on a factorisation is reused for matrices that differ a little
+_FEW = 8  # changed rows up to which it is reused below that size
+_MORE = 48  # and from that size on
 _ROUND_OFF = 1e-13  # relative, of GMRES
 _MOST_ITERATIONS = 40  # of GMRES; beyond, the matrix is factorised
 _WORN = 20  # iterations after which the next matrix is factorised
 _DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+
+
+class _Updated:
+    """The factorised matrix, brought up to date, as a preconditioner for PETSc."""
+
+    def __init__(self, update: RowUpdate):
+        self._update = update
+
+    def apply(self, pc: PETSc.PC, rhs: PETSc.Vec, out: PETSc.Vec) -> None:
+        if not self._update.solve(rhs, out):
+            pc.setFailedReason(PETSc.PC.FailedReason.OTHER)
 
 
 class Factorised(BorderedSolver):
@@ -34,8 +50,8 @@ class Factorised(BorderedSolver):
     Args:
         layout: of vectors y.
         prefix: of PETSc options.
-        reuse: whether a factorisation also serves the matrices after it; by default it does where
-            factorising takes many times as long as solving.
+        reuse: whether a factorisation also serves the matrices after it; by default those that
+            differ in a few rows, and all where factorising takes many times as long as solving.
     """
 
     precision = 1e-12
@@ -44,7 +60,8 @@ class Factorised(BorderedSolver):
 
     def __init__(self, layout: Layout, prefix: str, *, reuse: bool | None = None):
         super().__init__(layout, prefix)
-        self.reuse = layout.size >= _LARGE if reuse is None else reuse
+        self.reuse = reuse
+        self._is_large = layout.size >= _LARGE
         self._c = self.system.create_vector()
         one = int(layout.last)
         n = layout.local
@@ -61,11 +78,20 @@ class Factorised(BorderedSolver):
         self._pc.setReusePreconditioner(True)
         self._krylov = PETSc.KSP().create(comm)
         self._krylov.setType(PETSc.KSP.Type.GMRES)
-        self._krylov.setPC(self._pc)
+        self._update = RowUpdate(self.factor)
+        inverse = self._krylov.getPC()
+        inverse.setType(PETSc.PC.Type.PYTHON)
+        inverse.setPythonContext(_Updated(self._update))
         self._krylov.setGMRESRestart(_MOST_ITERATIONS)
         self._krylov.setTolerances(rtol=_ROUND_OFF, max_it=_MOST_ITERATIONS)
         #: Whether there is a factorisation, whether it is that of `matrix`, and whether it is old.
         self._factorised = self._current = self._worn = False
+        #: Whether the formula serves `matrix`; None until that is tried.
+        self._updated: bool | None = None
+        #: State of `matrix`, state of the factorised one, and whether another state changes so many
+        #: rows that the formula need not be tried.
+        self._at, self._base_at = (self.system.create_vector() for _ in range(2))
+        self._changes_everywhere = False
 
     def assemble(self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None) -> None:
         layout, x, gamma = self.layout, *self.layout.split(y)
@@ -86,25 +112,55 @@ class Factorised(BorderedSolver):
             self._nest = PETSc.Mat().createNest(blocks, comm=self.comm)
         self._nest.assemble()
         self._nest.convert("aij", self.matrix)
+        x.copy(self._at)
         self._current = False
+        self._updated = None
 
     def factorise(self) -> bool:
+        return self._current or self._has_few_changes() or self._factorise()
+
+    def _factorise(self) -> bool:
         self._pc.setReusePreconditioner(False)
         ok = self.factor.factorise(self.matrix)
         self._pc.setReusePreconditioner(True)
         self.factorisations += 1
         self._factorised = self._current = ok
         self._worn = False
+        if ok and self.reuse is not False:
+            self._update.begin(self.matrix)
+            self._at.copy(self._base_at)
         return ok
+
+    def _has_few_changes(self) -> bool:
+        """Whether the matrix differs from the factorised one in so few rows that it serves."""
+        if self._updated is None:
+            self._updated = (
+                self._factorised
+                and not self._worn
+                and self.reuse is not False
+                and (not self._changes_everywhere or self._at.equal(self._base_at))
+                and self._take()
+            )
+        return self._updated
+
+    def _take(self) -> bool:
+        before = self._update.solves
+        taken = self._update.take(self.matrix, _MORE if self._is_large else _FEW)
+        self.solves += self._update.solves - before
+        if self._update.changed > self.layout.size / 2 and not self._at.equal(self._base_at):
+            self._changes_everywhere = True
+        return taken
 
     def solve(
         self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0, near: PETSc.Vec | None = None
     ) -> bool:
         if not self._current:
-            again = self.reuse and self._factorised and not self._worn
+            a_little = self._is_large if self.reuse is None else self.reuse
+            again = self._factorised and not self._worn
+            again = again and (self._has_few_changes() or a_little)
             if again and self._solve_by_krylov(rhs, out):
                 return True
-            if not self.factorise():
+            if not self._factorise():
                 return False
         solved = self.factor.solve(rhs, out)
         self.solves += 1
@@ -122,7 +178,9 @@ class Factorised(BorderedSolver):
         return bool(self._krylov.getConvergedReason() > 0 and np.isfinite(out.norm()))
 
     def determinant_sign(self) -> float:
-        if not self._current and not self.factorise():
+        if not self._current and self._has_few_changes():
+            return self._update.determinant_sign
+        if not self._current and not self._factorise():
             return 0.0
         return self.factor.determinant_sign
 
@@ -162,7 +220,8 @@ class Factorised(BorderedSolver):
 
     def destroy(self) -> None:
         matrices = (self.matrix, self._column, self._row, self._corner)
-        for thing in (self._krylov, self.factor, *matrices, self._c):
+        vectors = (self._c, self._at, self._base_at)
+        for thing in (self._krylov, self._update, self.factor, *matrices, *vectors):
             thing.destroy()
         if self._nest is not None:
             self._nest.destroy()

@@ -290,14 +290,14 @@ class ExactSteps:
         s = high
         y = y_high
         side = 0
-        for _ in range(60):
+        for number in range(60):
             fraction = reached(e_low, e_high, (w_low, w_high))
             first = comm.allreduce(float(np.min(fraction, initial=np.inf)), op=min)
             s = low + first * (high - low)
             y = y_low.copy()
             y.axpy(first, y_high - y_low)
             if not self.corrector.pseudo_arclength(
-                y, point.y, point.tangent, s, piece, polish=True
+                y, point.y, point.tangent, s, piece, polish=True, keep=number > 0
             ):
                 return None
             if self._strays(point, y, reach):

@@ -231,6 +231,13 @@ class System:
         """
         return lambda: ""
 
+    def undisturbed(self) -> AbstractContextManager[None]:
+        """A context in which nobody changes the data; by default it does nothing.
+
+        A step of a branch runs in it: what depends on the data may be kept there.
+        """
+        return nullcontext()
+
     def check_parameter(self, gammas: Sequence[float]) -> None:
         """Raise ``ValueError`` if there is no problem at one of these, in order."""
 

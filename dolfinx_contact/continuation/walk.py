@@ -186,7 +186,8 @@ class Walker(ABC):
         observers.begin(task, known)
         observers.step(BranchStep(branch_id, first, start), known)
         for index in range(first + 1, max_steps + 1):
-            found = walk.advance(branch, point)
+            with self.system.undisturbed():
+                found = walk.advance(branch, point)
             if found is None:
                 break
             point, special = found

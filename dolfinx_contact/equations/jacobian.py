@@ -202,6 +202,23 @@ class _Numbering:
         places = dofs - self._starts[owner, field] + self._firsts[owner, field]
         return np.where(self._is_absent(field, dofs), -1, places)
 
+    def column_places(self, columns: Indices, owned: tuple[int, int]) -> Indices:
+        """Places of the displacement's columns of a matrix, of which ranks have most. Collective.
+
+        Args:
+            columns: global dofs.
+            owned: first of this rank's, and first beyond.
+        """
+        first, end = owned
+        here = (first <= columns) & (columns < end)
+        known, inverse = np.unique(columns[~here], return_inverse=True)
+        wanted = np.concatenate([np.arange(first, end), known])
+        places = self.dof_places(0, wanted.astype(np.int64))
+        index = np.empty(len(columns), dtype=np.int64)
+        index[here] = columns[here] - first
+        index[~here] = end - first + inverse
+        return np.asarray(places[index])
+
     def _is_absent(self, field: int, dofs: Indices) -> npt.NDArray[np.bool_]:
         """Whether dofs of any rank are fixed or removed. Collective."""
         mine = self._absent[field].astype(float)
@@ -231,8 +248,7 @@ class Jacobian:
         indptr, columns, _ = K.getValuesCSR()
         mine = numbering.first + np.arange(n, dtype=np.int64)
         rows = np.repeat(np.where(eq.fixed[:n], -1, mine), np.diff(indptr))
-        known, inverse = np.unique(columns, return_inverse=True)
-        places = numbering.dof_places(0, known.astype(np.int64))[inverse]
+        places = numbering.column_places(columns, K.getOwnershipRangeColumn())
         fixed = mine[eq.fixed[:n]]
         self._fixed = Entries(fixed, fixed)
         self._body = Entries(rows, places)

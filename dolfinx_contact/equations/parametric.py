@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Protocol
 
 from petsc4py import PETSc
@@ -21,7 +21,7 @@ from dolfinx import fem
 from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._mesh_mark import mesh_mark
+from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import (
@@ -211,6 +211,9 @@ class ParametricEquations(System):
                 for f, values in zip(functions, before, strict=True):
                     f.x.array[:] = values
                 self.constant.value = gamma
+
+    def undisturbed(self) -> AbstractContextManager[None]:
+        return mesh_stays()
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
         surfaces = self.equations.surfaces

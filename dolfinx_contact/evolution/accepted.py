@@ -349,8 +349,7 @@ class Stepper:
         if guess is not None:
             self._put_unknowns(guess)
         expected = [s for s in likely or (accepted.statuses,) if s is not None]
-        result = self.problem.solve(expected=expected, progress=self._progress)
-        state = self.problem.state()
+        result, state = self.problem.solve_step(expected=expected, progress=self._progress)
         forces = forces_at(eq, state)
         energies = accepted.energies.advanced(accepted.forces, forces, result.energies["friction"])
         after = self.accepted(time, state.statuses, eq.advanced(state), forces, energies)

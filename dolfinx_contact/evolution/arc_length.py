@@ -237,7 +237,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         low, high = task.gamma_range
         accepted = run_state.accepted
         bordered = Bordered(self.parametric, gamma_scale=high - low)
-        steps = ArcSteps(Corrector(bordered, task.control))
+        steps = ArcSteps(Corrector(bordered, task.control, chords=False))
         stepper = self._stepper(listeners.progress)
         rule = ByArcLength(self.parametric, stepper, steps, task, run_state)
         history = PathHistory(accepted.time, accepted.energies, gamma=accepted.gamma)

@@ -197,8 +197,7 @@ class MotionStepper(Stepper):
             eq.remember(self._seen(accepted, step, motion))
             # Free flight from the start, and the forces of the step before, give good statuses.
             problem.u.x.array[:] = body.origin + step.gain * step.length * a.v
-            result = problem.solve(progress=self._progress)
-            state = problem.state()
+            result, state = problem.solve_step(progress=self._progress)
             u, v = (f(state.u, body.origin) for f in (step.displacement, step.velocity))
             problem.u.x.array[:] = u
             self._velocity.x.array[:] = v

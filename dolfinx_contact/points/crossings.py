@@ -16,7 +16,7 @@ on which two others stand, all of them are independent and stay.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
@@ -54,9 +54,11 @@ def crossings(
     """
     comm = V.mesh.comm
     index_map = V.dofmap.index_map
+    opposites = [s.opposite_nodes for s in surfaces]
+    if all(opposite is None for opposite in opposites):
+        return [_none(s.points.vertices.dofmap.index_map) for s in surfaces], _none(index_map)
     parts: list[Edges] = [np.zeros((0, 4), dtype=np.int64)]
-    for i, s in enumerate(surfaces):
-        opposite = s.opposite_nodes
+    for i, (s, opposite) in enumerate(zip(surfaces, opposites, strict=True)):
         if opposite is None or not opposite.matching:
             continue
         vertices = np.arange(s.points.vertices.dofmap.index_map.size_local)
@@ -83,6 +85,10 @@ def crossings(
     counts.array[: index_map.size_local] = _counts(V, found)
     counts.scatter_forward()
     return marks, np.asarray(counts.array > 0)
+
+
+def _none(index_map: Any) -> npt.NDArray[np.bool_]:
+    return np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
 
 
 def _counts(V: fem.FunctionSpace, edges: Edges) -> npt.NDArray[np.float64]:

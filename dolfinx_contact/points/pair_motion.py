@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+import scipy
 
 import basix
 from dolfinx import fem, la
@@ -231,7 +231,8 @@ class _Search:
         self._parts = []
         for power in np.unique(size):
             mine = np.flatnonzero(size == power)
-            self._parts.append((mine, float(radius[mine].max()), cKDTree(middles[mine])))
+            tree = scipy.spatial.cKDTree(middles[mine])
+            self._parts.append((mine, float(radius[mine].max()), tree))
 
     def __call__(self, x: Array, reach: Array) -> tuple[Any, Any]:
         """Numbers of points and of simplices, the middles of which are within reach and a radius.

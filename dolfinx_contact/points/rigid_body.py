@@ -27,7 +27,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 import ufl
 from dolfinx import fem, mesh

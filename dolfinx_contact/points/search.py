@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+import scipy
 
 __all__ = ["exchanged", "nearest", "ranks_nearby", "within"]
 
@@ -70,7 +70,7 @@ def ranks_nearby(
     known: Array,
     wanted: Array,
     which: Callable[[Array, Array], npt.NDArray[np.bool_]],
-) -> tuple[list[npt.NDArray[np.intp]], cKDTree | None]:
+) -> tuple[list[npt.NDArray[np.intp]], scipy.spatial.cKDTree | None]:
     """The places about which each rank is queried, and its known ones as a tree. Collective.
 
     Args:
@@ -88,7 +88,7 @@ def ranks_nearby(
     high = boxes[:, 1, None]
     near = np.linalg.norm(np.maximum(np.maximum(low - wanted, wanted - high), 0.0), axis=2)
     far = np.linalg.norm(np.maximum(np.abs(wanted - low), np.abs(high - wanted)), axis=2)
-    tree = cKDTree(known) if len(known) else None
+    tree = scipy.spatial.cKDTree(known) if len(known) else None
     return [np.flatnonzero(marked) for marked in which(near, far)], tree
 
 

@@ -6,8 +6,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from dolfinx_contact.equations.measures import Measures
+
+if TYPE_CHECKING:
+    from dolfinx_contact.equations.state import State
 
 __all__ = ["Attempt", "ConvergenceError", "FloatingBodyError", "LinearSolverError", "Step"]
 
@@ -52,6 +56,7 @@ class Attempt:
         restless: per surface name, coordinates of points that changed status in the last step.
         limit: cost at which it gives up.
         evaluations: of the residual.
+        state: of the solution, until the result is made of it; None if it is to be evaluated.
         series: what else an algorithm reports, by name; one value an iterate where it states
             nothing else.
     """
@@ -63,6 +68,7 @@ class Attempt:
     restless: dict[str, list[list[float]]] = field(default_factory=dict)
     limit: float = math.inf
     evaluations: int = 0
+    state: State | None = None
     series: dict[str, list[float]] = field(default_factory=dict)
 
     def report(self, **values: float) -> None:

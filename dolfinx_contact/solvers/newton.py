@@ -91,6 +91,7 @@ class Newton:
         self._history: list[tuple[Statuses, float]] = []
         #: Unknowns, and H there, that the line search needs after the surface was corrected.
         self._known: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None = None
+        self._at: npt.NDArray[np.float64] = np.zeros(0)  # unknowns of the state
 
     def _create(self) -> None:
         """Make the SNES. Collective.
@@ -213,6 +214,15 @@ class Newton:
             root = self.comm.rank == 0
             self.equations.options.warn(multigrid=multigrid, root=root)
 
+    def state_at(self, x: PETSc.Vec) -> State | None:
+        """The state that was evaluated last, if that was at ``x`` by its own statuses. Collective.
+
+        Under the whole load H there is what the result is made of.
+        """
+        same = self.held is None and self.load == 1.0
+        same = same and np.array_equal(x.array_r, self._at)
+        return self.state if self._everywhere(same) else None
+
     @property
     def stagnated(self) -> bool:
         """Whether the last run ended with a linear system that was not solved."""
@@ -223,6 +233,7 @@ class Newton:
         self._known = None
         if known is not None and self._everywhere(np.array_equal(x.array_r, known[0])):
             b.array[:] = known[1]
+            self._at = known[0]
             return
         self._evaluate(x, b)
 
@@ -233,6 +244,7 @@ class Newton:
         """H(x) into ``b``. Collective."""
         with logged("ContactResidual"):
             self.state = self.equations.residual(x, b, self.held)
+        self._at = x.array_r.copy()
         self.attempt.evaluations += 1
         if self.load != 1.0:
             b.axpy(self.load - 1.0, self.offset)

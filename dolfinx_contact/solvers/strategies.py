@@ -99,6 +99,7 @@ class _Strategies:
             if stagnated and self.linear.direct_instead():
                 with Newton(self.eq, self.linear(), line_search, monitor) as solver:
                     done = solver.run(x, attempt)
+            attempt.state = solver.state_at(x) if done else None
             return done
 
         return run
@@ -108,7 +109,9 @@ class _Strategies:
 
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
             with self.eq.scaling.automatic():
-                return strategy(x, attempt, monitor)
+                done = strategy(x, attempt, monitor)
+            attempt.state = None  # that is of another r
+            return done
 
         return run
 
@@ -124,7 +127,9 @@ class _Strategies:
                     start.copy(x)
                 solver.held = solver.most = None
                 start.destroy()
-                return solver.run(x, attempt)
+                done = solver.run(x, attempt)
+                attempt.state = solver.state_at(x) if done else None
+                return done
 
         return run
 
