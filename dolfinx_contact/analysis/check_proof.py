@@ -1575,13 +1575,14 @@ def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiec
             break
         z = z - (C @ f).reshape(-1, 3)
     left = up(np.abs(C) @ (np.abs(f) + off))
-    ball = np.asarray(2 * left + TINY).reshape(-1, 3)
+    inverse = np.asarray(C, dtype=np.float64)
+    ball: Array = np.asarray(2 * left + TINY, dtype=np.float64).reshape(-1, 3)
     for _ in range(6):
-        piece = SpacePiece(problem, codes, z, e, C, left, ball)
+        piece = SpacePiece(problem, codes, z, e, inverse, left, ball)
         grown = _growth(piece, ball).reshape(-1, 3)
         if (grown < ball).all():
             return piece
-        ball = 2 * grown
+        ball = np.asarray(2 * grown, dtype=np.float64)
         if not ball.max() < 1.0:
             return None
     return None
@@ -2059,7 +2060,7 @@ def _of_arcs(
     made.add(8, i, 1.0, two, across)
     made.add(8, i, k, across, across)
     if s_low > 0:
-        most_k = above(up(np.float64(F * r_high)) / s_low)
+        most_k = above(above(F * r_high) / s_low)
         made.add(7, i, 1.0, two, two)
         made.add(7, i, k + most_k, two, across)
         made.add(7, i, k * most_k, across, across)

@@ -58,7 +58,7 @@ def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) 
     if not all(type(s.law) in (Coulomb, Frictionless, Tresca) for s in equations.surfaces):
         return "proofs are for the laws of Coulomb and Tresca and contact without friction"
     if condensed is None or not condensed.exact:
-        return "the problem is not linear in 2D, with contact at nodes, but for the law of contact"
+        return "the problem is not linear, with contact at nodes, but for the law of contact"
     if not condensed.always_solvable:
         return "the stiffness of the body at its contact points is not positive definite"
     return ""

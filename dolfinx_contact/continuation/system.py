@@ -181,6 +181,10 @@ class System:
         """
         return None
 
+    def obstacle_to_proof(self) -> str:
+        """Why `prove` is not tried, human-readable; "", the default, if that is not known."""
+        return ""
+
     def prove_rays(
         self,
         condensed: Condensed,
@@ -310,6 +314,9 @@ class Condensed(Protocol):
     system: AffineSystem
     #: Whether they are those of H everywhere, not only its linearisation at a state.
     exact: bool
+
+    def require_finite(self) -> None:
+        """Raise ``ValueError`` if a number is not finite."""
 
     def codes(self, piece: Piece) -> npt.NDArray[np.int8]:
         """Statuses of all points."""
