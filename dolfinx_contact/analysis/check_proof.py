@@ -2278,7 +2278,7 @@ class Proved:
         """Take the solution of a piece, whose errors decide whether it is one.
 
         Raises:
-            InvalidCertificate: if two solutions in space cannot be told apart.
+            InvalidCertificate: if two solutions in space cannot be distinguished.
         """
         kind = piece.verdict
         if kind == "outside":
@@ -2288,7 +2288,7 @@ class Proved:
         if True in same:
             return
         if None in same and kind == "inside":
-            raise InvalidCertificate("two solutions cannot be told apart")
+            raise InvalidCertificate("two solutions cannot be distinguished")
         known.append(piece)
 
 

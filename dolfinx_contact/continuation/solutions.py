@@ -283,7 +283,8 @@ def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
     for state in proof.solutions:
         y = x.copy()
         condensed.expand(state.state, gamma, y)
-        found.append(Solution(y, condensed.piece(state.codes)))
+        own = condensed.piece(state.codes)
+        found.append(Solution(y, system.piece_at(y, gamma) if condensed.guided else own))
     return Solutions(gamma, tuple(found), proof.verdict == "complete", proof.method, proof=proof)
 
 

@@ -315,6 +315,10 @@ class Condensed(Protocol):
     #: Whether they are those of H everywhere, not only its linearisation at a state.
     exact: bool
 
+    @property
+    def guided(self) -> bool:
+        """Whether points have other statuses in H, since what they do is prescribed in part."""
+
     def require_finite(self) -> None:
         """Raise ``ValueError`` if a number is not finite."""
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Solutions of pieces in space, nearly, and statuses of the points of a region.
 
-Which unknowns a status has is told in `check_proof`; what is found here is proved there.
+The unknowns of a status are those of `check_proof`, which proves what is found here.
 """
 
 from __future__ import annotations
