@@ -62,6 +62,7 @@ __all__ = [
     "Verdict",
     "check",
     "differences",
+    "flexibility",
     "follow",
     "gamma",
     "has_status",
@@ -419,6 +420,12 @@ def _ellipsoid(problem: ReducedProblem) -> _Ellipsoid:
     rho = float(np.sqrt(up(np.maximum(work, 0)))) / 2
     diagonal = np.maximum(np.diag(G), 0) + column_off
     return _Ellipsoid(twice, shift, G, column_off, diagonal, rho)
+
+
+def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
+    """S^-1, nearly, and by how much entries of a column may be off (n, n), (n,)."""
+    e = _ellipsoid(problem)
+    return e.inverse, up(e.inverse_off)
 
 
 def bounded(problem: ReducedProblem) -> Array:
