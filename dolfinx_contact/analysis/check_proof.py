@@ -423,9 +423,18 @@ def _ellipsoid(problem: ReducedProblem) -> _Ellipsoid:
 
 
 def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
-    """S^-1, nearly, and by how much entries of a column may be off (n, n), (n,)."""
-    e = _ellipsoid(problem)
-    return e.inverse, up(e.inverse_off)
+    """S^-1, nearly, and by how much its entries may be off (n, n), (n, n).
+
+    With E >= |I - S G| over all S, of maximum norm e below 1, |S^-1 - G| <= |G| (E + E^2 + ...), in
+    which entries of a column of E^2 are no more than e times the largest of E.
+    """
+    G = np.asarray(np.linalg.inv(problem.S), dtype=np.float64)
+    n = len(G)
+    E = _residuals(problem, G, np.eye(n), np.zeros((n, n)))
+    norm = float(up(E.sum(axis=1)).max())
+    if not norm < 0.5:
+        return G, np.full((n, n), np.inf)
+    return G, up(np.abs(G) @ up(E + norm / (1 - norm) * E.max(axis=0)))
 
 
 def bounded(problem: ReducedProblem) -> Array:

@@ -131,11 +131,11 @@ def wedging_of(points: PointProblem, *, seconds: float = 60.0, sides: int = 16) 
     begun = time.monotonic()
     search = _Search(points, begun + seconds, sides)
     search.run()
-    state = np.zeros((points.number, 2 * points.dim))
+    state: Array = np.zeros((points.number, 2 * points.dim))
     if search.best is not None:
         r = search.best.reshape(points.number, points.dim)
         u = (search.G @ search.best).reshape(r.shape)
-        state = np.hstack([u, r])
+        state = np.asarray(np.hstack([u, r]), dtype=np.float64)
     statuses = "".join("c" if c else "o" for c in search.closed)
     lower = search.tried if search.complete else 0.0
     took = time.monotonic() - begun
@@ -147,7 +147,7 @@ class _Rays:
 
     Args:
         G: flexibility, over its unit (dim m, dim m).
-        off: by how much entries of columns may be off (dim m,).
+        off: by how much entries may be off (dim m, dim m).
         corners: of the polygon about the unit disc (K, dim - 1).
         friction: F.
 
@@ -164,13 +164,13 @@ class _Rays:
         rows = G[dim - 1 :: dim].reshape(m, m, dim)
         M = np.einsum("ijc,kc->ijk", rows, ray).reshape(m, -1)
         size = np.einsum("ijc,kc->ijk", np.abs(rows), np.abs(ray)).reshape(m, -1)
-        errors = np.abs(ray) @ off.reshape(m, dim).T
+        away = np.einsum("ijc,kc->ijk", off[dim - 1 :: dim].reshape(m, m, dim), np.abs(ray))
         largest = M.max(axis=1)
         self.opens = largest > _TINY * np.abs(M).max()
-        unit: Array = np.where(self.opens, largest, np.abs(M).max(axis=1))
-        self.M = M / unit[:, None]
-        away = errors.max() + gamma(16) * size.max(axis=1)
-        self.off = away / unit * (1 + 1e-9) + gamma(4)
+        unit = np.asarray(np.where(self.opens, largest, np.abs(M).max(axis=1)), dtype=np.float64)
+        self.M: Array = M / unit[:, None]
+        worst = away.max(axis=(1, 2)) + gamma(16) * size.max(axis=1)
+        self.off = worst / unit * (1 + 1e-9) + gamma(4)
 
 
 class _Program(Tableau):
@@ -185,13 +185,15 @@ class _Program(Tableau):
         up = np.concatenate([np.ones(n), rays.opens.astype(float), np.full(m, 4.0), [0.0]])
         super().__init__(rows, start, n + np.arange(2 * m + 1), n, up, sure=_SURE)
         self._opens = rays.opens
+        every = np.arange(m)
+        # Points of the variables, m of those that have none.
+        self._point = np.concatenate([np.repeat(every, self.sides), every, np.full(m + 1, m)])
 
-    def hold(self, i: int, status: int) -> None:
-        """Give a point a status."""
-        own = i * self.sides + np.arange(self.sides)
-        self._up[own] = float(status != _OPEN)
-        self._up[self.n + i] = float(status != _CLOSED and self._opens[i])
-        mine = np.flatnonzero(np.isin(self._nonbasic, [*own, self.n + i]))
+    def hold(self, statuses: Statuses, changed: Flags) -> None:
+        """Give points that have changed their statuses (m,)."""
+        self._up[: self.n] = np.repeat(statuses != _OPEN, self.sides)
+        self._up[self.n : self.n + self.m] = (statuses != _CLOSED) & self._opens
+        mine = np.flatnonzero(np.append(changed, False)[self._point[self._nonbasic]])
         self._set(mine, np.where(self._costs[mine] < 0, self._up[self._nonbasic[mine]], 0.0))
 
     def empty(self) -> tuple[Array, float] | None:
@@ -245,6 +247,7 @@ class _Search:
 
     def run(self) -> None:
         """Until nothing is left, or time is over."""
+        self._descend()
         self._begin()
         waiting: list[Statuses] = [np.zeros(self.m, dtype=np.int64)]
         while waiting or self._again():
@@ -255,6 +258,19 @@ class _Search:
                 return
             self.regions += 1
             waiting += self._treat(statuses)
+
+    def _descend(self) -> None:
+        """A small F to begin with: from all points closed, one changed at a time."""
+        closed = np.ones(self.m, dtype=bool)
+        self._lower(closed)
+        improved = self.best is not None
+        while improved and time.monotonic() < self._end:
+            improved = False
+            for i in range(self.m):
+                closed = self.closed.copy()
+                closed[i] = not closed[i]
+                if closed.any() and self._lower(closed):
+                    improved = True
 
     def _again(self) -> bool:
         """Whether a region is in doubt that was looked at with more friction."""
@@ -273,8 +289,7 @@ class _Search:
         self._now: Statuses = np.zeros(self.m, dtype=np.int64)
 
     def _treat(self, statuses: Statuses) -> list[Statuses]:
-        for i in np.flatnonzero(statuses != self._now):
-            self._program.hold(int(i), int(statuses[i]))
+        self._program.hold(statuses, statuses != self._now)
         self._now = statuses.copy()
         y = self._program.empty()
         undecided = np.flatnonzero(statuses == _UNDECIDED)
@@ -334,8 +349,7 @@ class _Search:
         self._reached, r = found
         self.best = r
         un = (self._G @ r)[self.dim - 1 :: self.dim]
-        self.closed = un <= _EITHER * np.abs(un).max(initial=0.0)
-        self.closed |= closed
+        self.closed = closed | (un <= _EITHER * np.abs(un).max(initial=0.0))
         pressed = r.reshape(self.m, -1)[:, -1] > _TINY
         shear = np.linalg.norm(r.reshape(self.m, -1)[pressed, :-1], axis=1)
         self.friction = float((shear / r.reshape(self.m, -1)[pressed, -1]).max())
@@ -375,7 +389,8 @@ class _Search:
             forces[F] = found.x[:-1]
             return float(found.fun)
 
-        if not excess(self._reached) <= _TINY:
+        # An F that is no smaller is none.
+        if not excess(self._reached * (1 - _BELOW)) <= _TINY:
             return None
         F = 0.0 if excess(0.0) <= 0 else self._root(excess)
         excess(F)
