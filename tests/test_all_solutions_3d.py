@@ -216,3 +216,40 @@ def test_a_step_of_a_history():
     (other,) = find_solutions(system, [system.create_vector()], 0.5).found
     assert (other.x - x).norm() > 1e-3 * x.norm()
     assert without.complete
+
+
+# -- one solution ----------------------------------------------------------------------------------
+
+
+@pytest.mark.verifies(
+    "uniqueness",
+    reference="itself: all solutions, proved",
+    aspects=("3D", "proofs"),
+)
+def test_others_exist(caplog):
+    """Of three solutions one is found, and another one beside it."""
+    system = demo_proofs_3d.body(demo_proofs_3d.arguments([]), COMM)
+    problem = system.problem
+    result = problem.solve()
+    assert result.unique == "others exist"
+    other = result.uniqueness().other
+    found = find_solutions(system, [system.create_vector()], 1.0)
+    assert found.complete
+    x = system.create_vector()
+    problem.write(x)
+    for state in (x, other):
+        near = [(s.x - state).norm() <= 1e-7 * state.norm() for s in found.found]
+        assert sum(near) == 1
+    assert (x - other).norm() > 1e-3 * x.norm()
+    assert COMM.rank > 0 or "there is another" in caplog.text
+
+
+@serial
+def test_unique_by_search():
+    """Where the certificate does not hold and no other solution is found, time helps."""
+    words = ["--cells", "4", "2", "--load", "-1", ".2", "-.3", "--friction", "2"]
+    result = demo_proofs_3d.body(demo_proofs_3d.arguments(words), COMM).problem.solve()
+    assert result.unique == "not proved"
+    found = result.uniqueness(proof_seconds=60.0)
+    assert found.verdict == "proved"
+    assert "a proof of" in found.reason

@@ -23,7 +23,7 @@ By duality, for any y and lambda,
 
 and where the least left side over the statuses is above lambda, by more than all round-off, there
 is no state, with this F and so with any smaller one. A state that is found lowers F, to the least
-of its statuses, where the largest |rt| - F rn can be no less than 0, and the search goes on just
+of its statuses, where the largest |rt| - F rn can be no less than 0, and the search continues just
 below it.
 
 In 3D the disc is between polygons of K sides: with circumscribed ones the F found is a lower bound,
@@ -75,7 +75,7 @@ class Wedging:
         statuses: `o` and `c`, open and closed, of the points in the order of their coordinates.
         state: (ut, un, rt, rn) of the points with sum rn = 1 (m, 2 dim), in the frames of
             `ContactProblem.reduced`.
-        regions: sets of statuses that were looked at.
+        regions: sets of statuses that were examined.
         seconds: that the search took.
     """
 
@@ -273,7 +273,7 @@ class _Search:
                     improved = True
 
     def _again(self) -> bool:
-        """Whether a region is in doubt that was looked at with more friction."""
+        """Whether a region is in doubt that was examined with more friction."""
         if not self._doubtful:
             return False
         if self._doubtful[-1][1] > self.tried:
