@@ -1907,30 +1907,40 @@ def space_differences(piece: SpacePiece, cells: Cells, most: Array) -> SpaceDiff
         elif problem.friction[i] == 0 and problem.g[i] == 0:
             vanishing[i, :2] = True
     known = np.flatnonzero(unknown.reshape(-1))
-    forms = made.forms, made.sizes, made.errors
-    return SpaceDifferences(problem, known, *forms, made.has, vanishing.reshape(-1))
+    return SpaceDifferences(problem, known, *made.summed(), vanishing.reshape(-1))
 
 
 class _Forms:
     """Sums of products of two linear forms of (d, e), by family and point."""
 
     def __init__(self, m: int):
-        shape = (len(FAMILIES), m, _ROWS, _ROWS)
-        self.forms = np.zeros(shape)
-        self.sizes = np.zeros(shape)
-        self.errors = np.zeros(shape)
-        self.has = np.zeros(shape[:2], dtype=bool)
+        self.shape = (len(FAMILIES), m)
+        self.places: list[tuple[int, int]] = []
+        self.factors: list[float] = []
+        self.parts: list[tuple[Array, Array, Array, Array]] = []
 
     def add(self, family: int, i: int, factor: float, x: Interval, y: Interval) -> None:
         """Add factor x y to a form; the factor is exact, or on the safe side."""
-        self.has[family, i] = True
-        size = np.outer(np.abs(x.value), np.abs(y.value))
-        off = np.outer(np.abs(x.value) + x.away, np.abs(y.value) + y.away) - size
-        off = abs(factor) * (np.maximum(off, 0) + gamma(8) * size)
-        product = factor * np.outer(x.value, y.value)
-        self.forms[family, i] += (product + product.T) / 2
-        self.sizes[family, i] += abs(factor) * (size + size.T) / 2
-        self.errors[family, i] += up((off + off.T) / 2)
+        self.places.append((family, i))
+        self.factors.append(factor)
+        self.parts.append((x.value, x.away, y.value, y.away))
+
+    def summed(self) -> tuple[Array, Array, Array, npt.NDArray[np.bool_]]:
+        """Forms, sizes of their terms, their errors (9, m, 6, 6), and which there are (9, m)."""
+        found = [np.zeros((*self.shape, _ROWS, _ROWS)) for _ in range(3)]
+        has = np.zeros(self.shape, dtype=bool)
+        if self.places:
+            family, i = np.array(self.places).T
+            has[family, i] = True
+            factor = np.array(self.factors)[:, None, None]
+            x, dx, y, dy = np.array(self.parts).transpose(1, 0, 2)
+            size = np.abs(x)[:, :, None] * np.abs(y)[:, None, :]
+            off = (np.abs(x) + dx)[:, :, None] * (np.abs(y) + dy)[:, None, :] - size
+            off = np.abs(factor) * (np.maximum(off, 0) + gamma(8) * size)
+            product = factor * (x[:, :, None] * y[:, None, :])
+            for whole, part in zip(found, (product, np.abs(factor) * size, up(off)), strict=True):
+                np.add.at(whole, (family, i), (part + part.transpose(0, 2, 1)) / 2)
+        return found[0], found[1], up(found[2]), has
 
 
 def _linear(**parts: tuple[float, float]) -> Interval:
