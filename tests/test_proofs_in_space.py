@@ -506,8 +506,11 @@ def change(step, rng):
 
 
 def says(proved):
-    """Statuses and forces of the solutions, sorted."""
-    return sorted((s.codes.tolist(), s.state[:, 5].sum().round(7)) for s in proved.inside)
+    """Statuses, normal forces and their errors, of the solutions, sorted."""
+    return sorted(
+        (s.codes.tolist(), float(s.state[:, 5].sum()), float(s.away[:, 5].sum()) + 1e-12)
+        for s in proved.inside
+    )
 
 
 @pytest.mark.parametrize("tries", [100, pytest.param(1000, marks=pytest.mark.long)])
@@ -524,8 +527,11 @@ def test_a_forged_proof_proves_nothing_that_is_false(proofs, tries):
             refused += 1
             continue
         if proved.verdict == "complete":
-            assert says(proved) == expected[which]
-        assert all(s in expected[which] for s in says(proved))
+            assert [codes for codes, *_ in says(proved)] == [c for c, *_ in expected[which]]
+        for codes, force, away in says(proved):
+            # A worse start has a larger ball, which holds the same solution.
+            known = [abs(force - f) <= away + off for c, f, off in expected[which] if c == codes]
+            assert any(known)
     assert refused > 0.6 * tries
 
 
