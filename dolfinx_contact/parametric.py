@@ -38,7 +38,7 @@ from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.proofs import obstacle_to_proof, proved, proved_rays
 from dolfinx_contact.reduced.reduction import Reduction
-from dolfinx_contact.reduced.scope import can_condense
+from dolfinx_contact.reduced.scope import can_condense, obstacle_in_space
 from dolfinx_contact.results.checks import sliding_doubt, slidings
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.uniqueness import checked_seconds
@@ -229,7 +229,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
         None where the statuses of the points are no polyhedral cones (3D friction, integral
         contact, gamma in the law or in the obstacle), the bulk has kinks in u, or there are too
-        many points. Collective.
+        many points. In 3D, with ``conic=False``, a linear problem. Collective.
 
         Args:
             x: the state.
@@ -239,7 +239,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         if self.kinks:
             return None
         cones = can_condense(self)
-        if not (cones or (not conic and self.is_linear and can_condense(self, bounded=True))):
+        if not cones and (conic or not self._is_of_points):
             return None
         if not self.is_linear:
             return Reduction(self, x, gamma, exact=False)
@@ -254,6 +254,16 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return self._condensed
 
     @property
+    def _is_of_points(self) -> bool:
+        """Whether the problem is one of its contact points, by laws that are no cones. Collective.
+
+        These are Tresca's, and those of friction in 3D.
+        """
+        if self.equations.dim == 3:
+            return not obstacle_in_space(self)
+        return self.is_linear and can_condense(self, bounded=True)
+
+    @property
     def is_piecewise_affine(self) -> bool:  # type: ignore[override]
         """Whether every piece is affine in (x, gamma). Collective."""
         return self.is_linear and can_condense(self)
@@ -265,9 +275,23 @@ class ParametricContact(ReadOnly, ParametricEquations):
         contact points.
         """
         assert isinstance(condensed, Reduction)
-        if condensed.system.points > _MOST_PROVED or obstacle_to_proof(self.equations, condensed):
+        if condensed.points.number > _MOST_PROVED or obstacle_to_proof(self.equations, condensed):
             return None
         return on_root(self.comm, lambda: proved(condensed, gamma, seconds))
+
+    def obstacle_to_proof(self) -> str:
+        """Why nothing is proved of a problem in 3D, in words; "" in 2D, or if it is. Collective."""
+        if self.equations.dim == 2:
+            return ""
+        if self.kinks:
+            return self.kinks
+        obstacle = obstacle_in_space(self)
+        if obstacle:
+            return obstacle
+        condensed = self._condensed
+        if condensed is not None and condensed.points.number > _MOST_PROVED:
+            return f"there are more than {_MOST_PROVED} contact points"
+        return obstacle_to_proof(self.equations, condensed)
 
     def prove_rays(
         self,

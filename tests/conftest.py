@@ -28,6 +28,7 @@ ON_ANY = ("test_golden",)
 ON_THREE = {
     "test_adhesion": ("as_on_one_rank",),
     "test_affine": ("a_bulk_that_jumps_is_refused", "a_kink_that_becomes_a_jump"),
+    "test_all_solutions_3d": ("what_is_proved",),
     "test_arc_length": ("of_two_that_are_alike",),
     "test_bad_input": ("bad_numbers_on_one_rank_only", "a_rank_without_any_cell"),
     "test_blocks": ("oracle_forces", "ranks_and_ghost_modes", "patch"),

@@ -21,6 +21,7 @@ from dolfinx_contact.analysis.solutions import ProvedSolution, ProvedSolutions, 
 from dolfinx_contact.analysis.stability import Stability, stability_at_rest
 from dolfinx_contact.analysis.steady_sliding import Onset, SlidingModes, SteadySliding
 from dolfinx_contact.analysis.two_parameters import contact_family, event_curves
+from dolfinx_contact.analysis.wedging import Wedging, wedging_friction
 
 __all__ = [
     "Certificate",
@@ -44,6 +45,7 @@ __all__ = [
     "SlidingModes",
     "Stability",
     "SteadySliding",
+    "Wedging",
     "check",
     "contact_family",
     "count_solutions",
@@ -53,4 +55,5 @@ __all__ = [
     "renard_criterion",
     "solution_regions",
     "stability_at_rest",
+    "wedging_friction",
 ]

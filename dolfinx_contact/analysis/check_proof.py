@@ -62,6 +62,7 @@ __all__ = [
     "Verdict",
     "check",
     "differences",
+    "flexibility",
     "follow",
     "gamma",
     "has_status",
@@ -114,6 +115,16 @@ def up(bound: Array) -> Array:
 def down(bound: Array | np.float64) -> Array:
     """A lower bound of a nonnegative number whose rounded value is given."""
     return np.asarray(np.asarray(bound) * (1 - _SLACK))
+
+
+def above(bound: float) -> float:
+    """An upper bound of a nonnegative number whose rounded value is given; `up` of one."""
+    return float(bound) * (1 + _SLACK) + TINY
+
+
+def below(bound: float) -> float:
+    """A lower bound of one; `down` of one."""
+    return float(bound) * (1 - _SLACK)
 
 
 def positive_definite(Q: Array, error: Array) -> bool:
@@ -195,15 +206,16 @@ def solved(A: Array, b: Array, A_error: Array, b_error: Array) -> tuple[Array, A
 
 # -- the problem -----------------------------------------------------------------------------------
 #
-# The reduced problem in the plane, whose solutions are to be counted.
+# The reduced problem, whose solutions are to be counted: in the plane, and in space.
 #
 # At m contact points live a = (ut, un) and the forces r = (rt, rn) on the body, with
 #
 #     S a = r + p,    un >= 0, rn >= 0, un rn = 0,    |rt| <= F rn + g,  rt = -(F rn + g) sign(ut)
 #
-# where ut is not 0. S is symmetric and positive definite; initial gaps are in p. A point has either
-# Coulomb friction (F > 0, g = 0), a friction bound given in advance (F = 0, g > 0), or none. What
-# is proved holds for all S and p within `S_error` and `p_error` of those given, entry by entry.
+# where ut is not 0; in space ut and rt have two components, and sign(ut) is ut/|ut|. S is symmetric
+# and positive definite; initial gaps are in p. A point has either Coulomb friction (F > 0, g = 0),
+# a friction bound given in advance (F = 0, g > 0), or none. What is proved holds for all S and p
+# within `S_error` and `p_error` of those given, entry by entry.
 #
 # Statuses are those of `laws.status`: 0 open, 1 stick, 2 and 3 slip with ut > 0 and < 0, and 4 to 6
 # the same at open points under a bound given in advance. Sets of statuses are bit masks.
@@ -229,13 +241,13 @@ class ReducedProblem:
     """S a = r + p with contact and friction at m points, as above.
 
     Args:
-        S: stiffness, symmetric (2 m, 2 m), ordered ut, un point by point. What it is off from its
-            transpose is added to its error.
-        p: load (2 m,).
+        S: stiffness, symmetric (dim m, dim m), ordered ut, un point by point. What it is off from
+            its transpose is added to its error.
+        p: load (dim m,), dim 2 or 3.
         friction: coefficients F >= 0 (m,).
         bound: forces g >= 0, where F = 0 (m,).
-        S_error: by which entries of S may be off (2 m, 2 m).
-        p_error: the same of p (2 m,).
+        S_error: by which entries of S may be off (dim m, dim m).
+        p_error: the same of p (dim m,).
 
     Raises:
         ValueError: if shapes do not fit, a number is not finite or negative that must not be, a
@@ -251,7 +263,7 @@ class ReducedProblem:
 
     def __post_init__(self) -> None:
         m = len(self.friction)
-        n = 2 * m
+        n = (3 if np.size(self.p) == 3 * m else 2) * m
         none = np.zeros
         parts = {
             "S": (self.S, (n, n)),
@@ -311,6 +323,11 @@ class ReducedProblem:
         """Number m of contact points."""
         return len(self.friction)
 
+    @property
+    def dim(self) -> int:
+        """2 or 3."""
+        return len(self.p) // self.points
+
     @cached_property
     def least(self) -> float:
         """A lower bound of the eigenvalues of S; 0 if there is none."""
@@ -322,7 +339,8 @@ class ReducedProblem:
         masks = np.full(self.points, 0b1111, dtype=np.int64)
         masks[self.friction == 0] = 0b0101
         masks[self.g > 0] = 0b1111110
-        return masks
+        # Slips in space have no sense.
+        return masks if self.dim == 2 else masks & 0b0110111
 
     @cached_property
     def units(self) -> tuple[float, float]:
@@ -365,24 +383,69 @@ _USED_FREE = _USED.copy()
 _USED_FREE[2] = [True, True, False, False, False, True]
 
 
-def bounded(problem: ReducedProblem) -> Array:
-    """Upper bounds of the slots of all points, at every solution (6, m)."""
+@dataclass(frozen=True, eq=False)
+class _Ellipsoid:
+    """The ellipsoid of energy with what rounding and errors of the data add.
+
+    Attributes:
+        twice: S^-1 p, nearly (n,).
+        shift: by how much that may be off, Euclidean.
+        inverse: S^-1, nearly, and by how much entries of a column may be off (n, n), (n,).
+        diagonal: upper bounds of that of S^-1 (n,).
+        rho: an upper bound.
+    """
+
+    twice: Array
+    shift: float
+    inverse: Array
+    inverse_off: Array
+    diagonal: Array
+    rho: float
+
+
+def _ellipsoid(problem: ReducedProblem) -> _Ellipsoid:
     S = problem.S
     p = problem.p
-    m = problem.points
-    n = 2 * m
+    n = len(p)
     least = problem.least
     G = np.asarray(np.linalg.inv(S), dtype=np.float64)
     # S x = b is off by no more than its residual over the least eigenvalue.
     off = _residuals(problem, G, np.eye(n), np.zeros((n, n)))
-    diagonal = np.maximum(np.diag(G), 0) + np.sqrt(up((off**2).sum(axis=0))) / least
+    column_off = np.sqrt(up((off**2).sum(axis=0))) / least
     twice = G @ p
     away = _residuals(problem, twice[:, None], p[:, None], problem.dp[:, None])[:, 0]
     shift = float(np.sqrt(up((away**2).sum()))) / least
     work = p @ twice + gamma(n) * np.abs(p) @ np.abs(twice)
     work += float(np.abs(p).sum() * shift + problem.dp @ (np.abs(twice) + shift))
     rho = float(np.sqrt(up(np.maximum(work, 0)))) / 2
-    reach = rho * np.sqrt(up(diagonal))
+    diagonal = np.maximum(np.diag(G), 0) + column_off
+    return _Ellipsoid(twice, shift, G, column_off, diagonal, rho)
+
+
+def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
+    """S^-1, nearly, and by how much its entries may be off (n, n), (n, n).
+
+    With E >= |I - S G| over all S, of maximum norm e below 1, |S^-1 - G| <= |G| (E + E^2 + ...), in
+    which entries of a column of E^2 are no more than e times the largest of E.
+    """
+    G = np.asarray(np.linalg.inv(problem.S), dtype=np.float64)
+    n = len(G)
+    E = _residuals(problem, G, np.eye(n), np.zeros((n, n)))
+    norm = float(up(E.sum(axis=1)).max())
+    if not norm < 0.5:
+        return G, np.full((n, n), np.inf)
+    return G, up(np.abs(G) @ up(E + norm / (1 - norm) * E.max(axis=0)))
+
+
+def bounded(problem: ReducedProblem) -> Array:
+    """Upper bounds of the slots of all points, at every solution in the plane (6, m)."""
+    S = problem.S
+    p = problem.p
+    m = problem.points
+    n = 2 * m
+    e = _ellipsoid(problem)
+    twice, shift, rho = e.twice, e.shift, e.rho
+    reach = rho * np.sqrt(up(e.diagonal))
     t = np.arange(0, n, 2)
     k = np.arange(1, n, 2)
     F = problem.friction
@@ -954,6 +1017,1101 @@ def _bounded(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
     return [_Row(t, k1=min(_ratio(plus, ub[0]), _ratio(minus, ub[1])))]
 
 
+# -- in space: cells and bounds --------------------------------------------------------------------
+#
+# In 3D ut and rt have two components, |rt| <= F rn + g, and a slip has a direction: ut = s e with a
+# unit vector e and s >= 0, and rt = -(F rn + g) e. A region gives every point *cells*:
+#
+#     open (rn = 0), stick (ut = 0) and arcs of directions of slip;
+#     without Coulomb friction (F = 0): open and closed, with ut and rt as they may be.
+#
+# An arc is [q0, q1] in *diamond angles*: q is the ray through a point of the square |x| + |y| = 1,
+# from (1, 0) at q = 0 over (0, 1) at q = 1. Ends are dyadic, so that halves of arcs are exact.
+#
+# Bounds hold if a point has the type of the cell: open, ut in a box and un <= Un; stick, rn <= Rk;
+# slip, s and rn in intervals; without Coulomb friction, ut in a box, un <= Un and rn in an
+# interval. To begin with they are those of the ellipsoid above. `MOST` quantities are bounded from
+# above, in this order: -ut1, ut1, -ut2, ut2, un, -s, s, -rn, rn, and rn of stick.
+
+#: Kinds of cells.
+IN_OPEN, IN_STICK, IN_SLIP, IN_CLOSED = range(4)
+#: Quantities with bounds, the first of the pair of s and that of rn, and rn of stick.
+MOST = 10
+OF_UN, OF_S, OF_RN, OF_RK = 4, 5, 7, 9
+#: Kinds of cells whose type a bound is of.
+_BOUNDED_KINDS = [(IN_OPEN, IN_CLOSED)] * 4 + [(IN_OPEN,)] + [(IN_SLIP,)] * 2
+_BOUNDED_KINDS += [(IN_SLIP, IN_CLOSED)] * 2 + [(IN_STICK,)]
+#: Arcs to begin with: eight, off the axes, along which symmetric bodies slip.
+_ARCS = 11 / 64 + np.arange(8) / 2
+#: Width up to which arcs are halved: ends stay exact.
+NARROWEST = 2.0**-20
+#: What is made of sines, cosines and arcus tangents: they are taken to be as exact as this.
+_ANGLES = 2.0**-40
+
+
+def rays(q: Array) -> Array:
+    """The points of the square at diamond angles, exact if these are dyadic (..., 2)."""
+    q = np.asarray(q) % 4.0
+    x = np.where(q <= 2, 1 - q, q - 3)
+    y = np.where(q <= 1, q, np.where(q <= 3, 2 - q, q - 4))
+    return np.stack([x, y], axis=-1)
+
+
+def directions(q: Array) -> Array:
+    """Unit vectors at diamond angles, to some units of round-off (..., 2)."""
+    ray = rays(q)
+    return np.asarray(ray / np.sqrt((ray**2).sum(axis=-1, keepdims=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cells of all points, point by point.
+
+    Attributes:
+        node: the points (k,), in increasing order.
+        kind: one of the four above (k,).
+        ends: of arcs, diamond angles; 0 for others (k, 2).
+    """
+
+    node: npt.NDArray[np.int64]
+    kind: npt.NDArray[np.int64]
+    ends: Array
+
+    @classmethod
+    def whole(cls, problem: ReducedProblem) -> Cells:
+        """All that points can be."""
+        parts = []
+        for i, F in enumerate(problem.friction):
+            kinds = [IN_OPEN, IN_STICK] + [IN_SLIP] * len(_ARCS) if F > 0 else [IN_OPEN, IN_CLOSED]
+            for k, kind in enumerate(kinds):
+                start = float(_ARCS[k - 2]) if kind == IN_SLIP else 0.0
+                parts.append((i, kind, start, start + 0.5 if kind == IN_SLIP else 0.0))
+        table = np.array(parts)
+        kinds_of = table[:, :2].astype(np.int64)
+        return cls(kinds_of[:, 0], kinds_of[:, 1], table[:, 2:])
+
+    def __len__(self) -> int:
+        return len(self.node)
+
+    @cached_property
+    def of_kind(self) -> list[npt.NDArray[np.int64]]:
+        """Numbers of the cells of each kind."""
+        return [np.flatnonzero(self.kind == kind) for kind in range(4)]
+
+    @cached_property
+    def first(self) -> npt.NDArray[np.int64]:
+        """Number of the first cell of every point that has one."""
+        return np.flatnonzero(np.diff(self.node, prepend=-1))
+
+    @cached_property
+    def sides(self) -> tuple[Array, Array]:
+        """Unit vectors at the ends of the arcs."""
+        ends = self.ends[self.of_kind[IN_SLIP]]
+        return directions(ends[:, 0]), directions(ends[:, 1])
+
+    def kept(self, keep: npt.NDArray[np.bool_]) -> Cells:
+        """Without some cells."""
+        return Cells(self.node[keep], self.kind[keep], self.ends[keep])
+
+    def halved(self, point: int) -> Cells:
+        """With two halves for every arc of a point.
+
+        Raises:
+            InvalidCertificate: if arcs are too narrow.
+        """
+        arcs = (self.node == point) & (self.kind == IN_SLIP)
+        width = self.ends[arcs, 1] - self.ends[arcs, 0]
+        if not arcs.any() or width.min() <= NARROWEST:
+            raise InvalidCertificate("there is no arc to be halved")
+        middle = (self.ends[:, 0] + self.ends[:, 1]) / 2
+        copies = np.where(arcs, 2, 1)
+        node, kind = (np.repeat(v, copies) for v in (self.node, self.kind))
+        ends = np.repeat(self.ends, copies, axis=0)
+        at = (np.cumsum(copies) - copies)[arcs]
+        ends[at, 1] = middle[arcs]
+        ends[at + 1, 0] = middle[arcs]
+        return Cells(node, kind, ends)
+
+    def kinds_at(self, point: int) -> frozenset[int]:
+        """Kinds of the cells of a point."""
+        return frozenset(int(kind) for kind in self.kind[self.node == point])
+
+    def hull(self, point: int) -> tuple[float, float] | None:
+        """First diamond angle and width of the arc that holds all arcs of a point."""
+        ends = self.ends[(self.node == point) & (self.kind == IN_SLIP)]
+        if len(ends) == 0:
+            return None
+        if (ends[:, 1] - ends[:, 0]).sum() >= 4:
+            return float(ends[0, 0]), 4.0
+        ends = ends[np.argsort(ends[:, 0])]
+        holes = (np.roll(ends[:, 0], -1) - ends[:, 1]) % 4.0
+        k = int(np.argmax(holes))
+        start = float(ends[(k + 1) % len(ends), 0])
+        width = float(4.0 - holes[k])
+        reach = (ends[:, 0] - start) % 4.0 + (ends[:, 1] - ends[:, 0])
+        return start, max(width, float(reach.max()))
+
+
+def bounded_in_space(problem: ReducedProblem) -> Array:
+    """Upper bounds of the quantities at every solution, whatever its type (MOST, m)."""
+    e = _ellipsoid(problem)
+    m = problem.points
+    center = e.twice.reshape(m, 3) / 2
+    size = np.abs(e.twice).reshape(m, 3) + e.shift
+    reach = up(e.rho * np.sqrt(up(e.diagonal))).reshape(m, 3) + e.shift + gamma(8) * size
+    # Of the block of tangents in S^-1 the largest eigenvalue.
+    t, v = np.arange(0, 3 * m, 3), np.arange(1, 3 * m, 3)
+    mean = (e.diagonal[t] + e.diagonal[v]) / 2
+    across = np.abs(e.inverse[t, v]) + e.inverse_off[v]
+    widest = mean + np.sqrt(((e.diagonal[t] - e.diagonal[v]) / 2) ** 2 + across**2)
+    p = problem.p[2::3]
+    D = np.diag(problem.S)[2::3] + np.diag(problem.dS)[2::3]
+    pressed = -p / 2 + problem.dp[2::3] + gamma(8) * np.abs(p) + up(e.rho * np.sqrt(up(D)))
+    found = np.zeros((MOST, m))
+    for c in (0, 1):
+        found[2 * c] = up(np.abs(reach[:, c])) - center[:, c]
+        found[2 * c + 1] = up(np.abs(reach[:, c])) + center[:, c]
+    found[OF_UN] = up(np.maximum(center[:, 2] + reach[:, 2], 0))
+    slip = np.hypot(center[:, 0], center[:, 1]) + e.rho * np.sqrt(up(widest))
+    found[OF_S + 1] = up(slip + 2 * e.shift + gamma(16) * size.sum(axis=1))
+    found[OF_RN + 1] = found[OF_RK] = up(np.maximum(pressed, 0))
+    found[:OF_UN] += gamma(8) * size.max(axis=1)
+    return found
+
+
+# -- in space: multipliers -------------------------------------------------------------------------
+#
+# As in the plane, 0 >= L(y) = sum_i min_c h_ic(y) - y.p, with b = S y and the minima over cells
+#
+#     open     sum_k min(b_k lo_k, b_k hi_k) + min(0, b_n Un) - g |y_t|,
+#     stick    min(0, Rk (-y_n - F |y_t|)),
+#     slip     min over s and rn at their ends of  mu(s b_t + F rn y_t) - rn y_n,
+#     closed   sum_t min(b_t lo_t, b_t hi_t) - g |y_t| + min over rn at its ends of -rn y_n,
+#
+# mu(v) = min of v.e over the arc: v.e0, v.e1, or -|v| if -v is in the arc, as it is taken to be
+# where that is not sure. mu is a minimum of functions that v changes by |dv|.
+
+
+@dataclass(frozen=True, eq=False)
+class SpaceDual:
+    """A vector of multipliers y of the rows S a - r = p.
+
+    Args:
+        problem: scaled.
+        y: multipliers (3 m,).
+    """
+
+    problem: ReducedProblem
+    y: Array
+
+    @cached_property
+    def _of_a(self) -> Array:
+        return np.asarray((self.problem.S @ self.y).reshape(-1, 3))
+
+    @cached_property
+    def _of_r(self) -> Array:
+        return np.asarray(self.y.reshape(-1, 3))
+
+    @cached_property
+    def _given(self) -> Array:
+        """Minima of -y_t.rt over shears of a bound given in advance (m,)."""
+        y = self._of_r
+        return -self.problem.g * np.hypot(y[:, 0], y[:, 1])
+
+    @cached_property
+    def _load(self) -> float:
+        return float(self.y @ self.problem.p)
+
+    def least(self, cells: Cells, most: Array, less: tuple[int, int] | None = None) -> Array:
+        """The h of all cells (k,).
+
+        Args:
+            cells: the cells.
+            most: bounds (MOST, m).
+            less: number of a quantity and point, which is subtracted; then cells of other kinds
+                than those that it bounds have h = inf there.
+        """
+        found = np.empty(len(cells))
+        m = self.problem.points
+        taken = np.zeros((MOST, m))
+        if less is not None:
+            taken[less] = 1.0
+        b = self._of_a.copy()
+        b[:, 0] -= taken[1] - taken[0]
+        b[:, 1] -= taken[3] - taken[2]
+        b[:, 2] -= taken[OF_UN]
+        box = sum(np.minimum(-b[:, c] * most[2 * c], b[:, c] * most[2 * c + 1]) for c in (0, 1))
+        box = box + self._given
+        lifted = np.minimum(0.0, b[:, 2] * np.maximum(most[OF_UN], 0))
+        least, largest = ends_of(most, OF_RN)
+        push = -self._of_r[:, 2] - (taken[OF_RN + 1] - taken[OF_RN])
+        pressed = np.minimum(push * least, push * largest)
+        held = self._stick(most, taken[OF_RK])
+        for kind, values in ((0, box + lifted), (1, held), (3, box + pressed)):
+            here = cells.of_kind[kind]
+            found[here] = values[cells.node[here]]
+        found[cells.of_kind[IN_SLIP]] = self._slip(cells, most, taken)
+        if less is not None:
+            quantity, point = less
+            others = ~np.isin(cells.kind, _BOUNDED_KINDS[quantity])
+            found[others & (cells.node == point)] = np.inf
+        return found
+
+    def _stick(self, most: Array, taken: Array) -> Array:
+        y = self._of_r
+        push = -y[:, 2] - self.problem.friction * np.hypot(y[:, 0], y[:, 1]) - taken
+        return np.minimum(0.0, push * np.maximum(most[OF_RK], 0))
+
+    def _slip(self, cells: Cells, most: Array, taken: Array) -> Array:
+        i = cells.node[cells.of_kind[IN_SLIP]]
+        first, last = cells.sides
+        b = self._of_a[i, :2]
+        y = self._of_r[i]
+        Fy = self.problem.friction[i, None] * y[:, :2]
+        of_s = (taken[OF_S + 1] - taken[OF_S])[i]
+        of_rn = y[:, 2] + (taken[OF_RN + 1] - taken[OF_RN])[i]
+        best = np.full(len(i), np.inf)
+        for s in ends_of(most, OF_S):
+            for rn in ends_of(most, OF_RN):
+                v = s[i, None] * b + rn[i, None] * Fy
+                value = _least_along(v, first, last) - of_rn * rn[i] - of_s * s[i]
+                best = np.minimum(best, value)
+        return best
+
+    def round_off(self, most: Array) -> float:
+        """By how much sums of these may be off, and what errors of S and p do to them."""
+        problem = self.problem
+        n = len(self.y)
+        y = np.abs(self.y)
+        slid = np.maximum(most[OF_S + 1], 0)
+        a = np.stack(
+            [np.maximum(np.abs(most[2 * c : 2 * c + 2]).max(axis=0), slid) for c in (0, 1)]
+        )
+        reach = np.vstack([a, np.maximum(most[OF_UN], 0)]).T.reshape(-1)
+        pressed = np.maximum(np.maximum(most[OF_RN + 1], most[OF_RK]), 0)
+        rubbed = problem.friction * pressed + problem.g
+        forces = np.stack([rubbed, rubbed, pressed], axis=1).reshape(-1)
+        products = np.abs(problem.S) @ y
+        data = reach @ (gamma(n) * products + problem.dS @ y) + problem.dp @ y
+        sums = 2 * reach @ products + 2 * forces @ y + np.abs(problem.p) @ y
+        return float(up(data + gamma(n + 64) * sums))
+
+    def impossible(self, cells: Cells, most: Array, margin: float = 1.0) -> npt.NDArray[np.bool_]:
+        """Which cells y excludes (k,); all of a point where the region is empty."""
+        h = self.least(cells, most)
+        lowest = np.minimum.reduceat(h, cells.first)
+        rest = lowest.sum() - lowest - self._load
+        count = np.diff(np.append(cells.first, len(cells)))
+        return np.asarray(np.repeat(rest, count) + h > margin * self.round_off(most))
+
+    def most(self, cells: Cells, most: Array, quantity: int, point: int) -> float:
+        """An upper bound of a quantity: x = x - y.(S a - r - p); -inf if no cell is of its kind."""
+        h = self.least(cells, most, (quantity, point))
+        bound = -np.minimum.reduceat(h, cells.first).sum() + self._load
+        size = float(np.abs(most[:, point]).max())
+        return float(bound + self.round_off(most) + gamma(len(self.y) + 64) * size)
+
+
+def ends_of(most: Array, quantity: int) -> tuple[Array, Array]:
+    """Least and largest values of s (`OF_S`) or rn (`OF_RN`), not negative (m,)."""
+    largest = np.maximum(most[quantity + 1], 0.0)
+    return np.minimum(np.maximum(-most[quantity], 0.0), largest), largest
+
+
+def _least_along(v: Array, first: Array, last: Array) -> Array:
+    """mu(v), the least of v.e over arcs of less than half a circle (k,)."""
+    (x, y), (x0, y0), (x1, y1) = v.T, first.T, last.T
+    ends = np.minimum(x * x0 + y * y0, x * x1 + y * y1)
+    doubt = _ANGLES * (np.abs(x) + np.abs(y))
+    inside = (y0 * x - x0 * y >= -doubt) & (y * x1 - x * y1 >= -doubt)
+    return np.where(inside, -np.hypot(x, y), ends)
+
+
+# -- in space: pieces ------------------------------------------------------------------------------
+#
+# One status at every point, a number of `laws.status`: 0 open, 1 stick, 2 slip (with F = g = 0
+# closed), 4 and 5 stick and slip of an open point under a bound given in advance. Unknown are ut,
+# or rt of stick, or s and the angle of e of a slip; and un or rn. Equilibrium is a system f(z) = 0
+# that directions of slips make nonlinear. With an approximate inverse C of its Jacobian at z and
+# ball Z = z +- r, Krawczyk's test
+#
+#     |C f(z)| + max over Z of |I - C J| r  <  r
+#
+# proves that there is one solution in Z. Directions are those of an approximate unit vector (c, s),
+# turned by angles of the ball, which move it by no more than these: no sine or cosine is trusted.
+
+_STUCK = np.array([False, True, False, False, True, False, False])
+_WIDER = 10.0 ** np.arange(12, 0, -2)  # factors by which balls may grow, tried in turn
+
+
+@dataclass(frozen=True, eq=False)
+class SpacePiece:
+    """The solution of a piece in space.
+
+    Attributes:
+        problem: scaled.
+        codes: statuses (m,).
+        z: the unknowns (m, 3), of slips (s, angle, rn or un).
+        e: directions of slips, 0 for others (m, 2).
+        inverse: an approximate inverse of the Jacobian (3 m, 3 m).
+        residual: bounds of C f (3 m,).
+        radius: of the ball (m, 3).
+    """
+
+    problem: ReducedProblem
+    codes: Codes
+    z: Array
+    e: Array
+    inverse: Array
+    residual: Array
+    radius: Array
+
+    @cached_property
+    def slips(self) -> npt.NDArray[np.bool_]:
+        """Points with a direction (m,)."""
+        return _slipping(self.problem, self.codes)
+
+    @cached_property
+    def turn(self) -> Array:
+        """By how much components of directions may be off (m,)."""
+        return np.where(self.slips, up(self.radius[:, 1] + 16 * _U), 0.0)
+
+    @cached_property
+    def state(self) -> Array:
+        """(ut1, ut2, un, rt1, rt2, rn) of the points (m, 6)."""
+        return space_state(self.problem, self.codes, self.z, self.e)
+
+    @cached_property
+    def away(self) -> Array:
+        """By how much the state may be off (m, 6)."""
+        found = np.zeros((len(self.codes), 6))
+        r = self.radius
+        opened = IS_OPEN[self.codes]
+        stuck = _STUCK[self.codes]
+        found[opened, 2] = r[opened, 2]
+        found[~opened, 5] = r[~opened, 2]
+        free = ~stuck & ~self.slips
+        found[free, :2] = r[free, :2]
+        found[stuck, 3:5] = r[stuck, :2]
+        s = self.slips
+        pushed = self.problem.friction * found[:, 5]
+        limit = np.hypot(self.state[:, 3], self.state[:, 4])
+        moved = r[:, 0] + (np.abs(self.z[:, 0]) + r[:, 0]) * self.turn
+        rubbed = pushed + (limit + pushed) * (self.turn + gamma(8))
+        found[s, :2] = up(moved + gamma(4) * np.abs(self.z[:, 0]))[s, None]
+        found[s, 3:5] = up(rubbed)[s, None]
+        return found
+
+    @cached_property
+    def slack(self) -> Interval:
+        """F rn + g - |rt|, what friction has left at points that stick (m,)."""
+        F = self.problem.friction
+        g = self.problem.g
+        rn = self.state[:, 5]
+        shear = np.hypot(self.state[:, 3], self.state[:, 4])
+        off = F * self.away[:, 5] + np.hypot(self.away[:, 3], self.away[:, 4])
+        size = F * np.abs(rn) + g + shear
+        return Interval(F * rn + g - shear, up(off + gamma(8) * size))
+
+    @cached_property
+    def inequalities(self) -> Interval:
+        """What must not be negative for the law to hold (m, 2); 1 fills up."""
+        opened = IS_OPEN[self.codes]
+        stuck = _STUCK[self.codes]
+        rows = []
+        for k, part in enumerate(("value", "away")):
+            state = (self.state, self.away)[k]
+            normal = np.where(opened, state[:, 2], state[:, 5])
+            slid = (self.z, self.radius)[k][:, 0]
+            rest = np.full(len(stuck), 1.0 - k)
+            other = np.where(stuck, getattr(self.slack, part), np.where(self.slips, slid, rest))
+            rows.append(np.stack([normal, other], axis=1))
+        return Interval(rows[0], rows[1])
+
+    @property
+    def verdict(self) -> Literal["inside", "outside", "border"]:
+        """Whether the law certainly holds beyond its borders, certainly does not, or neither."""
+        if (self.inequalities.high < 0).any():
+            return "outside"
+        return "inside" if (self.inequalities.low > 0).all() else "border"
+
+    @cached_property
+    def _alone(self) -> Array:
+        """The radius of a larger ball with no other solution of the piece (m, 3)."""
+        for factor in _WIDER:
+            wide = factor * self.radius.reshape(-1)
+            if (_growth(self, wide.reshape(-1, 3)) < wide).all():
+                return wide.reshape(-1, 3)
+        return self.radius
+
+    def same(self, other: SpacePiece) -> bool | None:
+        """Whether both are one solution; None if that is not sure."""
+        if not np.array_equal(self.codes, other.codes):
+            return False
+        apart = np.abs(self.state - other.state)
+        sure = gamma(4) * (np.abs(self.state) + np.abs(other.state))
+        if (apart > up(self.away + other.away + sure)).any():
+            return False
+        off = np.abs(self.z - other.z)
+        # The angle between two unit vectors is no more than pi/2 times their distance.
+        chord = np.hypot(*(self.e - other.e).T)
+        off[self.slips, 1] = (1.6 * chord + 64 * _U)[self.slips]
+        off = up(off + other.radius + gamma(4) * (np.abs(self.z) + np.abs(other.z)))
+        return True if (off <= self._alone).all() else None
+
+
+def _slipping(problem: ReducedProblem, codes: Codes) -> npt.NDArray[np.bool_]:
+    """Points whose slip has a direction (m,)."""
+    rubs = (problem.friction > 0) | (problem.g > 0)
+    return np.asarray(((codes == 2) | (codes == 5)) & rubs)
+
+
+def space_state(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> Array:
+    """(ut1, ut2, un, rt1, rt2, rn) of unknowns (m, 6)."""
+    state = np.zeros((len(codes), 6))
+    opened = IS_OPEN[codes]
+    stuck = _STUCK[codes]
+    slips = _slipping(problem, codes)
+    state[opened, 2] = z[opened, 2]
+    state[~opened, 5] = z[~opened, 2]
+    state[stuck, 3:5] = z[stuck, :2]
+    free = ~stuck & ~slips
+    state[free, :2] = z[free, :2]
+    limit = problem.friction * state[:, 5] + problem.g
+    state[slips, :2] = (z[:, :1] * e)[slips]
+    state[slips, 3:5] = (-limit[:, None] * e)[slips]
+    return state
+
+
+def space_jacobian(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> Array:
+    """Of S a - r - p by the unknowns of a piece (3 m, 3 m)."""
+    S = problem.S
+    m = len(codes)
+    opened = IS_OPEN[codes]
+    stuck = _STUCK[codes]
+    slips = np.flatnonzero(_slipping(problem, codes))
+    J = np.zeros((3 * m, 3 * m))
+    at = 3 * np.arange(m)
+    for c in (0, 1):
+        J[:, at + c] = S[:, at + c]
+        J[:, (at + c)[stuck]] = 0.0
+        J[(at + c)[stuck], (at + c)[stuck]] = -1.0
+    J[:, at[opened] + 2] = S[:, at[opened] + 2]
+    J[at[~opened] + 2, at[~opened] + 2] = -1.0
+    x = at[slips]
+    along = e[slips]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    friction = np.where(opened, 0.0, problem.friction)[slips]
+    limit = friction * z[slips, 2] + problem.g[slips]
+    J[:, x] = S[:, x] * along[:, 0] + S[:, x + 1] * along[:, 1]
+    J[:, x + 1] = z[slips, 0] * (S[:, x] * across[:, 0] + S[:, x + 1] * across[:, 1])
+    for c in (0, 1):
+        J[x + c, x + 1] += limit * across[:, c]
+        J[x + c, x + 2] += friction * along[:, c]
+    return J
+
+
+def _growth(piece: SpacePiece, radius: Array) -> Array:
+    """|C f| + |I - C J| r over the ball of radius r (3 m,)."""
+    problem = piece.problem
+    codes = piece.codes
+    m = len(codes)
+    z = piece.z
+    J = space_jacobian(problem, codes, z, piece.e)
+    C = np.abs(piece.inverse)
+    n = 3 * m
+    size = np.abs(problem.S)
+    slips = piece.slips
+    turn = np.where(slips, radius[:, 1] + 16 * _U, 0.0)
+    opened = IS_OPEN[codes]
+    friction = np.where(opened, 0.0, problem.friction)
+    # Of the columns of J what data, rounding and the ball change.
+    at = 3 * np.arange(m)
+    both = size[:, at] + size[:, at + 1]
+    dboth = problem.dS[:, at] + problem.dS[:, at + 1]
+    off = gamma(8) * np.abs(J)
+    held = _STUCK[codes]
+    free = ~held & ~slips
+    for c in (0, 1):
+        off[:, (at + c)[free]] += problem.dS[:, (at + c)[free]]
+    off[:, at[opened] + 2] += problem.dS[:, at[opened] + 2]
+    s = np.abs(z[:, 0]) + radius[:, 0]
+    limit = np.abs(friction * z[:, 2] + problem.g)
+    more = friction * radius[:, 2] + gamma(4) * limit
+    x = at[slips]
+    first = both * (turn + gamma(8)) + dboth * 2
+    second = both * (s * (turn + gamma(8)) + radius[:, 0]) + dboth * (2 * s)
+    off[:, x] += first[:, slips]
+    off[:, x + 1] += second[:, slips]
+    for c in (0, 1):
+        off[x + c, x + 1] += ((limit + more) * (turn + gamma(8)) + more)[slips]
+        off[x + c, x + 2] += (friction * (turn + gamma(8)))[slips]
+    rest = np.abs(np.eye(n) - piece.inverse @ J) + gamma(n) * (np.eye(n) + C @ np.abs(J))
+    return up(piece.residual + up(rest + C @ off) @ radius.reshape(-1))
+
+
+def _residual_of(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> tuple[Array, Array]:
+    """S a - r - p, and by how much it may be off (3 m,)."""
+    state = space_state(problem, codes, z, e)
+    a = state[:, :3].reshape(-1)
+    r = state[:, 3:].reshape(-1)
+    found = problem.S @ a - r - problem.p
+    size = np.abs(problem.S) @ np.abs(a) + np.abs(r) + np.abs(problem.p)
+    # Of components of slips and shears both may be in one.
+    swapped = np.abs(state[:, [1, 0, 2, 4, 3, 5]])
+    turned = np.where(_slipping(problem, codes)[:, None], np.abs(state) + swapped, 0.0)
+    turned[:, [2, 5]] = 0.0
+    off = np.abs(problem.S) @ turned[:, :3].reshape(-1) + turned[:, 3:].reshape(-1)
+    data = problem.dS @ np.abs(a) + problem.dp
+    return found, up(gamma(len(a) + 8) * size + 32 * _U * off + data)
+
+
+def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiece | None:
+    """The solution of a piece near z; None if Krawczyk's test does not prove one.
+
+    Args:
+        problem: scaled.
+        codes: statuses (m,).
+        z: the unknowns, nearly (m, 3).
+    """
+    z = np.array(z, dtype=np.float64)
+    slips = _slipping(problem, codes)
+    for attempt in range(4):
+        e = np.zeros((len(codes), 2))
+        e[slips] = np.stack([np.cos(z[slips, 1]), np.sin(z[slips, 1])], axis=1)
+        e[slips] /= np.hypot(e[slips, 0], e[slips, 1])[:, None]
+        try:
+            C = np.linalg.inv(space_jacobian(problem, codes, z, e))
+        except np.linalg.LinAlgError:
+            return None
+        f, off = _residual_of(problem, codes, z, e)
+        if not (np.isfinite(C).all() and np.isfinite(f).all()):
+            return None
+        if attempt == 3 or not (np.abs(f) > off).any():
+            break
+        z = z - (C @ f).reshape(-1, 3)
+    left = up(np.abs(C) @ (np.abs(f) + off))
+    inverse = np.asarray(C, dtype=np.float64)
+    ball: Array = np.asarray(2 * left + TINY, dtype=np.float64).reshape(-1, 3)
+    for _ in range(6):
+        piece = SpacePiece(problem, codes, z, e, inverse, left, ball)
+        grown = _growth(piece, ball).reshape(-1, 3)
+        if (grown < ball).all():
+            return piece
+        ball = np.asarray(2 * grown, dtype=np.float64)
+        if not ball.max() < 1.0:
+            return None
+    return None
+
+
+# -- in space: one solution with given types -------------------------------------------------------
+#
+# All points have cells of one type, and b solves the piece. Let a be any solution in the cells, and
+# phi the angle from the direction of b to that of a, at a point that slips. With the means s of
+# slips, rn of pressures, and w = 2 sin(phi / 2),
+#
+#     D ut = ds m + s w m',    D rt = -F (dr m + rn w m'),    m = (xi_a + xi_b) / 2,
+#
+# and a unit vector m' across m: xi_a - xi_b = w m'. This is exact; so S D a = D r reads M x = 0,
+# with x = (ds, w, dr) at such a point and M in an interval matrix. If C M is within G of the
+# identity and G v < v for some v > 0, then M is regular and a = b.
+
+
+def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
+    """Whether b is all that there can be, of solutions and pieces with these types.
+
+    Args:
+        piece: of b.
+        cells: of one kind at every point, which is that of b.
+        most: bounds (MOST, m).
+    """
+    problem = piece.problem
+    if (problem.g > 0).any():
+        return False
+    n = 3 * problem.points
+    none = np.zeros_like
+    M = space_jacobian(problem, piece.codes, none(piece.z), none(piece.e))
+    off = np.where(M != 0, problem.dS, 0.0)
+    terms: list[_Term] = []
+    for i in np.flatnonzero(piece.slips):
+        found = _columns_of_slip(piece, cells, most, int(i))
+        if found is None:
+            return False
+        terms += found
+        for term in found:
+            M[:, term.column] += term.middle * term.vector
+            off[:, term.column] += up(abs(term.middle) * term.off)
+    try:
+        C = np.linalg.inv(M)
+    except np.linalg.LinAlgError:
+        return False
+    if not np.isfinite(C).all():
+        return False
+    size = np.abs(C)
+    G = np.abs(np.eye(n) - C @ M) + gamma(n) * (size @ np.abs(M) + np.eye(n))
+    G += size @ (off + gamma(8) * np.abs(M))
+    if terms:
+        vectors, offs = (
+            np.stack(v, axis=1) for v in ([t.vector for t in terms], [t.off for t in terms])
+        )
+        moved = np.abs(C @ vectors) + size @ (gamma(n) * np.abs(vectors) + offs)
+        widths = np.array([t.width for t in terms])
+        np.add.at(G.T, [t.column for t in terms], (moved * widths).T)
+    return _contracts(up(G))
+
+
+@dataclass(frozen=True, eq=False)
+class _Term:
+    """(middle +- width) (vector +- off) in a column of M."""
+
+    column: int
+    vector: Array
+    off: Array
+    middle: float
+    width: float
+
+
+def _contracts(G: Array) -> bool:
+    """Whether G v < v for a v > 0, of a matrix that is not negative."""
+    if not np.isfinite(G).all():
+        return False
+    v = np.ones(len(G))
+    for _ in range(60):
+        w = G @ v + 1e-12
+        v = w / w.max()
+    return bool((up(G @ v) < v).all())
+
+
+def angles_of(
+    piece: SpacePiece, cells: Cells, point: int, widest: float = 3.5
+) -> tuple[float, float] | None:
+    """Least and largest angle from the direction of b to one in the arcs of a point.
+
+    None if the arcs hold the opposite direction, or more than `widest` in diamond angles.
+    """
+    hull = cells.hull(point)
+    if hull is None or hull[1] > widest:
+        return None
+    ends = rays(np.array([hull[0], hull[0] + hull[1]]))
+    c, s = piece.e[point]
+    low, high = np.arctan2(c * ends[:, 1] - s * ends[:, 0], c * ends[:, 0] + s * ends[:, 1])
+    (x0, y0), (x1, y1) = ends
+    width = np.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1) % (2 * np.pi)
+    # With the opposite direction among them a whole turn is missing.
+    if not abs(high - low - width) < 1e-9:
+        return None
+    more = float(up(piece.turn[point] * 1.6 + _ANGLES))
+    return float(low) - more, float(high) + more
+
+
+def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> list[_Term] | None:
+    """What M has of a point that slips, but for the pressure itself."""
+    found = angles_of(piece, cells, i)
+    if found is None:
+        return None
+    low, high = found
+    far = max(abs(low), abs(high))
+    if far >= 3.0:
+        return None
+    psi = (low + high) / 4
+    swing = (high - low) / 4 + _ANGLES
+    cosine = float(np.cos(swing)) - _ANGLES
+    least = cosine * (float(np.cos(far / 2)) - _ANGLES)
+    tilt = float(np.sin(swing)) + 9 * _ANGLES
+    part = (1 + least) / 2, (1 - least) / 2 + 8 * _ANGLES
+    # The means of s and of rn, also times the cosine of m' across.
+    slid = _mean(most, OF_S, i, float(piece.z[i, 0]), float(piece.radius[i, 0]))
+    pressed = _mean(most, OF_RN, i, float(piece.z[i, 2]), float(piece.radius[i, 2]))
+    of_s, of_r = (_between(*ends, cosine) for ends in (slid, pressed))
+    s_tilt, r_tilt = (max(map(abs, ends)) * tilt for ends in (slid, pressed))
+    c, s = piece.e[i]
+    turned = np.array([[np.cos(psi), -np.sin(psi)], [np.sin(psi), np.cos(psi)]])
+    along = turned @ np.array([c, s])
+    across = np.array([-along[1], along[0]])
+    stiff = [_Vector.of_stiffness(piece.problem, i, v) for v in (along, across)]
+    rubbed = [_Vector.of_friction(piece.problem, i, v) for v in (along, across)]
+    table = [
+        (0, stiff[0], *part),
+        (0, stiff[1], 0.0, tilt),
+        (1, stiff[1], *of_s),
+        (1, stiff[0], 0.0, s_tilt),
+        (1, rubbed[1], *of_r),
+        (1, rubbed[0], 0.0, r_tilt),
+        (2, rubbed[0], *part),
+        (2, rubbed[1], 0.0, tilt),
+    ]
+    return [
+        _Term(3 * i + k, v.value, v.away, middle, above(width)) for k, v, middle, width in table
+    ]
+
+
+class _Vector(Interval):
+    """Combinations of columns of S, or of forces, that a unit vector makes."""
+
+    @classmethod
+    def of_stiffness(cls, problem: ReducedProblem, i: int, by: Array) -> _Vector:
+        """S_t v at a point."""
+        columns = slice(3 * i, 3 * i + 2)
+        S = problem.S[:, columns]
+        away = (problem.dS[:, columns] + gamma(8) * np.abs(S)).sum(axis=1)
+        return cls(S @ by, up(away))
+
+    @classmethod
+    def of_friction(cls, problem: ReducedProblem, i: int, by: Array) -> _Vector:
+        """F v, a force at a point."""
+        value = np.zeros(len(problem.p))
+        value[3 * i : 3 * i + 2] = problem.friction[i] * by
+        return cls(value, gamma(8) * np.abs(value))
+
+
+def _between(low: float, high: float, cosine: float) -> tuple[float, float]:
+    """Middle and half width of numbers in an interval times some from a cosine to 1."""
+    low, high = min(low, low * cosine), max(high, high * cosine)
+    return (low + high) / 2, (high - low) / 2 + 8 * _ANGLES * max(abs(low), abs(high))
+
+
+def _mean(most: Array, quantity: int, i: int, value: float, off: float) -> tuple[float, float]:
+    """Ends of the mean of s or rn of a and b."""
+    least, largest = (float(v[i]) for v in ends_of(most, quantity))
+    more = above(off + gamma(4) * (abs(value) + largest))
+    return (least + value) / 2 - more, (largest + value) / 2 + more
+
+
+# -- in space: differences -------------------------------------------------------------------------
+#
+# As in the plane, with b a solution of a piece, a any solution in the cells, d = a - b, e = S d,
+# and xi_b = the direction of a slip, -rt_b / (F rn_b) of stick, or ut_b / |ut_b| of an open point.
+# With f = e_t + F xi_b e_n = -F rn_a (xi_a - xi_b), these are not positive:
+#
+#     T   d_t.f + s_b / (2 F R) |f|^2                 of slips and open points, rn_a <= R
+#         d_t.f + F r (1 - |xi_b|) / s |d_t|^2        of stick; rn_a >= r, s_a <= s
+#     N   d_n e_n + rn_b / Un d_n^2, or un_b / R e_n^2
+#     H   d_n (e_n + theta.e_t),  |theta| <= 1 / F, along each axis
+#     A   f_1^2 - tan(far / 2)^2 f_2^2                of slips; f_1 along xi_b and f_2 across; the
+#                                                     angle between xi_a and xi_b is at most far
+#     Q   (f_2 + k d_2) (f_2 + K d_2)                 f_2 = -c d_2, k <= c = F rn_a / s_a <= K
+#     P   f_2 d_2 + k d_2^2                           the same without K
+#
+# since a product of monotone graphs is, and 2 (1 - xi_a.xi_b) >= |xi_a - xi_b|^2. A, Q and P need
+# that neither sticks, Q and P that no cell is open. Where F = 0, T is d_t.e_t + s_b / (2 g)
+# |e_t|^2, and without friction e_t = 0. Points that are surely open have e = 0; surely closed, d_n
+# = 0; surely stuck, d = 0. *b need not satisfy what none of these uses.*
+#
+# **If a sum of these with weights that are not negative, and of multiples of the squares of what
+# vanishes, is a positive definite form of d, then d = 0: there is nothing in the cells but b.**
+
+#: The inequalities, in the order of the weights: T, N, four of H, A, Q, P.
+FAMILIES = ("T", "N", "H", "H", "H", "H", "A", "Q", "P")
+_ROWS = 6  # (d_1, d_2, d_n, e_1, e_2, e_n) of a point
+
+
+@dataclass(frozen=True, eq=False)
+class SpaceDifferences:
+    """The inequalities of all points as forms of (d, e), and which differences are unknown.
+
+    Attributes:
+        problem: scaled.
+        unknown: components of d that may differ from zero (n,), of 3 m.
+        forms: a form for every family and point, 0 where there is none (9, m, 6, 6).
+        sizes: sums of the absolute values of their terms, and errors (9, m, 6, 6).
+        errors: by which the forms may be off (9, m, 6, 6).
+        has: which there are (9, m).
+        vanishing: components of e that are 0 (3 m,).
+    """
+
+    problem: ReducedProblem
+    unknown: npt.NDArray[np.int64]
+    forms: Array
+    sizes: Array
+    errors: Array
+    has: npt.NDArray[np.bool_]
+    vanishing: npt.NDArray[np.bool_]
+
+    @cached_property
+    def rows(self) -> Array:
+        """The d and e of the points by the unknown components (m, 6, n)."""
+        m = self.problem.points
+        found = np.zeros((m, _ROWS, len(self.unknown)))
+        found[self.unknown // 3, self.unknown % 3, np.arange(len(self.unknown))] = 1.0
+        found[:, 3:] = self.problem.S[:, self.unknown].reshape(m, 3, -1)
+        return found
+
+    def prove(self, weights: Array, mu: float) -> bool:
+        """Whether the weighted sum is positive definite, whatever the errors.
+
+        Args:
+            weights: (9, m), not negative; those of what is not there do not count.
+            mu: >= 0, weight of the squares of what vanishes.
+        """
+        if len(self.unknown) == 0:
+            return True
+        if not ((weights >= 0).all() and np.isfinite(weights).all() and 0 <= mu < np.inf):
+            return False
+        w = np.where(self.has, weights, 0.0)
+        W, size, error = (
+            np.einsum("fi,fiab->iab", w, v) for v in (self.forms, self.sizes, self.errors)
+        )
+        m = self.problem.points
+        i, c = np.nonzero(self.vanishing.reshape(m, 3))
+        square = mu / np.diag(self.problem.S).reshape(m, 3)[i, c]
+        for v in (W, size):
+            v[i, 3 + c, 3 + c] += square
+        B = self.rows.reshape(-1, len(self.unknown))
+        n = len(B)
+        product = B.T @ np.einsum("iab,ibk->iak", W, self.rows).reshape(n, -1)
+        big = np.abs(self.rows)
+        data = np.zeros_like(big)
+        data[:, 3:] = self.problem.dS[:, self.unknown].reshape(m, 3, -1)
+        flat = np.abs(B)
+        spread = np.einsum("iab,ibk->iak", error + gamma(n + 32) * size, big).reshape(n, -1)
+        away = flat.T @ spread
+        if data.any():
+            other = np.einsum("iab,ibk->iak", size + error, data).reshape(n, -1)
+            moved = flat.T @ other
+            away += moved + moved.T + data.reshape(n, -1).T @ other
+        form = (product + product.T) / 2
+        return positive_definite(form, up(away + gamma(4) * np.abs(form)))
+
+
+def space_differences(piece: SpacePiece, cells: Cells, most: Array) -> SpaceDifferences | None:
+    """The inequalities; None if b does not certainly satisfy what they need.
+
+    Args:
+        piece: of b.
+        cells: of a.
+        most: bounds (MOST, m).
+    """
+    problem = piece.problem
+    m = problem.points
+    made = _Forms(m)
+    unknown = np.zeros((m, 3), dtype=bool)
+    vanishing = np.zeros((m, 3), dtype=bool)
+    for i in range(m):
+        kinds = cells.kinds_at(i)
+        one = next(iter(kinds)) if len(kinds) == 1 else None
+        if one == IN_STICK:
+            if piece.codes[i] != 1:
+                return None
+            continue
+        unknown[i, :2] = True
+        unknown[i, 2] = IN_OPEN in kinds
+        fits = (
+            _forms_of_coulomb(piece, cells, most, i, kinds, made)
+            if problem.friction[i] > 0
+            else _forms_of_given(piece, most, i, kinds, made)
+        )
+        if not fits:
+            return None
+        if one == IN_OPEN:
+            vanishing[i] = [problem.g[i] == 0, problem.g[i] == 0, True]
+        elif problem.friction[i] == 0 and problem.g[i] == 0:
+            vanishing[i, :2] = True
+    known = np.flatnonzero(unknown.reshape(-1))
+    return SpaceDifferences(problem, known, *made.summed(), vanishing.reshape(-1))
+
+
+class _Forms:
+    """Sums of products of two linear forms of (d, e), by family and point."""
+
+    def __init__(self, m: int):
+        self.shape = (len(FAMILIES), m)
+        self.places: list[tuple[int, int]] = []
+        self.factors: list[float] = []
+        self.parts: list[tuple[Array, Array, Array, Array]] = []
+
+    def add(self, family: int, i: int, factor: float, x: Interval, y: Interval) -> None:
+        """Add factor x y to a form; the factor is exact, or on the safe side."""
+        self.places.append((family, i))
+        self.factors.append(factor)
+        self.parts.append((x.value, x.away, y.value, y.away))
+
+    def summed(self) -> tuple[Array, Array, Array, npt.NDArray[np.bool_]]:
+        """Forms, sizes of their terms, their errors (9, m, 6, 6), and which there are (9, m)."""
+        found = [np.zeros((*self.shape, _ROWS, _ROWS)) for _ in range(3)]
+        has = np.zeros(self.shape, dtype=bool)
+        if self.places:
+            family, i = np.array(self.places).T
+            has[family, i] = True
+            factor = np.array(self.factors)[:, None, None]
+            x, dx, y, dy = np.array(self.parts).transpose(1, 0, 2)
+            size = np.abs(x)[:, :, None] * np.abs(y)[:, None, :]
+            off = (np.abs(x) + dx)[:, :, None] * (np.abs(y) + dy)[:, None, :] - size
+            off = np.abs(factor) * (np.maximum(off, 0) + gamma(8) * size)
+            product = factor * (x[:, :, None] * y[:, None, :])
+            for whole, part in zip(found, (product, np.abs(factor) * size, up(off)), strict=True):
+                np.add.at(whole, (family, i), (part + part.transpose(0, 2, 1)) / 2)
+        return found[0], found[1], up(found[2]), has
+
+
+def _linear(**parts: tuple[float, float]) -> Interval:
+    """A linear form of (d, e) by its coefficients and their errors."""
+    names = ("d1", "d2", "dn", "e1", "e2", "en")
+    value = np.zeros(_ROWS)
+    away = np.zeros(_ROWS)
+    for name, (number, off) in parts.items():
+        value[names.index(name)] = number
+        away[names.index(name)] = off
+    return Interval(value, away)
+
+
+_ONE = (1.0, 0.0)
+_D = (_linear(d1=_ONE), _linear(d2=_ONE), _linear(dn=_ONE))
+_E = (_linear(e1=_ONE), _linear(e2=_ONE), _linear(en=_ONE))
+
+
+def _direction(piece: SpacePiece, i: int) -> tuple[Array, float, float] | None:
+    """The xi of b, by how much its components may be off, and a lower bound of |ut_b|."""
+    F = float(piece.problem.friction[i])
+    state, away = piece.state[i], piece.away[i]
+    if piece.slips[i]:
+        return piece.e[i], float(piece.turn[i]), float(piece.z[i, 0] - piece.radius[i, 0])
+    if piece.codes[i] == 1:
+        least = F * (state[5] - away[5]) * (1 - gamma(4))
+        if not least > 0:
+            return None
+        xi = -state[3:5] / (F * state[5])
+        off = (away[3:5].max() + F * away[5]) / least
+        return xi, above(off + gamma(8)), 0.0
+    size = float(np.hypot(state[0], state[1]))
+    off = float(np.hypot(away[0], away[1]))
+    if not size > 4 * off:
+        return None
+    return state[:2] / size, above(4 * off / size + gamma(8)), size - 2 * off
+
+
+def _forms_of_coulomb(
+    piece: SpacePiece, cells: Cells, most: Array, i: int, kinds: frozenset[int], made: _Forms
+) -> bool:
+    """Of a point with a coefficient of friction; whether b fits."""
+    code = int(piece.codes[i])
+    kind = {0: IN_OPEN, 1: IN_STICK, 2: IN_SLIP}.get(code)
+    if kind not in kinds:
+        return False
+    if kinds == {IN_OPEN}:
+        return True
+    if code == 1 and not piece.slack.low[i] >= 0:
+        return False
+    found = _direction(piece, i)
+    if found is None:
+        return False
+    xi, turn, slid = found
+    F = float(piece.problem.friction[i])
+    Fxi = [(F * float(x), above(F * turn + gamma(4) * F)) for x in xi]
+    f = (_linear(e1=_ONE, en=Fxi[0]), _linear(e2=_ONE, en=Fxi[1]))
+    _tangential(piece, most, i, kinds, made, f, slid)
+    if IN_OPEN in kinds and not _normal(piece, most, i, kinds, made):
+        return False
+    if IN_STICK not in kinds and code == 2:
+        _of_arcs(piece, cells, most, i, made, IN_OPEN in kinds)
+    return True
+
+
+def _tangential(
+    piece: SpacePiece,
+    most: Array,
+    i: int,
+    kinds: frozenset[int],
+    made: _Forms,
+    f: tuple[Interval, Interval],
+    slid: float,
+) -> None:
+    """T of a point with a coefficient of friction."""
+    if slid < 0:
+        return
+    F = float(piece.problem.friction[i])
+    pressed = _largest_pressure(most, i, kinds)
+    for c in (0, 1):
+        made.add(0, i, 1.0, _D[c], f[c])
+        if slid > 0:
+            made.add(0, i, _ratio(slid, above(2 * F * pressed)), f[c], f[c])
+    least = float(ends_of(most, OF_RN)[0][i])
+    if piece.codes[i] == 1 and IN_OPEN not in kinds and IN_SLIP in kinds and least > 0:
+        share = float(piece.slack.low[i]) / float(F * (piece.state[i, 5] + piece.away[i, 5]))
+        largest = float(ends_of(most, OF_S)[1][i])
+        for c in (0, 1):
+            made.add(0, i, _ratio(F * least * share * (1 - 2 * _SLACK), largest), _D[c], _D[c])
+
+
+def _largest_pressure(most: Array, i: int, kinds: frozenset[int]) -> float:
+    """Bound of rn at a point."""
+    slides = ends_of(most, OF_RN)[1][i] if kinds & {IN_SLIP, IN_CLOSED} else 0.0
+    sticks = max(float(most[OF_RK, i]), 0.0) if IN_STICK in kinds else 0.0
+    return float(max(slides, sticks))
+
+
+def _normal(piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made: _Forms) -> bool:
+    """N and H of a point that may be open and closed; whether b fits."""
+    opened = bool(IS_OPEN[piece.codes[i]])
+    column = 2 if opened else 5
+    part = float(piece.state[i, column] - piece.away[i, column] * (1 + gamma(4)))
+    if not part >= 0:
+        return False
+    made.add(1, i, 1.0, _D[2], _E[2])
+    if opened:
+        made.add(1, i, _ratio(part, _largest_pressure(most, i, kinds)), _E[2], _E[2])
+    else:
+        made.add(1, i, _ratio(part, float(most[OF_UN, i])), _D[2], _D[2])
+    F = float(piece.problem.friction[i])
+    if F > 0:
+        for k, (c, sign) in enumerate(((0, 1), (0, -1), (1, 1), (1, -1))):
+            made.add(2 + k, i, 1.0, _D[2], _E[2])
+            made.add(2 + k, i, sign * below(1 / F), _D[2], _E[c])
+    return True
+
+
+def _of_arcs(
+    piece: SpacePiece, cells: Cells, most: Array, i: int, made: _Forms, opens: bool
+) -> None:
+    """A, Q and P of a point that slips in b, and does not stick."""
+    found = angles_of(piece, cells, i)
+    far = np.inf if found is None else max(abs(found[0]), abs(found[1]))
+    if far >= 2.8:
+        return
+    F = float(piece.problem.friction[i])
+    c, s = (float(v) for v in piece.e[i])
+    off = float(piece.turn[i])
+    # xi.xi = 1 and xi across xi = 0, whatever xi is.
+    one = _linear(e1=(c, off), e2=(s, off), en=(F, 0.0))
+    two = _linear(e1=(-s, off), e2=(c, off))
+    across = _linear(d1=(-s, off), d2=(c, off))
+    tangent = above(np.tan(far / 2 + _ANGLES) + _ANGLES)
+    made.add(6, i, 1.0, one, one)
+    made.add(6, i, -above(tangent**2), two, two)
+    if opens:
+        return
+    (s_low, s_high), (r_low, r_high) = (
+        (float(v[i]) for v in ends_of(most, quantity)) for quantity in (OF_S, OF_RN)
+    )
+    k = _ratio(F * r_low, s_high) * (1 - 2 * _SLACK)
+    made.add(8, i, 1.0, two, across)
+    made.add(8, i, k, across, across)
+    if s_low > 0:
+        most_k = above(above(F * r_high) / s_low)
+        made.add(7, i, 1.0, two, two)
+        made.add(7, i, k + most_k, two, across)
+        made.add(7, i, k * most_k, across, across)
+
+
+def _forms_of_given(
+    piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made: _Forms
+) -> bool:
+    """Of a point without a coefficient of friction; whether b fits."""
+    code = int(piece.codes[i])
+    g = float(piece.problem.g[i])
+    if (IN_OPEN if IS_OPEN[code] else IN_CLOSED) not in kinds:
+        return False
+    if g > 0:
+        slid = float(piece.z[i, 0] - piece.radius[i, 0]) if piece.slips[i] else 0.0
+        if slid < 0 or (_STUCK[code] and not piece.slack.low[i] >= 0):
+            return False
+        for c in (0, 1):
+            made.add(0, i, 1.0, _D[c], _E[c])
+            made.add(0, i, _ratio(slid, 2 * g), _E[c], _E[c])
+    if len(kinds) > 1:
+        return _normal(piece, most, i, kinds, made)
+    return True
+
+
 # -- the proof as data -----------------------------------------------------------------------------
 #
 # A proof as data: the problem, and a tree of steps that `check` follows.
@@ -972,6 +2130,16 @@ def _bounded(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
 # - ``branch``: of a point, into the sets ``parts``; the subtrees follow.
 # - ``rest``: there is no load, and so no solution but a = 0; a leaf.
 # - ``open``: nothing is proved; a leaf.
+#
+# In space the steps act on the cells that are left, known by their numbers, and on the bounds:
+#
+# - ``exclude``: the vector ``y`` excludes the cells ``what``; a leaf if a point has none left.
+# - ``bound``: the vector ``y`` bounds a ``quantity`` of a ``point`` by ``value``.
+# - ``empty``, ``rest``, ``open``: as above; the last says ``why``.
+# - ``halve``: the arcs of a point.
+# - ``branch``: of a point, into lists ``parts`` of its cells; the subtrees follow.
+# - ``leaf``: none but that of the piece ``codes`` near ``z``, by an interval matrix; a leaf.
+# - ``only``: the same by ``weights`` and mu (differences in space, above); a leaf.
 
 
 class InvalidCertificate(ValueError):
@@ -985,7 +2153,7 @@ class Certificate:
     Attributes:
         problem: as it was given.
         steps: as above.
-        vectors: multipliers of the rows of S, in scaled units, (2 m,) each.
+        vectors: multipliers of the rows of S, in scaled units, (dim m,) each.
     """
 
     problem: ReducedProblem
@@ -1112,13 +2280,13 @@ class Proved:
         border: pieces whose solution is at a border: one within their errors, or none.
         singular: pieces that may hold one solution, none or a continuum.
         at_rest: without load nothing but a = 0 is a solution.
-        open_regions: sets of statuses about which nothing is proved.
+        open_regions: sets of statuses, in space cells, about which nothing is proved.
     """
 
-    inside: list[PieceSolution] = field(default_factory=list)
-    border: list[PieceSolution] = field(default_factory=list)
+    inside: list[PieceSolution | SpacePiece] = field(default_factory=list)
+    border: list[PieceSolution | SpacePiece] = field(default_factory=list)
     singular: list[npt.NDArray[np.int8]] = field(default_factory=list)
-    open_regions: list[Masks] = field(default_factory=list)
+    open_regions: list[Masks | OpenCells] = field(default_factory=list)
     at_rest: bool = False
 
     @property
@@ -1132,12 +2300,29 @@ class Proved:
         number = len(self.inside) + int(self.at_rest)
         return in_words(number, len(self.border), len(self.singular), len(self.open_regions))
 
-    def add(self, piece: PieceSolution) -> None:
-        """Take the solution of a piece, whose errors decide whether it is one."""
+    def add(self, piece: PieceSolution | SpacePiece) -> None:
+        """Take the solution of a piece, whose errors decide whether it is one.
+
+        Raises:
+            InvalidCertificate: if two solutions in space cannot be distinguished.
+        """
         kind = piece.verdict
+        if kind == "outside":
+            return
         known = self.inside if kind == "inside" else self.border
-        if kind != "outside" and not any(np.array_equal(q.codes, piece.codes) for q in known):
-            known.append(piece)
+        same = [_is_same(other, piece) for other in known]
+        if True in same:
+            return
+        if None in same and kind == "inside":
+            raise InvalidCertificate("two solutions cannot be distinguished")
+        known.append(piece)
+
+
+def _is_same(a: PieceSolution | SpacePiece, b: PieceSolution | SpacePiece) -> bool | None:
+    """Whether two solutions are one; None if that is not sure."""
+    if isinstance(a, SpacePiece) and isinstance(b, SpacePiece):
+        return a.same(b)
+    return bool(np.array_equal(a.codes, b.codes))
 
 
 @dataclass(eq=False)
@@ -1198,14 +2383,17 @@ def check(certificate: Certificate) -> Proved:
     """
     proved = Proved()
     problem = certificate.problem.scaled
-    waiting = [StatusRegion.whole(problem)]
+    waiting: list[Any] = [
+        SpaceRegion.whole(problem) if problem.dim == 3 else StatusRegion.whole(problem)
+    ]
+    follow_step = follow_in_space if problem.dim == 3 else follow
     try:
         # What overflows proves nothing, and says so by comparisons that fail.
         with np.errstate(all="ignore"):
             for step in certificate.steps:
                 if not waiting:
                     raise InvalidCertificate("there are steps after the last leaf")
-                waiting += follow(certificate, step, waiting.pop(), proved)
+                waiting += follow_step(certificate, step, waiting.pop(), proved)
     except InvalidCertificate:
         raise
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
@@ -1244,11 +2432,7 @@ def follow(
         proved.open_regions.append(region.allowed)
         return []
     if kind == "rest":
-        # a.S a <= p.a, with no load and no error of it.
-        if region.problem.p.any() or region.problem.dp.any():
-            raise InvalidCertificate("there is a load")
-        proved.at_rest = True
-        return []
+        return follow_rest(region.problem, proved)
     if kind == "pieces":
         _all_pieces(certificate, step["singular"], region, proved)
         return []
@@ -1286,6 +2470,167 @@ def follow(
     for point, status in step["what"]:
         region.exclude(point, status)
     return [region]
+
+
+def follow_rest(problem: ReducedProblem, proved: Proved) -> list[Any]:
+    """Without load a.S a <= p.a leaves a = 0 alone."""
+    if problem.p.any() or problem.dp.any():
+        raise InvalidCertificate("there is a load")
+    proved.at_rest = True
+    return []
+
+
+@dataclass(frozen=True, eq=False)
+class OpenCells:
+    """Cells in space about which nothing is proved.
+
+    Attributes:
+        cells: of all points.
+        most: bounds of the solutions there (MOST, m), in scaled units.
+        why: that they are left, human-readable.
+    """
+
+    cells: Cells
+    most: Array
+    why: str
+
+    @property
+    def statuses(self) -> Masks:
+        """Statuses that points may have, as masks (m,); without Coulomb friction whether open."""
+        masks = np.zeros(self.most.shape[1], dtype=np.int64)
+        np.bitwise_or.at(masks, self.cells.node, np.array([1, 2, 4, 4])[self.cells.kind])
+        return masks
+
+
+@dataclass(eq=False)
+class SpaceRegion:
+    """Cells of the points, and bounds of the solutions in them.
+
+    Attributes:
+        problem: scaled.
+        cells: at least one at every point.
+        most: bounds (MOST, m).
+    """
+
+    problem: ReducedProblem
+    cells: Cells
+    most: Array
+
+    @classmethod
+    def whole(cls, problem: ReducedProblem) -> SpaceRegion:
+        """All cells, with the bounds by energy."""
+        return cls(problem, Cells.whole(problem), bounded_in_space(problem))
+
+    def part(self, keep: npt.NDArray[np.bool_]) -> SpaceRegion:
+        """With some of the cells."""
+        return SpaceRegion(self.problem, self.cells.kept(keep), self.most)
+
+    def excluded(self, y: Array, *, margin: float = 1.0) -> npt.NDArray[np.bool_]:
+        """Cells that the vector ``y`` excludes (k,)."""
+        return SpaceDual(self.problem, y).impossible(self.cells, self.most, margin)
+
+    def limit(self, quantity: int, point: int, value: float) -> None:
+        """Take a bound of a quantity."""
+        self.most = self.most.copy()
+        self.most[quantity, point] = min(self.most[quantity, point], value)
+
+    @property
+    def kinds(self) -> list[frozenset[int]]:
+        """Kinds of the cells, point by point."""
+        return [self.cells.kinds_at(i) for i in range(self.problem.points)]
+
+
+def follow_in_space(
+    certificate: Certificate, step: dict[str, Any], region: SpaceRegion, proved: Proved
+) -> list[SpaceRegion]:
+    """Take one step of a proof in space; as `follow`."""
+    kind = step["do"]
+    points = region.problem.points
+    if kind == "branch":
+        return _branched(step, region)
+    if kind == "halve":
+        region.cells = region.cells.halved(_index(step["point"], points))
+        return [region]
+    if kind == "open":
+        proved.open_regions.append(OpenCells(region.cells, region.most, str(step["why"])))
+        return []
+    if kind == "rest":
+        return follow_rest(region.problem, proved)
+    if kind in ("leaf", "only"):
+        _follow_one(step, region, proved)
+        return []
+    y = certificate.vectors[_index(step["y"], len(certificate.vectors))]
+    if y.shape != region.problem.p.shape or not np.isfinite(y).all():
+        raise InvalidCertificate("a vector of multipliers does not fit")
+    if kind == "bound":
+        quantity = _index(step["quantity"], MOST)
+        point = _index(step["point"], points)
+        dual = SpaceDual(region.problem, y)
+        if not dual.most(region.cells, region.most, quantity, point) <= step["value"]:
+            raise InvalidCertificate("a bound is not proved")
+        region.limit(quantity, point, float(step["value"]))
+        return [region]
+    excluded = region.excluded(y)
+    if kind == "empty":
+        if not np.logical_and.reduceat(excluded, region.cells.first).any():
+            raise InvalidCertificate("a region is not proved empty")
+        return []
+    if kind != "exclude":
+        raise InvalidCertificate(f"there is no step {kind!r}")
+    keep = np.ones(len(region.cells), dtype=bool)
+    for number in step["what"]:
+        if not excluded[_index(number, len(excluded))]:
+            raise InvalidCertificate("an exclusion is not proved")
+        keep[number] = False
+    left = region.part(keep)
+    return [left] if len(left.cells.first) == points else []
+
+
+def _branched(step: dict[str, Any], region: SpaceRegion) -> list[SpaceRegion]:
+    """Parts of a region, last part first."""
+    cells = region.cells
+    here = cells.node == _index(step["point"], region.problem.points)
+    left = here.copy()
+    found = []
+    for part in step["parts"]:
+        keep = ~here
+        for number in part:
+            keep[_index(number, len(cells))] = True
+            left[number] = False
+        if not (keep & here).any():
+            raise InvalidCertificate("a part of a branch has no cell")
+        found.append(region.part(keep))
+    if left.any():
+        raise InvalidCertificate("a branch leaves cells out")
+    return found[::-1]
+
+
+def _follow_one(step: dict[str, Any], region: SpaceRegion, proved: Proved) -> None:
+    """A leaf that holds nothing but the solution of a piece, if that is one."""
+    problem = region.problem
+    codes, z = step["codes"], np.array(step["z"], dtype=np.float64)
+    allowed = problem.statuses
+    if len(codes) != problem.points or z.shape != (problem.points, 3):
+        raise InvalidCertificate("statuses do not fit")
+    if not all(int(allowed[i]) >> _index(s, 7) & 1 for i, s in enumerate(codes)):
+        raise InvalidCertificate("a point cannot have this status")
+    piece = solve_in_space(problem, np.array(codes, dtype=np.int8), z)
+    if piece is None:
+        raise InvalidCertificate("no solution of a piece is proved")
+    if step["do"] == "leaf":
+        kinds = np.where(piece.codes == 2, np.where(problem.friction > 0, IN_SLIP, IN_CLOSED), 0)
+        kinds = np.where(piece.codes == 1, IN_STICK, kinds)
+        if (region.cells.kind != kinds[region.cells.node]).any():
+            raise InvalidCertificate("statuses are not those of the cells")
+        sure = only_one(piece, region.cells, region.most)
+    else:
+        found = space_differences(piece, region.cells, region.most)
+        weights = np.array(step["weights"], dtype=np.float64)
+        fits = found is not None and weights.shape == found.has.shape
+        sure = fits and found is not None and found.prove(weights, float(step["mu"]))
+    if not sure:
+        raise InvalidCertificate("a uniqueness is not proved")
+    proved.add(piece)
 
 
 def _all_pieces(
@@ -1336,6 +2681,7 @@ def _index(value: Any, size: int) -> int:
 #: Of a status: open, stick, slip to either side, and these at an open point under a bound given in
 #: advance; of a point without friction, open and closed.
 _WITH = "ok+-KPM"
+_IN_SPACE = "oks-KS-"
 _WITHOUT = "o-c----"
 _STATEMENT = {
     "complete": "they are all there are",
@@ -1347,7 +2693,15 @@ _STATEMENT = {
 def _letters(problem: ReducedProblem, codes: Codes) -> str:
     free = (problem.friction == 0) & (problem.g == 0)
     both = zip(codes, free, strict=True)
-    return "".join((_WITHOUT if without else _WITH)[int(code)] for code, without in both)
+    known = _WITH if problem.dim == 2 else _IN_SPACE
+    return "".join((_WITHOUT if without else known)[int(code)] for code, without in both)
+
+
+def _forces(piece: PieceSolution | SpacePiece) -> list[tuple[str, Array, Array]]:
+    """Names, values and errors of the forces; in space tangents differ from point to point."""
+    if isinstance(piece, SpacePiece):
+        return [("rn", piece.state[:, 5], piece.away[:, 5])]
+    return [(name, v.value, v.away) for name, v in (("rt", piece.rt), ("rn", piece.rn))]
 
 
 def report(certificate: Certificate, proved: Proved) -> list[str]:
@@ -1356,7 +2710,8 @@ def report(certificate: Certificate, proved: Proved) -> list[str]:
     force = problem.units[1]
     S, p = (float(np.abs(v).max()) for v in (problem.S, problem.p))
     lines = [
-        f"data: {problem.points} contact points; SHA-256 of S, p, F, g and the errors of S and p:",
+        f"data: {problem.points} contact points{' in 3D' if problem.dim == 3 else ''};"
+        " SHA-256 of S, p, F, g and the errors of S and p:",
         f"  {problem.digest}",
         f"  the errors are at most {problem.dS.max():.3g} (S up to {S:.6g}) and"
         f" {problem.dp.max():.3g} (p up to {p:.6g})",
@@ -1371,14 +2726,16 @@ def report(certificate: Certificate, proved: Proved) -> list[str]:
         lines.append("  rest, without forces")
     for piece in proved.inside:
         sums = ", ".join(
-            f"sum {name} = {force * v.value.sum():.12g} +- {force * 1.01 * v.away.sum():.2g}"
-            for name, v in (("rt", piece.rt), ("rn", piece.rn))
+            f"sum {name} = {force * value.sum():.12g} +- {force * 1.01 * away.sum():.2g}"
+            for name, value, away in _forces(piece)
         )
         lines.append(f"  {_letters(problem, piece.codes)}  {sums}")
     lines += [f"border: {_letters(problem, q.codes)}" for q in proved.border]
     lines += [f"singular: {_letters(problem, codes)}" for codes in proved.singular]
     if proved.open_regions:
         lines.append(f"not decided: {len(proved.open_regions)} sets of statuses")
+        reasons = {r.why for r in proved.open_regions if isinstance(r, OpenCells)}
+        lines += [f"  {why}" for why in sorted(reasons)]
     lines.append("that these numbers are those of a body, mesh and load is not part of the proof")
     return lines
 

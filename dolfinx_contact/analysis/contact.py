@@ -18,8 +18,9 @@ from dolfinx_contact.analysis.check_proof import ReducedProblem
 from dolfinx_contact.analysis.rays import ProvedRays, apex_problem, prove_rays
 from dolfinx_contact.analysis.renard import criterion_at
 from dolfinx_contact.analysis.solutions import ProvedSolutions, prove_solutions
+from dolfinx_contact.analysis.space.uniqueness import is_only_in_space
 from dolfinx_contact.analysis.theory import theory_of
-from dolfinx_contact.analysis.uniqueness import is_only
+from dolfinx_contact.analysis.uniqueness import OnlySolution, is_only
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
@@ -27,7 +28,7 @@ from dolfinx_contact.equations.parametric import JacobianSolver, ParametricEquat
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca, status
 from dolfinx_contact.reduced.reduction import Reduction
-from dolfinx_contact.reduced.scope import can_condense
+from dolfinx_contact.reduced.scope import can_condense, obstacle_in_space
 from dolfinx_contact.results.uniqueness import OTHER_DATA, Uniqueness
 
 __all__ = [
@@ -43,6 +44,7 @@ Codes = npt.NDArray[np.int8]
 logger = logging.getLogger(__name__)
 
 _SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
+_MOST_PROVED = 128  # in 3D, for the certificate of one point
 _MOST_POINTS = 300  # in 3D, for an eigenproblem that is not requested
 _EFFORT = 60  # of a search for weights in 3D
 _ENOUGH = 1.0 + 1e-6  # the factor it is to reach
@@ -58,7 +60,7 @@ def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) 
     if not all(type(s.law) in (Coulomb, Frictionless, Tresca) for s in equations.surfaces):
         return "proofs are for the laws of Coulomb and Tresca and contact without friction"
     if condensed is None or not condensed.exact:
-        return "the problem is not linear in 2D, with contact at nodes, but for the law of contact"
+        return "the problem is not linear, with contact at nodes, but for the law of contact"
     if not condensed.always_solvable:
         return "the stiffness of the body at its contact points is not positive definite"
     return ""
@@ -140,7 +142,8 @@ def uniqueness(
         linear: gives its linear solver.
         x: the solution.
         seconds: for more than the certificate of one point: in 2D a proof by branch and bound, in
-            3D an eigenproblem of any size, and weights of one that is dense.
+            3D too, and where the body is not reduced an eigenproblem of any size, and weights of
+            one that is dense.
     """
     if not equations.linear:
         return Uniqueness("not proved", "proofs are for linear bodies and small sliding")
@@ -152,7 +155,7 @@ def uniqueness(
             return Uniqueness("not proved", OTHER_DATA)
         if equations.dim == 2:
             return _in_plane(system, x, seconds)
-        return _in_space(equations, state, seconds)
+        return _in_space(system, x, state, seconds)
     finally:
         b.destroy()
         system.destroy()
@@ -169,25 +172,64 @@ def _in_plane(system: ParametricEquations, x: PETSc.Vec, seconds: float) -> Uniq
         if obstacle or condensed is None:
             return _by_theory(equations, obstacle)
         codes = condensed.codes(system.piece_at(x, 0.0))
-        problem = _within_errors(condensed, 0.0)
-        if problem is None:
-            return Uniqueness("not proved", "the errors of the factorisation are too large")
-        reduced = problem
-        found = on_root(equations.comm, lambda: is_only(reduced, codes, proof_seconds=seconds))
-        if found.other is None:
-            return Uniqueness(found.verdict, found.reason)
-        other = x.duplicate()
-        condensed.expand(found.other[1], 0.0, other)
-        letters = status.word(found.other[0])
+        return _among_points(
+            condensed, x, lambda problem: is_only(problem, codes, proof_seconds=seconds)
+        )
     finally:
         if condensed is not None:
             condensed.destroy()
-    if equations.comm.rank == 0:
+
+
+def _among_points(
+    condensed: Reduction, x: PETSc.Vec, decide: Callable[[ReducedProblem], OnlySolution]
+) -> Uniqueness:
+    """What is decided of the reduced problem, with another solution if there is one. Collective."""
+    problem = _within_errors(condensed, 0.0)
+    if problem is None:
+        return Uniqueness("not proved", "the errors of the factorisation are too large")
+    found = on_root(condensed.comm, lambda: decide(problem))
+    if found.other is None:
+        return Uniqueness(found.verdict, found.reason)
+    other = x.duplicate()
+    condensed.expand(found.other[1], 0.0, other)
+    letters = status.word(found.other[0], problem.dim)
+    if condensed.comm.rank == 0:
         logger.warning("the solution is not the only one: there is another, %s", letters)
     return Uniqueness("others exist", f"{found.reason}, with statuses {letters}", other)
 
 
-def _in_space(equations: ContactEquations, state: State, seconds: float) -> Uniqueness:
+def _in_space(
+    system: ParametricEquations, x: PETSc.Vec, state: State, seconds: float
+) -> Uniqueness:
+    """By the certificate of one point, else by Renard's criterion, else by theorems. Collective."""
+    equations: ContactEquations = system.equations
+    rubs = any(type(s.law) is Coulomb for s in equations.surfaces)
+    if not rubs or obstacle_in_space(system) or _points(equations) > _MOST_PROVED:
+        return _by_criterion(equations, state, seconds)
+    if not all(type(s.law) in (Coulomb, Frictionless, Tresca) for s in equations.surfaces):
+        return _by_criterion(equations, state, seconds)
+    condensed = Reduction(system, x, 0.0, exact=True, conic=False)
+    try:
+        if obstacle_to_proof(equations, condensed):
+            return _by_criterion(equations, state, seconds)
+        w = condensed.contract(x)
+        found = _among_points(
+            condensed, x, lambda problem: is_only_in_space(problem, w, proof_seconds=seconds)
+        )
+    finally:
+        condensed.destroy()
+    if found.verdict != "not proved":
+        return found
+    other = _by_criterion(equations, state, seconds)
+    return other if other.verdict == "proved" else found
+
+
+def _points(equations: ContactEquations) -> int:
+    """Contact points of all surfaces and ranks. Collective."""
+    return int(sum(s.points.number_everywhere for s in equations.surfaces))
+
+
+def _by_criterion(equations: ContactEquations, state: State, seconds: float) -> Uniqueness:
     """By Renard's criterion, which needs the directions of slips and shears. Collective."""
     laws = {type(s.law) for s in equations.surfaces}
     fits = laws <= {Coulomb, Frictionless, Tresca} and all(
@@ -195,8 +237,7 @@ def _in_space(equations: ContactEquations, state: State, seconds: float) -> Uniq
     )
     if not fits or Coulomb not in laws:
         return _by_theory(equations, "proofs are for contact at nodes and the usual laws")
-    points = sum(s.points.number_everywhere for s in equations.surfaces)
-    if points > _MOST_POINTS and not seconds > 0:
+    if _points(equations) > _MOST_POINTS and not seconds > 0:
         return Uniqueness("not proved", f"more than {_MOST_POINTS} points: only on request")
     effort = _EFFORT if seconds > 0 else 0
     criterion = criterion_at(equations, state, effort=effort, enough=_ENOUGH, seconds=seconds)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 from mpi4py import MPI
 
@@ -18,12 +19,15 @@ from dolfinx_contact.analysis.branching import search
 from dolfinx_contact.analysis.check_proof import (
     Certificate,
     Masks,
+    OpenCells,
     PieceSolution,
     Proved,
     ReducedProblem,
+    SpacePiece,
     Verdict,
     in_words,
 )
+from dolfinx_contact.analysis.space import search_in_space
 from dolfinx_contact.laws.status import MINUS, OPEN, STICK, WHERE_OPEN
 
 __all__ = ["ProvedSolution", "ProvedSolutions", "prove_solutions"]
@@ -38,8 +42,8 @@ class ProvedSolution:
 
     Attributes:
         codes: statuses (m,).
-        state: (ut, un, rt, rn) of the points (m, 4).
-        away: bounds of the errors of these (m, 4).
+        state: (ut, un, rt, rn) of the points (m, 2 dim).
+        away: bounds of the errors of these (m, 2 dim).
     """
 
     codes: Codes
@@ -55,10 +59,11 @@ class ProvedSolutions:
         verdict: ``"complete"``: ``solutions`` are all there are. ``"degenerate"``: every other one
             is at the states ``border`` within their errors, or in the pieces ``singular``, where
             continua may be. ``"open"``: nothing is known of the statuses ``open_regions``.
+            In space continua are in these.
         solutions: that are certain.
         border: states of pieces at their borders, which may be solutions, or not.
         singular: statuses of pieces that hold one solution, none or a continuum.
-        open_regions: sets of statuses, as bit masks (m,).
+        open_regions: sets of statuses, as bit masks (m,); in space cells, with the reason.
         certificate: the proof, to be kept (`Certificate.save`) and checked again (`check`).
         seconds: that the search took.
     """
@@ -67,7 +72,7 @@ class ProvedSolutions:
     solutions: tuple[ProvedSolution, ...]
     border: tuple[ProvedSolution, ...]
     singular: tuple[Codes, ...]
-    open_regions: tuple[Masks, ...]
+    open_regions: tuple[Masks | OpenCells, ...]
     certificate: Certificate
     seconds: float = 0.0
 
@@ -82,14 +87,17 @@ class ProvedSolutions:
         steps = len(self.certificate.steps)
         if self.verdict == "complete":
             return f"a proof of {steps} {'step' if steps == 1 else 'steps'}"
-        left = f"{len(self.open_regions)} regions left" if self.open_regions else self.verdict
-        return f"a proof was tried, {left}"
+        if not self.open_regions:
+            return f"a proof was tried, {self.verdict}"
+        reasons = sorted({r.why for r in self.open_regions if isinstance(r, OpenCells)})
+        why = f" ({'; '.join(reasons)})" if reasons else ""
+        return f"a proof was tried, {len(self.open_regions)} regions left{why}"
 
 
 def prove_solutions(
     reduced: ReducedProblem,
     *,
-    known: Iterable[Codes] = (),
+    known: Iterable[Codes | Array] = (),
     proof_seconds: float = 60.0,
     progress: bool | None = None,
 ) -> ProvedSolutions:
@@ -97,13 +105,14 @@ def prove_solutions(
 
     Args:
         reduced: S, p and friction with their errors.
-        known: statuses (m,) of solutions that are known; they shorten the search.
+        known: statuses (m,) of solutions that are known, in space states (m, 6); they shorten the
+            search.
         proof_seconds: after which what is not proved is left open.
         progress: whether it is shown on the standard error stream where the search is; by default
             once it takes more than some seconds.
 
     Raises:
-        ValueError: if statuses do not fit the points.
+        ValueError: if statuses or states do not fit the points.
     """
     require_kind(reduced, ReducedProblem)
     if not isinstance(known, Iterable) or isinstance(known, str):
@@ -111,10 +120,7 @@ def prove_solutions(
     if not (is_number(proof_seconds) and proof_seconds >= 0):
         raise ValueError(f"proof_seconds must be a number from 0 on, got {proof_seconds!r}")
     check_progress(progress)
-    starts = [np.asarray(codes, dtype=np.int8) for codes in known]
-    for codes in starts:
-        if codes.shape != (reduced.points,) or codes.min() < 0 or codes.max() > MINUS + WHERE_OPEN:
-            raise ValueError(f"known must be statuses of {reduced.points} points")
+    starts = _checked(reduced, known)
     shown = Progress(MPI.COMM_SELF, progress)
 
     def show(text: str) -> None:
@@ -123,24 +129,39 @@ def prove_solutions(
 
     begin = perf_counter()
     try:
-        certificate, proved = search(reduced, starts, seconds=proof_seconds, progress=show)
+        run = search if reduced.dim == 2 else search_in_space
+        certificate, proved = run(reduced, starts, seconds=proof_seconds, progress=show)
     finally:
         shown.clear()
     return _described(reduced, certificate, proved, perf_counter() - begin)
+
+
+def _checked(problem: ReducedProblem, known: Iterable[Codes | Array]) -> list[Any]:
+    """Statuses, or in space states, as arrays."""
+    if problem.dim == 3:
+        states = [np.asarray(state, dtype=np.float64) for state in known]
+        if any(s.shape != (problem.points, 6) or not np.isfinite(s).all() for s in states):
+            raise ValueError(f"known must be states ({problem.points}, 6)")
+        return states
+    starts = [np.asarray(codes, dtype=np.int8) for codes in known]
+    for codes in starts:
+        if codes.shape != (problem.points,) or codes.min() < 0 or codes.max() > MINUS + WHERE_OPEN:
+            raise ValueError(f"known must be statuses of {problem.points} points")
+    return starts
 
 
 def _described(
     problem: ReducedProblem, certificate: Certificate, proved: Proved, seconds: float
 ) -> ProvedSolutions:
     length, force = problem.units
-    units = np.array([length, length, force, force])
+    units = np.repeat([length, force], problem.dim)
 
-    def of(piece: PieceSolution) -> ProvedSolution:
+    def of(piece: PieceSolution | SpacePiece) -> ProvedSolution:
         return ProvedSolution(piece.codes, piece.state * units, piece.away * units)
 
     solutions = [of(piece) for piece in proved.inside]
     if proved.at_rest:
-        nothing = np.zeros((problem.points, 4))
+        nothing = np.zeros((problem.points, 2 * problem.dim))
         codes = np.where(problem.g > 0, STICK, OPEN).astype(np.int8)
         solutions.append(ProvedSolution(codes, nothing, nothing))
     return ProvedSolutions(

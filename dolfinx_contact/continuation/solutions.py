@@ -262,6 +262,9 @@ def _found(
     method = f"{tried}deflation, {runs} runs of Newton's method"
     if not found_ones:
         method = f"not found: {method}"
+    if sure is None and proof_seconds > 0 and not deflation:
+        obstacle = system.obstacle_to_proof()
+        method = f"{method}; nothing is proved: {obstacle}" if obstacle else method
     if sure is None:
         return Solutions(gamma, found_ones, False, method)
     return Solutions(gamma, found_ones, False, f"{method}, {sure.method}", proof=sure.proof)
@@ -272,7 +275,7 @@ def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
     condensed = system.condensed(x, gamma, conic=False) if seconds > 0 else None
     if condensed is None:
         return None
-    condensed.system.require_finite()
+    condensed.require_finite()
     proof = system.prove(condensed, gamma, seconds)
     if proof is None:
         return None
@@ -280,7 +283,8 @@ def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
     for state in proof.solutions:
         y = x.copy()
         condensed.expand(state.state, gamma, y)
-        found.append(Solution(y, condensed.piece(state.codes)))
+        own = condensed.piece(state.codes)
+        found.append(Solution(y, system.piece_at(y, gamma) if condensed.guided else own))
     return Solutions(gamma, tuple(found), proof.verdict == "complete", proof.method, proof=proof)
 
 

@@ -181,6 +181,10 @@ class System:
         """
         return None
 
+    def obstacle_to_proof(self) -> str:
+        """Why `prove` is not tried, human-readable; "", the default, if that is not known."""
+        return ""
+
     def prove_rays(
         self,
         condensed: Condensed,
@@ -317,6 +321,13 @@ class Condensed(Protocol):
     system: AffineSystem
     #: Whether they are those of H everywhere, not only its linearisation at a state.
     exact: bool
+
+    @property
+    def guided(self) -> bool:
+        """Whether points have other statuses in H, since what they do is prescribed in part."""
+
+    def require_finite(self) -> None:
+        """Raise ``ValueError`` if a number is not finite."""
 
     def codes(self, piece: Piece) -> npt.NDArray[np.int8]:
         """Statuses of all points."""

@@ -216,7 +216,7 @@ class RigidBody(Obstacle):
         """Q (dim, dim) of displacement and rotation."""
         vector = np.zeros(3)
         vector[3 - len(values[self.dim :]) :] = values[self.dim :]
-        turned = Rotation.from_rotvec(vector).as_matrix()
+        turned = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
         return np.asarray(turned[: self.dim, : self.dim])
 
     def seen(self, x: Array, values: Array) -> Array:

@@ -232,6 +232,19 @@ class Reduction:
         """
         on_root(self.comm, lambda: save_points(file, self.problem(gamma)))
 
+    @property
+    def guided(self) -> bool:
+        """Whether tangential displacements of points are prescribed: such have no friction here."""
+        return self.points.guided
+
+    def require_finite(self) -> None:
+        """Raise ``ValueError`` if a number is not finite: nothing can be proved with such data."""
+        if not all(np.isfinite(a).all() for a in (self.S, self.load, self.rate)):
+            raise ValueError(
+                "the stiffness or the loads of the condensed problem are not finite: look for NaN "
+                "and overflow in loads, material and Dirichlet data, and gamma"
+            )
+
     @cached_property
     def always_solvable(self) -> bool:
         """Whether there is a solution at every gamma: S is positive definite, and H affine.

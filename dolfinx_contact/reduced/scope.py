@@ -9,8 +9,9 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.cones import is_polyhedral
+from dolfinx_contact.laws.status import STICK
 
-__all__ = ["can_condense", "check_reducible"]
+__all__ = ["can_condense", "check_reducible", "obstacle_in_space"]
 
 _MOST_POINTS = 1024
 
@@ -77,3 +78,52 @@ def can_condense(
     flat = np.concatenate(nodes)
     shared = len(np.unique(flat)) < len(flat)
     return not eq.comm.allreduce(int(mixed or shared or not polyhedral))
+
+
+def obstacle_in_space(system: ParametricEquations) -> str:
+    """Why a problem in 3D is not one of its contact points alone, "" if it is. Collective.
+
+    Args:
+        system: the problem; its laws are left to who asks.
+    """
+    eq = system.equations
+    points = eq.comm.allreduce(int((~system.clamped).sum()))
+    nodes = np.concatenate([s.points.vertex_trace_dofs for s in eq.surfaces])
+    shared = bool(eq.comm.allreduce(int(len(np.unique(nodes)) < len(nodes))))
+    oblique, rubbed = (bool(eq.comm.allreduce(int(v))) for v in _partly_held(system))
+    for obstructs, what in (
+        (eq.dim != 3, "the problem is not one in 3D"),
+        (not system.is_linear, "the body, its loads or its motions are not linear"),
+        (not system._held_laws, "a law or an obstacle depends on gamma"),
+        (any(s.points.E is not None for s in eq.surfaces), "contact is not at nodes"),
+        (not all(s.linear for s in eq.surfaces), "sliding is not small"),
+        (points > _MOST_POINTS, f"there are more than {_MOST_POINTS} contact points"),
+        (points == 0, "there is no contact point that is free"),
+        (shared, "surfaces have nodes in common"),
+        (oblique, "Dirichlet data hold a component of contact nodes that is not a tangential one"),
+        (rubbed, "Dirichlet data hold one tangential displacement of contact nodes with friction"),
+    ):
+        if obstructs:
+            return what
+    return ""
+
+
+def _partly_held(system: ParametricEquations) -> tuple[bool, bool]:
+    """Of contact nodes of this rank that are held in part.
+
+    Whether the normal is among what is held, and whether there is friction along a tangent that is
+    free. Where both tangents are held there is none: shears are what holds them.
+    """
+    eq = system.equations
+    oblique = False
+    rubbed = False
+    for s, clamped, held in zip(
+        eq.surfaces, eq.constraints.clamped, eq.constraints.held, strict=True
+    ):
+        fixed = held[s.points.vertex_trace_dofs]
+        some = fixed.any(axis=1) & ~clamped[: len(fixed)]
+        normal = np.where(fixed, s.points.vertex_normals, 0.0)
+        oblique = oblique or bool((some & (np.abs(normal).max(axis=1, initial=0.0) > 1e-6)).any())
+        one = some & (fixed.sum(axis=1) == 1)
+        rubbed = rubbed or bool(one.any() and STICK in s.law_at_points.codes)
+    return oblique, rubbed

@@ -168,15 +168,16 @@ class Result:
         Of a linear body in 2D with contact at its nodes the body is condensed onto these, which
         takes two solves for each, and the certificate of one point is tried; without friction it
         holds but for round-off. Where it fails, and another solution is found quickly, that comes
-        with it, and a warning. In 3D up to some hundred points there is Renard's criterion
-        (`analysis.renard_criterion`), which is weaker, and beyond these certificates, without
-        Coulomb's friction, the theorems of `theory`. Where the sliding is not small (`doubts`)
-        nothing is proved: the problem that was solved is not that of the bodies where they are now.
+        with it, and a warning. So it is in 3D with friction, up to 128 points; else, up to some
+        hundred, there is Renard's criterion (`analysis.renard_criterion`), which is weaker, and
+        beyond these certificates, without Coulomb's friction, the theorems of `theory`. Where the
+        sliding is not small (`doubts`) nothing is proved: the problem that was solved is not that
+        of the bodies where they are now.
 
         Args:
-            proof_seconds: for more effort and a proof by branch and bound in 2D, where the
-                certificate of one point fails; if it is positive there is no limit to the points
-                in 3D.
+            proof_seconds: for more effort and a proof by branch and bound, where the certificate
+                of one point fails; if it is positive there is no limit to the points that Renard's
+                criterion is computed for.
 
         Raises:
             ValueError: on every rank, if the result does not come from a solve, the seconds are no

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The convex hull of a region of cells, as a linear program.
+
+Every cell is in a polytope of states (a, r): boxes of open points; of stick, a cone over an octagon
+about the disc; of a slip, the corners of (s, rn) in the directions of both ends of the arc and of
+the point where their tangents meet. So a solution is a convex combination of corners at every
+point, and S a - r = p. A shear under a bound given in advance has an octagon of its own.
+Multipliers that tell why there is no such combination are candidates for `check_proof.SpaceDual`,
+which takes the curved sets themselves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.analysis.check_proof import (
+    IN_CLOSED,
+    IN_OPEN,
+    IN_SLIP,
+    IN_STICK,
+    OF_RK,
+    OF_RN,
+    OF_S,
+    OF_UN,
+    Cells,
+    ReducedProblem,
+    directions,
+    ends_of,
+)
+from dolfinx_contact.analysis.space.simplex import Simplex
+
+__all__ = ["Hull"]
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+_SIDES = directions(np.arange(8) / 2)
+_CORNERS = _SIDES + np.roll(_SIDES, -1, axis=0)
+#: Corners of a regular octagon about the unit disc.
+_OCTAGON = _CORNERS * (2 / (_CORNERS**2).sum(axis=1))[:, None]
+
+
+class Hull:
+    """The program of a region; it keeps its basis from question to question.
+
+    Args:
+        problem: scaled.
+        cells: of the region.
+        most: bounds (MOST, m).
+
+    Attributes:
+        corners: states (a, r) of the columns (k, 6).
+        cell: numbers of the cells of the columns (k,); -1 of shears given in advance.
+        node: points of the columns (k,).
+        program: A and b of A x = b.
+    """
+
+    def __init__(self, problem: ReducedProblem, cells: Cells, most: Array):
+        self.problem = problem
+        self.cells = cells
+        m = problem.points
+        self.corners, self.cell = _corners(problem, cells, most)
+        self.node = cells.node[self.cell]
+        group = self.node
+        given = np.flatnonzero(problem.g > 0)
+        if len(given):
+            shears = np.zeros((len(given), 8, 6))
+            shears[:, :, 3:5] = problem.g[given, None, None] * _OCTAGON
+            self.corners = np.concatenate([self.corners, shears.reshape(-1, 6)])
+            self.cell = np.concatenate([self.cell, np.full(8 * len(given), -1)])
+            self.node = np.concatenate([self.node, np.repeat(given, 8)])
+            group = np.concatenate([group, np.repeat(m + np.arange(len(given)), 8)])
+        k = len(self.node)
+        A = np.zeros((3 * m + m + len(given), k))
+        S = problem.S.reshape(3 * m, m, 3)
+        A[: 3 * m] = np.einsum("nkc,kc->nk", S[:, self.node], self.corners[:, :3])
+        for c in range(3):
+            A[3 * self.node + c, np.arange(k)] -= self.corners[:, 3 + c]
+        A[3 * m + group, np.arange(k)] = 1.0
+        b = np.concatenate([problem.p, np.ones(m + len(given))])
+        self.program = A, b
+        self._simplex = Simplex(A, b, np.flatnonzero(np.diff(group, prepend=-1)))
+        self.alive = np.ones(len(cells), dtype=bool)
+
+    @property
+    def count(self) -> int:
+        """Number of programs that were solved."""
+        return self._simplex.count
+
+    def empty(self, cell: int | None = None) -> Array | None:
+        """Multipliers y (3 m,) that tell why there is no solution; None if there may be.
+
+        Args:
+            cell: the one to which its point is held.
+        """
+        allowed = self.alive.copy()
+        if cell is not None:
+            allowed[self.cells.node == self.cells.node[cell]] = False
+            allowed[cell] = True
+        y = self._simplex.solve(self._usable(allowed))
+        return None if y is None else self._scaled(-y)
+
+    def most(self, quantity: int, point: int, kinds: tuple[int, ...]) -> Array | None:
+        """Multipliers y (3 m,) that bound a quantity from above; None if there are none.
+
+        Args:
+            quantity: of those that have bounds (`check_proof.MOST`).
+            point: whose.
+            kinds: of cells of which it is bounded.
+        """
+        here = self.cells.node == point
+        allowed = self.alive & (~here | np.isin(self.cells.kind, kinds))
+        if not (allowed & here).any():
+            return None
+        cost = np.zeros(len(self.node))
+        mine = (self.node == point) & (self.cell >= 0)
+        cost[mine] = -_value(self.corners[mine], quantity)
+        y = self._simplex.least(cost, self._usable(allowed))
+        return None if y is None else np.asarray(-y[: 3 * self.problem.points])
+
+    def _usable(self, allowed: Flags) -> Flags:
+        return np.where(self.cell >= 0, allowed[self.cell], True)
+
+    def _scaled(self, y: Array) -> Array:
+        y = y[: 3 * self.problem.points]
+        return np.asarray(y / (np.abs(y).max(initial=0.0) or 1.0))
+
+    @property
+    def point(self) -> tuple[Array, Array]:
+        """Displacements and forces of the last program (m, 3)."""
+        x = self._simplex.point[:, None] * self.corners
+        found = np.zeros((self.problem.points, 6))
+        np.add.at(found, self.node, x)
+        return found[:, :3], found[:, 3:]
+
+
+def _value(corners: Array, quantity: int) -> Array:
+    """A quantity at corners; of s the length of ut."""
+    if quantity == OF_UN:
+        return corners[:, 2]
+    if quantity < OF_UN:
+        return corners[:, quantity // 2] * (1 if quantity % 2 else -1)
+    if quantity < OF_RN:
+        return np.hypot(corners[:, 0], corners[:, 1]) * (-1 if quantity == OF_S else 1)
+    return corners[:, 5] * (-1 if quantity == OF_RN else 1)
+
+
+def _corners(
+    problem: ReducedProblem, cells: Cells, most: Array
+) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Corners of all cells (k, 6), and numbers of these (k,), in increasing order."""
+    parts = []
+    numbers = []
+    made = (_of_open, _of_stick, _of_slip, _of_closed)
+    for kind, here in enumerate(cells.of_kind):
+        if len(here):
+            corners = made[kind](problem, cells, most, here)
+            parts.append(corners.reshape(-1, 6))
+            numbers.append(np.repeat(here, corners.shape[1]))
+    table = np.concatenate(parts)
+    number = np.concatenate(numbers)
+    order = np.argsort(number, kind="stable")
+    return table[order], number[order]
+
+
+def _of_open(
+    problem: ReducedProblem, cells: Cells, most: Array, here: npt.NDArray[np.int64]
+) -> Array:
+    return _boxes(cells.node[here], most, 2, np.zeros(len(most[0])), np.maximum(most[OF_UN], 0))
+
+
+def _of_closed(
+    problem: ReducedProblem, cells: Cells, most: Array, here: npt.NDArray[np.int64]
+) -> Array:
+    return _boxes(cells.node[here], most, 5, *ends_of(most, OF_RN))
+
+
+def _boxes(
+    nodes: npt.NDArray[np.int64], most: Array, column: int, low: Array, high: Array
+) -> Array:
+    """Corners of boxes of ut and a normal part (k, 8, 6)."""
+    found = np.zeros((len(nodes), 8, 6))
+    corner = np.arange(8)
+    for c in (0, 1):
+        chosen = (corner >> c) & 1
+        found[:, :, c] = np.where(
+            chosen, most[2 * c + 1, nodes][:, None], -most[2 * c, nodes, None]
+        )
+    chosen = (corner >> 2) & 1
+    found[:, :, column] = np.where(chosen, high[nodes, None], low[nodes, None])
+    return found
+
+
+def _of_stick(
+    problem: ReducedProblem, cells: Cells, most: Array, here: npt.NDArray[np.int64]
+) -> Array:
+    nodes = cells.node[here]
+    found = np.zeros((len(here), 9, 6))
+    rn = np.maximum(most[OF_RK, nodes], 0)
+    found[:, 1:, 5] = rn[:, None]
+    found[:, 1:, 3:5] = (problem.friction[nodes] * rn)[:, None, None] * _OCTAGON
+    return found
+
+
+def _of_slip(
+    problem: ReducedProblem, cells: Cells, most: Array, here: npt.NDArray[np.int64]
+) -> Array:
+    nodes = cells.node[here]
+    first, last = cells.sides
+    meet = first + last
+    meet = meet * (2 / (meet**2).sum(axis=1))[:, None]
+    found = []
+    for s in ends_of(most, OF_S):
+        for rn in ends_of(most, OF_RN):
+            for e in (first, last, meet):
+                corner = np.zeros((len(here), 6))
+                corner[:, :2] = s[nodes, None] * e
+                corner[:, 3:5] = -(problem.friction * rn)[nodes, None] * e
+                corner[:, 5] = rn[nodes]
+                found.append(corner)
+    return np.stack(found, axis=1)
+
+
+assert (IN_OPEN, IN_STICK, IN_SLIP, IN_CLOSED) == (0, 1, 2, 3)  # the order of `_corners`

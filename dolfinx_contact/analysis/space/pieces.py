@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Solutions of pieces in space, nearly, and statuses of the points of a region.
+
+The unknowns of a status are those of `check_proof`, which proves what is found here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.analysis.check_proof import (
+    IN_CLOSED,
+    IN_OPEN,
+    IN_SLIP,
+    IN_STICK,
+    IS_OPEN,
+    ReducedProblem,
+    space_jacobian,
+    space_state,
+)
+
+__all__ = ["codes_of", "relaxed", "rounded", "solved_piece", "unknowns"]
+
+Array = npt.NDArray[np.float64]
+Codes = npt.NDArray[np.int8]
+Kinds = Sequence[frozenset[int]]
+
+_ITERATIONS = 30
+_ROUNDS = 12
+_TURN = 0.7  # by which a direction may turn in one step
+_CLOSE = 1e-11  # relative residual of a solution
+
+
+def unknowns(problem: ReducedProblem, codes: Codes, a: Array, r: Array) -> Array:
+    """The unknowns of a piece at a state (m, 3); see `check_proof`."""
+    opened = IS_OPEN[codes]
+    stuck = (codes == 1) | (codes == 4)
+    slips = ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))
+    z = np.where(stuck[:, None], r, a)
+    z[:, 2] = np.where(opened, a[:, 2], r[:, 2])
+    pull = np.where(np.hypot(a[:, 0], a[:, 1])[:, None] > 1e-9, a[:, :2], -r[:, :2])
+    z[slips, 0] = np.hypot(a[slips, 0], a[slips, 1])
+    z[slips, 1] = np.arctan2(pull[slips, 1], pull[slips, 0])
+    return z
+
+
+def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | None:
+    """Unknowns of the solution of a piece, by Newton's method; None if it finds none.
+
+    Args:
+        problem: scaled.
+        codes: statuses (m,).
+        z: start (m, 3).
+    """
+    z = z.copy()
+    slips = ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))
+    size = 1.0 + float(np.abs(problem.p).max())
+    for _ in range(_ITERATIONS):
+        e = np.where(slips[:, None], np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1), 0.0)
+        state = space_state(problem, codes, z, e)
+        f = problem.S @ state[:, :3].reshape(-1) - state[:, 3:].reshape(-1) - problem.p
+        if np.abs(f).max() < 1e-14 * size:
+            break
+        try:
+            step = np.linalg.solve(space_jacobian(problem, codes, z, e), -f).reshape(-1, 3)
+        except np.linalg.LinAlgError:
+            return None
+        if not np.abs(step).max() < 1e8:
+            return None
+        turn = float(np.abs(step[slips, 1]).max(initial=0.0))
+        z += step * min(1.0, _TURN / turn if turn > 0 else 1.0)
+    return z if np.abs(f).max() < _CLOSE * size else None
+
+
+def state_of(problem: ReducedProblem, codes: Codes, z: Array) -> tuple[Array, Array]:
+    """Displacements and forces of unknowns (m, 3)."""
+    slips = ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))
+    e = np.where(slips[:, None], np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1), 0.0)
+    state = space_state(problem, codes, z, e)
+    return state[:, :3], state[:, 3:]
+
+
+def codes_of(problem: ReducedProblem, a: Array, r: Array, small: float = 1e-9) -> Codes:
+    """Statuses of a solution (m,)."""
+    closed = r[:, 2] >= small
+    still = np.hypot(a[:, 0], a[:, 1]) < small
+    codes = np.where(closed, np.where(still, 1, 2), 0)
+    codes = np.where(problem.g > 0, np.where(still, 1, 2) + np.where(closed, 0, 3), codes)
+    without = (problem.friction == 0) & (problem.g == 0)
+    return np.where(without, np.where(closed, 2, 0), codes).astype(np.int8)
+
+
+def rounded(problem: ReducedProblem, kinds: Kinds, a: Array, r: Array) -> Codes:
+    """Statuses among those allowed that are nearest to any numbers (m,)."""
+    codes = np.zeros(problem.points, dtype=np.int8)
+    for i, allowed in enumerate(kinds):
+        ut, rt = float(np.hypot(*a[i, :2])), float(np.hypot(*r[i, :2]))
+        un, rn = float(a[i, 2]), float(r[i, 2])
+        F = float(problem.friction[i])
+        if F == 0:
+            codes[i] = _given_code(problem, i, allowed, rn - un, ut < 1e-12 or rt < problem.g[i])
+            continue
+        rub = min(rt, F * rn) / max(F, 1e-9)
+        score = {IN_OPEN: un - rn, IN_STICK: rn - un - ut, IN_SLIP: min(rn - un, ut) + 0.5 * rub}
+        best = max(sorted(allowed), key=lambda kind: score[kind])
+        codes[i] = {IN_OPEN: 0, IN_STICK: 1, IN_SLIP: 2}[best]
+    return codes
+
+
+def _given_code(
+    problem: ReducedProblem, i: int, allowed: frozenset[int], push: float, sticks: bool
+) -> int:
+    """Status of a point without a coefficient of friction."""
+    closed = IN_CLOSED in allowed and (IN_OPEN not in allowed or push > 0)
+    if problem.g[i] == 0:
+        return 2 if closed else 0
+    return (1 if sticks else 2) + (0 if closed else 3)
+
+
+def relaxed(
+    problem: ReducedProblem, kinds: Kinds, codes: Codes, z: Array | None
+) -> tuple[Codes, Array | None]:
+    """A solution of a region's problem, in which inequalities of decided points do not count.
+
+    Undecided points get the statuses that their numbers require, until these stay.
+
+    Args:
+        problem: scaled.
+        kinds: of the cells of the points.
+        codes: statuses to begin with (m,).
+        z: unknowns of their piece (m, 3).
+    """
+    seen: set[bytes] = set()
+    for _ in range(_ROUNDS):
+        if z is None:
+            return codes, None
+        a, r = state_of(problem, codes, z)
+        new = np.array(
+            [_required(problem, i, k, a[i], r[i], int(codes[i])) for i, k in enumerate(kinds)],
+            dtype=np.int8,
+        )
+        if np.array_equal(new, codes) or new.tobytes() in seen:
+            return codes, z
+        seen.add(new.tobytes())
+        stays = (new == codes)[:, None]
+        start = np.where(stays, z, unknowns(problem, new, a, r))
+        codes, z = new, solved_piece(problem, new, start)
+    return codes, z
+
+
+def _required(
+    problem: ReducedProblem, i: int, kinds: frozenset[int], a: Array, r: Array, code: int
+) -> int:
+    """The status that displacements and forces require of a point."""
+    push = float(r[2] - a[2])
+    pull = float(np.hypot(*(r[:2] - a[:2])))
+    F = float(problem.friction[i])
+    if F == 0:
+        return _given_code(problem, i, kinds, push, pull <= problem.g[i])
+    if len(kinds) == 1:
+        return code
+    if IN_OPEN in kinds and push <= 0:
+        return 0
+    force = push if IN_OPEN in kinds else float(r[2])
+    left = kinds - {IN_OPEN}
+    if len(left) == 1:
+        return 1 if IN_STICK in left else 2
+    return 1 if pull <= F * abs(force) else 2

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""A linear program whose columns belong to groups, by the primal simplex method.
+
+    minimise c.x    with    A x = b,  x >= 0,
+
+where every group of columns has the sum 1. What must not be used costs 1 a unit, instead of being
+held at 0: so one program goes to the next from a point that is feasible, and one that has no point
+ends with a positive cost and with multipliers y that tell why. With v = y.A,
+
+    y.b - sum over groups of max v  >  0
+
+over the columns that may be used is enough, and most often there long before the least cost is
+(`Simplex.solve`). The inverse of the basis is kept; b is perturbed a little, so that no step is
+degenerate. Nothing is proved here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Simplex"]
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+_PIVOT = 1e-9
+_CHEAP = 1e-9  # reduced costs that are none
+_FEASIBLE = 1e-7  # a cost that is none
+_FRESH = 64  # pivots after which the basis is inverted anew
+_SCATTER = 1e-8  # of b
+_STALLED = 40  # pivots without a gain, after which a bound is good enough
+
+
+class Simplex:
+    """The program, and the basis that goes from one question to the next.
+
+    Args:
+        A: columns (n, k).
+        b: right-hand side (n,).
+        groups: first columns of the groups, in increasing order.
+    """
+
+    def __init__(self, A: Array, b: Array, groups: npt.NDArray[np.int64]):
+        n = len(b)
+        signs = np.where(b >= 0, 1.0, -1.0)
+        self._A = np.ascontiguousarray(np.concatenate([A, np.diag(signs)], axis=1))
+        self._columns = A.shape[1]
+        self._groups = groups
+        scatter = np.random.default_rng(0).uniform(0.5, 1.0, n) * signs
+        self._b = b + _SCATTER * scatter * max(1.0, float(np.abs(b).max()))
+        self._basis = self._columns + np.arange(n)
+        self._inverse = np.diag(signs)
+        self._x = np.abs(self._b)
+        self._size = np.sqrt(1.0 + (A**2).sum(axis=0))
+        self._pivots = 0
+        self.count = 0
+
+    def solve(self, usable: Flags) -> Array | None:
+        """Multipliers y (n,) that tell why there is no point; None if there is one.
+
+        Args:
+            usable: columns that may be used (k,).
+        """
+        self.count += 1
+        cost = np.ones(self._A.shape[1])
+        cost[: self._columns][usable] = 0.0
+        for _ in range(40 * len(self._b)):
+            y = cost[self._basis] @ self._inverse
+            if float(cost[self._basis] @ self._x) <= _FEASIBLE:
+                return None
+            v = y @ self._A[:, : self._columns]
+            if self._bound(y, v, usable) > _FEASIBLE:
+                return y
+            if not self._step(cost[: self._columns] - v, usable):
+                return y
+        return None
+
+    def least(self, cost: Array, usable: Flags) -> Array | None:
+        """Multipliers (n,) of the least cost, or nearly so; None if there is no point.
+
+        Args:
+            cost: of the columns (k,).
+            usable: which of them may be used (k,).
+        """
+        if self.solve(usable) is not None:
+            return None
+        whole = np.full(self._A.shape[1], 10.0 * max(1.0, float(np.abs(cost).max())))
+        whole[: self._columns][usable] = cost[usable]
+        best = -np.inf
+        found = None
+        idle = 0
+        for _ in range(20 * len(self._b)):
+            y = whole[self._basis] @ self._inverse
+            v = y @ self._A[:, : self._columns]
+            bound = self._bound(y, v - whole[: self._columns], usable)
+            idle = 0 if bound > best + 1e-4 * (abs(best) + 1e-3) else idle + 1
+            if bound > best:
+                best, found = bound, y
+            if idle > _STALLED or not self._step(whole[: self._columns] - v, usable):
+                break
+        return found
+
+    @property
+    def point(self) -> Array:
+        """Of the last program: x (k,)."""
+        x = np.zeros(self._A.shape[1])
+        x[self._basis] = self._x
+        return np.maximum(x[: self._columns], 0.0)
+
+    def _bound(self, y: Array, v: Array, usable: Flags) -> float:
+        """A lower bound of the cost, by weak duality."""
+        best = np.maximum.reduceat(np.where(usable, v, -np.inf), self._groups)
+        return float(y @ self._b - best.sum())
+
+    def _step(self, reduced: Array, usable: Flags) -> bool:
+        """Pivot once; whether that was possible."""
+        rated = np.where(usable, reduced / self._size, 0.0)
+        j = int(np.argmin(rated))
+        if not rated[j] < -_CHEAP:
+            return False
+        w = self._inverse @ self._A[:, j]
+        rises = np.flatnonzero(w > _PIVOT)
+        if len(rises) == 0:
+            return False
+        ratios = np.maximum(self._x[rises], 0.0) / w[rises]
+        near = rises[ratios <= ratios.min() * (1 + 1e-9) + 1e-14]
+        r = int(near[np.argmax(w[near])])
+        theta = max(float(self._x[r]), 0.0) / float(w[r])
+        self._x -= theta * w
+        self._x[r] = theta
+        self._basis[r] = j
+        row = self._inverse[r] / w[r]
+        self._inverse -= np.outer(w, row)
+        self._inverse[r] = row
+        self._pivots += 1
+        if self._pivots % _FRESH == 0:
+            self._refresh()
+        return True
+
+    def _refresh(self) -> None:
+        try:
+            self._inverse = np.linalg.inv(self._A[:, self._basis])
+        except np.linalg.LinAlgError:
+            return
+        self._x = self._inverse @ self._b

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The dual simplex method for variables between bounds, on a tableau that lasts.
+
+Basic variables are affine in the others, x_B = T x_N + start, and 0 <= x <= up. One program goes to
+the next, in which a few bounds differ. There is no objective but one drawn at random, so that the
+method does not cycle. Where it ends without a point it has a row that proves so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg.blas import dger
+
+__all__ = ["Tableau"]
+
+Array = npt.NDArray[np.float64]
+
+_FEASIBLE = 1e-9
+_PIVOT = 1e-9
+
+
+class Tableau:
+    """Variables, which of them are basic, and their values.
+
+    Args:
+        rows: T (k, n).
+        start: values of the basic variables where the others are 0 (k,).
+        basic: numbers of the basic variables (k,).
+        free: number n of the others, which are 0 to n - 1.
+        up: upper bounds of all variables.
+        sure: by how much a row must fail to prove something.
+    """
+
+    def __init__(
+        self,
+        rows: Array,
+        start: Array,
+        basic: npt.NDArray[np.int64],
+        free: int,
+        up: Array,
+        sure: float = 0.0,
+    ):
+        self._T = np.ascontiguousarray(rows)
+        self._basic = basic
+        self._nonbasic = np.arange(free)
+        self._values = start
+        self._at = np.zeros(free)
+        self._costs = np.random.default_rng(0).uniform(0.5, 1.0, free)  # reduced, of the nonbasic
+        self._up = up
+        self._sure = sure
+        self._lost = False
+
+    @property
+    def lost(self) -> bool:
+        """Whether the last program came to no answer."""
+        return self._lost
+
+    @property
+    def _all_values(self) -> Array:
+        x = np.zeros(len(self._up))
+        x[self._nonbasic] = self._at
+        x[self._basic] = self._values
+        return x
+
+    def _identity(self, r: int, sign: float) -> Array:
+        """Coefficients of all variables in a row."""
+        v = np.zeros(len(self._up))
+        v[self._nonbasic] = -sign * self._T[r]
+        v[self._basic[r]] += sign
+        return v
+
+    def _set(self, columns: npt.NDArray[np.int64], to: Array) -> None:
+        """Give nonbasic variables values."""
+        moved = to != self._at[columns]
+        if moved.any():
+            columns = columns[moved]
+            to = to[moved]
+            self._values += self._T[:, columns] @ (to - self._at[columns])
+            self._at[columns] = to
+
+    def _repair(self) -> Array | None:
+        """Pivot until every variable is between its bounds; None if they are, or `_lost`.
+
+        Else coefficients of all variables, whose sum with these is 0 and cannot be.
+        """
+        self._lost = False
+        for _ in range(40 + 4 * self._T.shape[1]):
+            below = -self._values
+            above = self._values - self._up[self._basic]
+            worst = np.maximum(below, above)
+            wrong = np.flatnonzero(worst > _FEASIBLE)
+            if len(wrong) == 0:
+                return None
+            # The row that is farthest off, in the space of the nonbasic variables.
+            norms = np.sqrt(np.einsum("ij,ij->i", self._T[wrong], self._T[wrong]))
+            r = int(wrong[np.argmax(worst[wrong] / (1e-12 + norms))])
+            off = float(worst[r])
+            sign = 1.0 if below[r] >= above[r] else -1.0
+            row = sign * self._T[r]
+            most = self._up[self._nonbasic]
+            room = np.where(row > 0, most - self._at, self._at)
+            room[np.abs(row) <= _PIVOT] = 0.0
+            gain = np.abs(row) * np.where(np.isfinite(room), room, 1e100)
+            if gain.sum() < off - self._sure:
+                return self._identity(r, sign)
+            j = self._entering(row, gain, off)
+            self._pivot(r, j, 0.0 if sign > 0 else float(self._up[self._basic[r]]))
+        self._lost = True
+        return None
+
+    def _entering(self, row: Array, gain: Array, off: float) -> int:
+        """The variable that enters; those before it that cannot reach go to their other bound."""
+        free = np.flatnonzero(gain > 0)
+        order = free[np.argsort(np.abs(self._costs[free]) / np.abs(row[free]))]
+        last = min(int(np.searchsorted(np.cumsum(gain[order]), off)), len(order) - 1)
+        flips = order[:last]
+        self._set(flips, np.where(row[flips] > 0, self._up[self._nonbasic[flips]], 0.0))
+        return int(order[last])
+
+    def _pivot(self, r: int, j: int, to: float) -> None:
+        T = self._T
+        element = float(self._T[r, j])
+        across = T[r] / element
+        down = T[:, j].copy()
+        step = (to - float(self._values[r])) / element
+        dger(-1.0, across, down, a=T.T, overwrite_a=True)
+        T[r] = -across
+        T[:, j] = down / element
+        T[r, j] = 1.0 / element
+        cost = float(self._costs[j])
+        self._costs -= cost * across
+        self._costs[j] = cost / element
+        self._values += down * step
+        self._values[r] = self._at[j] + step
+        self._at[j] = to
+        self._basic[r], self._nonbasic[j] = self._nonbasic[j], self._basic[r]
