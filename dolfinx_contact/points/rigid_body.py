@@ -27,6 +27,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 import ufl
 from dolfinx import fem, mesh
