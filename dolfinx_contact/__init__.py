@@ -30,7 +30,6 @@ from dolfinx_contact.laws import (
 from dolfinx_contact.obstacles import Cylinder, HalfSpace, LevelSet, Sphere
 from dolfinx_contact.points.pair import ContactPair
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.self_contact import SelfContact
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.laws import RCCM, BilinearCohesive, MaxwellLayer
     from dolfinx_contact.nested import solve_nested
     from dolfinx_contact.parametric import ParametricContact
+    from dolfinx_contact.points.self_contact import SelfContact
 
 __version__ = "0.1.0"
 
@@ -79,6 +79,7 @@ _LATER = {
     "BilinearCohesive": "dolfinx_contact.laws",
     "MaxwellLayer": "dolfinx_contact.laws",
     "ParametricContact": "dolfinx_contact.parametric",
+    "SelfContact": "dolfinx_contact.points.self_contact",
     "solve_nested": "dolfinx_contact.nested",
 }
 

@@ -271,6 +271,7 @@ class Sliding(Operator):
 
     def __init__(self, operator):
         self._operator = operator
+        self.areas = operator.areas
 
     def apply(self, v):
         return 2.0 * self._operator.apply(v)

@@ -28,6 +28,7 @@ product.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
 
@@ -36,11 +37,13 @@ import numpy.typing as npt
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.sliding import SlidingTerms
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import at_global_places
+
+if TYPE_CHECKING:
+    from dolfinx_contact.equations.sliding import SlidingTerms
 
 __all__ = ["ContactTerms", "Jacobian", "RigidTerms", "SpreadTerms"]
 
@@ -240,9 +243,7 @@ class Jacobian:
         self._terms = ContactTerms(equations)
         eq = equations
         numbering = _Numbering(eq)
-        self._sliding = [
-            (i, SlidingTerms(eq, i, numbering)) for i, s in enumerate(eq.surfaces) if s.slides
-        ]
+        self._sliding = _sliding_terms(eq, numbering)
         n = eq.owned_sizes[0]
         K = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
         indptr, columns, _ = K.getValuesCSR()
@@ -289,6 +290,16 @@ class Jacobian:
         """Free the matrix."""
         for thing in (self.matrix, *(terms for _, terms in self._sliding)):
             thing.destroy()
+
+
+def _sliding_terms(eq: ContactEquations, numbering: _Numbering) -> list[tuple[int, SlidingTerms]]:
+    """Those of the surfaces that slide over others, with their numbers. Collective."""
+    numbers = [i for i, s in enumerate(eq.surfaces) if s.slides]
+    if not numbers:
+        return []
+    from dolfinx_contact.equations.sliding import SlidingTerms
+
+    return [(i, SlidingTerms(eq, i, numbering)) for i in numbers]
 
 
 @dataclass(frozen=True)

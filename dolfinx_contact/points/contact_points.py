@@ -97,6 +97,8 @@ class ContactPoints(ABC):
     """
 
     method: ClassVar[Method]
+    #: Whether they slide over another face, wherever both are (`sliding`).
+    slides: ClassVar[bool] = False
 
     number: int
     areas: Array

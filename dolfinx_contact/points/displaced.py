@@ -46,12 +46,11 @@ from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.laws.symbols import before
 from dolfinx_contact.obstacles import Obstacle, gap_at, known_displaced
-from dolfinx_contact.points.arcs import slip_along
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, fields_of, measure_of
+from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.sliding.facing import rotation
 
 __all__ = ["DisplacedPoints", "SlidingKind", "TrueGaps", "check_sliding", "displaced_points"]
 
@@ -158,6 +157,8 @@ class DisplacedPoints:
         self.given = Given(gap, normal, points.given.fields)
         expressions = {"gap": gap, "normal": normal}
         if friction:
+            from dolfinx_contact.points.arcs import slip_along
+
             there = start + self._moved_before
             gap_before, normal_before = obstacle.at(domain, there)
             way = x + gap * normal - there - gap_before * normal_before

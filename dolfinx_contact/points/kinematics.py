@@ -23,7 +23,7 @@ import numpy.typing as npt
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.operators import Operator
 
-__all__ = ["Kinematics"]
+__all__ = ["Kinematics", "rotation"]
 
 Array = npt.NDArray[np.float64]
 
@@ -121,3 +121,12 @@ class Kinematics:
         along = np.sum(seen * n, axis=1) + np.sum(self.jump * turned, axis=1)
         depth = np.sum(self.jump * n, axis=1)
         return np.asarray(seen - along[:, None] * n - depth[:, None] * turned)
+
+
+def rotation(o: Array, n: Array) -> Array:
+    """The smallest rotations from unit vectors o to n (..., dim), of vectors across o."""
+    dim = n.shape[-1]
+    c = 1.0 + np.sum(n * o, axis=-1)
+    along = np.eye(dim) - o[..., :, None] * o[..., None, :]
+    turned = np.eye(dim) - ((n + o) / c[..., None])[..., :, None] * n[..., None, :]
+    return np.asarray(turned @ along)

@@ -102,6 +102,11 @@ class Opposite:
     common: Common | None = None
 
     @property
+    def points(self) -> type[Any] | None:
+        """What the contact points are, whatever the method; None: the method decides."""
+        return None
+
+    @property
     def matching(self) -> bool:
         """Whether every node has one opposite to it."""
         return self.common is None

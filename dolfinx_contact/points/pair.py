@@ -26,12 +26,6 @@ from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.sliding.points import (
-    SlidingFacets,
-    check_law_of_slave,
-    require_apart,
-    require_no_edge,
-)
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
 
@@ -142,7 +136,7 @@ class ContactPair(ContactSurface):
     nodes with nothing there are open, and their gap is NaN in tables. Where a node is hardly
     covered, at the edge of a master, its traction is partly the mean of those around it: there gap
     and shear of a table need not obey the law. Steps should be no longer than a facet of the
-    master; of a step in which bodies may have gone through each other the result has a doubt. The
+    master; of a step in which bodies may have passed through each other the result has a doubt. The
     soft body should be the slave; the face of the master should go around the edges of a tool, and
     not end there, but that of a slave may not, as it has one normal at a node. Tractions are
     nominal: per area of the mesh.
@@ -222,10 +216,13 @@ class ContactPair(ContactSurface):
         if axisymmetric:
             check_section(V.mesh, sides[1], f"{name}, master")
         large = sliding == "large"
-        master_face = (
-            SlidingFacets(V, sides[0], sides[1], search_distance, name)
-            if large
-            else OppositeFacets(
+        master_face: Obstacle
+        if large:
+            from dolfinx_contact.points.sliding.points import SlidingFacets, check_slave
+
+            master_face = SlidingFacets(V, sides[0], sides[1], search_distance, name)
+        else:
+            master_face = OppositeFacets(
                 V,
                 sides[0],
                 sides[1],
@@ -237,7 +234,6 @@ class ContactPair(ContactSurface):
                 axisymmetric=bool(axisymmetric),
                 name=name,
             )
-        )
         super().__init__(
             u,
             sides[0],
@@ -251,10 +247,7 @@ class ContactPair(ContactSurface):
         )
         if large:
             self._given_gap = ""
-            check_law_of_slave(self.law_at_points, name)
-            require_no_edge(self.points, name)
-            if not interference:
-                require_apart(self.points, name)
+            check_slave(self.points, self.law_at_points, name, apart=not interference)
             return
         #: How the bodies have slid and turned.
         self.motion = PairMotion(u, self.points, sides[0], sides[1])

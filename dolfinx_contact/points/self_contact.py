@@ -16,12 +16,7 @@ from dolfinx_contact._numbers import is_number
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.points.elements import check_name, displacement_degree
-from dolfinx_contact.points.sliding.points import (
-    SlidingFacets,
-    check_law_of_slave,
-    require_apart,
-    require_no_edge,
-)
+from dolfinx_contact.points.sliding.points import SlidingFacets, check_slave
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
 
@@ -68,7 +63,7 @@ class SelfContact(ContactSurface):
 
     It is a `ContactPair` with ``sliding="large"`` whose slave and master are one face, and has its
     limits. Of two facets that face each other the one whose middle lies farther along ``direction``
-    in the mesh is the slave, so that each place is looked at once: for a ring that is pressed flat
+    in the mesh is the slave, so that each place counts once: for a ring that is pressed flat
     from above its upper half, for the default direction. Choose it so that the parts that will meet
     lie apart along it. Facets do not face themselves, those that they share a node with, what looks
     the same way, and what lies behind them through the body: where that is thinner than
@@ -106,6 +101,4 @@ class SelfContact(ContactSurface):
         along = np.asarray(direction, dtype=np.float64)
         obstacle = SlidingFacets(V, face, face, search_distance, name, direction=along)
         super().__init__(u, face, obstacle=obstacle, law=law, method="mixed", name=name)
-        check_law_of_slave(self.law_at_points, name)
-        require_no_edge(self.points, name)
-        require_apart(self.points, name, itself=True)
+        check_slave(self.points, self.law_at_points, name, itself=True)

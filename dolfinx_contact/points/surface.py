@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -50,7 +49,6 @@ from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_revolution, check_section
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.sliding.points import SlidingOpposite, SlidingPoints
 from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["ContactSurface"]
@@ -313,8 +311,10 @@ class ContactSurface(ReadOnly):
             u: displacement at the first local nodes, at least the owned ones (n, dim).
             motion: of the rigid body; None where there is none.
         """
-        if isinstance(self.points, SlidingPoints):
-            return self._sliding_kinematics(self.points, u)
+        if self.slides:
+            from dolfinx_contact.points.sliding.points import kinematics
+
+            return kinematics(self.points, self.law_at_points.compiled, self.memory, u)
         operator = self.points.operator
         seen = operator.apply(self.relative(u[: self.owned_nodes], motion))
         if self._displaced is not None:
@@ -325,21 +325,6 @@ class ContactSurface(ReadOnly):
         reference = self._reference
         jump = seen - self.points.aside - reference
         return Kinematics(operator, jump, reference, self.point_data)
-
-    def _sliding_kinematics(self, points: SlidingPoints, u: Array) -> Kinematics:
-        """Those of faces that slide over each other. Collective."""
-        memory = self.memory
-        operator = points.at(u, None if memory is None else memory.displacement)
-        nodal = operator.facing.nodal
-        n = points.number
-        slipped = np.zeros((n, self.dim))
-        if memory is not None:  # turned with the surface since then
-            turned = memory.reference(nodal.before[:n])
-            slipped = np.einsum("nij,nj->ni", nodal.rotation[:n], turned)
-        normal = nodal.normal[:n]
-        data = replace(points.data, n=normal, gap=np.zeros(n))
-        given = with_memory(self.law_at_points.compiled, memory, data)
-        return Kinematics(operator, nodal.jump[:n], slipped, given)
 
     def _kinematics_now(self) -> Kinematics:
         """Those of the displacement in the Function, and of the rigid body."""
@@ -372,7 +357,7 @@ class ContactSurface(ReadOnly):
     @property
     def slides(self) -> bool:
         """Whether it is a face that slides over another, wherever both go."""
-        return isinstance(self.points, SlidingPoints)
+        return self.points.slides
 
     @property
     def linear(self) -> bool:
@@ -573,8 +558,8 @@ class ContactSurface(ReadOnly):
 
 def _points_class(method: Method, opposite: Opposite | None) -> type[ContactPoints]:
     """What contact points of a method are."""
-    if isinstance(opposite, SlidingOpposite):
-        return SlidingPoints
+    if opposite is not None and opposite.points is not None:
+        return opposite.points
     if method == "nodal":
         return NodePoints
     if method == "mixed":

@@ -24,7 +24,6 @@ from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.pair_motion import Moved
-from dolfinx_contact.points.sliding.points import SlidingPoints
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["Sliding", "sliding_doubt", "slidings", "warn_of_inversion", "warn_of_obstacles"]
@@ -102,8 +101,8 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
         held: Marks = np.zeros(len(closed_points), dtype=bool)
         if s.method != "integral":
             held = clamped[: len(held)]
-        if isinstance(s.points, SlidingPoints):
-            found[s.name] = _of_sliding(eq, s, s.points, state, contact)
+        if s.slides:
+            found[s.name] = _of_sliding(eq, s, state, contact)
         elif s.motion is not None:
             normal = -np.sum(contact.traction * s.points.data.n, axis=1)
             forces = np.where(held, 0.0, s.points.areas * np.maximum(normal, 0.0))
@@ -122,15 +121,16 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
 def _of_sliding(
     eq: ContactEquations,
     s: ContactSurface,
-    points: SlidingPoints,
     state: State,
     contact: ContactState,
 ) -> Sliding:
-    """Of faces that slide over each other: whether they may have gone through. Collective.
+    """Of faces that slide over each other: whether one may have passed the other. Collective.
 
-    That is where nothing is opposite to a point, and the bodies have come closer in the step, or
-    gone apart, by more than the distance within which that is looked for.
+    That is where nothing is opposite to a point, and the bodies have moved towards or away from
+    each other in the step by more than the distance within which that is looked for.
     """
+    points = s.points
+    depth = s.obstacle.opposite.depth
     n = eq.owned_sizes[0] // eq.dim
     moved: Array = np.reshape(state.u[: n * eq.dim], (-1, eq.dim))
     if s.memory is not None and s.memory.displacement is not None:
@@ -145,13 +145,13 @@ def _of_sliding(
     way[here] = np.sum((moved[nodes[here]] - sums[:-1] / sums[-1]) * contact.data.n[here], axis=1)
     far = float(np.max(np.abs(way[away]), initial=0.0))
     far = s.comm.allreduce(far, op=max)
-    if far <= points.depth:
+    if far <= depth:
         return Sliding(0.0)
     return Sliding(
         0.0,
         doubt=f"in one step points that have nothing opposite now have moved by {far:.3g} along "
-        f"their normals, more than the search distance {points.depth:.3g}: the bodies may have "
-        "gone through each other; take shorter steps, or a longer search distance",
+        f"their normals, more than the search distance {depth:.3g}: the bodies may have "
+        "passed through each other; take shorter steps, or a longer search distance",
     )
 
 

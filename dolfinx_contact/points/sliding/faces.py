@@ -23,8 +23,9 @@ from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._errors import require
 from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.facing import faces_of
+from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.sliding.candidates import Candidates, candidates, from_rows
-from dolfinx_contact.points.sliding.facing import Facing, Nodal, rotation
+from dolfinx_contact.points.sliding.facing import Facing, Nodal
 from dolfinx_contact.points.sliding.rays import (
     area_vector_rates,
     area_vectors,

@@ -29,8 +29,8 @@ c of its area A_a; for the rest its traction is the mean of those around it,
 
     s (t_a - tau_a) + (1 - s) (t_a - sum_b m_ab t_b / sum_b m_ab) = 0,    m_ab = sum_q w N_a N_b,
 
-so that tractions go on to the edge, and nothing jumps when a node comes to be covered or ceases to
-be.
+so that tractions continue to the edge, and nothing jumps when a node comes to be covered or ceases
+to be.
 """
 
 from __future__ import annotations
@@ -41,10 +41,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.sliding.candidates import Candidates
-from dolfinx_contact.points.sliding.rays import Rays
+from dolfinx_contact.points.sliding.rays import CastRays
 
-__all__ = ["Facing", "Nodal", "rotation"]
+__all__ = ["Facing", "Nodal"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -132,7 +133,7 @@ class Facing:
     master: Nodes
     basis: Array
     areas: Array
-    rays: Rays
+    rays: CastRays
     along: Array
     nodal: Nodal
 
@@ -183,12 +184,3 @@ class Facing:
         by_y = -inverse * rays.weights[..., None, :, None]
         every = np.concatenate([by_x, by_m, by_y], axis=3)
         return every[..., :-1, :, :], every[..., -1, :, :]
-
-
-def rotation(o: Array, n: Array) -> Array:
-    """The smallest rotations from unit vectors o to n (..., dim), of vectors across o."""
-    dim = n.shape[-1]
-    c = 1.0 + np.sum(n * o, axis=-1)
-    along = np.eye(dim) - o[..., :, None] * o[..., None, :]
-    turned = np.eye(dim) - ((n + o) / c[..., None])[..., :, None] * n[..., None, :]
-    return np.asarray(turned @ along)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from mpi4py import MPI
@@ -17,9 +17,12 @@ from dolfinx import fem, mesh
 from dolfinx_contact._errors import require
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.laws import LawAtPoints
+from dolfinx_contact.laws.compiled import CompiledLaw
 from dolfinx_contact.laws.symbols import before
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.contact_points import ContactPoints, Method
+from dolfinx_contact.points.kinematics import Kinematics
+from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.node_points import NodePoints
 from dolfinx_contact.points.operators import Operator, Stencils
 from dolfinx_contact.points.opposite import Opposite
@@ -31,9 +34,8 @@ __all__ = [
     "SlidingFacets",
     "SlidingOpposite",
     "SlidingPoints",
-    "check_law_of_slave",
-    "require_apart",
-    "require_no_edge",
+    "check_slave",
+    "kinematics",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -47,7 +49,7 @@ _REACH = 0.25  # of the size of the smaller face, how far rays reach by default
 class SlidingOpposite(Opposite):
     """The other face, of which every point may come to be opposite to the nodes of a surface.
 
-    Its rows and weights are those of no node: what is opposite is known at states alone.
+    Its rows and weights are those of no node: the opposing points are known at states alone.
 
     Attributes:
         depth: how far rays reach.
@@ -57,6 +59,10 @@ class SlidingOpposite(Opposite):
 
     depth: float = 0.0
     direction: Array | None = None
+
+    @property
+    def points(self) -> type[SlidingPoints]:
+        return SlidingPoints
 
     @property
     def matching(self) -> bool:
@@ -153,6 +159,7 @@ class SlidingPoints(NodePoints):
     """The nodes of a slave that slides over its master; see `facing`."""
 
     method: ClassVar[Method] = "mixed"
+    slides: ClassVar[bool] = True
 
     def _opposite_to(self, stencils: Stencils, opposite: Opposite) -> Stencils:
         assert isinstance(opposite, SlidingOpposite)
@@ -208,7 +215,48 @@ class SlidingPoints(NodePoints):
         return self.known
 
 
-def check_law_of_slave(law: LawAtPoints, name: str) -> None:
+def kinematics(
+    points: ContactPoints, law: CompiledLaw, memory: Memory | None, u: Array
+) -> Kinematics:
+    """Gap, slip and B at a displacement. Collective.
+
+    Args:
+        points: of the slave.
+        law: there.
+        memory: of the last accepted state; None: the mesh.
+        u: at the first local nodes, at least the owned ones (n, dim).
+    """
+    assert isinstance(points, SlidingPoints)
+    operator = points.at(u, None if memory is None else memory.displacement)
+    nodal = operator.facing.nodal
+    n = points.number
+    slipped = np.zeros((n, points.dim))
+    if memory is not None:  # turned with the surface since then
+        turned = memory.reference(nodal.before[:n])
+        slipped = np.einsum("nij,nj->ni", nodal.rotation[:n], turned)
+    data = replace(points.data, n=nodal.normal[:n], gap=np.zeros(n))
+    return Kinematics(operator, nodal.jump[:n], slipped, with_memory(law, memory, data))
+
+
+def check_slave(
+    points: ContactPoints, law: LawAtPoints, name: str, *, apart: bool = True, itself: bool = False
+) -> None:
+    """Raise ``ValueError`` if a slave or its law cannot slide. Collective.
+
+    Args:
+        points: of the slave.
+        law: there.
+        name: of the surface.
+        apart: whether bodies may not overlap in the mesh.
+        itself: whether it is a face that faces itself.
+    """
+    _check_law(law, name)
+    _require_no_edge(points, name)
+    if apart:
+        _require_apart(points, name, itself=itself)
+
+
+def _check_law(law: LawAtPoints, name: str) -> None:
     """Raise ``ValueError`` if a law needs more than increments of slip. Not collective."""
     compiled = law.compiled
     whole = set(compiled.names) & set(before(law.dim))
@@ -225,7 +273,7 @@ def check_law_of_slave(law: LawAtPoints, name: str) -> None:
             )
 
 
-def require_apart(points: ContactPoints, name: str, *, itself: bool = False) -> None:
+def _require_apart(points: ContactPoints, name: str, *, itself: bool) -> None:
     """Raise ``ValueError`` if faces overlap in the reference configuration. Collective."""
     assert isinstance(points, SlidingPoints)
     nodal = points.known.facing.nodal
@@ -246,7 +294,7 @@ def require_apart(points: ContactPoints, name: str, *, itself: bool = False) -> 
     )
 
 
-def require_no_edge(points: ContactPoints, name: str) -> None:
+def _require_no_edge(points: ContactPoints, name: str) -> None:
     """Raise ``ValueError`` if the face of a slave goes around an edge of the body. Collective."""
     assert isinstance(points, SlidingPoints)
     angle, place = points.faces.sharpest_edge()

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.points.clipping import basis
 
-__all__ = ["Rays", "area_vector_rates", "area_vectors", "cast", "slopes"]
+__all__ = ["CastRays", "area_vector_rates", "area_vectors", "cast", "slopes"]
 
 Array = npt.NDArray[np.float64]
 _STEPS = 25
@@ -32,7 +32,7 @@ _FOUND = 1e-14  # relative to the facet, a step of Newton's method that is none
 
 
 @dataclass(frozen=True, eq=False)
-class Rays:
+class CastRays:
     """Rays of some pieces of facets, p, with q points each.
 
     Attributes:
@@ -59,7 +59,7 @@ class Rays:
         return np.asarray((np.eye(n.shape[-1]) - along) / self.length[..., None, None])
 
 
-def cast(x: Array, m: Array, y: Array, eta: Array) -> Rays:
+def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
     """Where rays meet facets.
 
     Args:
@@ -87,7 +87,7 @@ def cast(x: Array, m: Array, y: Array, eta: Array) -> Rays:
     weights = basis(eta, corners, 1)
     by_eta = slopes(eta, corners)
     matrix = np.concatenate([np.einsum("pqbi,pbd->pqdi", by_eta, y), -n[..., None]], axis=-1)
-    return Rays(n, length, gap, weights, by_eta, np.linalg.inv(matrix))
+    return CastRays(n, length, gap, weights, by_eta, np.linalg.inv(matrix))
 
 
 def slopes(eta: Array, corners: int) -> Array:
