@@ -61,6 +61,7 @@ ON_THREE = {
     "test_results": ("balance_of_all_forces",),
     "test_rigid_body": ("ranks", "the_jacobian"),
     "test_scales": ("what_stays",),
+    "test_sliding_pair": ("jacobian", "patch", "history", "wedge"),
     "test_surface": ("points_lie_where_they_should", "facets_named_on_one_rank_only"),
     "test_uniqueness": ("the_only_solution",),
 }

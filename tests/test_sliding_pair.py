@@ -403,6 +403,49 @@ def test_history(slave):
     assert abs(energies.residue) < 0.03 * energies.external
 
 
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.2, 0.3])
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="closed form: F/G = (tan a + mu)/(1 - mu tan a)",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_wedge(friction, slave):
+    """A wedge with its weight, pushed up an incline by more than a facet."""
+    slope = 0.1
+    both = stacked(12, 5, (0.0, 3.0), (0.2, 1.2), "quad")
+    x = both.mesh.geometry.x
+    x[:, 1] += slope * x[:, 0]
+    u = displacement(both.mesh)
+    V = u.function_space
+    law = Coulomb(friction) if friction else Frictionless()
+    pair = ContactPair(u, both, slave=slave, master=5 - slave, law=law, sliding="large")
+    below = fem.locate_dofs_topological(V, 1, both.facet_tags.find(1))
+    W = V.sub(0)
+    back = mesh.locate_entities_boundary(both.mesh, 1, lambda x: np.isclose(x[0], 0.2))
+    behind = fem.locate_dofs_topological(W, 1, back)
+    way = fem.Constant(both.mesh, 0.0)
+    bcs = [fem.dirichletbc(np.zeros(2), below, V), fem.dirichletbc(way, behind, W)]
+    weight = 2.0
+    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
+    material = NeoHookean(*lame(1e5, 0.3))
+    energy = material.energy(u) * dx((1, 2)) + weight * u[1] * dx(2)
+
+    def load(t):
+        way.value = 0.4 * t
+
+    problem = ContactProblem(energy, u, [pair], bcs=bcs)
+    problem.solve()
+    history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, 5), rays=False)
+    assert history.reason == "the last time is reached"
+    reactions = problem.state().reactions
+    assert reactions is not None
+    push = COMM.allreduce(reactions[behind[behind < len(reactions)]].sum())
+    exact = (slope + friction) / (1 - friction * slope)
+    # The bodies are not rigid: their strains are some 1e-5.
+    assert push / weight == pytest.approx(exact, rel=1e-4)
+
+
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: the run in one go",
