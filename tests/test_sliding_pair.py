@@ -330,17 +330,17 @@ def test_small_slide_on_matching_faces(dim, cell):
     for size in (1e-4, 1e-5):
         found = []
         for given in ({"sliding": "large"}, {"sliding": "small", "method": "mixed"}):
-            bodies = Bodies(both, 3, Coulomb(0.2), LinearElastic(*lame(1000.0, 0.3)), **given)
+            bodies = Bodies(both, 3, Coulomb(0.05), LinearElastic(*lame(1000.0, 0.3)), **given)
 
             def motion(X, size=size):
                 moved = np.zeros_like(X)
                 moved[:, -1] = -size
-                moved[:, 0] = size * (0.3 + 0.2 * X[:, 0])
+                moved[:, 0] = size * (X[:, 0] - 0.3)
                 return moved
 
             bodies.move(motion)
             table = bodies.problem.solve().tables["contact"]
-            assert set(table.letters) >= ({"k", "+"} if dim == 2 else {"k", "s"})
+            assert set(table.letters) & {"+", "-", "s"}
             found.append(bodies.u.x.array.copy())
         differences.append(COMM.allreduce(np.abs(found[0] - found[1]).max(initial=0.0), max) / size)
     # The difference in u is of second order.
@@ -508,7 +508,8 @@ def test_branch():
     branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps")
     assert branch.reason == "gamma reached the end of its range"
     for point in branch.points[:: max(len(branch.points) // 3, 1)]:
-        system.put(point.x, point.gamma, point.piece)
+        x.array[:] = point.y.array_r[: len(x.array)]
+        system.put(x, point.gamma, point.piece)
         before = bodies.u.x.array.copy()
         bodies.u.x.array[:] = 0.0
         bodies.pair.multiplier.x.array[:] = 0.0
