@@ -28,7 +28,7 @@ __all__ = ["CastRays", "area_vector_rates", "area_vectors", "cast", "slopes"]
 
 Array = npt.NDArray[np.float64]
 _STEPS = 25
-_FOUND = 1e-14  # relative to the facet, a step of Newton's method that is none
+_FOUND = 1e-12  # relative to the facet, a step of Newton's method after which none is needed
 
 
 @dataclass(frozen=True, eq=False)
