@@ -837,6 +837,39 @@ class Stopped(Exception):
 # -- what is not there -----------------------------------------------------------------------------
 
 
+@pytest.mark.refuses("rigid bodies", aspects=("2D", "large sliding"))
+def test_half_a_turn_in_a_step_is_refused():
+    """A rotation by a whole turn leaves every place as it was, and no slip could be seen."""
+    turns = []
+
+    def body(domain):
+        turns.append(fem.Constant(domain, 0.0))
+        motion = {"x": 0.0, "y": 0.0, "rz": turns[0]}
+        return RigidBody(Sphere((0.4, -1.0), 1.0), about=(0.4, -1.0), motion=motion)
+
+    on_body = OnBody(2, body, Coulomb(0.3), sliding="large")
+    on_body.move(lambda X: np.tile([0.0, -0.05], (len(X), 1)))
+    turn = turns[0]
+    for angle in (3.3, -2 * np.pi):
+        turn.value = angle
+        with pytest.raises(ValueError, match="rad in one step: slips on it are known below half"):
+            on_body.problem.solve()
+    turn.value = 3.0
+    assert on_body.problem.solve().converged
+    turn.value = 0.0
+    on_body.u.x.array[:] = 0.0
+    on_body.problem.solve()
+
+    def load(t):
+        turn.value = t
+
+    evolution = QuasiStatic(on_body.problem, load)
+    with pytest.raises(ValueError, match="rad in one step: slips on it are known below half"):
+        evolution.run([0.0, 2 * np.pi], rays=False, sudden=np.inf)
+    history = evolution.run([0.0, 2.0, 4.0], rays=False, sudden=np.inf)
+    assert history.energies.dissipated > 0
+
+
 @pytest.mark.refuses(
     "mixed contact", "RCCM adhesion", "nonlocal friction", "NSCD motion", aspects=("large sliding",)
 )

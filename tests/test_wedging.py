@@ -187,3 +187,35 @@ def test_bad_input():
             wedging_friction(problem, **wrong)
     with pytest.raises(ValueError, match="ContactProblem"):
         wedging_friction(None)
+
+
+@serial
+@pytest.mark.parametrize("contrast", [1.0, 1e3, 1e6, 1e9])
+@pytest.mark.verifies(
+    "critical friction",
+    reference="theorem: displacements and forces of a point may have a unit of their own",
+    aspects=("2D", "3D", "proofs"),
+    alone=True,
+)
+def test_points_of_unlike_stiffness(contrast):
+    """Cones have no unit: D S D has the coefficient of S; closed forms of one point and two."""
+    one = np.array([[2.0, 0.5], [0.5, 2.0]])
+    other = contrast * np.array([[2.0, 1.0], [1.0, 2.0]])
+    apart = np.zeros((4, 4))
+    apart[:2, :2] = one
+    apart[2:, 2:] = other
+    assert wedging_of(points(other, 2)).friction == pytest.approx(2.0, rel=1e-9)
+    found = wedging_of(points(apart, 2))
+    assert found.friction == pytest.approx(2.0, rel=1e-9)
+    assert found.complete
+    rng = np.random.default_rng(3)
+    for dim, number in ((2, 3), (3, 2)):
+        B = rng.normal(size=(dim * number, dim * number))
+        S = B @ B.T + np.eye(len(B))
+        scales = np.repeat(contrast ** rng.uniform(-0.5, 0.5, number), dim)
+        plain = wedging_of(points(S, dim), sides=8)
+        scaled = wedging_of(points(scales[:, None] * S * scales, dim), sides=8)
+        assert plain.complete
+        assert scaled.complete
+        assert scaled.friction == pytest.approx(plain.friction, rel=1e-6)
+        assert scaled.lower == pytest.approx(plain.lower, rel=1e-6)

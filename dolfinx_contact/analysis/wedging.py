@@ -60,6 +60,7 @@ _EITHER = 1e-9  # un / U or alpha that is none
 _UNDECIDED, _OPEN, _CLOSED = range(3)
 _SURE = 1e-10  # of a row that proves a region empty
 _TINY = 1e-12
+_HOLDS = 1e-8  # of the sizes that add up to it, an un that is none
 _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 
@@ -91,6 +92,8 @@ class Wedging:
         """The coefficient, how it is known, and the statuses."""
         if not np.isfinite(self.friction):
             known = "proved" if self.complete else "not decided"
+            if not self.complete:
+                return f"no wedged state was found up to a friction of {_LARGEST:g}, {known}"
             return f"no wedged state up to a friction of {_LARGEST:g}, {known}"
         words = f"wedged from a friction of {self.friction:.9g} on, {self.statuses}"
         if not self.complete:
@@ -133,13 +136,25 @@ def wedging_of(points: PointProblem, *, seconds: float = 60.0, sides: int = 16) 
     search.run()
     state: Array = np.zeros((points.number, 2 * points.dim))
     if search.best is not None:
-        r = search.best.reshape(points.number, points.dim)
-        u = (search.G @ search.best).reshape(r.shape)
+        shape = points.number, points.dim
+        r = (search.best / search.scales).reshape(shape)
+        u = (search.scales * (search.G @ search.best)).reshape(shape)
+        total = r[:, -1].sum()
+        u, r = u / total, r / total
         state = np.asarray(np.hstack([u, r]), dtype=np.float64)
     statuses = "".join("c" if c else "o" for c in search.closed)
     lower = search.tried if search.complete else 0.0
     took = time.monotonic() - begun
     return Wedging(search.friction, lower, search.complete, statuses, state, search.regions, took)
+
+
+def _scales(S: Array, dim: int) -> Array:
+    """Powers of two, one a point, that make the stiffness of the points alike (dim m,).
+
+    With D of them D S D has the same states but for D: cones and gaps of a point have no unit.
+    """
+    own = np.sqrt(np.diag(S).reshape(-1, dim).max(axis=1))
+    return np.repeat(2.0 ** np.round(-np.log2(own)), dim)
 
 
 class _Rays:
@@ -166,10 +181,11 @@ class _Rays:
         size = np.einsum("ijc,kc->ijk", np.abs(rows), np.abs(ray)).reshape(m, -1)
         away = np.einsum("ijc,kc->ijk", off[dim - 1 :: dim].reshape(m, m, dim), np.abs(ray))
         largest = M.max(axis=1)
-        self.opens = largest > _TINY * np.abs(M).max()
-        unit = np.asarray(np.where(self.opens, largest, np.abs(M).max(axis=1)), dtype=np.float64)
-        self.M: Array = M / unit[:, None]
         worst = away.max(axis=(1, 2)) + gamma(16) * size.max(axis=1)
+        self.opens = largest + worst > 0
+        whole = np.abs(M).max(axis=1)
+        unit = np.asarray(np.where(largest > _TINY * whole, largest, whole), dtype=np.float64)
+        self.M: Array = M / unit[:, None]
         self.off = worst / unit * (1 + 1e-9) + gamma(4)
 
 
@@ -217,13 +233,16 @@ class _Search:
     def __init__(self, points: PointProblem, end: float, sides: int):
         m, dim = points.number, points.dim
         nothing = np.zeros(dim * m)
-        unit = float(np.abs(points.A).max())
+        #: By which displacements of the points are multiplied, and their forces divided (dim m,).
+        self.scales = _scales(points.S, dim)
+        both = self.scales[:, None] * self.scales
+        unit = float(np.abs(points.A / both).max())
         reduced = ReducedProblem(
-            points.S * unit,
+            points.S * both * unit,
             nothing,
             np.ones(m),
             None,
-            None if points.S_error is None else points.S_error * unit,
+            None if points.S_error is None else points.S_error * both * unit,
         )
         G, off = flexibility(reduced)
         self.G = G * unit
@@ -346,10 +365,14 @@ class _Search:
         found = self._least_of(closed)
         if found is None or not found[0] < self._reached:
             return False
+        rows = self._G[self.dim - 1 :: self.dim]
+        un = rows @ found[1]
+        size = np.abs(rows) @ np.abs(found[1])
+        if (np.where(closed, np.abs(un), -un) > _HOLDS * size).any():
+            return False  # what the linear programs found is no state
         self._reached, r = found
         self.best = r
-        un = (self._G @ r)[self.dim - 1 :: self.dim]
-        self.closed = closed | (un <= _EITHER * np.abs(un).max(initial=0.0))
+        self.closed = closed | (un <= _EITHER * size)
         pressed = r.reshape(self.m, -1)[:, -1] > _TINY
         shear = np.linalg.norm(r.reshape(self.m, -1)[pressed, :-1], axis=1)
         self.friction = float((shear / r.reshape(self.m, -1)[pressed, -1]).max())

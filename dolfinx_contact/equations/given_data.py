@@ -34,6 +34,7 @@ __all__ = [
     "check_surface",
     "check_time",
     "check_times",
+    "check_turn",
     "data_in",
     "data_of_surface",
     "data_within",
@@ -221,6 +222,32 @@ def check_surface(s: ContactSurface, where: str = "") -> None:
     s.check_gaps()
     require_finite_geometry(s)
     check_law(s, where)
+    if s.memory is None:
+        check_turn(s, None, where)
+
+
+def check_turn(s: ContactSurface, before: npt.NDArray[np.float64] | None, where: str = "") -> None:
+    """Raise ``ValueError`` if a rigid body turns by half a turn or more in a step. Collective.
+
+    Slips on it are known up to there: a rotation of a whole turn leaves every place as it was.
+
+    Args:
+        s: a surface.
+        before: motion of its rigid body at the last accepted state; None: where the mesh is.
+        where: of the message.
+    """
+    body = s.rigid_body
+    if body is None or s.displaced is None or not s.displaced.friction:
+        return
+    motion = np.where(body.fixed, body.numbers(), body.values)
+    step = motion if before is None else motion - before
+    turned = float(np.linalg.norm(step[s.dim :]))
+    require(
+        s.comm,
+        turned < np.pi,
+        f"{s.name}: the rigid body {body.name!r} turns by {turned:.4g} rad in one step{where}: "
+        "slips on it are known below half a turn; take shorter steps of a history",
+    )
 
 
 def require_finite_geometry(s: ContactSurface) -> None:

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact._mesh_mark import mesh_stays
-from dolfinx_contact.equations.given_data import GivenData
+from dolfinx_contact.equations.given_data import GivenData, check_turn
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
@@ -346,6 +346,7 @@ class Stepper:
         eq = self.problem.equations
         self._remember(accepted, time)
         self._set(time)
+        self._check_turns(accepted)
         if guess is not None:
             self._put_unknowns(guess)
         expected = [s for s in likely or (accepted.statuses,) if s is not None]
@@ -354,6 +355,13 @@ class Stepper:
         energies = accepted.energies.advanced(accepted.forces, forces, result.energies["friction"])
         after = self.accepted(time, state.statuses, eq.advanced(state), forces, energies)
         return SolvedStep(accepted, after, result)
+
+    def _check_turns(self, accepted: AcceptedState) -> None:
+        """Raise ``ValueError`` if rigid bodies turn too far in a step from a state. Collective."""
+        for body, motion in zip(self.problem.rigid_bodies, accepted.motions, strict=True):
+            for s in self.problem.surfaces:
+                if s.rigid_body is body:
+                    check_turn(s, motion)
 
     def _remember(self, accepted: AcceptedState, time: float) -> None:
         """Let the surfaces remember an accepted state at a later time. Collective."""

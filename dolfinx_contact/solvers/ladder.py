@@ -44,6 +44,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import (
     check_law,
     check_moduli,
+    check_turn,
     not_finite,
     placed_data,
     require_finite_geometry,
@@ -185,6 +186,8 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
         s.update_geometry()
         s.check_gaps()
         check_law(s)
+        if s.memory is None:
+            check_turn(s, None)
     _require_start(eq, x0)
     require_obstacles(eq)
     lost = without_normal(eq, eq.contact(x0))
