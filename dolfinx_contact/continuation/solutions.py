@@ -89,7 +89,8 @@ class Solutions:
         found: known ones first.
         complete: whether it is proved that there are no others.
         method: how they were looked for, human-readable.
-        proof: what the system proved, if that was required.
+        proof: what the system proved, if that was required; in space the forces of its states have
+            a unit of their own, those of the body are in the tables of the solutions.
         continua: that were found by enumeration; their ends are in `found` as well.
     """
 
