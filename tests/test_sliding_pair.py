@@ -366,6 +366,10 @@ def sliding_history(bodies):
     return QuasiStatic(bodies.problem, load)
 
 
+class Killed(Exception):
+    """Raised where a run is to end."""
+
+
 TIMES = np.concatenate([[0.0, 0.5], np.linspace(1.0, 2.5, 13)])
 
 
@@ -456,9 +460,6 @@ def test_resumed(folder):
 
     def made():
         return Bodies(stacked(10, 7, (-1.0, 2.0), (0.0, 1.0), "quad"), 3, Coulomb(0.3))
-
-    class Killed(Exception):
-        pass
 
     def kill(step):
         if step.time > 1.6:
