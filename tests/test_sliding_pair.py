@@ -623,7 +623,7 @@ def test_bodies_that_pass_through_each_other(slave, caplog):
         assert closed == (steps > 1)
     assert "passed through each other" in doubts[0]["contact"]
     assert not doubts[1]
-    assert "passed through each other" in caplog.text
+    assert COMM.rank > 0 or "passed through each other" in caplog.text
 
 
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
