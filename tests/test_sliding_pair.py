@@ -482,6 +482,23 @@ def test_resumed(folder):
         )
 
 
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "records"))
+def test_a_record_of_another_sliding(folder):
+    """A history of small sliding has as many unknowns, and does not continue in large sliding."""
+
+    def made(**given):
+        given = {"method": "mixed", "sliding": "small"} | given
+        bodies = Bodies(stacked(4, 4, (0.0, 1.0), (0.0, 1.0)), 3, Coulomb(0.3), **given)
+        return sliding_history(bodies)
+
+    evolution = made()
+    with records.EvolutionRecord(folder / "small", evolution) as record:
+        evolution.run([0.0, 0.5, 1.0], record=record)
+    evolution = made(sliding="large", method=None)
+    with pytest.raises(ValueError, match="another kind of sliding"):
+        records.EvolutionRecord(folder / "small", evolution, resume=True)
+
+
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: solves at single loads",

@@ -85,6 +85,17 @@ def _faces(s: ContactSurface) -> list[str]:
     return found
 
 
+def _sliding_of(s: ContactSurface) -> list[Any]:
+    """How a surface slides: whether it follows its obstacle; of faces that slide over others more.
+
+    Of a face that slides over itself the direction, by which it has its slaves.
+    """
+    if not s.slides:
+        return [s.displaced is not None]
+    direction = s.obstacle.opposite.direction
+    return ["over a face"] if direction is None else ["over itself", *map(float, direction)]
+
+
 def _parts(form: ufl.Form, domain: mesh.Mesh) -> list[str]:
     """Hashes of the cells or facets that the integrals of a form are over. Collective."""
     nodes = np.asarray(domain.geometry.input_global_indices, dtype=np.int64)
@@ -198,7 +209,7 @@ def identity(
             [s.name, s.method, problem.comm.allreduce(s.points.number)] for s in problem.surfaces
         ],
         "faces": [_faces(s) for s in problem.surfaces],
-        "kinds": [[*s.degrees, s.displaced is not None] for s in problem.surfaces],
+        "kinds": [[*s.degrees, *_sliding_of(s)] for s in problem.surfaces],
         "parts": _parts(eq.bulk.residual, domain),
         "other parts": [part for form in forms for part in _parts(form, domain)],
         "fixed": problem.comm.allreduce(int(fixed.sum())),

@@ -81,8 +81,7 @@ def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance
     size = float(np.linalg.norm(high - low))
     moment = None
     if s.slides:
-        moved = x + state.u.reshape(-1, eq.dim)
-        x = moved
+        x = x + state.u.reshape(-1, eq.dim)
     if not eq.axisymmetric and (s.slides or _apart(s, x) <= _SAME_PLACE * size):
         arms = x[:n] - (low + high) / 2
         turned = np.cross(_in_space(arms), _in_space(forces))

@@ -212,10 +212,8 @@ class SlidingFaces:
         Args:
             x: positions of the local nodes.
         """
-        mine = self._of_slave(x)
-        normals = self._area_vectors(mine)
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        theirs = x[self._master]
+        slave, master = self._of_mesh(x)
+        mine, normals, theirs = slave.x, slave.normals, master.x
         if self.searches:
             then, before, others = self._then
             moved = [_largest(mine - then), _largest(theirs - others)]
@@ -226,16 +224,26 @@ class SlidingFaces:
         finite = bool(np.isfinite(mine).all() and np.isfinite(theirs).all())
         require(self.comm, finite, "positions of a contact pair are not finite")
         self._then = mine, normals, theirs
-        n = self._master_sense[:, None] * area_vectors(theirs)
-        n /= np.linalg.norm(n, axis=1, keepdims=True)
-        given = Faces(mine, normals, np.zeros((len(mine), 0), dtype=np.int64))
-        opposite = Faces(theirs, n, self._master_nodes)
-        skin = self._skin
-        self._found = candidates(self.comm, given, opposite, self._master_sense, self._depth, skin)
+        senses, depth, skin = self._master_sense, self._depth, self._skin
+        self._found = candidates(self.comm, slave, master, senses, depth, skin)
         if self._direction is not None:
             self._found = self._of_itself(self._found, self._direction)
         self._found_before = self.of_master(self._X, self._found)
         self.searches += 1
+
+    def _of_mesh(self, x: Array) -> tuple[Faces, Faces]:
+        """Slave and master of this rank at positions of the local nodes."""
+        mine = self._of_slave(x)
+        theirs = x[self._master]
+        none = np.zeros((len(mine), 0), dtype=np.int64)
+        return (
+            Faces(mine, _unit(self._area_vectors(mine)), none),
+            Faces(
+                theirs,
+                _unit(self._master_sense[:, None] * area_vectors(theirs)),
+                self._master_nodes,
+            ),
+        )
 
     def _of_itself(self, found: Candidates, direction: Array) -> Candidates:
         """Candidates of one face: those that lie behind along a direction and are no neighbours.
@@ -244,7 +252,7 @@ class SlidingFaces:
         """
         i, k = found.pairs.T
         corners = self.of_master(self._X, found)
-        slave, master = self._faces(self._reference, corners)
+        slave, master = self._faces(found, self._reference, corners)
         mine = self._reference.mean(axis=1)[i]
         theirs = corners.mean(axis=1)[k]
         facing = np.sum(slave.normals[i] * master.normals[k], axis=1) < -_STEEP_ITSELF
@@ -267,7 +275,7 @@ class SlidingFaces:
         self.searches = 0
         found = self._found
         theirs = self.of_master(self._X, found)
-        slave, master = self._faces(self._reference, theirs)
+        slave, master = self._faces(found, self._reference, theirs)
         given = slave, master, found.pairs[~self._shares_node(found)], self._depth
         behind = cover(*given, farthest=0.0, least=_LEAST_COVER, steep=_STEEP)
         off = master.x[behind.other].mean(axis=1) - slave.x[behind.facet].mean(axis=1)
@@ -312,8 +320,8 @@ class SlidingFaces:
         x = self._reference
         vectors = self._area_vectors(x)
         m = self.at_nodes(vectors)[self.corners]
-        n = m / np.linalg.norm(m, axis=2, keepdims=True)
-        facet = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        n = _unit(m)
+        facet = _unit(vectors)
         turn = np.degrees(np.arccos(np.clip(np.sum(n * facet[:, None], axis=2), -1.0, 1.0)))
         back = np.sum((x.mean(axis=1, keepdims=True) - x) * n, axis=2)
         size = np.ptp(x, axis=1).max(axis=1)[:, None]
@@ -331,22 +339,11 @@ class SlidingFaces:
         Args:
             far: a length, beyond which nothing is looked for.
         """
-        mine = self._reference
-        theirs = self._X[self._master]
-        n = self._master_sense[:, None] * area_vectors(theirs)
-        n /= np.linalg.norm(n, axis=1, keepdims=True)
-        vectors = self._area_vectors(mine)
-        normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-        slave = Faces(mine, normals, np.zeros((0, 0), dtype=np.int64))
-        given = Faces(theirs, n, self._master_nodes)
-        found = candidates(self.comm, slave, given, self._master_sense, far, 0.0)
-        others = self.of_master(self._X, found)
-        n = found.senses[:, None] * area_vectors(others)
-        n /= np.linalg.norm(n, axis=1, keepdims=True)
-        master = Faces(others, n, found.nodes)
+        found = candidates(self.comm, *self._of_mesh(self._X), self._master_sense, far, 0.0)
+        slave, master = self._faces(found, self._reference, self.of_master(self._X, found))
         common = cover(slave, master, found.pairs, far, farthest=far, least=_LEAST_COVER)
-        off = others[common.other].mean(axis=1) - mine[common.facet].mean(axis=1)
-        behind = -np.sum(off * normals[common.facet], axis=1)
+        off = master.x[common.other].mean(axis=1) - slave.x[common.facet].mean(axis=1)
+        behind = -np.sum(off * slave.normals[common.facet], axis=1)
         return self.comm.allreduce(float(np.max(behind, initial=0.0)), op=max)
 
     # -- a state ---------------------------------------------------------------------------------
@@ -372,15 +369,14 @@ class SlidingFaces:
         normal = np.einsum("pqa,pad->pqd", shape, m[at])
         rays = cast(start, normal, theirs[master], eta)
         old, old_m, old_theirs = self._last(before)
-        gone = np.einsum("pqb,pbd->pqd", rays.weights, old_theirs[master])
-        gone -= np.einsum("pqa,pad->pqd", shape, old[facet])
-        o = np.einsum("pqa,pad->pqd", shape, old_m[at])
-        o /= np.linalg.norm(o, axis=2, keepdims=True)
+        way = np.einsum("pqb,pbd->pqd", rays.weights, old_theirs[master])
+        way -= np.einsum("pqa,pad->pqd", shape, old[facet])
+        o = _unit(np.einsum("pqa,pad->pqd", shape, old_m[at]))
         edges = np.einsum("pqbi,pbd->pqdi", rays.slopes, old_theirs[master])
-        old_normals = old_m / np.linalg.norm(old_m, axis=1, keepdims=True)
+        old_normals = _unit(old_m)
         turn = rotation(o[:, :, None], old_normals[at][:, None])
         along = turn @ edges[:, :, None]
-        slips = np.einsum("pqaij,pqj->pqai", turn, gone)
+        slips = np.einsum("pqaij,pqj->pqai", turn, way)
         weighted = shape * weights[..., None]
         mass = np.einsum("pqa,pqb->pab", weighted, shape)
         around = mass.sum(axis=2) - np.einsum("paa->pa", mass)
@@ -402,7 +398,7 @@ class SlidingFaces:
     def _pieces(self, mine: Array, theirs: Array) -> tuple[Nodes, Nodes, Array, Array, Array]:
         """Parts that face each other: facets, basis, weights, and places on the master."""
         common = cover(
-            *self._faces(mine, theirs),
+            *self._faces(self._found, mine, theirs),
             self._found.pairs,
             self._deepest,
             farthest=self._depth,
@@ -416,15 +412,11 @@ class SlidingFaces:
         stretch /= self._measure(mine[facet], rule.mine)
         return facet, common.other, basis(rule.mine, k, 1), rule.weights * stretch, rule.theirs
 
-    def _faces(self, mine: Array, theirs: Array) -> tuple[Faces, Faces]:
+    def _faces(self, found: Candidates, mine: Array, theirs: Array) -> tuple[Faces, Faces]:
         """Slave and candidates at places of their corners."""
-        vectors = self._area_vectors(mine)
-        n = self._found.senses[:, None] * area_vectors(theirs)
-        none = np.zeros((0, 0), dtype=np.int64)
-        return (
-            Faces(mine, vectors / np.linalg.norm(vectors, axis=1, keepdims=True), none),
-            Faces(theirs, n / np.linalg.norm(n, axis=1, keepdims=True), none),
-        )
+        none = np.zeros((len(mine), 0), dtype=np.int64)
+        n = _unit(found.senses[:, None] * area_vectors(theirs))
+        return Faces(mine, _unit(self._area_vectors(mine)), none), Faces(theirs, n, found.nodes)
 
     def _measure(self, x: Array, at: Array) -> Array:
         """Area of facets (p, k, dim) by that of the reference facet, at places (p, q)."""
@@ -456,6 +448,11 @@ class SlidingFaces:
         others = self.sums(facet, around)
         share = np.where(others > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
         return Nodal(weight, share, others, gaps, slips, m / length[:, None], length, before)
+
+
+def _unit(v: Array) -> Array:
+    """Vectors (..., dim) of length one."""
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
 def _largest(off: Array) -> float:
