@@ -11,13 +11,15 @@ WHEEL_PYTEST = python3 -m pytest --color=no -rs $(WHEEL_TESTS)
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no --durations=40 --durations-min=1 tests
 ATTACKS = python3 tests/attacks/run.py
+# Archives of a release are built where Debian packages are.
+PACKAGES = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=debian $(RUN)
 # The site is built in a small environment without DOLFINx, the same beside every DOLFINx.
 DOCS = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=docs $(RUN)
 # All pages anew: each has the titles of others in its margins.
 SPHINX = python3 -m sphinx -q -W --keep-going -E -a -j auto
 
-.PHONY: help demo test test-pip test-long test-paraview test-browser attacks docs docs-check docs-questions docs-links \
-	lint clean
+.PHONY: help demo test test-pip test-long test-paraview test-browser attacks packages docs docs-check \
+	docs-questions docs-links lint clean
 
 help:
 	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
@@ -37,6 +39,8 @@ help:
 	@echo "make docs-check the site without running anything; warnings and broken links are errors"
 	@echo "make docs-questions what users ask, in the search of the site: is the page among the first three?"
 	@echo "make docs-links addresses elsewhere that the site links to; this needs the network"
+	@echo "make packages   sdist, wheel and Debian package in OUTPUT=$$OUTPUT/packages, checked and tried (an"
+	@echo "                environment of its own, 3 GB more)"
 	@echo "make lint       ruff and mypy alone"
 	@echo "make clean      remove what demos, tests and tools wrote"
 
@@ -58,6 +62,9 @@ ifeq ($(shell uname -m),x86_64)
 	$(WHEEL) $(WHEEL_PYTEST)
 	$(WHEEL) mpiexec -n 2 $(WHEEL_PYTEST)
 endif
+
+packages:
+	$(PACKAGES) packaging/check "$$OUTPUT/packages"
 
 attacks:
 	$(RUN) $(ATTACKS)

@@ -24,6 +24,7 @@ extensions = [
     "api",
     "scripts",
     "formulas",
+    "paper",
     "verification",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}

@@ -22,6 +22,7 @@ from blocks import block
 
 import ufl
 
+import dolfinx_contact
 from dolfinx_contact import _forms, _name, meshing
 from dolfinx_contact._launcher import refuse_serial_copies
 from dolfinx_contact._name import require_dolfinx, warn_of_namesake
@@ -384,3 +385,30 @@ def test_demo_into_a_folder_with_blanks(tmp_path, output):
     words = done.stdout.splitlines()
     assert f"<{output}/linear_triangle>" in words
     assert f"<{output}/dragged_body>" in words
+
+
+@serial
+def test_recipes_have_the_version_and_what_is_required():
+    """`packaging/`: conda, Spack, Debian; `make packages` builds and tries the last."""
+    version = re.escape(dolfinx_contact.__version__)
+    assert re.search(rf'^  version: "{version}"$', read("packaging/conda/recipe.yaml"), re.M)
+    spack = read("packaging/spack/py_signorini_coulomb/package.py")
+    assert re.search(rf'^    version\("{version}"', spack, re.M)
+    assert re.match(rf"signorini-coulomb \({version}-1\)", read("packaging/debian/changelog"))
+    assert re.search(rf"^version: {version}$", read("CITATION.cff"), re.M)
+    assert re.search(rf"version = {{{version}}}", read("docs/citing.md"))
+    project = tomllib.loads(read("pyproject.toml"))["project"]
+    least = project["requires-python"].removeprefix(">=")
+    assert f'python_min: "{least}"' in read("packaging/conda/recipe.yaml")
+    assert f"python@{least}:" in spack
+    wheel = project["optional-dependencies"]["solver"][0]
+    assert "fenics-dolfinx >=0.9,<0.12" in read("packaging/conda/recipe.yaml")
+    assert "py-fenics-dolfinx@0.9:0.11" in spack
+    assert "<0.12" in wheel
+    for name in project["dependencies"]:
+        assert f"    - {name}\n" in read("packaging/conda/recipe.yaml")
+        assert f'"py-{name}"' in spack
+
+
+def read(path):
+    return (TREE / path).read_text()
