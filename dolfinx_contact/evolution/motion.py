@@ -238,7 +238,9 @@ class MotionStepper(Stepper):
         """
         eq = self.problem.equations
         a = accepted.motion
-        eq.remember([None] * len(eq.surfaces))
+        # Faces that slide over each other have their slips from where they were.
+        known = [m if s.slides else None for s, m in zip(eq.surfaces, accepted.memory, strict=True)]
+        eq.remember(known)
         origin = self._body.origin
         gain = step.gain
         if self._method.massless:
@@ -261,7 +263,8 @@ class MotionStepper(Stepper):
             fields = {} if memory is None else memory.fields
             # For a velocity friction gets the motion along the surface, which is h a v_1.
             passed = step.length * (gain if s.law.creeps else 1.0)
-            found.append(Memory(at.whole, fields, passed, gap, place=at.place))
+            was = origin[: eq.owned_sizes[0]].reshape(-1, eq.dim) if s.slides else None
+            found.append(Memory(at.whole, fields, passed, gap, was, at.place))
         return found
 
     def _at(self, state: State, u: Array) -> State:

@@ -112,7 +112,7 @@ def motion_at(eq: ContactEquations, state: State, u: Array, v: Array) -> Motion:
     bonds = []
     for s, found in zip(eq.surfaces, state.surfaces, strict=True):
         normal = found.data.n
-        areas = s.points.areas
+        areas = found.kinematics.operator.areas
         gaps.append(s.points.data.gap.copy())
         un.append(found.kinematics.gap)
         force = found.traction
@@ -171,10 +171,10 @@ def account(
         damping = h * float(np.dot(v[:n], body.times(body.damping, mean)))
     inner_of_rows = (a.rows + a.load + b.rows + b.load) / 2
     for i, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
-        W = s.points.areas
+        operator = found.kinematics.operator
+        W = operator.areas
         normal = found.data.n
         force = W[:, None] * found.traction
-        operator = found.kinematics.operator
         at = s, state.u, state.q
         relative = operator.apply(eq.relative_rate(*at, h * v, turned))
         dragged = -operator.apply(eq.relative_rate(*at, np.zeros_like(v), turned))

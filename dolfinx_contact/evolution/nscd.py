@@ -371,6 +371,7 @@ def _check_problem(problem: ContactProblem, level: Level) -> None:
             ("a compliant law", s.law.compliant),
             ("adhesion", s.law_at_points.compiled.bonded),
             ("large sliding on a curved obstacle", s.displaced is not None),
+            ("large sliding between bodies", s.slides),
         ):
             if wrong:
                 raise ValueError(f"{s.name}: {what} is about positions; take level='position'")
@@ -379,7 +380,11 @@ def _check_problem(problem: ContactProblem, level: Level) -> None:
 def _touching(eq: ContactEquations) -> npt.NDArray[np.bool_]:
     """Owned dofs of nodes that may touch, of either body. Collective."""
     marks = np.zeros(eq.owned_sizes[0])
+    slide = np.zeros(eq.owned_sizes[0] // eq.dim, dtype=bool)
     for s in eq.surfaces:
+        if s.slides:  # any two points of the faces may meet
+            slide |= np.any(s.obstacle.opposite.sides, axis=0)[: len(slide)]
+            continue
         B = s.constant_operator("a motion").B
         weights = B.copy()
         indptr, indices, values = weights.getValuesCSR()
@@ -392,7 +397,7 @@ def _touching(eq: ContactEquations) -> npt.NDArray[np.bool_]:
         marks += sums.array_r
         for thing in (weights, ones, sums):
             thing.destroy()
-    nodes = marks.reshape(-1, eq.dim).sum(axis=1) > 0
+    nodes = (marks.reshape(-1, eq.dim).sum(axis=1) > 0) | slide
     return np.repeat(nodes, eq.dim)
 
 
