@@ -508,7 +508,8 @@ def test_refinement(request):
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 def test_ranks():
     """All ranks together find what one of them finds alone."""
-    drawn = st.tuples(cases(FEW, law="Coulomb", friction=(0.1, 0.1)))
+    some = [kind for kind in FEW if kind[1] in ("Coulomb", "Tresca")]
+    drawn = st.tuples(cases(some, friction=(0.1, 0.1)))
     holds(on_every_rank(stays_on_ranks), drawn, examples=5)
 
 
