@@ -52,11 +52,6 @@ FAULTS = {
     "weight of a contact point": Fault(
         "points/evaluation.py", "self._integrals()[:, 0].copy()", "1.01 * self._integrals()[:, 0]"
     ),
-    "stale numbers of laws and obstacles": Fault(
-        "points/surface.py",
-        "(*(f.x.array for f in self._functions), *(c.value for c in self._numbers))",
-        "[f.x.array for f in self._functions]",
-    ),
     "stale load": Fault(
         "body/bulk.py",
         "if self._f is None or not self._same(mark, self._f_mark):",
