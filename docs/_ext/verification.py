@@ -512,8 +512,8 @@ def orders_page(text: str) -> str:
     Args:
         text: tests/data/orders.csv, which tests compare with what they measure.
     """
-    head = "feature", "problem", "fine", "error of", "theory", "measured", "last error"
-    titles = "feature", "problem", "cells or steps", *head[3:]
+    head = "name", "feature", "problem", "fine", "error of", "theory", "measured", "last error"
+    titles = *head[:3], "cells or steps", *head[4:]
     lines = [f"| {' | '.join(titles)} |", "|---" * len(head) + "|"]
     lines += [
         f"| {' | '.join(row[k] for k in head)} |" for row in csv.DictReader(text.splitlines())
