@@ -57,6 +57,7 @@ ON_THREE = {
     "test_pair_multigrid": ("same_as_direct",),
     "test_parametric": ("derivative_by_gamma", "single_element"),
     "test_point_problem": ("what_is_saved_is_the_problem",),
+    "test_properties": ("ranks",),
     "test_renard": ("of_a_solution",),
     "test_results": ("balance_of_all_forces",),
     "test_rigid_body": ("ranks", "the_jacobian"),

@@ -180,7 +180,9 @@ def test_the_page_asks_for_all_of_it(tests):
     """It has no cell of its own; what is made from the marks names every test."""
     text = (ROOT / "docs" / "verification.md").read_text()
     assert "|" not in text
-    assert re.findall(r"^% (\w+)$", text, flags=re.MULTILINE) == ["numbers", "matrix", "benchmarks"]
+    assert re.findall(r"^% (\w+)$", text, flags=re.MULTILINE) == [
+        *("numbers", "matrix", "orders", "benchmarks")
+    ]
     page = manual.benchmarks_page(tests)
     for test in tests:
         assert f"`{test.id}`" in page

@@ -19,6 +19,7 @@ several ranks is seen from the test; ``alone=True`` says that every rank compute
 from __future__ import annotations
 
 import ast
+import csv
 import itertools
 import re
 import textwrap
@@ -505,14 +506,31 @@ def numbers(tests: list[Test]) -> str:
     return words
 
 
+def orders_page(text: str) -> str:
+    """Orders of convergence as MyST.
+
+    Args:
+        text: tests/data/orders.csv, which tests compare with what they measure.
+    """
+    head = "name", "feature", "problem", "fine", "error of", "theory", "measured", "last error"
+    titles = *head[:3], "cells or steps", *head[4:]
+    lines = [f"| {' | '.join(titles)} |", "|---" * len(head) + "|"]
+    lines += [
+        f"| {' | '.join(row[k] for k in head)} |" for row in csv.DictReader(text.splitlines())
+    ]
+    return "\n".join(lines)
+
+
 def fill_page(app: Sphinx, name: str, source: list[str]) -> None:
     """Put matrix and benchmarks into the page, where comments ask for them."""
     if name != "verification":
         return
-    tests = marked_tests(read_tests(Path(app.srcdir).parent / "tests"))
+    folder = Path(app.srcdir).parent / "tests"
+    tests = marked_tests(read_tests(folder))
     for word, text in (
         ("numbers", numbers(tests)),
         ("matrix", matrix_page(tests)),
+        ("orders", orders_page((folder / "data" / "orders.csv").read_text())),
         ("benchmarks", benchmarks_page(tests)),
     ):
         source[0] = re.sub(rf"^% {word}$", lambda _, text=text: text, source[0], flags=re.MULTILINE)

@@ -1,0 +1,536 @@
+"""Manufactured solutions: displacement and tractions are prescribed, loads and gaps follow.
+
+On the face y = 0 of a block above it (in space z = 0) are chosen: the slip a, the height b, the
+pressure p and the shear t, within the law: open left of `OPENS`, stuck up to `SLIPS`, slipping
+beyond. With u = (a + y c, b + y d) Hooke's law on the face gives
+
+    mu (c + grad b) = -t,        (lambda + 2 mu) d + lambda div a = -p,
+
+and the body force is -div sigma(u). All is written here, and nothing of the package is used but the
+solve. From the command line, the table of orders is written anew (minutes):
+
+    docker/run env PYTHONPATH=.:tests:demos python3 tests/manufactured.py
+"""
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+from blocks import box, facets
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    NormalCompliance,
+    Tresca,
+)
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean, circumference
+from dolfinx_contact.obstacles import Obstacle
+
+COMM = MPI.COMM_WORLD
+TABLE = Path(__file__).parent / "data" / "orders.csv"
+OPENS = 0.25  # both at nodes, or orders depend on where between them they are
+SLIPS = 0.5
+SIZE = 0.01  # of displacements and tractions, for which sliding is small
+LAMBDA = 1.2
+MU = 0.8
+STIFFNESS = 5.0  # of compliance
+STEEL = LinearElastic(LAMBDA, MU)
+
+
+class GapField(Obstacle):
+    """A flat obstacle below with a gap of its own at every point."""
+
+    def __init__(self, gap):
+        self.gap = gap
+
+    @property
+    def flat(self):
+        return True
+
+    def on(self, domain):
+        down = np.zeros(domain.geometry.dim)
+        down[-1] = -1.0
+        return self.gap, fem.Constant(domain, down)
+
+
+def beyond(x, start, power):
+    """(x - start)_+^power."""
+    return ufl.conditional(ufl.gt(x, start), x - start, 0.0) ** power
+
+
+def hooke(H):
+    """Stress of a displacement gradient (dim, dim)."""
+    return LAMBDA * ufl.tr(H) * ufl.Identity(H.ufl_shape[0]) + MU * (H + H.T)
+
+
+@dataclass(frozen=True)
+class Exact:
+    """A solution in UFL.
+
+    Attributes:
+        u: displacement.
+        pressure: p on the face.
+        gap: of the obstacle.
+        friction: coefficient F.
+        bound: g of Tresca's law, 0 where the face is open.
+    """
+
+    u: object
+    pressure: object
+    gap: object
+    friction: object
+    bound: object
+
+
+def exact(x, law, *, axisymmetric=False, below=False):
+    """What is prescribed for a law; or of the lower body of a pair, with the same tractions."""
+    dim = len(x)
+    s = x[0]
+    along = [1.0] if dim == 2 else [0.8, 0.6]
+    y = x[dim - 1]
+    depth = 1.0 if dim == 2 else 1.0 + 0.3 * x[1] ** 2
+    friction = 0.3 + 0.2 * s
+    p = 3.0 * SIZE * beyond(s, OPENS, 2) * depth
+    bound = 0.5 * SIZE * beyond(s, OPENS, 2) * (1.0 + s)
+    reached = 1.0 - 10.0 * beyond(-s, -SLIPS, 3)
+    most = {"frictionless": 0.0, "Tresca": bound}.get(law, friction * p)
+    shear = -reached * most
+    size = (0.0 if below else 0.5 * SIZE) * beyond(s, SLIPS, 3) * depth
+    open_ = SIZE * beyond(-s, -OPENS, 3)
+    b = 0.05 * SIZE * (1.0 - s**2) - (open_ if below else 0.0)
+    a = [size * e for e in along]
+    slope = ufl.grad(b)
+    divergence = 0.0 if below else sum(ufl.grad(a[i])[i] for i in range(dim - 1))
+    if axisymmetric:
+        divergence += a[0] / ufl.conditional(ufl.gt(s, SLIPS), s, 1.0)
+    c = [-shear * e / MU - slope[i] for i, e in enumerate(along)]
+    d = (-p - LAMBDA * divergence) / (LAMBDA + 2 * MU)
+    u = ufl.as_vector([*(a[i] + y * c[i] for i in range(dim - 1)), b + y * d])
+    gap = -b + open_ - (p / STIFFNESS if law == "compliance" else 0.0)
+    return Exact(u, p, gap, friction, bound)
+
+
+def law_of(name, e):
+    return {
+        "frictionless": lambda: Frictionless(),
+        "Coulomb": lambda: Coulomb(e.friction),
+        "Tresca": lambda: Tresca(e.bound),
+        "compliance": lambda: NormalCompliance(STIFFNESS, friction=Coulomb(e.friction)),
+    }[name]()
+
+
+def prescribed(V, value, where):
+    """Dirichlet data of a UFL displacement on facets."""
+    f = fem.Function(V)
+    f.interpolate(fem.Expression(value, V.element.interpolation_points()))
+    return fem.dirichletbc(f, fem.locate_dofs_topological(V, V.mesh.topology.dim - 1, where))
+
+
+def sides(domain):
+    """1 on facets that are upright, else 0."""
+    n = ufl.FacetNormal(domain)
+    return ufl.conditional(ufl.lt(abs(n[len(n) - 1]), 0.5), 1.0, 0.0)
+
+
+def norm(domain, value, weight=1.0):
+    form = fem.form(ufl.inner(value, value) * weight * ufl.dx(metadata={"quadrature_degree": 8}))
+    return np.sqrt(domain.comm.allreduce(fem.assemble_scalar(form)))
+
+
+def errors(u, e, table, weight=1.0, known=None):
+    """Relative errors: of displacement and gradient in L2, of the pressure at the points."""
+    domain = u.function_space.mesh
+    p = pressures(table) if known is None else known
+    return {
+        "displacement": norm(domain, u - e.u, weight) / norm(domain, e.u, weight),
+        "gradient": norm(domain, ufl.grad(u - e.u), weight) / norm(domain, ufl.grad(e.u), weight),
+        "pressure": np.sqrt(
+            np.sum(table.area * (table.pressure - p) ** 2) / np.sum(table.area * p**2)
+        ),
+    }
+
+
+def pressures(table):
+    """The prescribed pressure at contact points, in numpy."""
+    x = table.x
+    depth = 1.0 if x.shape[1] == 2 else 1.0 + 0.3 * x[:, 1] ** 2
+    return 3.0 * SIZE * np.maximum(x[:, 0] - OPENS, 0.0) ** 2 * depth
+
+
+def statics(n, cell, law, degree=1):
+    """A block on an obstacle."""
+    domain = box(COMM, n, cell)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
+    u = fem.Function(V)
+    v = ufl.TestFunction(V)
+    e = exact(ufl.SpatialCoordinate(domain), law)
+    stress = hooke(ufl.grad(e.u))
+    dx = ufl.dx(metadata={"quadrature_degree": 6})
+    ds = ufl.ds(metadata={"quadrature_degree": 6})
+    traction = ufl.dot(stress, ufl.FacetNormal(domain))
+    residual = ufl.inner(STEEL.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
+    residual += ufl.dot(ufl.div(stress), v) * dx - sides(domain) * ufl.dot(traction, v) * ds
+    bottom = facets(domain, dim - 1, 0.0)
+    surface = ContactSurface(u, bottom, obstacle=GapField(e.gap), law=law_of(law, e))
+    bcs = [prescribed(V, e.u, facets(domain, dim - 1, 1.0))]
+    result = ContactProblem(residual, u, [surface], bcs=bcs).solve(progress=False)
+    return errors(u, e, result.tables["contact"])
+
+
+def revolution(n, cell, law):
+    """A disc on an obstacle, open about its axis, that slips outwards."""
+    domain = box(COMM, n, cell)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    x = ufl.SpatialCoordinate(domain)
+    r = x[0]
+    e = exact(x, law, axisymmetric=True)
+    H = ufl.grad(e.u)
+    around = e.u[0] / ufl.conditional(ufl.gt(r, 1e-9), r, 1.0)
+    trace = ufl.tr(H) + around
+    s = LAMBDA * trace * ufl.Identity(2) + MU * (H + H.T)
+    hoop = LAMBDA * trace + 2 * MU * around
+    force = -ufl.div(s) - ufl.as_vector([s[0, 0] - hoop, s[0, 1]]) / r
+    weight = circumference(domain)
+    dx = ufl.dx(metadata={"quadrature_degree": 6})
+    energy = Axisymmetric(STEEL).energy(u) * weight * ufl.dx - ufl.dot(force, u) * weight * dx
+    outside = ufl.conditional(ufl.gt(r, 0.5), sides(domain), 0.0) * weight
+    traction = ufl.dot(s, ufl.FacetNormal(domain))
+    energy -= outside * ufl.dot(traction, u) * ufl.ds(metadata={"quadrature_degree": 6})
+    surface = ContactSurface(
+        u,
+        facets(domain, 1, 0.0),
+        obstacle=GapField(e.gap),
+        law=law_of(law, e),
+        axisymmetric=True,
+    )
+    bcs = [prescribed(V, e.u, facets(domain, 1, 1.0))]
+    result = ContactProblem(energy, u, [surface], bcs=bcs).solve(progress=False)
+    return errors(u, e, result.tables["contact"], r)
+
+
+def pair(n, cell, law, other=1.0):
+    """Two blocks, n cells along the face of the upper one, ``other`` times as many of the lower."""
+    from test_mortar import stacked  # which imports demos
+
+    both = stacked(int(other * n), n, (0.0, 1.0), (0.0, 1.0), cell)
+    domain = both.mesh
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    v = ufl.TestFunction(V)
+    x = ufl.SpatialCoordinate(domain)
+    upper = exact(x, law)
+    lower = exact(x, law, below=True)
+    above = ufl.gt(x[1], 0.0)
+    whole = Exact(
+        ufl.conditional(above, upper.u, lower.u), upper.pressure, None, upper.friction, upper.bound
+    )
+    dx = ufl.dx(metadata={"quadrature_degree": 6})
+    ds = ufl.ds(metadata={"quadrature_degree": 6})
+    residual = ufl.inner(STEEL.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
+    for e, part in ((upper, above), (lower, ufl.Not(above))):
+        stress = hooke(ufl.grad(e.u))
+        here = ufl.conditional(part, 1.0, 0.0)
+        residual += here * ufl.dot(ufl.div(stress), v) * dx
+        traction = ufl.dot(stress, ufl.FacetNormal(domain))
+        residual -= here * sides(domain) * ufl.dot(traction, v) * ds
+    contact = ContactPair(u, both, slave=3, master=2, law=law_of(law, upper))
+    tags = both.facet_tags
+    bcs = [prescribed(V, e.u, tags.find(t)) for e, t in ((upper, 4), (lower, 1))]
+    result = ContactProblem(residual, u, [contact], bcs=bcs).solve(progress=False)
+    (table,) = result.tables.values()
+    return errors(u, whole, table)
+
+
+def rubber(n, cell):
+    """A block with strains of a third, that slips along a floor by a tenth of its length."""
+    domain = box(COMM, n, cell)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    x = ufl.SpatialCoordinate(domain)
+    a = 0.05 + 0.1 * x[0]
+    c = 0.3 + 0.1 * x[0] ** 2
+    d = -0.2 - 0.1 * x[0]
+    prescribed_u = ufl.as_vector([a + x[1] * c, x[1] * d])
+    F = ufl.Identity(2) + ufl.grad(prescribed_u)
+    G = ufl.inv(F).T
+    P = MU * (F - G) + LAMBDA * ufl.ln(ufl.det(F)) * G
+    p = -P[1, 1]
+    e = Exact(prescribed_u, p, 0.0, P[0, 1] / p, None)
+    dx = ufl.dx(metadata={"quadrature_degree": 6})
+    ds = ufl.ds(metadata={"quadrature_degree": 6})
+    traction = ufl.dot(P, ufl.FacetNormal(domain))
+    energy = NeoHookean(LAMBDA, MU).energy(u) * dx + ufl.dot(ufl.div(P), u) * dx
+    energy -= sides(domain) * ufl.dot(traction, u) * ds
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    bottom = facets(domain, 1, 0.0)
+    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(e.friction))
+    bcs = [prescribed(V, e.u, facets(domain, 1, 1.0))]
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    table = problem.solve(progress=False).tables["contact"]
+    s = table.x[:, 0]
+    # P on the face, in numpy.
+    F = np.zeros((len(s), 2, 2))
+    F[:, 0, 0], F[:, 0, 1], F[:, 1, 1] = 1.1, 0.3 + 0.1 * s**2, 0.8 - 0.1 * s
+    G = np.linalg.inv(F).swapaxes(1, 2)
+    J = np.linalg.det(F)[:, None, None]
+    known = -(MU * (F - G) + LAMBDA * np.log(J) * G)[:, 1, 1]
+    return errors(u, e, table, known=known)
+
+
+TURN = 1.5  # by which the slip turns in the unit of time
+PRESSURE = 0.1
+FRICTION = 0.4
+
+
+class Turning:
+    """A cube whose slip turns: u = (a(t) + z c(t), z d), affine, so that steps alone are in error.
+
+    a is an arc, c the shear against its direction of the size F p/mu, d of the uniform pressure.
+    """
+
+    def __init__(self):
+        domain = box(COMM, 2, "hex")
+        self.V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+        self.u = fem.Function(self.V)
+        self.shear = fem.Constant(domain, np.zeros(2))
+        n = ufl.FacetNormal(domain)
+        d = -PRESSURE / (LAMBDA + 2 * MU)
+        c = self.shear
+        stress = hooke(ufl.as_matrix([[0, 0, c[0]], [0, 0, c[1]], [0, 0, d]]))
+        energy = STEEL.energy(self.u) * ufl.dx
+        energy -= sides(domain) * ufl.dot(ufl.dot(stress, n), self.u) * ufl.ds
+        floor = HalfSpace(np.zeros(3), (0.0, 0.0, 1.0))
+        bottom = facets(domain, 2, 0.0)
+        surface = ContactSurface(self.u, bottom, obstacle=floor, law=Coulomb(FRICTION))
+        self.top = fem.Function(self.V)
+        held = fem.locate_dofs_topological(self.V, 2, facets(domain, 2, 1.0))
+        bcs = [fem.dirichletbc(self.top, held)]
+        self.problem = ContactProblem(energy, self.u, [surface], bcs=bcs)
+
+    def field(self, time):
+        """The displacement at the nodes."""
+        x = self.V.tabulate_dof_coordinates()
+        a, c = self.motion(time)
+        d = -PRESSURE / (LAMBDA + 2 * MU)
+        return np.column_stack([a + np.outer(x[:, 2], c), d * x[:, 2]]).ravel()
+
+    def motion(self, time):
+        """a and c."""
+        angle = TURN * time
+        a = 0.1 / TURN * np.array([np.sin(angle), 1.0 - np.cos(angle)])
+        return a, FRICTION * PRESSURE / MU * np.array([np.cos(angle), np.sin(angle)])
+
+    def load(self, time):
+        self.top.x.array[:] = self.field(time)
+        self.shear.value = self.motion(time)[1]
+
+    def error(self, time):
+        """Of the displacement, over the slip; and of the shear on the face, over the bound."""
+        found = self.u.x.array - self.field(time)
+        largest = COMM.allreduce(float(np.abs(found).max(initial=0.0)), op=max)
+        table = self.problem.table(self.problem.surfaces[0])
+        shear = table.shear[:, :2] + MU * self.motion(time)[1]
+        return {
+            "displacement": largest / 0.1,
+            "shear": np.abs(shear).max() / (FRICTION * PRESSURE),
+        }
+
+
+def history(n):
+    """A slip that turns, in n steps."""
+    body = Turning()
+    body.load(0.0)
+    body.problem.solve(progress=False)
+    QuasiStatic(body.problem, body.load).run(np.linspace(0.0, 1.0, n + 1), progress=False)
+    return body.error(1.0)
+
+
+@dataclass(frozen=True)
+class Manufactured:
+    """A row of tables: what is solved, on which meshes or in how many steps.
+
+    Attributes:
+        feature: as the manual has it.
+        words: what it is, for readers.
+        solve: called with each of ``n``; relative errors by name.
+        n: numbers of cells along an edge, or of steps.
+        orders: those of theory, by the names of errors.
+        long: whether it takes more than some seconds.
+    """
+
+    feature: str
+    words: str
+    solve: Callable
+    n: tuple
+    orders: dict
+    long: bool = True
+
+    def measured(self):
+        """Orders between the last two, and the last errors, by names."""
+        found = [self.solve(n) for n in self.n]
+        ratio = np.log(self.n[-1] / self.n[-2])
+        orders = {k: float(np.log(found[-2][k] / found[-1][k]) / ratio) for k in self.orders}
+        return orders, {k: float(found[-1][k]) for k in self.orders}
+
+
+LINEAR = {"displacement": 2, "gradient": 1, "pressure": 1}
+QUADRATIC = {"displacement": 3, "gradient": 2, "pressure": 2}
+BLOCK = "block on an obstacle, "
+COULOMB = "open, stick, slip, friction 0.3 + 0.2 x"
+#: By names.
+CASES = {
+    "frictionless": Manufactured(
+        "Signorini",
+        f"{BLOCK}open and closed",
+        partial(statics, cell="tri", law="frictionless"),
+        (16, 32),
+        LINEAR,
+    ),
+    "Coulomb": Manufactured(
+        "Coulomb",
+        f"{BLOCK}{COULOMB}",
+        partial(statics, cell="tri", law="Coulomb"),
+        (8, 16),
+        LINEAR,
+        long=False,
+    ),
+    "Coulomb quad": Manufactured(
+        "Coulomb",
+        f"{BLOCK}{COULOMB}",
+        partial(statics, cell="quad", law="Coulomb"),
+        (16, 32),
+        LINEAR,
+    ),
+    "Coulomb P2": Manufactured(
+        "integral contact",
+        f"{BLOCK}{COULOMB}, degree 2",
+        partial(statics, cell="tri", law="Coulomb", degree=2),
+        (8, 16),
+        QUADRATIC,
+        long=False,
+    ),
+    "Coulomb tet": Manufactured(
+        "Coulomb", f"{BLOCK}{COULOMB}", partial(statics, cell="tet", law="Coulomb"), (6, 12), LINEAR
+    ),
+    "Coulomb hex": Manufactured(
+        "Coulomb", f"{BLOCK}{COULOMB}", partial(statics, cell="hex", law="Coulomb"), (8, 16), LINEAR
+    ),
+    "Tresca": Manufactured(
+        "Tresca",
+        f"{BLOCK}open, stick, slip, a bound that grows",
+        partial(statics, cell="tri", law="Tresca"),
+        (16, 32),
+        LINEAR,
+    ),
+    "compliance": Manufactured(
+        "normal compliance",
+        f"{BLOCK}{COULOMB}",
+        partial(statics, cell="tri", law="compliance"),
+        (16, 32),
+        LINEAR,
+    ),
+    "matching pair": Manufactured(
+        "matching meshes",
+        f"two blocks, {COULOMB}",
+        partial(pair, cell="tri", law="Coulomb"),
+        (16, 32),
+        LINEAR,
+    ),
+    "mortar": Manufactured(
+        "mortar",
+        f"two blocks, 2 facets on 3, {COULOMB}",
+        partial(pair, cell="quad", law="Coulomb", other=1.5),
+        (8, 16),
+        LINEAR,
+        long=False,
+    ),
+    "revolution": Manufactured(
+        "bodies of revolution",
+        f"disc on an obstacle, {COULOMB}",
+        partial(revolution, cell="tri", law="Coulomb"),
+        (16, 32),
+        LINEAR,
+    ),
+    "rubber tri": Manufactured(
+        "hyperelastic bodies",
+        "neo-Hookean block that slips by a tenth",
+        partial(rubber, cell="tri"),
+        (8, 16),
+        LINEAR,
+        long=False,
+    ),
+    "rubber quad": Manufactured(
+        "hyperelastic bodies",
+        "neo-Hookean block that slips by a tenth",
+        partial(rubber, cell="quad"),
+        (16, 32),
+        LINEAR,
+    ),
+    "history": Manufactured(
+        "quasi-static",
+        "cube whose slip turns, affine in space: steps of time",
+        history,
+        (4, 8),
+        {"displacement": 1, "shear": 1},
+        long=False,
+    ),
+}
+
+
+def rows():
+    """The table: measured orders and errors."""
+    for name, case in CASES.items():
+        orders, errors_ = case.measured()
+        for k, order in case.orders.items():
+            yield [
+                name,
+                case.feature,
+                case.words,
+                *case.n,
+                k,
+                order,
+                f"{orders[k]:.2f}",
+                f"{errors_[k]:.1e}",
+            ]
+
+
+HEAD = [
+    "name",
+    "feature",
+    "problem",
+    "coarse",
+    "fine",
+    "error of",
+    "theory",
+    "measured",
+    "last error",
+]
+
+
+def main():
+    with TABLE.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(HEAD)
+        for row in rows():
+            writer.writerow(row)
+            print(*row, flush=True)
+
+
+if __name__ == "__main__":
+    main()
