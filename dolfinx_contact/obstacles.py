@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
@@ -31,6 +32,7 @@ __all__ = [
     "Cylinder",
     "HalfSpace",
     "LevelSet",
+    "Measured",
     "Obstacle",
     "Sphere",
     "gap_at",
@@ -122,6 +124,13 @@ class Obstacle(ReadOnly):
     }
     #: What moves with the displacement (`points.opposite.Opposite`); None where nothing does.
     opposite: Any = None
+    #: A hash of what it is beside its UFL, by which ranks are compared and records know it.
+    mark: str = ""
+
+    @property
+    def corners(self) -> npt.NDArray[np.float64] | None:
+        """Points that stick out (m, dim), of which facets of the body know nothing; or None."""
+        return None
 
     @property
     def flat(self) -> bool:
@@ -148,6 +157,64 @@ class Obstacle(ReadOnly):
                 another mesh.
         """
         return self.at(domain, ufl.SpatialCoordinate(domain))
+
+
+class Measured(ufl.Coefficient):  # type: ignore[misc]
+    """Gap and normal that are found by numbers, at a UFL point, as functions of it in UFL.
+
+    They are known at the points of a surface alone, where an evaluator measures them
+    (`points.evaluation`), with x_0 the value of x there:
+
+        gap = g + dg.(x - x_0),    normal = n + dn (x - x_0),
+
+    so that values and first derivatives are exact, and no others.
+
+    Args:
+        domain: mesh of the body.
+        x: a UFL vector, the point.
+        measure: takes points (n, dim) and returns g (n,), dg (n, dim), n (n, dim), dn (n, dim,
+            dim).
+
+    Attributes:
+        x: as given.
+        gap, normal: in UFL.
+    """
+
+    def __new__(cls, *_: Any) -> Measured:
+        made: Measured = object.__new__(cls)
+        return made
+
+    def __init__(self, domain: mesh.Mesh, x: Any, measure: Callable[[Any], tuple[Any, ...]]):
+        dim = domain.geometry.dim
+        self._shapes: list[tuple[int, ...]] = [(dim,), (), (dim,), (dim,), (dim, dim)]
+        width = 1 + 3 * dim + dim**2
+        element = basix.ufl.element("DG", domain.basix_cell(), 0, shape=(width,))
+        super().__init__(ufl.FunctionSpace(domain.ufl_domain(), element))
+        self.x = x
+        self._measure = measure
+        self._last: tuple[Any, Any] | None = None
+        there, gap, slope, normal, turn = self._parts()
+        self.gap = gap + ufl.dot(slope, x - there)
+        self.normal = normal + ufl.dot(turn, x - there)
+
+    def _parts(self) -> list[Any]:
+        """x_0, g, dg, n, dn by the components of this."""
+        found = []
+        first = 0
+        for shape in self._shapes:
+            size = int(np.prod(shape, dtype=int))
+            part = np.array([self[i] for i in range(first, first + size)], dtype=object)
+            found.append(ufl.as_tensor(part.reshape(shape).tolist()) if shape else part[0])
+            first += size
+        return found
+
+    def values(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The components at points (n, dim). Not collective."""
+        if self._last is None or not np.array_equal(self._last[0], x):
+            parts = [x, *self._measure(x)]
+            flat = [np.reshape(p, (len(x), -1)) for p in parts]
+            self._last = x.copy(), np.concatenate(flat, axis=1)
+        return np.asarray(self._last[1])
 
 
 def gap_at(obstacle: Obstacle, domain: mesh.Mesh, x: Any) -> Any | None:

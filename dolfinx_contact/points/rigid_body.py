@@ -108,6 +108,7 @@ class RigidBody(Obstacle):
         if not isinstance(shape, Obstacle) or isinstance(shape, RigidBody) or shape.opposite:
             raise ValueError(f"{name}: its shape must be a HalfSpace, Sphere, Cylinder, LevelSet")
         self.shape = shape
+        self.mark = shape.mark
         self.name = name
         self.about = _point(about, name)
         self.dim = len(self.about)

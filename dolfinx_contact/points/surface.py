@@ -83,7 +83,10 @@ def _compared(a: Arguments) -> dict[str, Any]:
         "displacement": str(a.u.function_space.ufl_element()),
         "kind_of_facets": isinstance(a.facets, mesh.MeshTags),
         "law": surface._described_law,
-        "obstacle": lambda: f"{type(a.obstacle).__name__} {described(surface.gap, surface.domain)}",
+        "obstacle": lambda: (
+            f"{type(a.obstacle).__name__} {described(surface.gap, surface.domain)}"
+            f"{a.obstacle.mark}"
+        ),
         "normal": lambda: described(surface.normal, surface.domain),
     }
 
@@ -234,7 +237,8 @@ class ContactSurface(ReadOnly):
         #: Functions of the user in law and obstacle.
         every = (*fields, self.gap, self.normal)
         read = {f for e in every for f in ufl.algorithms.extract_coefficients(e)}
-        self._functions = sorted(read - {u}, key=lambda f: f.count())
+        functions = [f for f in read - {u} if isinstance(f, fem.Function)]
+        self._functions = sorted(functions, key=lambda f: f.count())
 
     def _described_law(self) -> str:
         fields = [f"{k} {described(e, self.domain)}" for k, e in self.law.given.items()]
