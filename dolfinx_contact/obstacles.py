@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,7 @@ __all__ = [
     "LevelSet",
     "Measured",
     "Obstacle",
+    "Outline",
     "Sphere",
     "gap_at",
     "has_ufl",
@@ -105,6 +106,20 @@ def _radius(domain: mesh.Mesh, value: Any) -> Any:
     return fem.Constant(domain, float(value))
 
 
+class Outline(NamedTuple):
+    """A surface of facets.
+
+    Attributes:
+        points: (m, dim).
+        cells: facets by these (k, dim).
+        normals: at the points, into the obstacle (m, dim).
+    """
+
+    points: npt.NDArray[np.float64]
+    cells: npt.NDArray[np.int64]
+    normals: npt.NDArray[np.float64]
+
+
 class Obstacle(ReadOnly):
     """A rigid foundation, bound to a mesh by `on`.
 
@@ -128,8 +143,8 @@ class Obstacle(ReadOnly):
     mark: str = ""
 
     @property
-    def corners(self) -> npt.NDArray[np.float64] | None:
-        """Points that stick out (m, dim), of which facets of the body know nothing; or None."""
+    def outline(self) -> Outline | None:
+        """Its surface, where that is one of facets; else None."""
         return None
 
     @property

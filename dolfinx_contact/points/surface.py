@@ -70,6 +70,11 @@ def _check(a: Arguments) -> None:
     a.method = a.method or ("nodal" if degree == 1 else "integral")
     a.self._take_law_and_obstacle(a.u, a.name, a.law, a.obstacle)
     check_elements(a.name, a.method, degrees)
+    if a.method == "mixed" and a.obstacle.outline is not None:
+        raise ValueError(
+            f"{a.name}: gaps of mixed contact are averages around nodes, and those from a surface "
+            "of facets are known at points: take nodal or integral contact"
+        )
     check_revolution(a.name, a.axisymmetric, a.obstacle, a.law)
     a.axisymmetric = bool(a.axisymmetric)
     a.quadrature_degree = check_quadrature(
@@ -222,7 +227,7 @@ class ContactSurface(ReadOnly):
                 f"{name}: the law must be Frictionless(), Coulomb(F), Tresca(g) or a Law"
             )
         if not isinstance(obstacle, Obstacle):
-            known = "HalfSpace, Sphere, Cylinder, LevelSet"
+            known = "HalfSpace, Sphere, Cylinder, LevelSet, RigidSurface or RigidBody"
             raise ValueError(f"{name}: the obstacle must be a {known}")
         self.law = law.bind(domain)
         self.obstacle = obstacle

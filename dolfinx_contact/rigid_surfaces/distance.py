@@ -7,7 +7,7 @@ an edge with the direction t, or at a corner, x is in the cone of normals there,
 
     grad d = (I - d d^T - t t^T)/phi,    at a corner (I - d d^T)/phi.
 
-The normal of the surface is d at creases; elsewhere m/|m|, in which m is interpolated between the
+The normal of the surface is d at creases and rims; elsewhere m/|m|, in which m is interpolated between the
 normals at the corners of the facet with the barycentric coordinates of c. These are linear in x
 while c stays in a facet, or on an edge.
 
@@ -77,7 +77,7 @@ def distances_from(surface: Triangulation, closest: ClosestFacets, x: Array) -> 
     bent = eye - _outer(slope) - _outer(on.along)
     bent = np.where(far[:, None, None], bent / safe[:, None, None], 0.0)
     mean, mean_turn = _interpolated(surface, facets, parts, corners, on)
-    sharp = on.crease & ~inside_facet
+    sharp = (on.crease | on.rim) & ~inside_facet
     normal = np.where(sharp[:, None], slope, mean)
     turn = np.where(sharp[:, None, None], bent, mean_turn)
     past = on.rim & (outside < -_ON * surface.size)

@@ -19,7 +19,7 @@ from dolfinx import mesh
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._numbers import is_number
-from dolfinx_contact.obstacles import Measured, Obstacle
+from dolfinx_contact.obstacles import Measured, Obstacle, Outline
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.distance import Distances, distances_from
 from dolfinx_contact.rigid_surfaces.files import facets_in
@@ -159,8 +159,9 @@ class RigidSurface(Obstacle):
         return cls(points, cells, **options)
 
     @property
-    def corners(self) -> Array | None:
-        return self.points
+    def outline(self) -> Outline | None:
+        sides = self._surface.point_normals
+        return Outline(self.points, self.cells, -sides / np.linalg.norm(sides, axis=1)[:, None])
 
     def distances(self, x: npt.ArrayLike) -> Distances:
         """How far points (n, dim) are from the surface, without rounding. Not collective.
