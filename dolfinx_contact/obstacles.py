@@ -227,7 +227,8 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
         """The components at points (n, dim). Not collective."""
         if self._last is None or not np.array_equal(self._last[0], x):
             parts = [x, *self._measure(x)]
-            flat = [np.reshape(p, (len(x), -1)) for p in parts]
+            sizes = [int(np.prod(shape, dtype=int)) for shape in self._shapes]
+            flat = [np.reshape(p, (len(x), n)) for p, n in zip(parts, sizes, strict=True)]
             self._last = x.copy(), np.concatenate(flat, axis=1)
         return np.asarray(self._last[1])
 

@@ -1,7 +1,10 @@
-"""Surfaces of facets that tests and demos press into bodies."""
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Surfaces of facets that demos and tests press into bodies, and STL files of them."""
 
 import numpy as np
 from scipy.spatial import ConvexHull
+
+__all__ = ["ball", "brick", "cylinder", "disc", "write_stl"]
 
 
 def disc(n, radius=1.0, centre=(0.0, 0.0), start=0.0):
