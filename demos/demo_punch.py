@@ -37,7 +37,7 @@ from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import NeoHookean, lame
 
 RADIUS = 1.0
-HALF = 0.5  # width of the flat punch, half of it
+HALF = 0.5625  # width of the flat punch, half of it
 LENGTH = 4.0  # of the roller
 MM = 1e-3
 
@@ -115,7 +115,9 @@ def pressed(args, comm, shape):
         held=["y", "rx", "ry", "rz"],
         name="tool",
     )
-    faces = [mesh.locate_entities_boundary(domain, 2, lambda x, z=z: x[2] == z) for z in (0.0, -0.8)]
+    faces = [
+        mesh.locate_entities_boundary(domain, 2, lambda x, z=z: x[2] == z) for z in (0.0, -0.8)
+    ]
     contact = ContactSurface(u, faces[0], obstacle=tool, law=Coulomb(args.friction))
     held = fem.dirichletbc(np.zeros(3), fem.locate_dofs_topological(V, 2, faces[1]), V)
     dx = ufl.dx(metadata={"quadrature_degree": 2})

@@ -106,7 +106,9 @@ class RigidBody(Obstacle):
         if not isinstance(name, str) or not name:
             raise ValueError(f"the name of a rigid body must be a word, got {name!r}")
         if not isinstance(shape, Obstacle) or isinstance(shape, RigidBody) or shape.opposite:
-            raise ValueError(f"{name}: its shape must be a HalfSpace, Sphere, Cylinder, LevelSet or RigidSurface")
+            raise ValueError(
+                f"{name}: its shape must be a HalfSpace, Sphere, Cylinder, LevelSet or RigidSurface"
+            )
         self.shape = shape
         self.mark = shape.mark
         self.name = name

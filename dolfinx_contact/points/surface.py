@@ -89,8 +89,7 @@ def _compared(a: Arguments) -> dict[str, Any]:
         "kind_of_facets": isinstance(a.facets, mesh.MeshTags),
         "law": surface._described_law,
         "obstacle": lambda: (
-            f"{type(a.obstacle).__name__} {described(surface.gap, surface.domain)}"
-            f"{a.obstacle.mark}"
+            f"{type(a.obstacle).__name__} {described(surface.gap, surface.domain)}{a.obstacle.mark}"
         ),
         "normal": lambda: described(surface.normal, surface.domain),
     }

@@ -88,7 +88,7 @@ def _deepest(s: ContactSurface, shape: RigidSurface, u: Array) -> tuple[float, f
     side = np.sign(np.einsum("ki,ki->k", _normals(x[cells]), out))
     now = x + u[s.points.vertex_trace_dofs]
     normals = side[:, None] * _normals(now[cells])
-    corners = shape.points + s.dragged(shape.points)
+    corners: Array = shape.points + s.dragged(shape.points)
     low, high = now[cells].min(axis=(0, 1)), now[cells].max(axis=(0, 1))
     sizes = np.linalg.norm(now[cells] - np.roll(now[cells], 1, axis=1), axis=2).max(axis=1)
     reach = _NEAR * float(sizes.max())

@@ -67,14 +67,14 @@ def distances_from(surface: Triangulation, closest: ClosestFacets, x: Array) -> 
     flat = surface.normals[facets]
     length = np.linalg.norm(away, axis=1)
     inside_facet = on.zeros == 0
-    far = ~inside_facet & (length > _ON * surface.size)
+    far: Bools = ~inside_facet & (length > _ON * surface.size)
     outside = np.einsum("ni,ni->n", away, on.side)
     sign = np.where((outside >= 0) | on.rim, 1.0, -1.0)
     distance = np.where(inside_facet, np.einsum("ni,ni->n", away, flat), sign * length)
     safe = np.where(far, sign * length, 1.0)
     slope = np.where(far[:, None], away / safe[:, None], on.side)
     eye = np.eye(x.shape[1])
-    bent = eye - _outer(slope) - _outer(on.along)
+    bent: Array = eye - _outer(slope) - _outer(on.along)
     bent = np.where(far[:, None, None], bent / safe[:, None, None], 0.0)
     mean, mean_turn = _interpolated(surface, facets, parts, corners, on)
     sharp = (on.crease | on.rim) & ~inside_facet

@@ -71,7 +71,7 @@ def _entities(model: Any, path: Path, group: str | int | None) -> tuple[int, lis
 
 def _cells(model: Any, dim: int, entities: list[int], where: str) -> Ints:
     """Nodes of facets, by gmsh's numbers (k, dim + 1)."""
-    found = [np.zeros((0, dim + 1), dtype=np.int64)]
+    found: list[Ints] = [np.zeros((0, dim + 1), dtype=np.int64)]
     for entity in entities:
         kinds, _, nodes = model.mesh.getElements(dim, entity)
         for kind, flat in zip(kinds, nodes, strict=True):

@@ -154,7 +154,7 @@ class RigidSurface(Obstacle):
             ValueError: on every rank, if its content does not fit, there is no such group, it is
                 empty, or arguments differ between ranks; and as of the class.
         """
-        points, cells = _read(comm, path, group, scale)
+        points, cells = _read(comm, Path(path), group, scale)
         options.setdefault("name", Path(path).name)
         return cls(points, cells, **options)
 
@@ -203,9 +203,7 @@ def _check_file(a: Arguments) -> None:
 
 
 @collective("a surface from a file", _check_file)
-def _read(
-    comm: MPI.Comm, path: Path, group: str | int | None, scale: float
-) -> tuple[Array, Ints]:
+def _read(comm: MPI.Comm, path: Path, group: str | int | None, scale: float) -> tuple[Array, Ints]:
     """Points and facets, the same on every rank."""
     points, cells = on_root(comm, lambda: facets_in(path, group))
     return merged(scale * points, cells)

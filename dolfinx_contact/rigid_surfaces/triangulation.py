@@ -289,9 +289,7 @@ def _flipped(cells: Ints, turned: Bools) -> Ints:
     return found
 
 
-def _fans(
-    cells: Ints, nodes: Ints, ridges: Ints, pairs: tuple[Ints, Ints], joined: Bools
-) -> Ints:
+def _fans(cells: Ints, nodes: Ints, ridges: Ints, pairs: tuple[Ints, Ints], joined: Bools) -> Ints:
     """Numbers of the fans of facets around points, by facet and corner (k dim,).
 
     Corners at one point belong to one fan where their facets have a ridge that joins.
@@ -347,9 +345,7 @@ def _corner_normals(corners: Array, crossed: Array, fans: Ints) -> Array:
     if dim == 2:
         weights = np.repeat(1.0 / np.einsum("ki,ki->k", crossed, crossed)[:, None], 2, axis=1)
     else:
-        squares = [
-            np.sum((corners[:, (i + 1) % 3] - corners[:, i]) ** 2, axis=1) for i in range(3)
-        ]
+        squares = [np.sum((corners[:, (i + 1) % 3] - corners[:, i]) ** 2, axis=1) for i in range(3)]
         weights = np.stack([1.0 / (squares[i] * squares[i - 1]) for i in range(3)], axis=1)
     sums = np.zeros((k * dim, dim))
     np.add.at(sums, fans, (weights[..., None] * crossed[:, None]).reshape(-1, dim))
