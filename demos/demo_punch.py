@@ -7,10 +7,10 @@
 # - press it into a soft slab by a force and drag it along, as a `RigidBody`;
 # - see what the facets of the file cost: the same shape is an exact obstacle as well.
 #
-# The tool is a ball, a roller or a flat punch with sharp edges; its file, in millimetres, is written
-# here. It is pressed down by a force, then led sideways by a given way, with friction. The facets of
-# a curved tool are chords of it: what they are off falls with the square of their size. Those of the
-# flat punch are the punch itself, which `LevelSet` describes by its distance.
+# The tool is a ball, a roller or a flat punch with sharp edges; its file, in millimetres, is
+# written here. It is pressed down by a force, then led sideways by a given way, with friction. The
+# facets of a curved tool are chords of it: what they are off falls with the square of their size.
+# Those of the flat punch are the punch itself, which `LevelSet` describes by its distance.
 
 from mpi4py import MPI
 

@@ -115,8 +115,9 @@ def _simplices(cells: npt.NDArray[np.int32]) -> Ints:
 def _normals(corners: Array) -> Array:
     """Unit normals of simplices, to one side as their corners go."""
     along = corners[:, 1:] - corners[:, :1]
+    n: Array
     if corners.shape[2] == 2:
         n = np.stack([along[:, 0, 1], -along[:, 0, 0]], axis=1)
     else:
-        n = np.cross(along[:, 0], along[:, 1])
+        n = np.asarray(np.cross(along[:, 0], along[:, 1]), dtype=np.float64)
     return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None])

@@ -2,14 +2,14 @@
 r"""Distances from a surface of facets, with sign, normals and the derivatives of both.
 
 With the closest point c of the surface to x the signed distance is phi = +-|x - c|, positive
-outside. Its gradient d = (x - c)/phi is the normal of the facet where c is inside one; where c is on
-an edge with the direction t, or at a corner, x is in the cone of normals there, and
+outside. Its gradient d = (x - c)/phi is the normal of the facet where c is inside one; where c is
+on an edge with the direction t, or at a corner, x is in the cone of normals there, and
 
     grad d = (I - d d^T - t t^T)/phi,    at a corner (I - d d^T)/phi.
 
-The normal of the surface is d at creases and rims; elsewhere m/|m|, in which m is interpolated between the
-normals at the corners of the facet with the barycentric coordinates of c. These are linear in x
-while c stays in a facet, or on an edge.
+The normal of the surface is d at creases and rims; elsewhere m/|m|, in which m is interpolated
+between the normals at the corners of the facet with the barycentric coordinates of c. These are
+linear in x while c stays in a facet, or on an edge.
 
 At the rim of an open surface the distance is positive on both sides: what goes past it leaves.
 """
@@ -58,7 +58,7 @@ class Distances:
 
 def distances_from(surface: Triangulation, closest: ClosestFacets, x: Array) -> Distances:
     """The distances of points (n, dim), on this rank alone; of those that are not finite NaN."""
-    finite = np.isfinite(x).all(axis=1)
+    finite: Bools = np.asarray(np.isfinite(x).all(axis=1))
     facets, parts = closest(np.where(finite[:, None], x, surface.points[0]))
     corners = surface.points[surface.cells[facets]]
     feet = np.einsum("nk,nki->ni", parts, corners)

@@ -78,8 +78,7 @@ def _cells(model: Any, dim: int, entities: list[int], where: str) -> Ints:
             if kind not in (_LINES, _TRIANGLES, _QUADRILATERALS):
                 name = model.mesh.getElementProperties(kind)[0]
                 raise ValueError(f"{where} has elements that are bent or unknown ({name})")
-            each = np.asarray(flat, dtype=np.int64).reshape(
-                -1, {_LINES: 2, _TRIANGLES: 3, _QUADRILATERALS: 4}[kind]
-            )
+            width = {_LINES: 2, _TRIANGLES: 3, _QUADRILATERALS: 4}[kind]
+            each: Ints = np.asarray(flat, dtype=np.int64).reshape(-1, width)
             found += [each] if kind != _QUADRILATERALS else [each[:, :3], each[:, [0, 2, 3]]]
     return np.concatenate(found)
