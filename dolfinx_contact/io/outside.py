@@ -258,7 +258,7 @@ def _columns(table: ContactTable) -> Arrays:
 
 
 def _obstacle(s: ContactSurface) -> Arrays:
-    """What is drawn of an obstacle: its facets, or what is opposite to the contact surface.
+    """What is drawn of an obstacle: its facets, or the points opposite to the surface.
 
     As of `patch`, on rank 0. Collective.
     """

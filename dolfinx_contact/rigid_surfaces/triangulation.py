@@ -7,7 +7,7 @@ one facet is the rim of an open surface; one of three or more is refused.
 Normals of points are sums over the facets around them, of the products of the edges e_1, e_2 that
 meet there, n = sum e_1 x e_2 / (|e_1|^2 |e_2|^2): those of a sphere through the points, exactly
 (Max, J. Graphics Tools 4(2), 1999); of segments sum n_s / |s|, those of a circle. They are summed
-over the facets that no crease parts. Which side a point is on is told by the sum of normals by the
+over the facets that no crease parts. Which side a point is on is known by the sum of normals by the
 angles of facets (Baerentzen and Aanaes, IEEE Trans. Vis. Comput. Graph. 11, 2005).
 """
 
