@@ -316,7 +316,9 @@ def test_resumed(folder):
 # -- what is passed --------------------------------------------------------------------------------
 
 
-@pytest.mark.refuses("surfaces of facets", aspects=("2D",))
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: depths of corners in facets", aspects=("2D",)
+)
 def test_corner_between_points_is_said(caplog):
     wedge = RigidSurface([[0.35, -0.02], [0.05, -0.6], [0.65, -0.6]], [[0, 1], [1, 2], [2, 0]])
     on_wedge = OnBody(2, wedge, Frictionless(), n=2)

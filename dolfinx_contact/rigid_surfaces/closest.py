@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""The points of segments and triangles that are closest to others.
 
-On a triangle the regions of its corners, edges and inside are distinguished by six products (Ericson,
-Real-Time Collision Detection, 2005, section 5.1.5). Barycentric coordinates of what is on an edge
+On a triangle the regions of its corners, edges and inside are distinguished by six products
+(Ericson, Real-Time Collision Detection, 2005, section 5.1.5). Barycentric coordinates of what is on an edge
 or a corner are exactly zero for the corners that have no part in it.
 
 A search examines few facets: each is covered by balls of at most one radius R, large facets by
