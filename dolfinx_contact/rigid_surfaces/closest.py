@@ -2,8 +2,8 @@
 r"""The points of segments and triangles that are closest to others.
 
 On a triangle the regions of its corners, edges and inside are distinguished by six products
-(Ericson, Real-Time Collision Detection, 2005, section 5.1.5). Barycentric coordinates of what is on an edge
-or a corner are exactly zero for the corners that have no part in it.
+(Ericson, Real-Time Collision Detection, 2005, section 5.1.5). Barycentric coordinates of what is
+on an edge or a corner are exactly zero for the corners that have no part in it.
 
 A search examines few facets: each is covered by balls of at most one radius R, large facets by
 balls around their parts. What is at a distance d has its facet among those whose balls have their
