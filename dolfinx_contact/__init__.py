@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.nested import solve_nested
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.points.self_contact import SelfContact
+    from dolfinx_contact.rigid_surfaces import RigidSurface
 
 __version__ = "0.1.0"
 
@@ -64,6 +65,7 @@ __all__ = [
     "Regularised",
     "Result",
     "RigidBody",
+    "RigidSurface",
     "SelfContact",
     "Sphere",
     "Tresca",
@@ -79,6 +81,7 @@ _LATER = {
     "BilinearCohesive": "dolfinx_contact.laws",
     "MaxwellLayer": "dolfinx_contact.laws",
     "ParametricContact": "dolfinx_contact.parametric",
+    "RigidSurface": "dolfinx_contact.rigid_surfaces",
     "SelfContact": "dolfinx_contact.points.self_contact",
     "solve_nested": "dolfinx_contact.nested",
 }

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
@@ -31,7 +32,9 @@ __all__ = [
     "Cylinder",
     "HalfSpace",
     "LevelSet",
+    "Measured",
     "Obstacle",
+    "Outline",
     "Sphere",
     "gap_at",
     "has_ufl",
@@ -103,6 +106,20 @@ def _radius(domain: mesh.Mesh, value: Any) -> Any:
     return fem.Constant(domain, float(value))
 
 
+class Outline(NamedTuple):
+    """A surface of facets.
+
+    Attributes:
+        points: (m, dim).
+        cells: facets by these (k, dim).
+        normals: at the points, into the obstacle (m, dim).
+    """
+
+    points: npt.NDArray[np.float64]
+    cells: npt.NDArray[np.int64]
+    normals: npt.NDArray[np.float64]
+
+
 class Obstacle(ReadOnly):
     """A rigid foundation, bound to a mesh by `on`.
 
@@ -122,6 +139,13 @@ class Obstacle(ReadOnly):
     }
     #: What moves with the displacement (`points.opposite.Opposite`); None where nothing does.
     opposite: Any = None
+    #: A hash of what it is beside its UFL, by which ranks are compared and records know it.
+    mark: str = ""
+
+    @property
+    def outline(self) -> Outline | None:
+        """Its surface, where that is one of facets; else None."""
+        return None
 
     @property
     def flat(self) -> bool:
@@ -148,6 +172,65 @@ class Obstacle(ReadOnly):
                 another mesh.
         """
         return self.at(domain, ufl.SpatialCoordinate(domain))
+
+
+class Measured(ufl.Coefficient):  # type: ignore[misc]
+    """Gap and normal that are found by numbers, at a UFL point, as functions of it in UFL.
+
+    They are known at the points of a surface alone, where an evaluator measures them
+    (`points.evaluation`), with x_0 the value of x there:
+
+        gap = g + dg.(x - x_0),    normal = n + dn (x - x_0),
+
+    so that values and first derivatives are exact, and no others.
+
+    Args:
+        domain: mesh of the body.
+        x: a UFL vector, the point.
+        measure: takes points (n, dim) and returns g (n,), dg (n, dim), n (n, dim), dn (n, dim,
+            dim).
+
+    Attributes:
+        x: as given.
+        gap, normal: in UFL.
+    """
+
+    def __new__(cls, *_: Any) -> Measured:
+        made: Measured = object.__new__(cls)
+        return made
+
+    def __init__(self, domain: mesh.Mesh, x: Any, measure: Callable[[Any], tuple[Any, ...]]):
+        dim = domain.geometry.dim
+        self._shapes: list[tuple[int, ...]] = [(dim,), (), (dim,), (dim,), (dim, dim)]
+        width = 1 + 3 * dim + dim**2
+        element = basix.ufl.element("DG", domain.basix_cell(), 0, shape=(width,))
+        super().__init__(ufl.FunctionSpace(domain.ufl_domain(), element))
+        self.x = x
+        self._measure = measure
+        self._last: tuple[Any, Any] | None = None
+        there, gap, slope, normal, turn = self._parts()
+        self.gap = gap + ufl.dot(slope, x - there)
+        self.normal = normal + ufl.dot(turn, x - there)
+
+    def _parts(self) -> list[Any]:
+        """x_0, g, dg, n, dn by the components of this."""
+        found = []
+        first = 0
+        for shape in self._shapes:
+            size = int(np.prod(shape, dtype=int))
+            part = np.array([self[i] for i in range(first, first + size)], dtype=object)
+            found.append(ufl.as_tensor(part.reshape(shape).tolist()) if shape else part[0])
+            first += size
+        return found
+
+    def values(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The components at points (n, dim). Not collective."""
+        if self._last is None or not np.array_equal(self._last[0], x):
+            parts = [x, *self._measure(x)]
+            sizes = [int(np.prod(shape, dtype=int)) for shape in self._shapes]
+            flat = [np.reshape(p, (len(x), n)) for p, n in zip(parts, sizes, strict=True)]
+            self._last = x.copy(), np.concatenate(flat, axis=1)
+        return np.asarray(self._last[1])
 
 
 def gap_at(obstacle: Obstacle, domain: mesh.Mesh, x: Any) -> Any | None:

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1] / PACKAGE
 #: From the ground up: a room imports from its own floor and those below. Private modules of the
 #: root are tools that every room may use.
 FLOORS = [
-    ("materials", "obstacles", "grids", "meshing"),
+    ("materials", "obstacles", "rigid_surfaces", "grids", "meshing"),
     ("body", "laws", "continuation"),
     ("points",),
     ("equations", "algorithms"),

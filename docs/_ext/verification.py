@@ -41,7 +41,10 @@ FEATURES = {
     ),
     "Laws of your own": ("interfaces of one's own", "laws of one's own"),
     "Regularised friction and penalties": ("normal compliance", "regularised friction"),
-    "Obstacles": ("planes", "spheres", "cylinders", "level sets", "moving obstacles"),
+    "Obstacles": (
+        *("planes", "spheres", "cylinders", "level sets", "moving obstacles"),
+        "surfaces of facets",
+    ),
     "Rigid bodies": ("rigid bodies",),
     "Pairs of bodies": (
         *("matching meshes", "mortar", "points in common", "sliding pairs", "self contact"),

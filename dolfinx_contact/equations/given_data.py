@@ -23,6 +23,7 @@ from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.laws.law import obeys
+from dolfinx_contact.obstacles import Measured
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = [
@@ -116,6 +117,8 @@ def data_in(e: Any, place: str) -> Iterator[Datum]:
     is_form = isinstance(e, ufl.Form)
     constants = extract_constants(e)
     for f in e.coefficients() if is_form else ufl.algorithms.extract_coefficients(e):
+        if isinstance(f, Measured):  # at the points, of what does not change
+            continue
         yield Datum(place if f is e else f"the Function {f.name!r} in {place}", f)
     for i, c in enumerate(constants, 1):
         which = f"the Constant {i}" if len(constants) > 1 else "the Constant"

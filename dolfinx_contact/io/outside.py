@@ -210,7 +210,7 @@ class Outside:
             if s.between_bodies:
                 opposite[s.name] = self._face(s.obstacle.opposite.master_facets)
             else:
-                obstacles[s.name] = patch(s)
+                obstacles[s.name] = _obstacle(s)
         if not body:
             return None
         nodes = body["nodes"]
@@ -234,7 +234,7 @@ class Outside:
         self._moved.interpolate(problem.u)
         dim = problem.V.mesh.topology.dim
         seen = self.gather({"u": self._moved.x.array.reshape(-1, dim), "strain": self.strain()})
-        patches = {s.name: patch(s) for s in problem.surfaces if not s.between_bodies}
+        patches = {s.name: _obstacle(s) for s in problem.surfaces if not s.between_bodies}
         tables = {s.name: _columns(problem.table(s)) for s in problem.surfaces}
         if not seen:
             return None
@@ -255,6 +255,18 @@ def _columns(table: ContactTable) -> Arrays:
     of_law = {name: getattr(table, name) for name in _OF_LAWS}
     found |= {name: values for name, values in of_law.items() if values is not None}
     return found | {f"internal.{name}": values for name, values in table.internal.items()}
+
+
+def _obstacle(s: ContactSurface) -> Arrays:
+    """What is drawn of an obstacle: its facets, or the points opposite to the surface.
+
+    As of `patch`, on rank 0. Collective.
+    """
+    outline = s.obstacle.outline
+    if outline is None:
+        return patch(s)
+    x, cells, n = outline
+    return {"cells": cells, "floor": x, "moved": s.dragged(x), "n": n}
 
 
 def patch(s: ContactSurface) -> Arrays:

@@ -32,6 +32,7 @@ __all__ = [
     "GmshMesh",
     "NamedTags",
     "draw_polygon",
+    "empty_model",
     "mesh_from_gmsh",
     "read_mesh",
     "tagged_facets",
@@ -324,7 +325,7 @@ def mesh_from_gmsh(
         model = None
         with everywhere(comm, "drawing in gmsh"):  # whatever is raised, the other ranks wait
             if comm.rank == 0:
-                model = session.enter_context(_empty_model(gmsh))
+                model = session.enter_context(empty_model(gmsh))
                 _fill(model, draw, dim, wanted)
         return _distribute(comm, model)
 
@@ -364,7 +365,7 @@ def draw_polygon(
 
 
 @contextmanager
-def _empty_model(gmsh: Any) -> Iterator[Any]:
+def empty_model(gmsh: Any) -> Iterator[Any]:
     """A model of gmsh; a session that the caller has open continues with its own models."""
     mine = not gmsh.isInitialized()
     if mine:

@@ -218,7 +218,9 @@ def surface_seen(
     data["obstacle_flat"] = []
     for name, (floor, moved, _) in obstacles.items():
         points = _in_space(floor + scale * moved)
-        below = on_plane(points, normals[name], x[np.unique(surface.contact[name])])
+        on_it = x[np.unique(surface.contact[name])]
+        # Of an obstacle with facets of its own those are drawn, flat or not.
+        below = on_plane(points, normals[name], on_it) if len(on_it) == len(points) else None
         data["obstacle_flat"].append(below is not None)
         data["obstacle_x"].append((points if below is None else below) + off_obstacles[name])
     return data

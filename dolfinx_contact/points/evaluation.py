@@ -27,7 +27,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
-from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.obstacles import Measured, Obstacle
 from dolfinx_contact.points.trace import owned_exterior
 
 __all__ = [
@@ -71,6 +71,11 @@ class PointEvaluator:
         maps: Any,
         weight: Any = None,
     ):
+        self._measured = measured_in(expressions)
+        if self._measured:
+            places = {str(i): m.x for i, m in enumerate(self._measured)}
+            self._places_of = PointEvaluator(W, ds, places, maps, weight)
+            expressions = self._with_functions(W, expressions)
         one = fem.Constant(ds.ufl_domain(), 1.0) if weight is None else weight
         components = [one]
         self._places: dict[str, tuple[int, tuple[int, ...]]] = {}
@@ -86,6 +91,22 @@ class PointEvaluator:
         self._form = compiled_form(tested, maps)
         self.areas: Array = self._integrals()[:, 0].copy()
 
+    def _with_functions(
+        self, W: fem.FunctionSpace, expressions: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Expressions in which Functions of points stand for what is measured there."""
+        self._of_points = [fem.Function(blocked_space(W, *m.ufl_shape)) for m in self._measured]
+        known = dict(zip(self._measured, self._of_points, strict=True))
+        plain = {name: expand_derivatives(ufl.as_ufl(e)) for name, e in expressions.items()}
+        return {name: ufl.replace(e, known) for name, e in plain.items()}
+
+    def _measure(self) -> None:
+        """Measure anew what is to be measured. Collective."""
+        if self._measured:
+            places = self._places_of()
+            for i, (m, f) in enumerate(zip(self._measured, self._of_points, strict=True)):
+                f.x.array[:] = m.values(places[str(i)]).reshape(-1)
+
     def _integrals(self) -> Array:
         b = la.vector(self._index_map, self._width)
         b.array[:] = 0.0
@@ -96,11 +117,19 @@ class PointEvaluator:
 
     def __call__(self) -> dict[str, Array]:
         """One array per expression over the local points, ghosts included. Collective."""
+        self._measure()
         values = self._integrals() / self.areas[:, None]
         return {
             name: values[:, first : first + int(np.prod(shape, dtype=int))].reshape(-1, *shape)
             for name, (first, shape) in self._places.items()
         }
+
+
+def measured_in(expressions: Mapping[str, Any]) -> list[Measured]:
+    """What is to be measured at points in UFL expressions, in the order in which it was made."""
+    every = map(ufl.as_ufl, expressions.values())
+    found = {f for e in every for f in ufl.algorithms.extract_coefficients(e)}
+    return sorted((f for f in found if isinstance(f, Measured)), key=lambda f: f.count())
 
 
 def measure_of(

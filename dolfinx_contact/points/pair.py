@@ -360,6 +360,8 @@ def _check_surface(name: str, surface: Any, *, alone: bool) -> None:
         return
     if not isinstance(surface, Obstacle) or isinstance(surface, RigidBody):
         raise ValueError(f"{name}: the surface must be a HalfSpace, Sphere, Cylinder, LevelSet")
+    if surface.outline is not None:
+        raise ValueError(f"{name}: the surface of a pair is given by a formula, not by facets")
     if not alone:
         raise ValueError(f"{name}: a given surface has a gap and a normal of its own")
 

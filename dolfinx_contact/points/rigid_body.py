@@ -36,7 +36,7 @@ from ufl.utils.stacks import StackDict
 
 from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._frozen import ReadOnlyDict
-from dolfinx_contact.obstacles import Obstacle, gap_at, has_ufl
+from dolfinx_contact.obstacles import Obstacle, Outline, gap_at, has_ufl
 
 __all__ = ["COMPONENTS", "RigidBody", "number"]
 
@@ -106,8 +106,11 @@ class RigidBody(Obstacle):
         if not isinstance(name, str) or not name:
             raise ValueError(f"the name of a rigid body must be a word, got {name!r}")
         if not isinstance(shape, Obstacle) or isinstance(shape, RigidBody) or shape.opposite:
-            raise ValueError(f"{name}: its shape must be a HalfSpace, Sphere, Cylinder, LevelSet")
+            raise ValueError(
+                f"{name}: its shape must be a HalfSpace, Sphere, Cylinder, LevelSet or RigidSurface"
+            )
         self.shape = shape
+        self.mark = shape.mark
         self.name = name
         self.about = _point(about, name)
         self.dim = len(self.about)
@@ -161,6 +164,10 @@ class RigidBody(Obstacle):
     @property
     def flat(self) -> bool:
         return bool(self.shape.flat and not self.turns)
+
+    @property
+    def outline(self) -> Outline | None:
+        return self.shape.outline
 
     @property
     def turns(self) -> bool:

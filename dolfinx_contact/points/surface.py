@@ -70,6 +70,11 @@ def _check(a: Arguments) -> None:
     a.method = a.method or ("nodal" if degree == 1 else "integral")
     a.self._take_law_and_obstacle(a.u, a.name, a.law, a.obstacle)
     check_elements(a.name, a.method, degrees)
+    if a.method == "mixed" and a.obstacle.outline is not None:
+        raise ValueError(
+            f"{a.name}: gaps of mixed contact are averages around nodes, and those from a surface "
+            "of facets are known at points: take nodal or integral contact"
+        )
     check_revolution(a.name, a.axisymmetric, a.obstacle, a.law)
     a.axisymmetric = bool(a.axisymmetric)
     a.quadrature_degree = check_quadrature(
@@ -83,7 +88,9 @@ def _compared(a: Arguments) -> dict[str, Any]:
         "displacement": str(a.u.function_space.ufl_element()),
         "kind_of_facets": isinstance(a.facets, mesh.MeshTags),
         "law": surface._described_law,
-        "obstacle": lambda: f"{type(a.obstacle).__name__} {described(surface.gap, surface.domain)}",
+        "obstacle": lambda: (
+            f"{type(a.obstacle).__name__} {described(surface.gap, surface.domain)}{a.obstacle.mark}"
+        ),
         "normal": lambda: described(surface.normal, surface.domain),
     }
 
@@ -219,7 +226,7 @@ class ContactSurface(ReadOnly):
                 f"{name}: the law must be Frictionless(), Coulomb(F), Tresca(g) or a Law"
             )
         if not isinstance(obstacle, Obstacle):
-            known = "HalfSpace, Sphere, Cylinder, LevelSet"
+            known = "HalfSpace, Sphere, Cylinder, LevelSet, RigidSurface or RigidBody"
             raise ValueError(f"{name}: the obstacle must be a {known}")
         self.law = law.bind(domain)
         self.obstacle = obstacle
@@ -234,7 +241,8 @@ class ContactSurface(ReadOnly):
         #: Functions of the user in law and obstacle.
         every = (*fields, self.gap, self.normal)
         read = {f for e in every for f in ufl.algorithms.extract_coefficients(e)}
-        self._functions = sorted(read - {u}, key=lambda f: f.count())
+        functions = [f for f in read - {u} if isinstance(f, fem.Function)]
+        self._functions = sorted(functions, key=lambda f: f.count())
 
     def _described_law(self) -> str:
         fields = [f"{k} {described(e, self.domain)}" for k, e in self.law.given.items()]

@@ -230,6 +230,7 @@ def _words(problem: ContactProblem) -> list[str]:
     words = [problem.equations.bulk.residual.signature()]
     for s in problem.surfaces:
         words += [_signature(e, domain) for e in s.given.all]
+        words += [s.obstacle.mark] if s.obstacle.mark else []
         words.append(s.law_at_points.compiled.signature)
         words += [] if s.law.averaging is None else [repr(s.law.averaging)]
         words += ["axisymmetric"] if s.axisymmetric else []

@@ -235,4 +235,5 @@ def owned_values(f: fem.Function) -> Array:
 
 
 def _functions_in(e: Any) -> list[fem.Function]:
-    return list(ufl.algorithms.extract_coefficients(ufl.as_ufl(e)))
+    every = ufl.algorithms.extract_coefficients(ufl.as_ufl(e))
+    return [f for f in every if isinstance(f, fem.Function)]

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Distances from a surface of facets, with sign, normals and the derivatives of both.
+
+With the closest point c of the surface to x the signed distance is phi = +-|x - c|, positive
+outside. Its gradient d = (x - c)/phi is the normal of the facet where c is inside one; where c is
+on an edge with the direction t, or at a corner, x is in the cone of normals there, and
+
+    grad d = (I - d d^T - t t^T)/phi,    at a corner (I - d d^T)/phi.
+
+The normal of the surface is d at creases and rims; elsewhere m/|m|, in which m is interpolated
+between the normals at the corners of the facet with the barycentric coordinates of c. These are
+linear in x while c stays in a facet, or on an edge.
+
+At the rim of an open surface the distance is positive on both sides: what goes past it leaves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
+from dolfinx_contact.rigid_surfaces.triangulation import Triangulation
+
+__all__ = ["Distances", "distances_from"]
+
+Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+
+_ON = 1e-10  # of the extent, up to which a point is on an edge or corner
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Of points from a surface.
+
+    Attributes:
+        feet: the closest points of the surface (n, dim).
+        facets: on which they are (n,).
+        distance: with sign, positive outside (n,).
+        slope: its gradient (n, dim).
+        normal: unit normals of the surface, out of the obstacle (n, dim).
+        turn: their derivatives (n, dim, dim).
+        past: whether a point is past the rim of an open surface (n,).
+    """
+
+    feet: Array
+    facets: Ints
+    distance: Array
+    slope: Array
+    normal: Array
+    turn: Array
+    past: Bools
+
+
+def distances_from(surface: Triangulation, closest: ClosestFacets, x: Array) -> Distances:
+    """The distances of points (n, dim), on this rank alone; of those that are not finite NaN."""
+    finite: Bools = np.asarray(np.isfinite(x).all(axis=1))
+    facets, parts = closest(np.where(finite[:, None], x, surface.points[0]))
+    corners = surface.points[surface.cells[facets]]
+    feet = np.einsum("nk,nki->ni", parts, corners)
+    on = _Places(surface, facets, parts)
+    away = x - feet
+    flat = surface.normals[facets]
+    length = np.linalg.norm(away, axis=1)
+    inside_facet = on.zeros == 0
+    far: Bools = ~inside_facet & (length > _ON * surface.size)
+    outside = np.einsum("ni,ni->n", away, on.side)
+    sign = np.where((outside >= 0) | on.rim, 1.0, -1.0)
+    distance = np.where(inside_facet, np.einsum("ni,ni->n", away, flat), sign * length)
+    safe = np.where(far, sign * length, 1.0)
+    slope = np.where(far[:, None], away / safe[:, None], on.side)
+    eye = np.eye(x.shape[1])
+    bent: Array = eye - _outer(slope) - _outer(on.along)
+    bent = np.where(far[:, None, None], bent / safe[:, None, None], 0.0)
+    mean, mean_turn = _interpolated(surface, facets, parts, corners, on)
+    sharp = (on.crease | on.rim) & ~inside_facet
+    normal = np.where(sharp[:, None], slope, mean)
+    turn = np.where(sharp[:, None, None], bent, mean_turn)
+    past = on.rim & (outside < -_ON * surface.size)
+    if not finite.all():
+        for values in (distance, slope, normal, turn):
+            values[~finite] = np.nan
+    return Distances(feet, facets, distance, slope, normal, turn, past & finite)
+
+
+class _Places:
+    """Where closest points are: inside facets, on ridges or at corners.
+
+    Attributes:
+        zeros: how many corners of the facet have no part in it (n,).
+        side: unit vectors that tell outside (n, dim).
+        along: of edges their directions, else zero (n, dim).
+        crease, rim: of the edge or corner (n,).
+    """
+
+    def __init__(self, surface: Triangulation, facets: Ints, parts: Array):
+        dim = parts.shape[1]
+        none = parts == 0.0
+        self.zeros = none.sum(axis=1)
+        self.side = surface.normals[facets].copy()
+        self.along = np.zeros_like(self.side)
+        self.crease = np.zeros(len(facets), dtype=bool)
+        self.rim = np.zeros(len(facets), dtype=bool)
+        cells = surface.cells[facets]
+        edges = np.flatnonzero((self.zeros == 1) & (dim == 3))
+        if len(edges):
+            opposite = np.argmax(none[edges], axis=1)
+            ridges = surface.ridges[facets[edges], opposite]
+            self._take(edges, surface.ridge_normals[ridges])
+            self.crease[edges] = surface.ridge_creases[ridges]
+            self.rim[edges] = surface.ridge_rims[ridges]
+            ends = [cells[edges, (opposite + k) % 3] for k in (1, 2)]
+            along = surface.points[ends[1]] - surface.points[ends[0]]
+            self.along[edges] = along / np.linalg.norm(along, axis=1)[:, None]
+        corners = np.flatnonzero(self.zeros == dim - 1)
+        if len(corners):
+            points = cells[corners, np.argmax(parts[corners], axis=1)]
+            self._take(corners, surface.point_normals[points])
+            self.crease[corners] = surface.point_creases[points]
+            self.rim[corners] = surface.point_rims[points]
+
+    def _take(self, where: Ints, sides: Array) -> None:
+        self.side[where] = sides / np.maximum(np.linalg.norm(sides, axis=1), 1e-300)[:, None]
+
+
+def _interpolated(
+    surface: Triangulation, facets: Ints, parts: Array, corners: Array, on: _Places
+) -> tuple[Array, Array]:
+    """Averaged normals at the closest points and their derivatives."""
+    of_corners = surface.corner_normals[facets]
+    mean = np.einsum("nk,nki->ni", parts, of_corners)
+    size = np.linalg.norm(mean, axis=1)
+    mean = mean / size[:, None]
+    slopes = _slopes(corners)
+    # On an edge its own two parts change along it; at a corner nothing does.
+    held = np.where((on.zeros == 0)[:, None, None], np.eye(corners.shape[2]), _outer(on.along))
+    slopes = np.where((parts == 0.0)[..., None], 0.0, slopes @ held)
+    change = np.einsum("nki,nkj->nij", of_corners, slopes) / size[:, None, None]
+    return mean, change - mean[:, :, None] * np.einsum("ni,nij->nj", mean, change)[:, None]
+
+
+def _slopes(corners: Array) -> Array:
+    """Gradients of barycentric coordinates along facets (n, k, dim)."""
+    edges = corners[:, 1:] - corners[:, :1]
+    inner = np.einsum("nai,nbi->nab", edges, edges)
+    rest = np.linalg.solve(inner, edges)
+    return np.concatenate([-rest.sum(axis=1, keepdims=True), rest], axis=1)
+
+
+def _outer(v: Array) -> Array:
+    return np.asarray(v[:, :, None] * v[:, None, :])

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""A rigid surface of facets as an obstacle, with corners, edges and open rims."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import mesh
+
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import on_root
+from dolfinx_contact._numbers import is_number
+from dolfinx_contact.obstacles import Measured, Obstacle, Outline
+from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
+from dolfinx_contact.rigid_surfaces.distance import Distances, distances_from
+from dolfinx_contact.rigid_surfaces.files import facets_in
+from dolfinx_contact.rigid_surfaces.triangulation import mended, merged, triangulated
+
+__all__ = ["RigidSurface"]
+
+Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+
+class RigidSurface(Obstacle):
+    """A rigid surface of segments (2D) or triangles (3D), as of a tool from a file.
+
+    Gaps and normals are those at the closest point of the surface, with their derivatives; it moves
+    as the shape of a `RigidBody`. The gap is the distance with its sign, exact for the facets, also
+    at edges and corners: in the cone of normals there it is the distance from them. Facets of a
+    curved surface are its chords, inside of it by h^2/(8 R).
+
+    *Sides.* Normals point out of the obstacle, to the body. Triangles are counter-clockwise as seen
+    from the body; segments leave the obstacle to their left. What is closed encloses the obstacle,
+    and is refused if its normals are inward. Facets that disagree with their neighbours are
+    refused. With ``mend`` both are turned: each connected part as most of its area has it, and
+    outward where it is closed; and facets with two corners in one place, as writers of STL leave
+    them, are left out. With ``reverse`` the body is on the other side, as inside a die.
+
+    *Edges.* Normals are averaged at points and interpolated on facets, but not across edges where
+    those of facets differ by more than ``crease`` degrees; with 0 they are those of the facets
+    everywhere. Where edges are creases the normal of what is at the edge itself jumps from that of
+    one facet to that of the other. A radius ``rounding``, by which the obstacle is larger than its
+    surface, makes edges that stick out round, and their normals continuous.
+
+    *Rims.* An open surface ends at its rim: what goes past it leaves, and has no contact behind it.
+
+    The law holds at contact points. A corner or edge of the surface between them enters the facet
+    of the body; a solve warns of corners that do: refine the face of the body there, or take the
+    integral method. Each rank has the whole surface (about 1 kB a facet). Parts of it that
+    intersect are not looked for.
+
+    Args:
+        points: (m, dim), a length.
+        cells: facets by their points (k, dim).
+        crease: the angle, in degrees, between normals of facets up to which they are averaged.
+        rounding: a radius, a length.
+        reverse: whether the body is where the normals of the facets do not point.
+        mend: whether facets are turned, or left out, that do not fit.
+        name: for messages.
+
+    Attributes:
+        points, cells: as they are used, read-only.
+        closed: whether it has no rim.
+        mark: a hash of all that it is; records know it by that.
+        crease, rounding, name: as given.
+
+    Raises:
+        ValueError: if points or cells are not of that shape or not finite, facets are degenerate
+            or there twice, an edge has more than two facets, or sides do not fit, as above.
+        AttributeError: where attributes are set afterwards.
+
+    Example:
+        ::
+
+            punch = RigidSurface.read("punch.stl", scale=1e-3)  # in mm
+            tool = RigidBody(punch, about=(0, 0, 0.1), load={"z": -1e3}, held=["x", "y", ...])
+            contact = ContactSurface(u, body, tag="top", obstacle=tool, law=Coulomb(0.3))
+    """
+
+    _sealed_when_made = True
+    _instead: ClassVar[Mapping[str, str]] = {
+        "": "a RigidBody moves it; for another shape make another RigidSurface, surface and problem"
+    }
+
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        cells: npt.ArrayLike,
+        *,
+        crease: float = 30.0,
+        rounding: float = 0.0,
+        reverse: bool = False,
+        mend: bool = False,
+        name: str = "rigid surface",
+    ):
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"the name of a rigid surface must be a word, got {name!r}")
+        for what, value, most in (("crease", crease, 180.0), ("rounding", rounding, np.inf)):
+            if not (is_number(value) and np.isfinite(value) and 0 <= value <= most):
+                limit = f" to {most:g} degrees" if np.isfinite(most) else ""
+                raise ValueError(f"{name}: {what} must be a number from 0{limit}, got {value!r}")
+        x, facets = _arrays(points, cells, name)
+        if mend:
+            facets = mended(x, facets, name)
+        found = triangulated(x, facets, np.radians(crease), name)
+        if reverse:
+            turned = found.cells[:, ::-1]
+            found = triangulated(x, turned, np.radians(crease), name, inward=True)
+        self._surface = found
+        self._closest = ClosestFacets(found.points, found.cells)
+        self.points = found.points
+        self.cells = found.cells
+        self.closed = found.closed
+        self.crease = float(crease)
+        self.rounding = float(rounding)
+        self.name = name
+        for array in (self.points, self.cells):
+            array.flags.writeable = False
+        known = (self.points.tobytes(), self.cells.tobytes(), repr((self.crease, self.rounding)))
+        self.mark = hashlib.sha256(b"|".join((*known[:2], known[2].encode()))).hexdigest()[:32]
+
+    @classmethod
+    def read(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        group: str | int | None = None,
+        scale: float = 1.0,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+        **options: Any,
+    ) -> Self:
+        """A surface from a file, which rank 0 reads for all. Collective.
+
+        Args:
+            path: an STL file, of words or binary, or one of gmsh, ``.msh``: surfaces are those of a
+                3D problem, curves in a plane of constant z of a 2D problem.
+            group: physical group of gmsh, by name or tag; None for all facets of the file.
+            scale: the unit of length of the file in that of the mesh: 1e-3 for one in mm.
+            comm: of the ranks that call.
+            **options: as of the class; the name is by default that of the file.
+
+        Raises:
+            OSError: on every rank, if rank 0 cannot read the file.
+            ValueError: on every rank, if its content does not fit, there is no such group, it is
+                empty, or arguments differ between ranks; and as of the class.
+        """
+        points, cells = _read(comm, Path(path), group, scale)
+        options.setdefault("name", Path(path).name)
+        return cls(points, cells, **options)
+
+    @property
+    def outline(self) -> Outline | None:
+        sides = self._surface.point_normals
+        return Outline(self.points, self.cells, -sides / np.linalg.norm(sides, axis=1)[:, None])
+
+    def distances(self, x: npt.ArrayLike) -> Distances:
+        """How far points (n, dim) are from the surface, without rounding. Not collective.
+
+        Raises:
+            ValueError: if points are not of that shape.
+        """
+        places = np.asarray(x, dtype=np.float64)
+        if places.ndim != 2 or places.shape[1] != self.points.shape[1]:
+            raise ValueError(
+                f"{self.name}: points are an array (n, {self.points.shape[1]}), got the shape "
+                f"{places.shape}"
+            )
+        return distances_from(self._surface, self._closest, places)
+
+    def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
+        dim = self.points.shape[1]
+        if domain.geometry.dim != dim:
+            what = {2: "a surface of segments", 3: "a surface of triangles"}[dim]
+            raise ValueError(
+                f"{self.name} is {what}, for a {dim}D mesh; the mesh is {domain.geometry.dim}D"
+            )
+        measured = Measured(domain, x, self._measure)
+        return measured.gap, measured.normal
+
+    def _measure(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Gaps, their gradients, normals into the obstacle and their derivatives."""
+        found = self.distances(x)
+        return found.distance - self.rounding, found.slope, -found.normal, -found.turn
+
+
+def _check_file(a: Arguments) -> None:
+    a.path = Path(a.path)
+    if not (is_number(a.scale) and np.isfinite(a.scale) and a.scale > 0):
+        raise ValueError(f"{a.path}: scale must be a positive number, got {a.scale!r}")
+    named = isinstance(a.group, str | int | None) and not isinstance(a.group, bool)
+    if not named:
+        raise ValueError(f"{a.path}: a group is a name or a tag, got {a.group!r}")
+
+
+@collective("a surface from a file", _check_file)
+def _read(comm: MPI.Comm, path: Path, group: str | int | None, scale: float) -> tuple[Array, Ints]:
+    """Points and facets, the same on every rank."""
+    points, cells = on_root(comm, lambda: facets_in(path, group))
+    return merged(scale * points, cells)
+
+
+def _arrays(points: npt.ArrayLike, cells: npt.ArrayLike, name: str) -> tuple[Array, Ints]:
+    """Copies of points and facets, or ``ValueError``."""
+    try:
+        x = np.array(points, dtype=np.float64)
+        facets = np.array(cells)
+    except (TypeError, ValueError):
+        x, facets = np.empty(0), np.empty(0)
+    if x.ndim != 2 or x.shape[1] not in (2, 3) or not np.isfinite(x).all():
+        raise ValueError(f"{name}: points are a finite array (m, 2) or (m, 3)")
+    fits = facets.ndim == 2 and len(facets) and facets.shape[1] == x.shape[1]
+    if not fits or facets.dtype.kind not in "iu":
+        what = "segments" if x.shape[1] == 2 else "triangles"
+        raise ValueError(f"{name}: cells are {what} by numbers of points (k, {x.shape[1]})")
+    if facets.min() < 0 or facets.max() >= len(x):
+        raise ValueError(f"{name}: cells have numbers of points that there are not")
+    used, places = np.unique(facets, return_inverse=True)
+    return x[used], places.reshape(facets.shape).astype(np.int64)

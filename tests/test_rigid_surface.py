@@ -1,0 +1,495 @@
+"""Rigid surfaces of facets: distances, orientation, files, and contact with them."""
+
+from mpi4py import MPI
+
+import demo_punch
+import numpy as np
+import pytest
+from _surfaces import ball, brick, cylinder, disc, write_stl
+from blocks import same_tables
+from test_curved_friction import OnBody, Stopped, pressed_and_led, remembering
+from test_large_sliding import block, shaken
+
+import ufl
+
+from dolfinx_contact import (
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    LevelSet,
+    RigidBody,
+    RigidSurface,
+    Sphere,
+    plot,
+)
+from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.records import EvolutionRecord
+from dolfinx_contact.rigid_surfaces.closest import closest_on
+
+COMM = MPI.COMM_WORLD
+SURFACES = {
+    "ball": ball(4),
+    "cylinder": cylinder(40),
+    "box": brick((-1, -1, -1), (1, 1, 1)),
+    "disc": disc(30),
+    "square": brick((-1, -1), (1, 1)),
+}
+REFUSED = pytest.mark.refuses("surfaces of facets", aspects=("2D", "3D"))
+
+
+def places(dim, number=400):
+    return 1.2 * np.random.default_rng(1).normal(size=(number, dim))
+
+
+# -- distances -------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    reference="enumeration: the distances of all facets",
+    aspects=("2D", "3D"),
+)
+def test_closest(name):
+    """The search finds what all facets one by one give; derivatives are those of differences."""
+    surface = RigidSurface(*SURFACES[name])
+    dim = surface.points.shape[1]
+    x = places(dim)
+    found = surface.distances(x)
+    best = np.full(len(x), np.inf)
+    for facet in surface.points[surface.cells]:
+        corners = np.broadcast_to(facet, (len(x), *facet.shape))
+        feet = np.einsum("nk,nki->ni", closest_on(x, corners), corners)
+        best = np.minimum(best, np.linalg.norm(x - feet, axis=1))
+    np.testing.assert_allclose(np.abs(found.distance), best, atol=1e-14)
+    if name in ("box", "square"):
+        over = np.abs(x) - 1.0
+        outside = np.linalg.norm(np.maximum(over, 0.0), axis=1)
+        exact = outside + np.minimum(over.max(axis=1), 0.0)
+        np.testing.assert_allclose(found.distance, exact, atol=1e-14)
+    # Away from where the closest facet changes.
+    h = 1e-5
+    slope, turn = np.empty_like(found.slope), np.empty_like(found.turn)
+    for i in range(dim):
+        after, before = (surface.distances(x + s * h * np.eye(dim)[i]) for s in (1, -1))
+        slope[:, i] = (after.distance - before.distance) / (2 * h)
+        turn[:, :, i] = (after.normal - before.normal) / (2 * h)
+    for off in (slope - found.slope, turn - found.turn):
+        each = np.sort(np.abs(off).reshape(len(x), -1).max(axis=1))
+        assert each[int(0.95 * len(x))] < 1e-8
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.verifies(
+    "surfaces of facets",
+    reference="closed form: normals of spheres and circles",
+    aspects=("2D", "3D"),
+)
+def test_normals_of_points():
+    """Averages at points are those of a circle and a sphere through these, however they lie."""
+    rng = np.random.default_rng(2)
+    angle = np.sort(rng.uniform(0, 2 * np.pi, 40))
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    cells = np.stack([np.arange(40), (np.arange(40) + 1) % 40], axis=1)
+    points, triangles = ball(5)
+    points = points + rng.normal(size=points.shape) * 0.02
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    for x, facets in ((circle, cells), (points, triangles)):
+        surface = RigidSurface(x, facets, crease=90.0)
+        np.testing.assert_allclose(surface.distances(x).normal, x, atol=1e-12)
+        beside = 1.0001 * surface.distances(0.9 * x).feet
+        assert np.isfinite(surface.distances(beside).normal).all()
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: distances from a segment", aspects=("2D",)
+)
+def test_rim():
+    """Behind its rim an open surface is as far away as it is in front of it."""
+    plate = RigidSurface([[0.0, 0.0], [1.0, 0.0]], [[1, 0]])
+    assert not plate.closed
+    x = np.array([[0.5, 0.2], [0.5, -0.2], [1.3, 0.4], [1.3, -0.4], [-0.3, -0.4]])
+    found = plate.distances(x)
+    np.testing.assert_allclose(found.distance, [0.2, -0.2, 0.5, 0.5, 0.5], atol=1e-15)
+    assert found.past.tolist() == [False, False, False, True, True]
+    die = RigidSurface(*disc(30), reverse=True)
+    assert die.distances(np.zeros((1, 2))).distance[0] > 0.9
+
+
+# -- derivatives in the equations ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "given"),
+    [("disc", {}), ("disc", {"method": "integral"}), ("ball", {}), ("ball", {"crease": 0.0})],
+)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "Coulomb",
+    "rigid bodies",
+    reference="differences: central differences",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_jacobian(kind, given):
+    """Gap, normal and slip with memory, on a body that has turned."""
+    dim = 2 if kind == "disc" else 3
+    crease = given.get("crease", 30.0)
+    given = {name: value for name, value in given.items() if name != "crease"}
+    made = disc(24, 3.0, (0.4, -3.0), 0.1) if dim == 2 else ball(3, 3.0, (0.4, 0.6, -3.0))
+    # The cones of an edge are narrow: rounding makes them wide.
+    shape = RigidSurface(*made, crease=crease, rounding=0.0 if crease else 0.3)
+    motion = {"rz": 0.3} if dim == 2 else {"rx": 0.2, "ry": -0.3, "rz": 0.4}
+    held = ["x", "y", "z"][:dim]
+    body = RigidBody(shape, about=[0.4, *[0.5] * (dim - 2), -1.0], motion=motion, held=held)
+    cell = "quad" if dim == 2 else "hex"
+    problem = block(body, cell=cell, n=2, law=Coulomb(0.3), sliding="large", **given)
+    remembering(problem)
+    eq = problem.equations
+    x, v = (shaken(problem, size, seed) for size, seed in ((0.05, 1.0), (1.0, 2.0)))
+    n = eq.owned_sizes[0]
+    rest = n + eq.owned_sizes[1]
+    v.array[:n][eq.fixed[:n]] = 0.0
+    v.array[rest:] = 0.0
+    x.array[rest:] = eq.rigid.here(eq.rigid.prescribed(1.0))
+    x.array[:n][eq.fixed[:n]] = eq.prescribed.values().reshape(-1)[:n][eq.fixed[:n]]
+    (s,) = problem.surfaces
+    codes = s.law_at_points.codes
+    statuses = [np.array(codes, np.int8)[(np.arange(s.points.number) + COMM.rank) % len(codes)]]
+    b, after, before, product = (x.duplicate() for _ in range(4))
+    jacobian = Jacobian(eq)
+    jacobian.update(eq.residual(x, b, statuses))
+    jacobian.matrix.mult(v, product)
+    errors = []
+    for eps in (1e-5, 1e-6):
+        for sign, f in ((eps, after), (-eps, before)):
+            y = x.copy()
+            y.axpy(sign, v)
+            eq.residual(y, f, statuses)
+        after.axpy(-1.0, before)
+        after.scale(0.5 / eps)
+        after.axpy(-1.0, product)
+        rows = [np.sum(f.array_r[n:] ** 2) for f in (after, product)]
+        errors.append(np.sqrt(np.divide(*COMM.allreduce(np.array(rows)))))
+    assert errors[0] < 1e-5
+    assert errors[1] < 0.02 * errors[0] + 1e-8
+
+
+# -- contact ---------------------------------------------------------------------------------------
+
+
+def force_of(shape, dim, law=None, **given):
+    """Of a block pressed on a shape and pulled over it."""
+    on_body = OnBody(dim, shape, law or Coulomb(0.3), n=4, **given)
+
+    def motion(t, X):
+        return pressed_and_led(t, X, press=0.1, shear=0.3)
+
+    steps = on_body.run(motion, [0.0, 0.5, 1.0, 1.5, 2.0]).steps
+    return steps[-1].result
+
+
+#: Exact, of facets with k times as many along a line, and by how much these are off with k = 1.
+CURVED = {
+    "disc": (
+        Sphere((0.4, -1.0), 1.0),
+        lambda k: disc(20 * k, 1.0, (0.4, -1.0), 0.3),
+        (np.pi / 10) ** 2 / 8,
+    ),
+    "ball": (
+        Sphere((0.4, 0.45, -1.0), 1.0),
+        lambda k: ball(4 * k, 1.0, (0.4, 0.45, -1.0)),
+        (1.1 * np.arctan(2.0) / 4) ** 2 / 6,
+    ),
+    "roller": (
+        Cylinder((0.4, 0.5, -1.0), (0.0, 1.0, 0.0), 1.0),
+        lambda k: cylinder(40 * k, 1.0, 4.0, (0.4, 0.5, -1.0)),
+        (np.pi / 20) ** 2 / 8,
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "method"),
+    [("disc", "nodal"), ("disc", "integral"), ("ball", "nodal"), ("roller", "nodal")],
+)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "spheres",
+    "cylinders",
+    "Coulomb",
+    "quasi-static",
+    reference="itself: exact spheres and cylinders",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_against_exact_shapes(kind, method):
+    """A block pulled over a sphere and a cylinder: facets are off by the square of their size."""
+    dim = 2 if kind == "disc" else 3
+    exact, made, sagitta = CURVED[kind]
+    expected = force_of(exact, dim, method=method).resultants["contact"]
+    off = []
+    for k in (1, 4):
+        found = force_of(RigidSurface(*made(k)), dim, method=method)
+        assert method == "integral" or found.kkt_violation < 1e-9
+        off.append(np.abs(found.resultants["contact"] - expected).max() / np.abs(expected).max())
+        # By no more than the facets are off, over the depth of 0.1: the square of their size.
+        assert off[-1] < 2 * sagitta / k**2 / 0.1
+    assert off[1] < off[0] / 4
+
+
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "rigid bodies",
+    "Coulomb",
+    reference="itself: on one rank, and the distance of a rectangle as a level set",
+    aspects=("2D", "large sliding"),
+)
+def test_flat_punch_and_ranks():
+    """A punch with sharp corners is that of its distance function, on any number of ranks."""
+
+    def box(x):
+        over = [abs(x[0] - 0.51) - 0.21, abs(x[1] + 0.5) - 0.5]
+        outside = sum(ufl.max_value(v, 0.0) ** 2 for v in over)
+        far = ufl.gt(outside, 0.0)
+        inside = ufl.max_value(*over)
+        return ufl.conditional(far, ufl.sqrt(ufl.conditional(far, outside, 1.0)), inside)
+
+    punch = RigidSurface(*brick((0.3, -1.0), (0.72, 0.0)))
+    expected = force_of(LevelSet(box), 2).tables["contact"]
+    same_tables(force_of(punch, 2).tables["contact"], expected, 1e-9)
+    alone = force_of(punch, 2, comm=MPI.COMM_SELF).tables["contact"]
+    same_tables(force_of(punch, 2).tables["contact"], alone, 1e-8)
+
+
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "Signorini",
+    reference="closed form: a face without friction carries along its normal",
+    aspects=("3D", "large sliding"),
+)
+def test_frictionless():
+    """Tractions are along the averaged normals."""
+    shape = RigidSurface(*ball(6, 1.0, (0.4, 0.45, -1.0)))
+    result = force_of(shape, 3, Frictionless())
+    table = result.tables["contact"]
+    assert (table.rn > 0).any()
+    assert np.abs(table.rt).max() < 1e-9 * table.rn.max()
+
+
+@pytest.mark.verifies(
+    "records of histories",
+    "surfaces of facets",
+    reference="itself: a history without a stop",
+    aspects=("2D", "records"),
+)
+def test_resumed(folder):
+    """A record goes on with the surface that it was made with, and no other."""
+
+    def made(start=0.0):
+        shape = RigidSurface(*disc(40, 1.0, (0.4, -1.0), start))
+        on_disc = OnBody(2, shape, Coulomb(0.3))
+
+        def load(t):
+            on_disc.move(lambda X: pressed_and_led(t, X, shear=0.2))
+
+        return QuasiStatic(on_disc.problem, load)
+
+    times = [0.0, 1.0, 1.5, 2.0]
+    expected = made().run(times, rays=False).steps[-1].result.tables["contact"]
+
+    def watch(step):
+        if step.number == 2:
+            raise Stopped
+
+    begun = made()
+    with EvolutionRecord(folder, begun) as record, pytest.raises(Stopped):
+        begun.run(times, rays=False, record=record, observer=watch)
+    with pytest.raises(ValueError, match=r"another problem|differ"):
+        EvolutionRecord(folder, made(0.01), resume=True)
+    with EvolutionRecord(folder, made(), resume=True) as record:
+        found = record.go_on().steps[-1].result
+    same_tables(found.tables["contact"], expected, 1e-9)
+
+
+# -- what is passed --------------------------------------------------------------------------------
+
+
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: depths of corners in facets", aspects=("2D",)
+)
+def test_corner_between_points_is_said(caplog):
+    wedge = RigidSurface([[0.35, -0.02], [0.05, -0.6], [0.65, -0.6]], [[0, 1], [1, 2], [2, 0]])
+    on_wedge = OnBody(2, wedge, Frictionless(), n=2)
+    on_wedge.move(lambda X: np.tile([0.0, -0.15], (len(X), 1)))
+    on_wedge.problem.solve()
+    said = "a corner of rigid surface is 0.13 deep in a facet of the size 0.5"
+    assert (said in caplog.text) == (COMM.rank == 0)
+    caplog.clear()
+    plate = RigidSurface([[0.2, 0.0], [0.8, 0.0]], [[1, 0]])
+    on_plate = OnBody(2, plate, Frictionless(), n=8)
+    on_plate.move(lambda X: np.tile([0.0, -0.05], (len(X), 1)))
+    on_plate.problem.solve()
+    assert ("4 nodes of the face are past the rim" in caplog.text) == (COMM.rank == 0)
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@REFUSED
+def test_bad_surfaces():
+    points, cells = ball(1)
+    flipped = cells.copy()
+    flipped[3] = flipped[3, ::-1]
+    fan = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    two = np.concatenate([cells, cells + len(points)])
+    apart = np.concatenate([points, points + np.array([5.0, 0.0, 0.0])])
+    for x, facets, given, message in (
+        (points, flipped, {}, "the facets at 3 of 30 edges between two look to different sides"),
+        (points, cells[:, ::-1], {}, "a closed surface has its normals inward"),
+        (points[:5], fan, {}, "no manifold: 1 edges have more than two facets"),
+        (points, np.vstack([cells, [0, 0, 1]]), {}, "1 facets have two corners in one place"),
+        (np.eye(3) * [[1], [1], [0]] + [0, 0, 1], [[0, 1, 2], [0, 2, 1]], {}, "there twice"),
+        ([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], {}, "1 facets have no area"),
+        (np.full((3, 3), np.nan), [[0, 1, 2]], {}, "points are a finite array"),
+        (points, cells.astype(float), {}, "cells are triangles by numbers of points"),
+        (points, np.zeros((0, 3), int), {}, "cells are triangles"),
+        (points, cells + 1, {}, "numbers of points that there are not"),
+        (points, cells, {"crease": -1.0}, "crease must be a number from 0 to 180 degrees"),
+        (points, cells, {"rounding": np.nan}, "rounding must be a number from 0"),
+        ([[0.0, 0], [1, 0], [0, 1]], [[0, 1], [2, 1]], {}, "at 1 of 1 points between two look"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            RigidSurface(x, facets, **given)
+    right = RigidSurface(points, cells)
+    for wrong in (flipped, cells[:, ::-1], np.vstack([cells, [0, 0, 1]])):
+        mended = RigidSurface(points, wrong, mend=True)
+        x = places(3, 50)
+        np.testing.assert_allclose(mended.distances(x).distance, right.distances(x).distance)
+    assert RigidSurface(apart, two).closed
+    with pytest.raises(AttributeError, match="a RigidBody moves it"):
+        right.points = points
+    with pytest.raises(ValueError, match="read-only"):
+        right.points[0] = 0.0
+    # A strip with one side alone.
+    n = 12
+    turn = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    way = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    arm = 0.3 * (np.cos(turn / 2)[:, None] * way + np.sin(turn / 2)[:, None] * [0, 0, 1.0])
+    k = np.arange(n)
+    m, over = (k + 1) % n, np.arange(n) == n - 1
+    low, high = np.where(over, m + n, m), np.where(over, m, m + n)
+    strip = np.concatenate([np.stack([k, low, high], 1), np.stack([k, high, k + n], 1)])
+    with pytest.raises(ValueError, match="one side alone"):
+        RigidSurface(np.concatenate([way - arm, way + arm]), strip, mend=True)
+
+
+@REFUSED
+def test_bad_use():
+    for shape, dim, given, message in (
+        (disc(20), 3, {}, "is a surface of segments, for a 2D mesh"),
+        (disc(20), 2, {"method": "mixed"}, "gaps of mixed contact are averages around nodes"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            OnBody(dim, RigidSurface(*shape), Coulomb(0.3), **given)
+
+
+@pytest.mark.skipif(COMM.size == 1, reason="ranks that differ")
+@REFUSED
+def test_ranks_with_other_tools():
+    shape = RigidSurface(*disc(20, start=0.01 * COMM.rank))
+    with pytest.raises(ValueError, match="obstacle differs between ranks"):
+        OnBody(2, shape, Coulomb(0.3))
+
+
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: what was written", aspects=("2D", "3D")
+)
+def test_files(folder):
+    """STL in words and binary, groups of gmsh in 2D and 3D; errors are those of all ranks."""
+    points, cells = ball(2)
+    if COMM.rank == 0:
+        for name, binary in (("words.stl", False), ("binary.stl", True)):
+            write_stl(folder / name, 1e3 * points, cells, binary=binary)
+        (folder / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
+        (folder / "broken.stl").write_bytes((folder / "binary.stl").read_bytes()[:-7])
+        _write_gmsh(folder / "tool.msh")
+    COMM.barrier()
+    x = places(3, 40)
+    expected = RigidSurface(points, cells).distances(x).distance
+    for name, accuracy in (("words.stl", 1e-13), ("binary.stl", 1e-6)):
+        tool = RigidSurface.read(folder / name, scale=1e-3)
+        assert (len(tool.points), len(tool.cells), tool.closed) == (42, 80, True)
+        np.testing.assert_allclose(tool.distances(x).distance, expected, atol=accuracy)
+    box = RigidSurface.read(folder / "tool.msh", group="skin", mend=True)
+    assert box.closed
+    assert np.isclose(box.distances([[0.5, 0.5, 2.0]]).distance[0], 1.0)
+    line = RigidSurface.read(folder / "tool.msh", group="edge")
+    assert line.points.shape[1] == 2
+    assert not line.closed
+    for name, given, error, message in (
+        ("none.stl", {}, FileNotFoundError, "none.stl"),
+        ("empty.stl", {}, ValueError, "has no facets"),
+        ("broken.stl", {}, ValueError, "is no STL file: neither binary"),
+        ("tool.step", {}, ValueError, "from a file .stl or .msh"),
+        ("words.stl", {"group": "skin"}, ValueError, "an STL file has no groups"),
+        ("words.stl", {"scale": 0.0}, ValueError, "scale must be a positive number"),
+        ("tool.msh", {"group": "rim"}, ValueError, "no group 'rim' of curves or surfaces"),
+        ("tool.msh", {"group": "void"}, ValueError, "no facets in the group 'void'|no group"),
+    ):
+        with pytest.raises(error, match=message):
+            RigidSurface.read(folder / name, **given)
+    if COMM.size > 1:
+        with pytest.raises(ValueError, match="scale differs between ranks"):
+            RigidSurface.read(folder / "words.stl", scale=1.0 + COMM.rank)
+
+
+def _write_gmsh(path):
+    """A box with its skin, and an edge of it, in groups."""
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(3, [1], name="body")
+    skin = [tag for _, tag in gmsh.model.getEntities(2)]
+    gmsh.model.addPhysicalGroup(2, skin, name="skin")
+    flat = [
+        tag
+        for _, tag in gmsh.model.getEntities(1)
+        if np.ptp(np.array(gmsh.model.getBoundingBox(1, tag))[[2, 5]]) < 1e-3
+    ]
+    gmsh.model.addPhysicalGroup(1, flat[:1], name="edge")
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.5)
+    gmsh.model.mesh.generate(3)
+    gmsh.write(str(path))
+    gmsh.finalize()
+
+
+# -- the demo --------------------------------------------------------------------------------------
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("tool", ["ball", "roller", "flat"])
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "rigid bodies",
+    "Coulomb",
+    "quasi-static",
+    reference="itself: exact shapes; closed form: equilibrium with the force",
+    aspects=("3D", "large sliding"),
+)
+def test_demo(tool, folder, monkeypatch):
+    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
+    found = demo_punch.main([f"--tool={tool}", "--n=6", "--steps=2", f"--output={folder}"])
+    assert found["unbalanced"] < 1e-9
+    assert found["kkt_violation"] < 1e-9
+    assert found["drag_exact"] > 0.2 * 60.0
+    if tool == "flat":
+        assert found["off"][0] < 1e-9
+    else:
+        assert found["off"][2] < found["off"][0] / 6
+        assert found["off"][2] < 0.02
