@@ -36,7 +36,7 @@ from dolfinx_contact import (
     NormalCompliance,
     Tresca,
 )
-from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean, circumference
 from dolfinx_contact.obstacles import Obstacle
 
@@ -315,6 +315,7 @@ class Turning:
         stress = hooke(ufl.as_matrix([[0, 0, c[0]], [0, 0, c[1]], [0, 0, d]]))
         energy = STEEL.energy(self.u) * ufl.dx
         energy -= sides(domain) * ufl.dot(ufl.dot(stress, n), self.u) * ufl.ds
+        self.energy = energy
         floor = HalfSpace(np.zeros(3), (0.0, 0.0, 1.0))
         bottom = facets(domain, 2, 0.0)
         surface = ContactSurface(self.u, bottom, obstacle=floor, law=Coulomb(FRICTION))
@@ -358,6 +359,47 @@ def history(n):
     body.load(0.0)
     body.problem.solve(progress=False)
     QuasiStatic(body.problem, body.load).run(np.linspace(0.0, 1.0, n + 1), progress=False)
+    return body.error(1.0)
+
+
+class TurningInTime(Turning):
+    """The same with mass, of density 1: the velocity is a' + z c', the force its derivative."""
+
+    def __init__(self):
+        super().__init__()
+        domain = self.V.mesh
+        self.forces = [fem.Constant(domain, np.zeros(3)) for _ in range(2)]
+        z = ufl.SpatialCoordinate(domain)[2]
+        load = ufl.dot(self.forces[0] + z * self.forces[1], self.u) * ufl.dx
+        static = self.problem
+        energy = self.energy - load
+        self.problem = ContactProblem(energy, self.u, static.surfaces, bcs=static.bcs)
+
+    def load(self, time):
+        super().load(time)
+        angle = TURN * time
+        self.forces[0].value[:2] = 0.1 * TURN * np.array([-np.sin(angle), np.cos(angle)])
+        self.forces[1].value[:2] = -(TURN**2) * self.motion(time)[1]
+
+    def velocity(self):
+        """At the start, a Function."""
+        v = fem.Function(self.V)
+        v.x.array[0::3] = 0.1
+        z = self.V.tabulate_dof_coordinates()[:, 2]
+        v.x.array[1::3] = TURN * FRICTION * PRESSURE / MU * z
+        return v
+
+
+def motion(n):
+    """The slip that turns, of a body with mass, in n steps."""
+    body = TurningInTime()
+    body.load(0.0)
+    body.u.x.array[:] = body.field(0.0)
+    start = body.velocity()
+    moving = NSCD(
+        body.problem, 1.0, dt=1.0 / n, load=body.load, velocity=start, theta=1.0, mass="consistent"
+    )
+    moving.run([0.0, 1.0], progress=False)
     return body.error(1.0)
 
 
@@ -489,6 +531,13 @@ CASES = {
         (4, 8),
         {"displacement": 1, "shear": 1},
         long=False,
+    ),
+    "motion": Manufactured(
+        "NSCD motion",
+        "the same cube with mass, theta = 1: steps of time",
+        motion,
+        (20, 40),
+        {"displacement": 1, "shear": 1},
     ),
 }
 
