@@ -17,6 +17,7 @@ from dolfinx_contact.analysis.critical_friction import CriticalFriction, critica
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
 from dolfinx_contact.analysis.regions import Region, Regions, solution_regions
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
+from dolfinx_contact.analysis.shakedown import LoadCycles, Shakedown, shakedown
 from dolfinx_contact.analysis.solutions import ProvedSolution, ProvedSolutions, prove_solutions
 from dolfinx_contact.analysis.stability import Stability, stability_at_rest
 from dolfinx_contact.analysis.steady_sliding import Onset, SlidingModes, SteadySliding
@@ -32,6 +33,7 @@ __all__ = [
     "EventCurve",
     "EventCurves",
     "InvalidCertificate",
+    "LoadCycles",
     "Meeting",
     "Onset",
     "Proved",
@@ -42,6 +44,7 @@ __all__ = [
     "Regions",
     "Renard",
     "Segment",
+    "Shakedown",
     "SlidingModes",
     "Stability",
     "SteadySliding",
@@ -53,6 +56,7 @@ __all__ = [
     "event_curves",
     "prove_solutions",
     "renard_criterion",
+    "shakedown",
     "solution_regions",
     "stability_at_rest",
     "wedging_friction",
