@@ -5,6 +5,7 @@ Of the proofs what has to be trusted is in one file, `check_proof.py`, which nee
 rest looks for proofs.
 """
 
+from dolfinx_contact.analysis.branch_counts import BranchCounts, ProvedCount, prove_counts
 from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve, count_solutions
 from dolfinx_contact.analysis.check_proof import (
     Certificate,
@@ -25,6 +26,7 @@ from dolfinx_contact.analysis.two_parameters import contact_family, event_curves
 from dolfinx_contact.analysis.wedging import Wedging, wedging_friction
 
 __all__ = [
+    "BranchCounts",
     "Certificate",
     "Chart",
     "ChartCell",
@@ -37,6 +39,7 @@ __all__ = [
     "Meeting",
     "Onset",
     "Proved",
+    "ProvedCount",
     "ProvedSolution",
     "ProvedSolutions",
     "ReducedProblem",
@@ -54,6 +57,7 @@ __all__ = [
     "count_solutions",
     "critical_friction",
     "event_curves",
+    "prove_counts",
     "prove_solutions",
     "renard_criterion",
     "shakedown",
