@@ -15,6 +15,10 @@ from dolfinx_contact.analysis.check_proof import (
     check,
 )
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
+from dolfinx_contact.analysis.directions_of_slip import (
+    FrictionByDirection,
+    critical_friction_by_direction,
+)
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
 from dolfinx_contact.analysis.regions import Region, Regions, solution_regions
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
@@ -34,6 +38,7 @@ __all__ = [
     "CriticalFriction",
     "EventCurve",
     "EventCurves",
+    "FrictionByDirection",
     "InvalidCertificate",
     "LoadCycles",
     "Meeting",
@@ -56,6 +61,7 @@ __all__ = [
     "contact_family",
     "count_solutions",
     "critical_friction",
+    "critical_friction_by_direction",
     "event_curves",
     "prove_counts",
     "prove_solutions",
