@@ -258,9 +258,11 @@ def test_bound_promises_rest_that_does_not_come(number):
         if not found.broken or len(found.broken) != len(finer.broken):
             continue
         for cycle, fine in zip(found.broken, finer.broken, strict=True):
-            check_enumerated(cycle, given)
-            # A slip that turns inside a step does so at its end.
-            np.testing.assert_allclose(cycle.dissipation[-1], fine.dissipation[-1], rtol=1e-2)
+            for one in (cycle, fine):
+                check_enumerated(one, given)
+                # It is no round-off beside the largest force along the largest slip.
+                most = np.abs(one.forces).max() * one.slid
+                assert 1e-3 * most < one.dissipation[-1]
         broken += 1
         both += any(c.ending == "rest" for c in found.cycles)
         print(f"case {case}: S = {given.S.tolist()}, F = {given.friction[0]}, {loads=}\n{found}")
