@@ -5,7 +5,8 @@
 #
 # - compute the friction coefficients at which sliding solutions come in continua;
 # - see by refinement whether they belong to the body or to the mesh, and compare them with the
-#   friction up to which a solution is certainly the only one.
+#   friction up to which a solution is certainly the only one;
+# - draw it over the direction of sliding, in 3D (`--shape prism`).
 #
 # Hassani, Hild, Ionescu and Sakki (2003, 2004): with all contact points slipping the same way, S_tt
 # v = F S_nt v is an eigenproblem for F. At a real F whose v has one sign, v may be added to a
@@ -24,14 +25,18 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
-from dolfinx_contact.analysis import critical_friction, renard_criterion
+from dolfinx_contact.analysis import (
+    critical_friction,
+    critical_friction_by_direction,
+    renard_criterion,
+)
 from dolfinx_contact.materials import LinearElastic
 
 
 def arguments(argv=None):
     body = dict(n=32, lame=(100.0, 82.0), young=1.0, poisson=0.3)
     parser = ScriptParser("Critical friction", output="output/critical_friction", **body)
-    parser.add_argument("--shape", choices=("hild", "parallelogram"), default="hild")
+    parser.add_argument("--shape", choices=("hild", "parallelogram", "prism"), default="hild")
     parser.add_argument("--width", type=number(above=0), default=1.0, help="of it")
     parser.add_argument("--height", type=number(above=0), default=4.0, help="of it")
     parser.add_argument("--offset", type=number(), default=1.0, help="of its top, to the right")
@@ -105,11 +110,57 @@ def curves_of(levels, name):
     return h, values
 
 
+# ## A prism that leans, over the direction of sliding
+#
+# In 3D a slip has a direction. The prism leans to one side; the smallest friction is that of the
+# slip that drives it into the floor; slip the other way has none.
+
+
+def prism(args):
+    n = min(args.n, 4)
+    corners = [[0.0, 0.0, 0.0], [args.width, args.width, args.height]]
+    upwards = max(round(n * args.height / args.width), 1)
+    cells = mesh.CellType.hexahedron
+    domain = mesh.create_box(MPI.COMM_WORLD, corners, [n, n, upwards], cells)
+    bottom = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0.0))
+    top = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], args.height))
+    x = domain.geometry.x
+    x[:, 0] += args.offset * x[:, 2] / args.height
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    u = fem.Function(V, name="displacement")
+    clamped = fem.dirichletbc(np.zeros(3), fem.locate_dofs_topological(V, 2, top), V)
+    plane = HalfSpace((0, 0, 0), (0, 0, 1))
+    floor = ContactSurface(u, bottom, obstacle=plane, law=Coulomb(1.0))
+    energy = LinearElastic.from_young(args.young, args.poisson).energy(u) * ufl.dx
+    return ContactProblem(energy, u, [floor], bcs=[clamped])
+
+
+def over_directions(args, folder, say):
+    problem = prism(args)
+    found = critical_friction_by_direction(problem, number=24)
+    say(str(found))
+    if MPI.COMM_WORLD.rank == 0:
+        curve = {"critical friction": (found.angles, found.friction)}
+        plot.draw_polar(folder / "directions.png", curve, label="direction of slip")
+    summary = {
+        "converged": True,
+        "newton_iterations": 0,
+        "dofs": problem.create_vector().getSize(),
+        "critical_friction": found.smallest,
+        "direction": found.direction,
+        "angles": found.angles,
+        "friction": found.friction,
+    }
+    return io.write_summary(MPI.COMM_WORLD, folder, summary)
+
+
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD
     folder = io.output_folder(comm, args.output)
     say = io.Report(comm)
+    if args.shape == "prism":
+        return over_directions(args, folder, say)
     problem = body(args, args.n)
     found = critical_friction(problem)
     further = found.one_signed + found.others

@@ -5,7 +5,7 @@
 #
 # - find all branches of solutions that hang together, as a graph (`explore`);
 # - pass a point where *every* contact node is at a kink at once, and leave it along every ray;
-# - prove that there are no other solutions (`find_solutions`).
+# - prove that there are no other solutions (`prove_counts`), and keep the proofs.
 #
 # The triangle A = (0, 0), B = (1, 0), C = (0, 1), clamped on BC, may touch a rigid floor along AB.
 # A traction -gamma (26, 7.5) acts on AC (Ligursky and Renard's example of a linear elastic body).
@@ -23,7 +23,8 @@ from _case import ScriptParser
 from _triangle import linear_triangle
 
 from dolfinx_contact import io, plot, records
-from dolfinx_contact.continuation import Branch, explore, find_solutions
+from dolfinx_contact.analysis import prove_counts
+from dolfinx_contact.continuation import Branch, explore
 from dolfinx_contact.records import leftmost, total
 
 #: Outputs; A is the leftmost contact point.
@@ -51,7 +52,7 @@ def ends_of(system, diagram):
     return ends
 
 
-def draw(folder, comm, system, diagram, ends, found, titles, length):
+def draw(folder, comm, system, diagram, ends, found, titles, length, proofs):
     """The bodies at the ends, and the normal force, gap and slip along the branches."""
     largest = max(abs(s["ut_A"]) for s in found)
     scale = 0.15 * length / (largest or 1.0)
@@ -64,7 +65,7 @@ def draw(folder, comm, system, diagram, ends, found, titles, length):
         first = journal.rows(k)[0]
         names.append(described(first["status"]))
     seen = {"ut_A": "$u_t$ of A", "un_A": "gap of A", "sum_rn": "normal force"}
-    plot.draw_diagram(folder / "diagram.png", journal, seen, names=names, strips=0)
+    plot.draw_diagram(folder / "diagram.png", journal, seen, names=names, strips=0, proved=proofs)
 
 
 # ## Explore, from the solution at gamma = -1
@@ -89,14 +90,17 @@ def main(argv=None):
     begun = time.perf_counter()
     diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=args.route)
     explored = time.perf_counter()
-    proofs = [find_solutions(system, [x], gamma) for gamma in (-1.0, 1.0)]
+    counts = prove_counts(system, diagram, gammas=(-1.0, 1.0))
+    proofs = [count.solutions for count in counts]
     proved = time.perf_counter()
     seconds = explored - begun
 
     ends = ends_of(system, diagram)
     found = records.journal_of(system, [Branch(ends)], FUNCTIONALS).rows()
     titles = [f"gamma = {s['gamma']:g}: {described(s['status'])}" for s in found]
-    draw(folder, comm, system, diagram, ends, found, titles, args.length)
+    draw(folder, comm, system, diagram, ends, found, titles, args.length, proofs)
+    if comm.rank == 0:
+        counts.save(folder / "counts", overwrite=True)
     for title, s in zip(titles, found, strict=True):
         values = [f"{name} = {s[name]:.7g}" for name in FUNCTIONALS]
         say(f"{title}; {', '.join(values)}")

@@ -68,7 +68,7 @@ FEATURES = {
     ),
     "Uniqueness and critical friction": (
         *("critical friction", "uniqueness", "Renard's criterion"),
-        *("steady sliding", "stability at rest"),
+        *("shakedown", "steady sliding", "stability at rest"),
     ),
     "Records": (
         *("records of branches", "records of histories", "records of motions"),

@@ -5,6 +5,7 @@ Of the proofs what has to be trusted is in one file, `check_proof.py`, which nee
 rest looks for proofs.
 """
 
+from dolfinx_contact.analysis.branch_counts import BranchCounts, ProvedCount, prove_counts
 from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve, count_solutions
 from dolfinx_contact.analysis.check_proof import (
     Certificate,
@@ -14,9 +15,14 @@ from dolfinx_contact.analysis.check_proof import (
     check,
 )
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
+from dolfinx_contact.analysis.directions_of_slip import (
+    FrictionByDirection,
+    critical_friction_by_direction,
+)
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
 from dolfinx_contact.analysis.regions import Region, Regions, solution_regions
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
+from dolfinx_contact.analysis.shakedown import LoadCycles, Shakedown, shakedown
 from dolfinx_contact.analysis.solutions import ProvedSolution, ProvedSolutions, prove_solutions
 from dolfinx_contact.analysis.stability import Stability, stability_at_rest
 from dolfinx_contact.analysis.steady_sliding import Onset, SlidingModes, SteadySliding
@@ -24,6 +30,7 @@ from dolfinx_contact.analysis.two_parameters import contact_family, event_curves
 from dolfinx_contact.analysis.wedging import Wedging, wedging_friction
 
 __all__ = [
+    "BranchCounts",
     "Certificate",
     "Chart",
     "ChartCell",
@@ -31,10 +38,13 @@ __all__ = [
     "CriticalFriction",
     "EventCurve",
     "EventCurves",
+    "FrictionByDirection",
     "InvalidCertificate",
+    "LoadCycles",
     "Meeting",
     "Onset",
     "Proved",
+    "ProvedCount",
     "ProvedSolution",
     "ProvedSolutions",
     "ReducedProblem",
@@ -42,6 +52,7 @@ __all__ = [
     "Regions",
     "Renard",
     "Segment",
+    "Shakedown",
     "SlidingModes",
     "Stability",
     "SteadySliding",
@@ -50,9 +61,12 @@ __all__ = [
     "contact_family",
     "count_solutions",
     "critical_friction",
+    "critical_friction_by_direction",
     "event_curves",
+    "prove_counts",
     "prove_solutions",
     "renard_criterion",
+    "shakedown",
     "solution_regions",
     "stability_at_rest",
     "wedging_friction",

@@ -2,7 +2,7 @@
 """Pictures: curves, diagrams, bodies, contact faces, films, and pages that explore records."""
 
 from dolfinx_contact.plot.animation import animate, draw_record, film
-from dolfinx_contact.plot.curves import draw_chart, draw_curves
+from dolfinx_contact.plot.curves import draw_chart, draw_curves, draw_polar
 from dolfinx_contact.plot.diagrams import draw_diagram
 from dolfinx_contact.plot.look import Look
 from dolfinx_contact.plot.page import SolutionCount, explorer, watch
@@ -16,6 +16,7 @@ __all__ = [
     "draw_chart",
     "draw_curves",
     "draw_diagram",
+    "draw_polar",
     "draw_record",
     "explorer",
     "film",

@@ -16,7 +16,7 @@ from dolfinx_contact._optional import optional
 from dolfinx_contact.analysis import Chart, EventCurves, Regions
 from dolfinx_contact.plot.page.of_charts import chart_scene
 
-__all__ = ["FILLS", "LINES", "draw_chart", "draw_curves", "figure_of", "written"]
+__all__ = ["FILLS", "LINES", "draw_chart", "draw_curves", "draw_polar", "figure_of", "written"]
 
 _BLACK = (":", "--", "-.")  # styles of curves to compare with
 _FEW = 20  # points of a curve that are marked
@@ -81,6 +81,44 @@ def draw_curves(
     axes.set_axisbelow(True)
     if any(not name.startswith("_") for name, *_ in drawn):
         axes.legend(frameon=False, fontsize=9)
+    return written(figure, file)
+
+
+def draw_polar(
+    file: str | os.PathLike[str],
+    curves: Mapping[str, Curve],
+    *,
+    title: str | None = None,
+    label: str = "",
+) -> Path:
+    """Draw closed curves over a circle of directions; on this rank alone.
+
+    Args:
+        file: the picture, of any kind that matplotlib writes.
+        curves: angles and radii by name; what is infinite is left out.
+        title: above the picture.
+        label: of the radius.
+
+    Raises:
+        OSError: with the path, if it cannot be written; it is then as it was.
+        ValueError: if there is nothing to draw, or a curve has not as many radii as angles.
+    """
+    if not curves:
+        raise ValueError("there is nothing to draw")
+    figure = figure_of((5.4, 5.4))
+    axes = figure.add_subplot(projection="polar")
+    for i, (name, (angles, radii)) in enumerate(curves.items()):
+        theta = np.asarray(angles, dtype=np.float64)
+        r = np.asarray(radii, dtype=np.float64)
+        if theta.ndim != 1 or theta.shape != r.shape:
+            raise ValueError(f"{name!r} has {theta.shape} angles and {r.shape} radii")
+        r = np.where(np.isfinite(r), r, np.nan)
+        closed = np.append(theta, theta[:1] + 2 * np.pi), np.append(r, r[:1])
+        axes.plot(*closed, "-o", color=LINES[i % len(LINES)], lw=1.6, ms=3.5, label=name)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel(label)
+    axes.set_title(title or "", loc="left")
+    axes.legend(frameon=False, fontsize=9, loc="upper right")
     return written(figure, file)
 
 

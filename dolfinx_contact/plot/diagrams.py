@@ -8,7 +8,7 @@ points differ in shape as well.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._optional import optional
+from dolfinx_contact.analysis import ProvedCount
+from dolfinx_contact.continuation import Solutions
 from dolfinx_contact.laws import status
 from dolfinx_contact.plot.curves import LINES, figure_of, written
 from dolfinx_contact.records.journal import Journal
@@ -32,6 +34,8 @@ _MARKS = {
     ("bifurcation", False): ("P", "#F0E442", "bifurcation, nonsmooth"),
     ("end", False): ("X", "#F0E442", "no way on was found"),
 }
+_PROVED = "#00694b"  # as on pages
+_OPEN = "#9a5b00"
 _MOST_ROWS = 400  # of a strip: more cannot be distinguished
 
 
@@ -47,6 +51,7 @@ def draw_diagram(
     parameter: str = r"$\gamma$",
     strips: int = 4,
     counts: bool = False,
+    proved: Iterable[Solutions | ProvedCount] = (),
 ) -> Path:
     """Draw branches; on this rank alone.
 
@@ -68,6 +73,8 @@ def draw_diagram(
         strips: how many branches get one, at most.
         counts: whether strips show how many points have each status, over gamma where that only
             grows; better for many points, as in 3D.
+        proved: solutions at values of gamma (`find_solutions`, `analysis.prove_counts`): dotted
+            lines there, with their number and whether it is proved.
 
     Raises:
         OSError: with the path, if it cannot be written; it is then as it was.
@@ -87,6 +94,7 @@ def draw_diagram(
     words = list(names) or [f"branch {b}" for b in chosen]
     if len(words) != len(chosen):
         raise ValueError(f"{len(chosen)} branches need as many names, got {len(words)}")
+    numbers = [c.solutions if isinstance(c, ProvedCount) else c for c in proved]
     shown = chosen[:strips]
     columns = len(labels) if len(labels) < 4 else 2
     rows = -(-len(labels) // columns)
@@ -101,6 +109,7 @@ def draw_diagram(
         for i, b in enumerate(chosen):
             _curve(axes, journal, b, name, i, words[i])
         _marks(axes, journal, chosen, name)
+        _numbers(axes, numbers)
         axes.set(xlabel=parameter, ylabel=text)
         axes.grid(color="0.92")
         axes.set_axisbelow(True)
@@ -144,6 +153,17 @@ def _curve(axes: Any, journal: Journal, branch: int, name: str, i: int, word: st
     axes.plot(c["gamma"], c[name], style, color=colour, lw=1.8, label=word)
     axes.plot(c["gamma"][0], c[name][0], ">", color=colour, ms=7, mec="black", mew=0.6)
     axes.plot(c["gamma"][-1], c[name][-1], "s", color=colour, ms=6, mec="black", mew=0.6)
+
+
+def _numbers(axes: Any, solutions: Sequence[Solutions]) -> None:
+    """Lines at values of gamma, green where the number of solutions is proved."""
+    for found in solutions:
+        colour = _PROVED if found.complete else _OPEN
+        many = f"{len(found.found)}, proved" if found.complete else f"at least {len(found.found)}"
+        axes.axvline(found.gamma, color=colour, lw=1.0, ls=":", zorder=0)
+        place = axes.get_xaxis_transform()
+        look = dict(rotation=90, fontsize=7, color=colour, ha="right", va="bottom")
+        axes.text(found.gamma, 0.02, many, transform=place, **look)
 
 
 def _marks(axes: Any, journal: Journal, branches: Sequence[int], name: str) -> None:

@@ -10,7 +10,7 @@ import os
 import re
 import time
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from dolfinx_contact._errors import on_root
 from dolfinx_contact._files import part_of
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
-from dolfinx_contact.analysis import Chart, EventCurves, Regions
+from dolfinx_contact.analysis import Chart, EventCurves, ProvedCount, Regions
 from dolfinx_contact.continuation import Solutions
 from dolfinx_contact.io.outside import SurfaceState
 from dolfinx_contact.laws import status
@@ -82,6 +82,8 @@ def _check(a: Arguments) -> None:
 
 
 def _count_of(count: Any) -> SolutionCount:
+    if isinstance(count, ProvedCount):
+        count = count.solutions
     if isinstance(count, Solutions):
         return SolutionCount(count.gamma, len(count.found), bool(count.complete), count.method)
     if not isinstance(count, SolutionCount):
@@ -96,7 +98,7 @@ def explorer(
     record: Record,
     *,
     curves: EventCurves | None = None,
-    counts: Sequence[SolutionCount | Solutions] = (),
+    counts: Iterable[SolutionCount | Solutions | ProvedCount] = (),
     title: str = "",
     labels: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
@@ -120,7 +122,8 @@ def explorer(
         record: the folder of a record, what `records.read_journal` or `records.journal_of` gave, a
             chart or regions, or a file that `Chart.save` has written.
         curves: of folds and events in a chart, by default those that it has.
-        counts: of solutions, which are shown at their gamma with what is proved.
+        counts: of solutions, which are shown at their gamma with what is proved; also what
+            `analysis.prove_counts` returned.
         title: by default the name of the record.
         labels: of columns, by name; of a chart those of ``mu`` and ``gamma``.
         units: of ``length``, ``force`` and ``stress``, for tables and axes.
@@ -164,7 +167,7 @@ def watch(
     file: str | os.PathLike[str],
     record: str | os.PathLike[str],
     *,
-    counts: Sequence[SolutionCount | Solutions] = (),
+    counts: Iterable[SolutionCount | Solutions | ProvedCount] = (),
     title: str = "",
     labels: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,

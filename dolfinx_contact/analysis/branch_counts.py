@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Counts along branches: how many solutions there are at values of gamma, and how many are known.
+
+That a diagram is complete says that every branch has been followed that hangs together with the
+starts. Solutions that do not are found at one gamma only (`find_solutions`), where it can be proved
+that there are no others. Here this is done at the ends of the range, and in the middles between
+neighbouring special points, where no status is at a border; what is found there is compared with
+the branches. Where pieces are affine a branch is straight between two of its points.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any, TypeAlias
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._files import part_of
+from dolfinx_contact._numbers import is_count, is_number
+from dolfinx_contact.analysis.check_proof import Certificate
+from dolfinx_contact.continuation import Branch, Diagram, Solutions, System, find_solutions
+from dolfinx_contact.continuation.layout import Layout
+
+__all__ = ["BranchCounts", "ProvedCount", "prove_counts"]
+
+#: Number of a branch, y there, and how far it may be off.
+_Crossing: TypeAlias = tuple[int, PETSc.Vec, float]
+
+_SAME = 1e-6  # of the size of a state, by which it may differ from one on a branch
+_CHORD = 0.5  # of the step of a branch that is not straight
+_APART = 1e-6  # of the range, special points that are one
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedCount:
+    """The solutions at one gamma.
+
+    Attributes:
+        gamma: parameter.
+        solutions: what `find_solutions` found and proved.
+        statuses: letters of the points of each solution, in the order of their tables; empty of a
+            system that has none.
+        branches: number of the branch that each is on, -1 of those that are on none.
+        unfound: numbers of branches that pass here, with a state that is none of the solutions.
+        certificate: the proof that there are no others, to be kept and checked; None if there is
+            none, or they were enumerated and no proof confirms that.
+        seconds: that it took.
+    """
+
+    gamma: float
+    solutions: Solutions
+    statuses: tuple[str, ...]
+    branches: tuple[int, ...]
+    unfound: tuple[int, ...]
+    certificate: Certificate | None
+    seconds: float
+
+    @property
+    def number(self) -> int:
+        """Of the solutions that are known."""
+        return len(self.solutions.found)
+
+    @property
+    def proved(self) -> bool:
+        """Whether there are no others."""
+        return self.solutions.complete
+
+    def __str__(self) -> str:
+        many = f"{self.number} solution{'' if self.number == 1 else 's'}"
+        known = "proved" if self.proved else "others are not excluded"
+        off = self.branches.count(-1)
+        beside = f", {off} on no branch" if off else ""
+        return f"gamma = {self.gamma:.9g}: {many}, {known}{beside} ({self.solutions.method})"
+
+
+@dataclass(frozen=True, eq=False)
+class BranchCounts:
+    """Counts along the branches of a diagram, by gamma.
+
+    Attributes:
+        counts: by gamma.
+        followed: whether the diagram was complete.
+    """
+
+    counts: tuple[ProvedCount, ...]
+    followed: bool
+
+    def __iter__(self) -> Iterator[ProvedCount]:
+        return iter(self.counts)
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+    @property
+    def proved(self) -> bool:
+        """Whether every number is proved."""
+        return all(c.proved for c in self.counts)
+
+    @property
+    def missed(self) -> int:
+        """Number of solutions that are on no branch: others begin elsewhere."""
+        return sum(c.branches.count(-1) for c in self.counts)
+
+    def __str__(self) -> str:
+        """A line each."""
+        return "\n".join(map(str, self.counts))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Numbers and words of each, for JSON."""
+        return [
+            {
+                "gamma": c.gamma,
+                "count": c.number,
+                "proved": c.proved,
+                "method": c.solutions.method,
+                "statuses": list(c.statuses),
+                "branches": list(c.branches),
+                "unfound": list(c.unfound),
+                "seconds": c.seconds,
+            }
+            for c in self.counts
+        ]
+
+    def latex(self) -> str:
+        """A table for LaTeX (booktabs): gamma, number, whether it is proved, and branches."""
+        lines = [r"\begin{tabular}{rrll}", r"\toprule"]
+        lines += [r"$\gamma$ & solutions & proved & branches \\", r"\midrule"]
+        for c in self.counts:
+            known = "yes" if c.proved else "no"
+            number = f"{c.number}" if c.proved else rf"$\ge {c.number}$"
+            on = ", ".join("none" if b < 0 else str(b) for b in c.branches)
+            lines.append(rf"${c.gamma:.9g}$ & {number} & {known} & {on} \\")
+        return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write numbers and proofs into a folder; from one rank.
+
+        These are ``counts.json``, ``counts.tex`` and, for each gamma with a proof,
+        ``proof_<number>.npz``, which ``python3 -m dolfinx_contact check`` follows. The numbers are
+        in counts.json with the files of their proofs and the digests of these.
+
+        Args:
+            folder: is made if there is none.
+            overwrite: whether files that exist are replaced.
+
+        Returns:
+            The file counts.json.
+
+        Raises:
+            FileExistsError: if it exists, and is not to be replaced.
+            OSError: if a file cannot be written.
+        """
+        place = Path(folder)
+        file = place / "counts.json"
+        if file.exists() and not overwrite:
+            raise FileExistsError(f"{file} exists: save with overwrite=True, or to another folder")
+        place.mkdir(parents=True, exist_ok=True)
+        rows = self.rows()
+        for i, (row, c) in enumerate(zip(rows, self.counts, strict=True)):
+            row["certificate"] = row["digest"] = None
+            if c.certificate is not None:
+                name = f"proof_{i}.npz"
+                with part_of(place / name) as part:
+                    c.certificate.save(part)
+                row["certificate"], row["digest"] = name, c.certificate.digest
+        with part_of(place / "counts.tex") as part:
+            part.write_text(self.latex())
+        with part_of(file) as part:
+            part.write_text(json.dumps({"followed": self.followed, "counts": rows}, indent=1))
+        return file
+
+
+def _check(a: Arguments) -> None:
+    if not isinstance(a.diagram, Diagram):
+        raise ValueError(f"a diagram is what explore returned, got {type(a.diagram).__name__}")
+    if not any(branch.points for branch in a.diagram.branches):
+        raise ValueError("the diagram has no branch")
+    if a.gammas is not None:
+        values = list(a.gammas) if isinstance(a.gammas, Iterable) else [None]
+        if not all(is_number(g) and np.isfinite(g) for g in values):
+            raise ValueError(f"gammas must be finite numbers, got {a.gammas!r}")
+        a.gammas = [float(g) for g in values]
+    if not is_count(a.most):
+        raise ValueError(f"most must be 1 or more, got {a.most!r}")
+    if not (is_number(a.proof_seconds) and a.proof_seconds >= 0):
+        raise ValueError(f"proof_seconds must be a number from 0 on, got {a.proof_seconds!r}")
+
+
+@collective("counts along branches", _check)
+def prove_counts(
+    system: System,
+    diagram: Diagram,
+    *,
+    gammas: Iterable[float] | None = None,
+    most: int = 20,
+    proof_seconds: float = 60.0,
+) -> BranchCounts:
+    """Count the solutions along the branches of a diagram, with proofs. Collective.
+
+    What the system writes to is left as it was. A proof is of one gamma; between two of them
+    branches that hang together with nothing may begin and end.
+
+    Args:
+        system: whose branches they are.
+        diagram: of `explore`, complete or not.
+        gammas: where; by default the ends of the branches' range and the middles between
+            neighbouring special points.
+        most: of these middles, those of the longest intervals.
+        proof_seconds: for each.
+
+    Raises:
+        ValueError: on every rank, for arguments that do not fit.
+    """
+    branches = diagram.branches
+    chosen = default_gammas(branches, int(most)) if gammas is None else sorted(set(gammas))
+    system.check_parameter(chosen)
+    layout = Layout(system)
+    guess = layout.split(next(b for b in branches if b.points).points[0].y)[0].copy()
+    counts = tuple(
+        _counted(system, layout, branches, gamma, guess, proof_seconds) for gamma in chosen
+    )
+    guess.destroy(), layout.x.destroy()
+    return BranchCounts(counts, diagram.complete)
+
+
+def default_gammas(branches: Iterable[Branch], most: int) -> list[float]:
+    """The ends of the range, and middles of the longest intervals between special points."""
+    followed = [b for b in branches if b.points]
+    every = [p.gamma for b in followed for p in (b.points[0], b.points[-1])]
+    every += [s.gamma for b in followed for s in b.special]
+    every.sort()
+    width = every[-1] - every[0]
+    special = every[:1]
+    for gamma in every[1:]:
+        if gamma - special[-1] > _APART * width:
+            special.append(gamma)
+    intervals = sorted(itertools.pairwise(special), key=lambda i: i[0] - i[1])[:most]
+    return sorted({every[0], every[-1], *((a + b) / 2 for a, b in intervals)})
+
+
+def _counted(
+    system: System,
+    layout: Layout,
+    branches: list[Branch],
+    gamma: float,
+    guess: PETSc.Vec,
+    seconds: float,
+) -> ProvedCount:
+    begun = perf_counter()
+    known = _crossings(system, layout, branches, gamma)
+    starts = [guess, *(layout.split(y)[0].copy() for _, y, _ in known)]
+    found = find_solutions(system, starts, gamma, proof_seconds=seconds)
+    certificate = _certificate(system, guess, found, seconds)
+    on: list[int] = []
+    met: set[int] = set()
+    for solution in found.found:
+        y = layout.joined(solution.x, gamma)
+        same = [i for i, (_, z, away) in enumerate(known) if _distance(y, z) <= away]
+        on.append(known[same[0]][0] if same else -1)
+        met.update(same)
+        y.destroy()
+    letters = getattr(system, "letters", None)
+    words = () if letters is None else tuple(letters(s.piece) for s in found.found)
+    unfound = tuple(sorted({b for i, (b, _, _) in enumerate(known) if i not in met}))
+    for _, y, _ in known:
+        y.destroy()
+    for x in starts[1:]:
+        x.destroy()
+    return ProvedCount(gamma, found, words, tuple(on), unfound, certificate, perf_counter() - begun)
+
+
+def _certificate(
+    system: System, x: PETSc.Vec, found: Solutions, seconds: float
+) -> Certificate | None:
+    """The proof that there are no others; of what was enumerated it is looked for."""
+    if not found.complete:
+        return None
+    proof = found.proof
+    if proof is None and seconds > 0:
+        with system.restored(always=True):
+            condensed = system.condensed(x, found.gamma)
+            proof = None if condensed is None else system.prove(condensed, found.gamma, seconds)
+    if proof is None or proof.verdict != "complete" or len(proof.solutions) != len(found.found):
+        return None
+    certificate = getattr(proof, "certificate", None)
+    return certificate if isinstance(certificate, Certificate) else None
+
+
+def _distance(y: PETSc.Vec, z: PETSc.Vec) -> float:
+    d = y.copy()
+    d.axpy(-1.0, z)
+    size = float(d.norm())
+    d.destroy()
+    return size
+
+
+def _crossings(
+    system: System, layout: Layout, branches: list[Branch], gamma: float
+) -> list[_Crossing]:
+    """States at which branches pass a gamma, by interpolation. Collective."""
+    straight = system.is_piecewise_affine
+    found: list[_Crossing] = []
+    for number, branch in enumerate(branches):
+        for a, b in itertools.pairwise(branch.points):
+            if a.gamma == b.gamma or not min(a.gamma, b.gamma) <= gamma <= max(a.gamma, b.gamma):
+                continue
+            share = (gamma - a.gamma) / (b.gamma - a.gamma)
+            y = a.y.copy()
+            y.scale(1.0 - share)
+            y.axpy(share, b.y)
+            away = _SAME * max(float(y.norm()), abs(gamma))
+            away += 0.0 if straight else _CHORD * _distance(a.y, b.y)
+            if any(k == number and _distance(y, z) <= _SAME * y.norm() for k, z, _ in found):
+                y.destroy()  # the end of one step and the start of the next
+            else:
+                found.append((number, y, away))
+    return found

@@ -1,0 +1,170 @@
+"""Counts along branches: what is proved, what is on no branch, what is written."""
+
+import json
+import re
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from _triangle import linear_triangle
+from blocks import box, facets
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    plot,
+    records,
+)
+from dolfinx_contact.analysis import Certificate, check, prove_counts
+from dolfinx_contact.analysis.branch_counts import default_gammas
+from dolfinx_contact.continuation import Branch, Diagram, explore
+from dolfinx_contact.materials import LinearElastic
+
+TOTAL = dict(sum_rn=records.total("rn"))
+
+
+def explored(n, friction, preload=(0.0, 0.0)):
+    system = linear_triangle(n, friction, preload=preload)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    return system, explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0))
+
+
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    "explorer",
+    reference="enumeration: one solution under a load, three under the opposite one",
+    aspects=("2D", "proofs", "branches"),
+)
+def test_one_solution_and_three(folder):
+    system, diagram = explored(2, 3.0)
+    before = float(system.constant.value)
+    counts = prove_counts(system, diagram)
+    assert float(system.constant.value) == before
+    np.testing.assert_allclose([c.gamma for c in counts], [-1.0, -0.5, 0.5, 1.0])
+    assert [c.number for c in counts] == [1, 1, 3, 3]
+    assert counts.proved
+    assert counts.followed
+    assert counts.missed == 0
+    assert all(c.unfound == () and len(set(c.branches)) == c.number for c in counts)
+    assert sorted(word[0] for word in counts.counts[-1].statuses) == ["-", "k", "o"]
+    assert "3 solutions, proved" in str(counts)
+    journal = records.journal_of(system, diagram.branches, TOTAL)
+    if system.comm.rank:
+        return
+    file = counts.save(folder / "counts")
+    saved = json.loads(file.read_text())
+    assert [row["count"] for row in saved["counts"]] == [1, 1, 3, 3]
+    for row, c in zip(saved["counts"], counts, strict=True):
+        proof = Certificate.load(file.parent / row["certificate"])
+        assert proof.digest == row["digest"]
+        found = check(proof)
+        assert found.verdict == "complete"
+        assert len(found.inside) + found.at_rest == c.number
+    table = (file.parent / "counts.tex").read_text()
+    assert table.count(" yes ") == 4
+    assert "$0.5$ & 3 & yes & 1, 3, 2 " in table
+    with pytest.raises(FileExistsError, match="overwrite"):
+        counts.save(folder / "counts")
+    plot.draw_diagram(folder / "with.svg", journal, "sum_rn", proved=counts)
+    picture = (folder / "with.svg").read_text()
+    assert picture.count("<!-- 3, proved -->") == 2
+    assert picture.count("<!-- 1, proved -->") == 2
+
+
+def test_the_page(folder):
+    system, diagram = explored(2, 3.0)
+    counts = prove_counts(system, diagram, gammas=[0.5])
+    journal = records.journal_of(system, diagram.branches, TOTAL)
+    plot.explorer(folder / "page.html", journal, counts=counts)
+    text = re.sub(r"\s", "", (folder / "page.html").read_text())
+    assert '"count":3,"proved":true' in text
+
+
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    reference="enumeration: a solution on a branch that was left out",
+    aspects=("2D", "proofs", "branches"),
+)
+def test_what_is_on_no_branch():
+    """One branch of the three is left out: its solution is named, on both ranks."""
+    system, diagram = explored(2, 3.0)
+    whole = prove_counts(system, diagram, gammas=[0.5])
+    left = Diagram(edges=diagram.edges[:-1])
+    counts = prove_counts(system, left, gammas=[0.5])
+    assert not counts.followed
+    assert counts.proved
+    gone = len(diagram.edges) - 1
+    assert counts.missed == sum(b == gone for c in whole for b in c.branches) == 1
+    assert "1 on no branch" in str(counts)
+
+
+def test_a_branch_that_is_no_solution():
+    system, diagram = explored(2, 3.0)
+    branch = diagram.branches[0]
+    other = Branch(points=[p for p in branch.points])
+    moved = other.points[-1].y.copy()
+    moved.shift(1.0)
+    other.points[-1] = type(other.points[-1])(
+        moved, other.points[-1].tangent, other.points[-1].piece, other.points[-1].gamma, 0.0, 0
+    )
+    edge = type(diagram.edges[0])(**{**vars(diagram.edges[0]), "branch": other})
+    (count,) = prove_counts(system, Diagram(edges=[edge]), gammas=[branch.points[-1].gamma])
+    assert count.unfound == (0,)
+
+
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    reference="itself: a branch in space and what is proved at its gammas",
+    aspects=("3D", "proofs", "branches"),
+)
+def test_in_space():
+    """A cube of one cell that is pressed down and moved aside."""
+    domain = box(MPI.COMM_WORLD, 1, "hex")
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    u = fem.Function(V)
+    moved = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    dofs = fem.locate_dofs_topological(V, 2, facets(domain, 2, 1.0))
+    floor = HalfSpace((0, 0, 0), (0, 0, 1))
+    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(moved, dofs)])
+    aside = ufl.as_vector([0.006 * gamma, 0.002, -0.01])
+    system = ParametricContact(problem, gamma, driven=[(moved, aside)])
+    system.set_parameter(0.0)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    diagram = explore(system, [(x, 0.0)], gamma_range=(0.0, 1.0))
+    counts = prove_counts(system, diagram, gammas=[0.5, 1.0])
+    assert [c.number for c in counts] == [1, 1]
+    assert counts.proved
+    assert counts.missed == 0
+    assert all(c.unfound == () for c in counts)
+
+
+def test_middles_and_bad_input():
+    system, diagram = explored(2, 3.0)
+    every = default_gammas(diagram.branches, 20)
+    assert every[0] == -1.0
+    assert every[-1] == 1.0
+    assert len(default_gammas(diagram.branches, 1)) == 3
+    for wrong in (dict(gammas=[np.inf]), dict(gammas=3), dict(most=0), dict(proof_seconds=-1)):
+        with pytest.raises(ValueError, match="must be"):
+            prove_counts(system, diagram, **wrong)
+    with pytest.raises(ValueError, match="diagram"):
+        prove_counts(system, None)
+    with pytest.raises(ValueError, match="no branch"):
+        prove_counts(system, Diagram())
