@@ -1,6 +1,7 @@
 """The numbers of the demos of large sliding."""
 
 import demo_flattened_ring
+import demo_half_spheres
 import demo_rolling_wheel
 import demo_twisting_hemisphere
 import pytest
@@ -13,6 +14,7 @@ def no_picture(monkeypatch):
     monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
 
 
+@pytest.mark.chatty
 @pytest.mark.verifies(
     "sliding pairs",
     "Coulomb",
@@ -66,6 +68,7 @@ def test_twisting_hemisphere(folder, no_picture):
     assert found["newton_mean"] < 6
 
 
+@pytest.mark.chatty
 @pytest.mark.verifies(
     "self contact",
     "hyperelastic bodies",
@@ -80,3 +83,20 @@ def test_flattened_ring(folder, no_picture):
     assert found["plate_half_ratio"] == pytest.approx(1.0, abs=0.01)
     assert found["imbalance"] < 1e-12
     assert found["failed_steps"] == 0
+
+
+@pytest.mark.verifies(
+    "sliding pairs",
+    "hyperelastic bodies",
+    reference="paper: Puso, Laursen (2004), and three other published curves of the force",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_half_spheres(folder, no_picture):
+    """Two shells pressed by a plane: the published force, and the same one on the way back."""
+    words = ["--n=3", "--step=0.625", "--until=2.5", "--back=1", f"--output={folder}"]
+    found = demo_half_spheres.main(words)
+    published = [curve["2.5"] for curve in found["published"].values()]
+    assert 0.9 * min(published) < found["force_at"]["2.5"] < 1.1 * max(published)
+    ((down, back),) = found["down_and_back"].values()
+    assert back == pytest.approx(down, rel=1e-8)
+    assert found["fall"] is None
