@@ -13,9 +13,9 @@
 # nodes, so that it is a check of its own, and where cells are small both have the same forces. The
 # mesh of the whole ring is turned by a part of a cell, so that nodes of the inner face meet facets.
 #
-# With 128 cells around, both forces at the end are 0.15 and 0.06 per cent apart. By symmetry nothing
-# slips inside, and friction there (`--friction 0.5`) changes the forces by no more: 0.17 per cent.
-# The step in which the inner face first touches itself is a hard one then.
+# With 128 cells around, both forces at the end are 0.14 and 0.06 per cent apart. By symmetry
+# nothing slips inside, and friction there (`--friction 0.5`) changes the force of the plate by no
+# more than 0.17 per cent. The step in which the inner face first touches itself is hard then.
 
 from mpi4py import MPI
 
