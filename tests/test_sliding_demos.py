@@ -1,0 +1,102 @@
+"""The numbers of the demos of large sliding."""
+
+import demo_flattened_ring
+import demo_half_spheres
+import demo_rolling_wheel
+import demo_twisting_hemisphere
+import pytest
+
+from dolfinx_contact import plot
+
+
+@pytest.fixture
+def no_picture(monkeypatch):
+    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "sliding pairs",
+    "Coulomb",
+    reference="closed form: Carter's creepage of a rolling wheel",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_rolling_wheel(folder, no_picture):
+    """A driven and a braked wheel creep as Carter says, with ten cells on the width."""
+    found = demo_rolling_wheel.main(["--n=10", "--way=1", f"--output={folder}"])
+    runs = found["runs"]
+    assert all(run["facets_rolled"] == 10 for run in runs.values())
+    assert abs(runs["held"]["traction"]) < 0.01
+    for name, sign in (("driven", 1), ("braked", -1)):
+        run = runs[name]
+        assert 0.6 < sign * run["traction"] < 0.7  # Q/(mu P)
+        assert run["half_width"] == pytest.approx(0.025, rel=0.02)
+        assert run["closed"] in (9, 10)
+    assert found["creepage_ratio"] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.long
+def test_rolling_wheel_with_forty_cells(folder, no_picture):
+    """Forty cells on the width that touches: creepages to five per cent, one by one."""
+    found = demo_rolling_wheel.main(["--n=40", f"--output={folder}"])
+    for name in ("driven", "braked"):
+        assert found[f"creepage_{name}_ratio"] == pytest.approx(1.0, abs=0.05)
+        assert found["runs"][name]["closed"] >= 38
+        assert abs(found["runs"][name]["change_over_last_width"]) < 0.02
+
+
+@pytest.mark.long
+@pytest.mark.verifies(
+    "sliding pairs",
+    "hyperelastic bodies",
+    reference="paper: Sauer, De Lorenzis (2015), beside FEBio: force and torque to 180 degrees",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_twisting_hemisphere(folder, no_picture):
+    """Torque and force of a half-sphere that is pressed into a block and turned, on 1000 cells."""
+    found = demo_twisting_hemisphere.main([f"--output={folder}"])
+    papers = demo_twisting_hemisphere.PUBLISHED
+    torque = found["torque_at"]
+    assert abs(torque["0"]) < 1e-10
+    for angle, off in ((20, 0.01), (40, 0.03), (80, 0.05), (180, 0.06)):
+        one = papers["Sauer, De Lorenzis"]["torque"][angle]
+        other = papers["FEBio"]["torque"][angle]
+        assert (1 - off) * min(one, other) < torque[str(angle)] < (1 + off) * max(one, other)
+    for angle, published in papers["Sauer, De Lorenzis"]["force"].items():
+        assert found["force_at"][str(angle)] == pytest.approx(published, rel=0.02)
+    assert found["failed_steps"] == 0
+    assert found["newton_mean"] < 6
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "self contact",
+    "hyperelastic bodies",
+    reference="differences: half of the body on a plane",
+    aspects=("2D", "large sliding"),
+)
+def test_flattened_ring(folder, no_picture):
+    """A ring pressed into itself has the force of its half on a plane."""
+    found = demo_flattened_ring.main(["--n=64", "--press=1.65", f"--output={folder}"])
+    assert found["inside_force"] > 0.5 * found["plate_force"]  # it is pressed into itself
+    assert found["inside_half_ratio"] == pytest.approx(1.0, abs=0.01)
+    assert found["plate_half_ratio"] == pytest.approx(1.0, abs=0.01)
+    assert found["imbalance"] < 1e-12
+    assert found["failed_steps"] == 0
+
+
+@pytest.mark.verifies(
+    "sliding pairs",
+    "hyperelastic bodies",
+    reference="paper: Puso, Laursen (2004), and three other published curves of the force",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_half_spheres(folder, no_picture):
+    """Two shells pressed by a plane: the published force, and the same one on the way back."""
+    words = ["--n=3", "--step=0.625", "--until=2.5", "--back=1", f"--output={folder}"]
+    found = demo_half_spheres.main(words)
+    published = [curve["2.5"] for curve in found["published"].values()]
+    assert 0.9 * min(published) < found["force_at"]["2.5"] < 1.1 * max(published)
+    ((down, back),) = found["down_and_back"].values()
+    assert back == pytest.approx(down, rel=1e-8)
+    assert found["fall"] is None
