@@ -6,8 +6,8 @@ r"""The Jacobian of a contact problem as a product, its bulk and contact terms k
 
 K is the stiffness, which for a linear body is assembled once; S has rows at the contact nodes and
 multipliers alone and is assembled on the contact facets at every change of status; where faces
-slide over each other its pattern changes as well, with a search for what is opposite. Dirichlet
-rows are the identity times a typical stiffness, their columns are zero.
+slide over each other its pattern changes as well, with a search for facets that may touch.
+Dirichlet rows are the identity times a typical stiffness, their columns are zero.
 """
 
 from __future__ import annotations
