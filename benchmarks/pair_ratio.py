@@ -70,12 +70,13 @@ def conditions(args, V, tags):
 
 
 def pair_of(args, u, tags):
-    return ContactPair(u, tags, slave=SLAVE, master=MASTER, law=Coulomb(args.friction))
+    law = Coulomb(args.friction)
+    return ContactPair(u, tags, slave=SLAVE, master=MASTER, law=law, sliding=args.sliding)
 
 
 def tie(args, u, tags):
     """P = I - T B, with T from the points of the mortar to the slave's dofs; and these dofs."""
-    points = pair_of(args, u, tags).points
+    points = ContactPair(u, tags, slave=SLAVE, master=MASTER, law=Coulomb(args.friction)).points
     comm = u.function_space.mesh.comm
     index_map = u.function_space.dofmap.index_map
     bs = 3
@@ -128,7 +129,9 @@ PAIR = elasticity_ratio.Case(bodies, elasticity, contact_problem)
 
 def arguments(argv=None):
     coarser = dict(type=float, default=0.75, help="cells a length of the base over the block's")
-    return elasticity_ratio.arguments(argv, {"n": 32, "output": "pair_ratio.json"}, coarser=coarser)
+    sliding = dict(choices=["small", "large"], default="small", help="of the contact pair")
+    defaults = {"n": 32, "output": "pair_ratio.json"}
+    return elasticity_ratio.arguments(argv, defaults, coarser=coarser, sliding=sliding)
 
 
 def main(argv=None):

@@ -112,9 +112,6 @@ class ContactTerms:
 
     Args:
         equations: the contact problem.
-
-    Attributes:
-        entries: their places.
     """
 
     def __init__(self, equations: ContactEquations):
@@ -159,18 +156,36 @@ class ContactTerms:
                 rows.append(row)
                 columns.append(column)
                 self._blocks.append((i, block))
-        self.entries = Entries(np.concatenate(rows), np.concatenate(columns))
+        self._entries = Entries(np.concatenate(rows), np.concatenate(columns))
+        self._sliding = _sliding_terms(eq, numbering)
+
+    @property
+    def changed(self) -> bool:
+        """Whether the pattern is another one since `set_up`, and matrices have to be made anew."""
+        return any(terms.changed for _, terms in self._sliding)
+
+    def set_up(self) -> list[Entries]:
+        """Places of the entries. Collective."""
+        sliding = [part for _, terms in self._sliding for part in terms.set_up()]
+        return [self._entries, *sliding]
 
     def create_matrix(self) -> PETSc.Mat:
         """An empty matrix with the pattern of S, on all unknowns. Collective."""
         n = sum(self._equations.owned_sizes)
-        return matrix_of(self._equations.comm, (n, n), self.entries)
+        return matrix_of(self._equations.comm, (n, n), *self.set_up())
 
     def add(self, state: State, A: PETSc.Mat) -> None:
         """Add S at a state to ``A``. Collective."""
         parts = [block.values(state.surfaces[i]) for i, block in self._blocks]
         held = self._equations.stiffness_scale * self._held
-        self.entries.add(np.concatenate([held, *parts]), A)
+        self._entries.add(np.concatenate([held, *parts]), A)
+        for i, terms in self._sliding:
+            terms.add(state.surfaces[i], A)
+
+    def destroy(self) -> None:
+        """Free the matrices."""
+        for _, terms in self._sliding:
+            terms.destroy()
 
 
 class _Numbering:
@@ -243,7 +258,6 @@ class Jacobian:
         self._terms = ContactTerms(equations)
         eq = equations
         numbering = _Numbering(eq)
-        self._sliding = _sliding_terms(eq, numbering)
         n = eq.owned_sizes[0]
         K = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
         indptr, columns, _ = K.getValuesCSR()
@@ -258,8 +272,7 @@ class Jacobian:
     def _create(self) -> None:
         """Make the matrix, with the pattern that it has from now on."""
         size = sum(self._equations.owned_sizes)
-        sliding = [part for _, terms in self._sliding for part in terms.set_up()]
-        parts = self._fixed, self._body, self._terms.entries, *sliding
+        parts = self._fixed, self._body, *self._terms.set_up()
         #: A SNES may look at it until it has taken the new one.
         self._replaced = getattr(self, "matrix", None)
         self.matrix = matrix_of(self._equations.comm, (size, size), *parts)
@@ -270,7 +283,7 @@ class Jacobian:
         """Assemble at a state; where faces slide the matrix may be another one. Collective."""
         bulk = self._equations.bulk
         K = bulk.stiffness(state.u)
-        if any(terms.changed for _, terms in self._sliding):
+        if self._terms.changed:
             self._create()
         if self._assemblies == bulk.assemblies:
             self.matrix.retrieveValues()
@@ -283,13 +296,11 @@ class Jacobian:
             self.matrix.storeValues()
             self._assemblies = bulk.assemblies
         self._terms.add(state, self.matrix)
-        for i, terms in self._sliding:
-            terms.add(state.surfaces[i], self.matrix)
 
     def destroy(self) -> None:
-        """Free the matrix."""
-        for thing in (self.matrix, *(terms for _, terms in self._sliding)):
-            thing.destroy()
+        """Free the matrices."""
+        self.matrix.destroy()
+        self._terms.destroy()
 
 
 def _sliding_terms(eq: ContactEquations, numbering: _Numbering) -> list[tuple[int, SlidingTerms]]:

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.points.sliding.facing import Facing
 from dolfinx_contact.points.sliding.operator import SlidingOperator
 from dolfinx_contact.points.sliding.points import SlidingPoints
 
@@ -50,13 +51,28 @@ class _Block:
     columns: Indices
     values: Array
 
-    def places(self) -> tuple[Indices, Indices]:
-        """Row and column of every value."""
+    def add(self, A: PETSc.Mat) -> None:
+        """Add the values to ``A``, which is to be assembled after it. Not collective."""
         n, r, d = self.rows.shape
         c = self.columns.shape[1]
-        shape = (n, r, d, c, d)
-        rows = np.broadcast_to(self.rows[:, :, :, None, None], shape)
-        columns = np.broadcast_to(self.columns[:, None, None], shape)
+        rows = self.rows.reshape(n, r * d).astype(PETSc.IntType)
+        columns = self.columns.reshape(n, c * d).astype(PETSc.IntType)
+        values = self.values.reshape(n, r * d, c * d)
+        A.setValuesRCV(rows, columns, values, addv=PETSc.InsertMode.ADD_VALUES)
+
+    def pattern(self) -> tuple[Indices, Indices]:
+        """Row and column of every entry once, but for fixed ones: blocks of nodes."""
+        n, r, d = self.rows.shape
+        c = self.columns.shape[1]
+        # A node is known by the last of its places.
+        row = np.broadcast_to(self.rows.max(axis=2)[:, :, None], (n, r, c)).reshape(-1)
+        column = np.broadcast_to(self.columns.max(axis=2)[:, None], (n, r, c)).reshape(-1)
+        known = np.flatnonzero((row >= 0) & (column >= 0))
+        width = int(column.max(initial=0)) + 1
+        _, first = np.unique(row[known] * width + column[known], return_index=True)
+        block, i, j = np.unravel_index(known[first], (n, r, c))
+        rows = np.repeat(self.rows[block, i], d, axis=1)
+        columns = np.tile(self.columns[block, j], (1, d))
         return rows.reshape(-1), columns.reshape(-1)
 
 
@@ -70,6 +86,7 @@ class _Pieces:
         coupling: of forces with multipliers, on the slave first (p, a + b, a).
         on_master: of forces by u of the slave, m, and u of the master (p, b, dim, c, dim).
         of_law: of contact rows by these (p, a, dim, c, dim).
+        means: of contact rows by the tractions around (p, a, a).
     """
 
     facet: Indices
@@ -78,6 +95,20 @@ class _Pieces:
     on_master: Array
     of_law: Array
     means: Array
+
+    def of_pairs(self, master: Indices) -> _Pieces:
+        """Sums over the pieces of a pair of facets, which are one after the other.
+
+        Args:
+            master: facets of the master (p,).
+        """
+        if not len(master):
+            return self
+        other = (np.diff(self.facet) != 0) | (np.diff(master) != 0)
+        first = np.concatenate([[0], 1 + np.flatnonzero(other)])
+        values = self.coupling, self.on_master, self.of_law, self.means
+        sums = (np.add.reduceat(v, first, axis=0) for v in values)
+        return _Pieces(self.facet[first], self.nodes[first], *sums)
 
 
 class SlidingTerms:
@@ -127,7 +158,9 @@ class SlidingTerms:
         turned = self._turned(np.zeros((len(self._slave), self._dim, k, self._dim)))
         shapes = ((n, n), (n, m), (m, n))
         for shape, blocks in zip(shapes, (*none, [turned]), strict=True):
-            self._matrices.append(matrix_of(self._comm, shape, _entries(blocks)))
+            places = zip(*(b.pattern() for b in blocks), strict=True)
+            entries = Entries(*(np.concatenate(part) for part in places))
+            self._matrices.append(matrix_of(self._comm, shape, entries))
         S, N, D = self._matrices
         self._matrices.append(N.matMult(D))
         self._searches = self._faces.searches
@@ -142,8 +175,9 @@ class SlidingTerms:
         S, N, D, product = self._matrices
         for matrix, blocks in ((S, by_unknowns), (N, by_vectors), (D, [turned])):
             matrix.zeroEntries()
-            values = np.concatenate([b.values.reshape(-1) for b in blocks])
-            _entries(blocks).add(values, matrix)
+            for block in blocks:
+                block.add(matrix)
+            matrix.assemble()
         N.matMult(D, product)
         for matrix in (S, product):
             A.axpy(1.0, matrix, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
@@ -184,19 +218,14 @@ class SlidingTerms:
         by_gap = faces.ghosted(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
         by_slip = faces.ghosted(-by_jump @ nodal.rotation[:n])
         at = faces.corners[facing.facet]
-        place, gap = facing.slopes()
-        weighted = facing.weighted
-        gaps = np.einsum("pqa,pqcj->pacj", weighted, gap, optimize=True)
-        slips = np.einsum("pqa,pqade,pqecj->padcj", weighted, facing.along, place, optimize=True)
-        of_law = np.einsum("pai,pacj->paicj", by_gap[at], gaps)
-        of_law += np.einsum("paid,padcj->paicj", by_slip[at], slips, optimize=True)
+        places, gaps = facing.slopes()
+        of_law = _of_law(facing, by_gap[at], by_slip[at], places, gaps)
         t = facing.areas[..., None] * operator.at_quadrature(state.traction)
-        moving = facing.rays.slopes
-        on_master = np.einsum("pqbe,pqi,pqecj->pbicj", moving, t, place, optimize=True)
+        on_master = _on_master(facing, t, places)
         alive = (nodal.weight > 0)[at]
         basis = facing.basis * alive[:, None]
         both = np.concatenate([-facing.basis, facing.rays.weights], axis=2)
-        coupling = np.einsum("pq,pqc,pqa->pca", facing.areas, both, basis, optimize=True)
+        coupling = (facing.areas[..., None] * both).transpose(0, 2, 1) @ basis
         of_traction = areas[:, None, None] * np.eye(self._dim)
         of_traction = of_traction - counts[:, None, None] * state.by_traction
         turned = state.by_jump @ nodal.spin[:n] + state.by_normal
@@ -204,7 +233,8 @@ class SlidingTerms:
         around = nodal.around[:n]
         by_around = np.divide(areas - counts, around, out=np.zeros_like(areas), where=around > 0)
         means = -faces.ghosted(by_around)[at][:, :, None] * facing.mass * alive[:, None]
-        pieces = _Pieces(facing.facet, facing.master_nodes, coupling, on_master, of_law, means)
+        parts = facing.facet, facing.master_nodes, coupling, on_master, of_law, means
+        pieces = _Pieces(*parts).of_pairs(facing.master)
         return pieces, of_traction[:, None, :, None], of_normal[:, None, :, None]
 
     def _blocks(
@@ -242,9 +272,39 @@ class SlidingTerms:
         return _Block(self._vectors, self._slave, np.repeat(rates[:, None], k, axis=1))
 
 
-def _entries(blocks: list[_Block]) -> Entries:
-    places = [b.places() for b in blocks]
-    return Entries(*(np.concatenate(part) for part in zip(*places, strict=True)))
+def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: Array) -> Array:
+    """Derivatives of the contact rows of corners (p, a, dim, c, dim) at pieces.
+
+    Args:
+        facing: the pieces.
+        by_gap: derivatives of the rows by the gap of the node (p, a, dim).
+        by_slip: by its slip (p, a, dim, dim).
+        places: derivatives of the places of the rays (p, q, dim - 1, c, dim).
+        gaps: of their gaps (p, q, c, dim).
+    """
+    p, q, e, c, dim = places.shape
+    a = by_gap.shape[1]
+    weighted = facing.weighted.transpose(0, 2, 1)
+    of_gaps = (weighted @ gaps.reshape(p, q, c * dim))[:, :, None]
+    along = (facing.weighted[..., None, None] * facing.along).transpose(0, 2, 3, 1, 4)
+    of_slips = along.reshape(p, a * dim, q * e) @ places.reshape(p, q * e, c * dim)
+    of_slips = of_slips.reshape(p, a, dim, c * dim)
+    return (by_gap[..., None] * of_gaps + by_slip @ of_slips).reshape(p, a, dim, c, dim)
+
+
+def _on_master(facing: Facing, tractions: Array, places: Array) -> Array:
+    """Derivatives of the forces on the master (p, b, dim, c, dim) by where the rays meet it.
+
+    Args:
+        facing: the pieces.
+        tractions: at the points, times their areas (p, q, dim).
+        places: derivatives of the places of the rays (p, q, dim - 1, c, dim).
+    """
+    p, q, e, c, dim = places.shape
+    b = facing.rays.slopes.shape[2]
+    moving = facing.rays.slopes[:, :, :, None] * tractions[:, :, None, :, None]
+    moving = moving.transpose(0, 2, 3, 1, 4).reshape(p, b * dim, q * e)
+    return (moving @ places.reshape(p, q * e, c * dim)).reshape(p, b, dim, c, dim)
 
 
 def _pattern(A: PETSc.Mat) -> Entries:

@@ -66,15 +66,10 @@ class LinearSolverChoice:
         bodies = [body.name for body in eq.rigid.bodies]
         if kind == "amg" and bodies:
             raise ValueError(f"{bodies[0]}: with rigid bodies there is no multigrid, only direct")
-        slides = [s.name for s in eq.surfaces if s.slides]
-        if kind == "amg" and slides:
-            raise ValueError(
-                f"{slides[0]}: with sliding='large' there is no multigrid yet, only direct"
-            )
         if kind == "auto":
             chosen = any(eq.options.value(name) for name in ("ksp_type", "pc_type"))
             small = size <= _LARGEST_DIRECT[dim]
-            kind = "direct" if bodies or slides or chosen or small else "amg"
+            kind = "direct" if bodies or chosen or small else "amg"
         solver: LinearSolver = Direct(eq) if kind == "direct" else _multigrid(eq)
         seconds = solver.predicted = solver.predicted_seconds()
         if eq.comm.rank == 0:

@@ -166,7 +166,7 @@ class Multigrid(LinearSolver):
         A = self.operator
         self._glued = self._closed(state)
         held = np.union1d(A.fixed, np.flatnonzero(self._glued.held)).astype(np.int32)
-        added = springs(self._equations, A.stiffness, self._glued.joined)
+        added = springs(self._equations, A.stiffness, state, self._glued.joined)
         products = self._equations.bulk.for_products
         half = products if products is not A.stiffness else None
         self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal, added, half)
@@ -192,7 +192,8 @@ class Multigrid(LinearSolver):
             # A hierarchy that is glued too far costs less than one that is glued too little.
             reach = eq.reach(s, state.u) or np.inf
             if s.between_bodies:
-                joined.append(points if touching else s.points.data.gap <= reach)
+                gaps = eq.gaps(s, state) if s.slides else s.points.data.gap
+                joined.append(points if touching else gaps <= reach)
                 continue
             glued = s.points.at_vertices(points.astype(float)) > 0.5
             if not touching:

@@ -5,8 +5,9 @@ r"""The Jacobian of a contact problem as a product, its bulk and contact terms k
         [ 0  0 ]             [ C  L ]
 
 K is the stiffness, which for a linear body is assembled once; S has rows at the contact nodes and
-multipliers alone and is assembled on the contact facets at every change of status. Dirichlet rows
-are the identity times a typical stiffness, their columns are zero.
+multipliers alone and is assembled on the contact facets at every change of status; where faces
+slide over each other its pattern changes as well, with a search for facets that may touch.
+Dirichlet rows are the identity times a typical stiffness, their columns are zero.
 """
 
 from __future__ import annotations
@@ -63,7 +64,13 @@ class ContactOperator:
         self.update_contact(state)
 
     def update_contact(self, state: State) -> None:
-        """Assemble S alone, which for a body that is not linear leaves K behind. Collective."""
+        """Assemble S alone, which for a body that is not linear leaves K behind. Collective.
+
+        Where faces slide over each other S may be another matrix from then on.
+        """
+        if self._terms.changed:
+            self.contact.destroy()
+            self.contact = self._terms.create_matrix()
         self.contact.zeroEntries()
         self._terms.add(state, self.contact)
 
@@ -82,7 +89,7 @@ class ContactOperator:
 
     def release(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self.matrix, self.contact, self._x, self._xu, self._yu):
+        for thing in (self.matrix, self._terms, self.contact, self._x, self._xu, self._yu):
             thing.destroy()
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -23,14 +24,20 @@ import numpy.typing as npt
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.points.operators import ConstantOperator, Operator
 from dolfinx_contact.points.trace import at_global_places
 
 __all__ = ["springs"]
+
+Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
 
 
 def springs(
     equations: ContactEquations,
     stiffness: PETSc.Mat,
+    state: State,
     closed: Sequence[npt.NDArray[np.bool_]],
 ) -> PETSc.Mat | None:
     """B_c^T kappa B_c in the numbering of the stiffness, None where there are no pairs. Collective.
@@ -38,33 +45,79 @@ def springs(
     Args:
         equations: the contact problem.
         stiffness: K.
+        state: where faces that slide over each other are.
         closed: which points of this rank are closed, pair by pair.
     """
-    pairs = [s for s in equations.surfaces if s.between_bodies]
+    pairs = [i for i, s in enumerate(equations.surfaces) if s.between_bodies]
     if not pairs:
         return None
     dim = equations.dim
     diagonal = stiffness.getDiagonal()
     compliance = 1.0 / diagonal.array_r.reshape(-1, dim).mean(axis=1)
     diagonal.destroy()
-    rows = []
-    columns = []
-    values = []
-    for s, points in zip(pairs, closed, strict=True):
-        stencils = s.constant_operator("multigrid of bodies that touch").stencils
-        b = stencils.weights
-        nodes = stencils.nodes
-        soft = at_global_places(equations.comm, compliance, nodes)
-        share = points * s.points.areas / s.points.from_vertices(s.points.vertex_areas)
-        kappa = share[stencils.points] / np.einsum("gpk,gk->gp", b**2, soft)
-        joined = np.einsum("gp,gpk,gpl->gkl", kappa, b, b, optimize=True)
-        shape = (*joined.shape, dim)
-        places = dim * nodes[..., None] + np.arange(dim)
-        rows.append(np.broadcast_to(places[:, :, None], shape).reshape(-1))
-        columns.append(np.broadcast_to(places[:, None], shape).reshape(-1))
-        values.append(np.repeat(joined.reshape(-1), dim))
-    entries = Entries(np.concatenate(rows), np.concatenate(columns))
-    size = stiffness.getLocalSize()
-    A = matrix_of(equations.comm, size, entries)
-    entries.add(np.concatenate(values), A)
+    found = []
+    for i, points in zip(pairs, closed, strict=True):
+        s = equations.surfaces[i]
+        operator = state.surfaces[i].kinematics.operator
+        share = points * operator.areas / s.points.from_vertices(s.points.vertex_areas)
+        joined = _of_sliding if s.slides else _of_stencils
+        found.append(joined(equations.comm, operator, share, compliance))
+    rows, columns, values = (np.concatenate(part) for part in zip(*found, strict=True))
+    along = np.arange(dim)
+    entries = Entries(*((dim * at[:, None] + along).reshape(-1) for at in (rows, columns)))
+    A = matrix_of(equations.comm, stiffness.getLocalSize(), entries)
+    entries.add(np.repeat(values, dim), A)
     return A
+
+
+def _of_stencils(
+    comm: MPI.Comm, operator: Operator, share: Array, compliance: Array
+) -> tuple[Nodes, Nodes, Array]:
+    """Nodes, nodes and stiffness of springs of B that never changes. Collective.
+
+    Args:
+        comm: communicator.
+        operator: B.
+        share: of the areas of nodes, of the points that are joined (n,).
+        compliance: of the owned nodes.
+    """
+    assert isinstance(operator, ConstantOperator)
+    stencils = operator.stencils
+    b = stencils.weights
+    nodes = stencils.nodes
+    soft = at_global_places(comm, compliance, nodes)
+    kappa = share[stencils.points] / np.einsum("gpk,gk->gp", b**2, soft)
+    values = np.einsum("gp,gpk,gpl->gkl", kappa, b, b, optimize=True)
+    rows = np.broadcast_to(nodes[:, :, None], values.shape)
+    columns = np.broadcast_to(nodes[:, None], values.shape)
+    return rows.reshape(-1), columns.reshape(-1), values.reshape(-1)
+
+
+def _of_sliding(
+    comm: MPI.Comm, operator: Operator, share: Array, compliance: Array
+) -> tuple[Nodes, Nodes, Array]:
+    """The same of faces that slide over each other, at a state. Collective."""
+    from dolfinx_contact.points.sliding.operator import SlidingOperator
+
+    assert isinstance(operator, SlidingOperator)
+    vertices, nodes, values = operator.entries()
+    rows = np.broadcast_to(vertices[:, :, None], values.shape).reshape(-1)
+    columns = np.broadcast_to(nodes[:, None], values.shape).reshape(-1)
+    entries = Entries(rows, columns)
+    B = matrix_of(comm, (len(share), len(compliance)), entries)
+    entries.add(values.reshape(-1), B)
+    indptr, known, b = B.getValuesCSR()
+    point = np.repeat(np.arange(len(share)), np.diff(indptr))
+    soft = at_global_places(comm, compliance, known.astype(np.int64))
+    total = np.bincount(point, b**2 * soft, len(share))
+    kappa = np.divide(share, total, out=np.zeros_like(share), where=total > 0)
+    scale = B.createVecLeft()
+    scale.array[:] = np.sqrt(kappa)
+    B.diagonalScale(L=scale)
+    joined = B.transposeMatMult(B)
+    indptr, known, values = joined.getValuesCSR()
+    first, last = joined.getOwnershipRange()
+    row = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
+    for thing in (B, scale, joined):
+        thing.destroy()
+    return row, known.astype(np.int64), values

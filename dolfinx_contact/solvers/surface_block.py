@@ -101,6 +101,7 @@ class SurfaceBlock:
         self._S: PETSc.Mat | None = None
         self._block: PETSc.Mat | None = None
         self._b: PETSc.Vec | None = None
+        self._contact = operator.contact
 
     def set_stiffness(self, square: PETSc.Mat) -> None:
         """Take the stiffness among the contact nodes, in the numbering of s. Collective."""
@@ -121,6 +122,10 @@ class SurfaceBlock:
         assert self._K is not None
         A = self._operator
         s = self._s
+        if A.contact is not self._contact:  # another pattern
+            self._free(self._S, self._block)
+            self._S = self._block = None
+            self._contact = A.contact
         self._S = A.contact.createSubMatrix(s.of_all, s.of_all, self._S)
         self._block = combined(self._K, 1.0, self._S, self._block)
         rows = s.fixed + self._block.getOwnershipRange()[0]
@@ -139,7 +144,11 @@ class SurfaceBlock:
     def release(self) -> None:
         """Free the PETSc objects."""
         self.factor.destroy()
-        for thing in (self._K, self._S, self._block):
+        self._free(self._K, self._S, self._block)
+
+    @staticmethod
+    def _free(*made: PETSc.Mat | None) -> None:
+        for thing in made:
             if thing is not None:
                 thing.destroy()
 

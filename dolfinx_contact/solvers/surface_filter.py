@@ -81,7 +81,9 @@ class SurfaceFilter:
             self.block.update()
 
     def _choose_block(self) -> SurfaceBlock | CondensedBlock:
-        if PETSc.Options().getBool(self._prefix + "condensed", True):
+        # The multipliers of faces that slide answer several dofs each.
+        slides = any(s.slides for s in self.operator.equations.surfaces)
+        if not slides and PETSc.Options().getBool(self._prefix + "condensed", True):
             condensed = CondensedBlock(self.operator, self.surface, self._prefix)
             if condensed.applies:
                 return condensed

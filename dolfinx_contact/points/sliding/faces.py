@@ -21,6 +21,7 @@ from dolfinx import fem, la
 
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._errors import require
+from dolfinx_contact._petsc import logged
 from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.facing import faces_of
 from dolfinx_contact.points.kinematics import rotation
@@ -46,6 +47,7 @@ _NEAR = 4.0  # facets of one face, within which they are neighbours
 _FEW_PAIRS = 20_000
 _LEAST_COVER = 1e-6  # of a facet, below which it has nothing opposite
 _LEAST_WEIGHT = 1e-9  # of the area of a node, below which it has nothing opposite
+_ROUND_OFF = 4e-15  # of the largest coordinate, a gap that is none
 _SHARE = 0.05  # of the area of a node, that has to be covered for the law to count alone
 #: Degree of the quadrature, by dimension: of products of the bases of slave and master, and more in
 #: the plane, where it costs little and normals turn.
@@ -92,6 +94,8 @@ class SlidingFaces:
         self.corners: Nodes = vertices.dofmap.list[:owned].astype(np.int64)
         self._size = self.dim * V.dofmap.index_map.size_local
         self._X = V.tabulate_dof_coordinates()[:, : self.dim].copy()
+        largest = self.comm.allreduce(float(np.max(np.abs(self._X), initial=0.0)), op=max)
+        self._no_gap = _ROUND_OFF * largest
         mine = facet_normals(domain, submesh.parent_facets[:owned])
         self._sense = np.sign(np.sum(area_vectors(self._of_slave(self._X)) * mine, axis=1))
         self._reference = self._of_slave(self._X)
@@ -103,8 +107,8 @@ class SlidingFaces:
         self._master_nodes = theirs.nodes
         self._master_sense = np.sign(np.sum(area_vectors(theirs.x) * theirs.normals, axis=1))
         sizes = [np.ptp(x, axis=1).max(axis=1) for x in (self._reference, theirs.x)]
-        largest = [self.comm.allreduce(float(np.max(s, initial=0.0)), op=max) for s in sizes]
-        self._skin = max(largest)
+        of_facets = max(float(np.max(s, initial=0.0)) for s in sizes)
+        self._skin: float = self.comm.allreduce(of_facets, op=max)
         self.searches = 0
         self._then: tuple[Array, Array, Array]  # positions and normals at the last search
         self._found: Candidates
@@ -224,11 +228,12 @@ class SlidingFaces:
         finite = bool(np.isfinite(mine).all() and np.isfinite(theirs).all())
         require(self.comm, finite, "positions of a contact pair are not finite")
         self._then = mine, normals, theirs
-        senses, depth, skin = self._master_sense, self._depth, self._skin
-        self._found = candidates(self.comm, slave, master, senses, depth, skin)
-        if self._direction is not None:
-            self._found = self._of_itself(self._found, self._direction)
-        self._found_before = self.of_master(self._X, self._found)
+        with logged("ContactSearch"):
+            senses, depth, skin = self._master_sense, self._depth, self._skin
+            self._found = candidates(self.comm, slave, master, senses, depth, skin)
+            if self._direction is not None:
+                self._found = self._of_itself(self._found, self._direction)
+            self._found_before = self.of_master(self._X, self._found)
         self.searches += 1
 
     def _of_mesh(self, x: Array) -> tuple[Faces, Faces]:
@@ -442,6 +447,8 @@ class SlidingFaces:
         weight = np.where(weight > _LEAST_WEIGHT * areas, weight, 0.0)
         by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
         gaps = by * self.sums(facet, np.einsum("pqa,pq->pa", weighted, gap))
+        # Faces that lie on each other in the mesh do not touch yet, whatever the sign of round-off.
+        gaps = np.where(np.abs(gaps) <= self._no_gap, 0.0, gaps)
         gaps = np.where(weight > 0, gaps, self._depth)
         slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqad->pad", weighted, slip))
         length = np.linalg.norm(m, axis=1)

@@ -15,6 +15,7 @@ from dolfinx_contact.points.sliding.facing import Facing
 __all__ = ["SlidingOperator"]
 
 Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,23 @@ class SlidingOperator(Operator):
         jump -= np.einsum("pqb,pbd->pqd", facing.rays.weights, theirs)
         parts = np.einsum("pqa,pqd->pad", facing.weighted, jump)
         return self._means(parts)[: self.number]
+
+    def entries(self) -> tuple[Nodes, Nodes, Array]:
+        """What adds up to B without the components: vertices (p, a), nodes (p, c), (p, a, c).
+
+        Vertices and nodes by their global numbers.
+        """
+        facing = self.facing
+        faces = self.faces
+        weight = facing.nodal.weight
+        by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
+        both = np.concatenate([facing.basis, -facing.rays.weights], axis=2)
+        values = by[faces.corners[facing.facet]][:, :, None] * (
+            facing.weighted.transpose(0, 2, 1) @ both
+        )
+        mine = faces.slave_nodes()[facing.facet]
+        nodes = np.concatenate([mine, facing.master_nodes], axis=1)
+        return faces.slave_vertices()[facing.facet], nodes, values
 
     def rate(self, v: Array) -> Array:
         """The derivative of the jumps, without what turns with the normals (n, dim)."""
