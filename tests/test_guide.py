@@ -7,8 +7,10 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import gmsh
 import numpy as np
 import pytest
+from _surfaces import ball, write_stl
 from blocks import block, facets
 
 import ufl
@@ -57,8 +59,27 @@ def test_laws():
         assert result.resultants["contact"][1] > 0
 
 
-def test_an_indenter():
+def write_tools(folder):
+    """The files that the page on bodies reads: a ball in mm, and a box with the group `die`."""
+    if COMM.rank == 0:
+        points, cells = ball(2)
+        write_stl(folder / "punch.stl", 1e3 * points, cells)
+        gmsh.initialize(interruptible=False)
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        skin = [tag for _, tag in gmsh.model.getEntities(2)]
+        gmsh.model.addPhysicalGroup(2, skin, name="die")
+        gmsh.model.mesh.generate(2)
+        gmsh.write(str(folder / "press.msh"))
+        gmsh.finalize()
+    COMM.barrier()
+
+
+def test_an_indenter(folder, monkeypatch):
     """On a cube that is held below; the force that the page gives arrives."""
+    write_tools(folder)
+    monkeypatch.chdir(folder)
     cube = mesh.create_unit_cube(COMM, 4, 4, 4)
     top, below = np.sort(facets(cube, 2, 1.0)), facets(cube, 2, 0.0)
     # The page has the top of its body at z = 0.
@@ -74,6 +95,8 @@ def test_an_indenter():
     indenter = result.rigid_bodies["indenter"]
     assert result.resultants["contact"][2] == pytest.approx(-1e3)
     assert indenter.displacement[2] < 0
+    assert names["punch"].closed
+    assert names["die"].closed
 
 
 def test_a_motion():
