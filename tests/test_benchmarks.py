@@ -17,6 +17,7 @@ import contact_vs_getfem
 import elastic_solve
 import elasticity_ratio
 import history_step
+import kept
 import motion_step
 import pair_ratio
 import scaling
@@ -223,3 +224,36 @@ def test_step_of_a_motion(folder):
     assert record["thrown"]["changes_steps"] > 0
     assert record["sliding"]["no_change_steps"] == 6 - motion_step.WARM_UP
     assert all(s["closed"] == record["sliding"]["points"] for s in record["sliding"]["steps"])
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_what_has_grown_over_commits_is_told(tmp_path, capsys):
+    """A count that grows at all, and a ratio that grows by more than the noise."""
+    values = {"ratio": [2.0, 2.1, 2.0, 2.15, 2.6], "count newton": [5.0, 5.0, 5.0, 6.0, 5.0]}
+    case = kept.Case(("none.py",), dict.fromkeys(values, ""))
+    path = tmp_path / "kept.csv"
+
+    def measure(name, case, commit):
+        return [
+            {
+                "commit": commit,
+                "case": name,
+                "name": words,
+                "kind": words.partition(" ")[0],
+                "value": str(found.pop(0)),
+                "noise": "0.04",
+            }
+            for words, found in values.items()
+        ]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kept, "CASES", {"solve": case})
+        patch.setattr(kept, "commit_here", lambda: "abc")
+        states = [kept.main(["--file", str(path)], measure) for _ in range(5)]
+    assert states == [0, 0, 0, 1, 1]
+    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("grown")]
+    assert told == [
+        "grown: solve, count newton: 6, 5 before",
+        "grown: solve, ratio: 2.6, 2.05 before",
+    ]
+    assert len(kept.read(path)) == 10
