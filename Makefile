@@ -18,7 +18,7 @@ DOCS = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=docs $(RUN)
 # All pages anew: each has the titles of others in its margins.
 SPHINX = python3 -m sphinx -q -W --keep-going -E -a -j auto
 
-.PHONY: help demo test test-pip test-long test-paraview test-browser attacks packages docs docs-check \
+.PHONY: help demo test test-pip test-long test-paraview test-browser attacks mutants packages docs docs-check \
 	docs-questions docs-links lint clean
 
 help:
@@ -34,6 +34,8 @@ help:
 	@echo "                environment of its own, 1 GB more); pictures in OUTPUT=$$OUTPUT/browser"
 	@echo "make attacks    data for which an assumption may not hold: is every answer right, refused, or"
 	@echo "                doubted in words? on one and two ranks"
+	@echo "make mutants    the core with a token changed: do the tests see it? hours, and goes on where it was"
+	@echo "                left; scores and what survived in OUTPUT=$$OUTPUT/mutants"
 	@echo "make docs       the site, in docs/_build/html: demos, recipes and tutorials are run, unless the"
 	@echo "                cache has what they show"
 	@echo "make docs-check the site without running anything; warnings and broken links are errors"
@@ -62,6 +64,9 @@ ifeq ($(shell uname -m),x86_64)
 	$(WHEEL) $(WHEEL_PYTEST)
 	$(WHEEL) mpiexec -n 2 $(WHEEL_PYTEST)
 endif
+
+mutants:
+	$(RUN) python3 tests/mutants.py --output "$$OUTPUT/mutants"
 
 packages:
 	$(PACKAGES) packaging/check "$$OUTPUT/packages"

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Hollow half-spheres and their octants, of hexahedra: a cube that is blown up."""
 
+from mpi4py import MPI
+
 import numpy as np
 
 import basix.ufl
@@ -19,7 +21,7 @@ def octant(m):
     return np.array([np.roll(face, k, axis=-1) for k in range(3)])
 
 
-def shell(comm, radii, m, octants=4):
+def shell(comm: MPI.Comm, radii, m, octants=4):
     """A mesh of some octants of a hollow sphere about the origin, z >= 0. Collective.
 
     Args:

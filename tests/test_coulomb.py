@@ -10,7 +10,7 @@ from dolfinx import fem
 
 from dolfinx_contact import Coulomb, Frictionless, ParametricContact, Tresca
 from dolfinx_contact.laws import coulomb
-from dolfinx_contact.laws.status import MINUS
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 
 COMM = MPI.COMM_WORLD
 LAWS = [Coulomb(0.7), Frictionless(), Tresca(2.0)]
@@ -98,3 +98,22 @@ def test_violation():
     assert coulomb.violation(**slip, **given) == 0
     for name, value, off in (("un", -0.2, 0.2), ("rt", 0.3, 0.6), ("rt", -0.5, 0.2)):
         assert coulomb.violation(**(slip | {name: value * one}), **given) == pytest.approx(off)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "Coulomb", "Tresca", reference="differences: of the projection", aspects=("2D", "3D")
+)
+def test_derivative_of_the_projection(dim):
+    """Away from its kinks; points that stick, slip and are open, with a bound and without."""
+    rng = np.random.default_rng(4)
+    m = 300
+    s = rng.normal(size=(m, dim))
+    friction, bound = rng.uniform(0.1, 2.0, m), rng.choice([0.0, 0.4], m)
+    D = coulomb.derivative(s, friction, bound)
+    h = 1e-6
+    for j, e in enumerate(np.eye(dim)):
+        after, before = (coulomb.allowed(s + t * e, friction, bound) for t in (h, -h))
+        np.testing.assert_allclose(D[:, :, j], (after - before) / (2 * h), atol=1e-7)
+    seen = coulomb.statuses(s, friction, bound)
+    assert {OPEN, STICK, PLUS} <= set(seen.tolist())

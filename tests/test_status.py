@@ -65,3 +65,13 @@ def test_pieces_are_known_by_their_letters(cell, law):
         again = system.piece_of(letters).codes
         np.testing.assert_array_equal(again[free], mine[free])
     assert MPI.COMM_WORLD.allreduce(int((~system.clamped).sum())) > 2
+
+
+def test_what_friction_does_under_every_bond():
+    """Numbers of the three parts are found in that of the whole."""
+    for contact, bond in itertools.product(FRICTION, BONDS):
+        code = np.array([contact + bond], dtype=np.int8)
+        assert status.without_damage(code) == contact
+        rubs = contact > status.WHERE_OPEN
+        assert status.senses(code) == (contact - status.WHERE_OPEN if rubs else contact)
+        assert status.closed(code) == (status.OPEN < contact <= status.WHERE_OPEN)
