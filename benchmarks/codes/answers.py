@@ -2,8 +2,8 @@
 """What a driver is given and what it leaves, the same for all codes.
 
 A driver is a program: ``driver.py problem.npz settings.json answer.npz``. Its answer has ``u``
-(s, n, dim), displacements at the ends of the steps, ``forces`` (s, m, dim) on the body at its contact
-nodes if the code gives such, and ``record``, JSON with
+(s, n, dim), displacements at the ends of the steps, ``forces`` (s, m, dim) on the body at its
+contact nodes if the code gives such, and ``record``, JSON with
 
     version       of the code
     says          what it says of its success, in its words
@@ -23,7 +23,7 @@ from problems import Problem
 
 
 def run(solve):
-    """Be the program of a driver: ``solve(problem, settings)`` returns u, forces or None, record."""
+    """Be a driver's program: ``solve(problem, settings)`` returns u, forces or None, record."""
     problem, settings, answer = sys.argv[1:]
     with open(settings) as file:
         given = json.load(file)

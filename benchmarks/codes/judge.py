@@ -4,8 +4,8 @@
 It shares no code with this package nor with any of the codes. The forces on the body at the contact
 nodes are r = K u - f, with a stiffness that is assembled here (P1, or Q1 with two Gauss points an
 edge) and loads that are integrated here; or those that a code gives, and then r is what they are
-compared with. With L the largest displacement, and F the largest force at a node: of a load, a support
-or contact,
+compared with. With L the largest displacement, and F the largest force at a node, of a load, a
+support or contact,
 
     held          |u - prescribed| / L
     equilibrium   |K u - f - contact forces| / F where the displacement is not prescribed
@@ -14,21 +14,25 @@ or contact,
     complementarity   min(max(un, 0) / L, max(rn, 0) / F)
     slip          min(|w| / L, |rt + mu rn w/|w|| / F), w the slip of the step
 
-each at the worst node and step: 0 for a solution. `closed` is a problem's ratio of forces over its
-closed form, less 1. The gap between two bodies is that of the nodes of the first over the faces of the
-second, at the place below before anything moves.
+each at the worst node and step: 0 for a solution. ``closed`` is a problem's ratio of forces over
+its closed form, less 1. The gap between two bodies is that of the nodes of the first over the faces
+of the second, at the place below before anything moves. A point slips if it moves by more than a
+thousandth of L.
 
     python3 benchmarks/codes/judge.py problem.npz answer.npz
 """
 
 from __future__ import annotations
 
+import json
 import sys
 
 import numpy as np
 from scipy.sparse import coo_matrix
 
 FIGURES = ("held", "equilibrium", "penetration", "cone", "complementarity", "slip")
+#: Of the largest displacement, by which a point moves that is said to slip.
+_MOVES = 1e-3
 _CORNERS = {
     2: np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]),
     3: np.array([(x, y, z) for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]),
@@ -175,7 +179,7 @@ def judged(problem, u, forces=None):
         slip, before = jump - before, jump
     tangential = np.linalg.norm(slip - (slip @ normal)[:, None] * normal, axis=1)
     closed = force @ normal > 1e-6 * scale
-    slips = closed & (tangential > 1e-6 * length)
+    slips = closed & (tangential > _MOVES * length)
     counts = {"open": ~closed, "stick": closed & ~slips, "slip": slips}
     total = force.sum(axis=0)
     worst["statuses"] = {name: int(where.sum()) for name, where in counts.items()}
@@ -187,9 +191,13 @@ def judged(problem, u, forces=None):
 
 def main(problem, answer):
     with np.load(problem) as given, np.load(answer) as found:
-        figures = judged(given, found["u"], found["forces"] if "forces" in found else None)
-    for name, value in figures.items():
-        print(f"{name}: {value}")
+        record = {"record": json.loads(str(found["record"]))}
+        try:
+            forces = found.get("forces")
+            record["figures"] = judged(given, found["u"], forces)
+        except ValueError as error:
+            record["error"] = str(error)
+    print(json.dumps(record, indent=1))
 
 
 if __name__ == "__main__":

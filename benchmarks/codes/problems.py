@@ -150,10 +150,19 @@ def boundary(cells, kind):
     local = {
         "tri3": [(0, 1), (1, 2), (2, 0)],
         "quad4": [(0, 1), (1, 2), (2, 3), (3, 0)],
-        "hex8": [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)],
+        "hex8": [
+            (0, 3, 2, 1),
+            (4, 5, 6, 7),
+            (0, 1, 5, 4),
+            (1, 2, 6, 5),
+            (2, 3, 7, 6),
+            (3, 0, 4, 7),
+        ],
     }[kind]
     faces = np.concatenate([cells[:, list(f)] for f in local])
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    _, first, count = np.unique(
+        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+    )
     return faces[first[count == 1]]
 
 
@@ -219,7 +228,9 @@ def dragged(nodes=16):
     move = (0.008, 0.003, -0.01)
     held = [(dofs_of(top, k, 3), np.array([v])) for k, v in enumerate(move)]
     bottom = faces_where(x, boundary(cells, "hex8"), lambda x: np.isclose(x[:, 2], 0))
-    return made(f"dragged{nodes}", "hex8", x, cells, held=held, bottom=bottom, mu=0.3, E=1.0, nu=0.3)
+    return made(
+        f"dragged{nodes}", "hex8", x, cells, held=held, bottom=bottom, mu=0.3, E=1.0, nu=0.3
+    )
 
 
 def three(n=16):

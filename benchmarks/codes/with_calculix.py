@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """CalculiX: an input deck for ccx, and what it prints.
 
-A plane problem is a layer of cells of the third dimension, held in it: its two faces move alike. The
-rigid plane is one large cell, all of whose nodes are held. Displacements have the seven digits that
-ccx prints.
+A plane problem is a layer of cells of the third dimension, held in it: its two faces move alike.
+The rigid plane is one large cell, all of whose nodes are held. Displacements have the seven digits
+that ccx prints.
 
-Settings: ``type``, of the contact pair; ``stiffness``, the slope of pressure over penetration, times
-Young's modulus over the largest side of the body (None: none is given, and mortar contact is hard);
-``stick``, the stick slope over that of the pressure; ``increment``, the first one of a step of length
-1; ``controls``, lines for the deck.
+Settings: ``type``, of the contact pair; ``stiffness``, the slope of pressure over penetration over
+Young's modulus by the largest side of the body (None: none is given, and mortar contact is hard);
+``stick``, the stick slope over that of the pressure, or without one over Young's modulus
+by the largest side; ``increment``, the first one of a step of length 1; ``controls``, lines for the
+deck.
 """
 
 from __future__ import annotations
@@ -122,8 +123,12 @@ def step(p, layer, settings, s):
 
 def deck(p, layer, settings):
     """All lines of the input."""
+
     def listed(numbers, rows):
-        return [f"{n}, " + ", ".join(f"{v:.12g}" for v in row) for n, row in zip(numbers, rows, strict=True)]
+        return [
+            f"{n}, " + ", ".join(f"{v:.12g}" for v in row)
+            for n, row in zip(numbers, rows, strict=True)
+        ]
 
     nodes = layer.x
     cells = layer.cells + 1

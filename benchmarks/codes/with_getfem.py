@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""GetFEM: nodal contact with a rigid plane by multipliers, Newton's method on the augmented equations.
+"""GetFEM: nodal contact with a rigid plane by multipliers, Newton on the augmented equations.
 
 Settings: ``r``, the augmentation over Young's modulus; ``version``, of the augmented equations (1:
-unsymmetric, Alart and Curnier; 4: with projection on the cone); ``solve``, words for `Model.solve`.
-The loads of a step are not cut; friction in a history is by the displacement of the step before.
+unsymmetric, Alart and Curnier; 3: with augmented multipliers); ``solve``, words for `Model.solve`;
+``residual``, to which it solves, and whether that is ``relative`` to the
+largest nodal load. The loads of a step are not cut; friction in a history is by the displacement of
+the step before.
 """
 
 from __future__ import annotations
@@ -51,7 +53,7 @@ def spaces(p):
 
 
 def add_contact(model, p, mf, dofs, settings):
-    """The contact brick; ``dofs`` of the contact nodes (m, dim). Its data "before" is a step's start."""
+    """The contact brick; ``dofs`` of the contact nodes (m, dim); "before" is a step's start."""
     m = len(p.contact)
     frame = tangents(p.normal)
     normal = gf.Spmat("empty", m, mf.nbdof())
@@ -100,12 +102,15 @@ def solve(p, settings):
     forces = []
     iterations = 0
     good = True
+    tolerance = settings["residual"]
+    if settings["relative"]:
+        tolerance *= np.abs(p.loads).max() or 1.0
     for step in range(p.steps):
         vector = np.zeros(mf.nbdof())
         vector[dofs] = p.loads[step]
         model.set_private_rhs(load, vector)
         model.set_private_rhs(held, p.values[step])
-        more, converged = model.solve(*settings["solve"])
+        more, converged = model.solve("max_res", tolerance, *settings["solve"])
         iterations += int(more)
         good = good and bool(converged)
         now = model.variable("u")

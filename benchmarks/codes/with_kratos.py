@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Kratos: its ContactStructuralMechanicsApplication, mortar with an augmented Lagrangian.
 
-The rigid plane is a layer of cells, all of whose nodes are held. Faces with a held node are none of the
-slave's: Kratos' matrix is singular otherwise. What a step has follows in one step.
+The rigid plane is a layer of cells, all of whose nodes are held. Faces with a held node are none of
+the slave's: Kratos' matrix is singular otherwise. What a step has follows in one step.
 
-Settings: ``criterion``, ``tolerance`` and ``iterations`` of Newton's method; ``type``, the mortar type
-of the solver; ``contact``, parameters of the contact process.
+Settings: ``criterion``, ``tolerance``, ``absolute`` and ``iterations`` of Newton's method; ``type``
+and ``solver``, its contact settings; ``contact``, parameters of the contact process.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ import KratosMultiphysics.LinearSolversApplication
 import KratosMultiphysics.StructuralMechanicsApplication as Structural
 import numpy as np
 from answers import run
-from problems import grid
 from KratosMultiphysics.StructuralMechanicsApplication import structural_mechanics_analysis
+from problems import grid
 
 ELEMENTS = {
     "tri3": "SmallDisplacementElement2D3N",
@@ -102,7 +102,9 @@ def written(p, path):
     numbers = np.arange(1, len(faces) + 1)
     lines += part("Slave", slave + 1, conditions=numbers[: len(slave)])
     lines += part("Master", master + 1, conditions=numbers[len(slave) :])
-    lines += part("Loads", loaded + 1, conditions=range(len(faces) + 1, len(faces) + len(loaded) + 1))
+    lines += part(
+        "Loads", loaded + 1, conditions=range(len(faces) + 1, len(faces) + len(loaded) + 1)
+    )
     with open(path, "w") as file:
         file.write("\n".join(lines) + "\n")
 
@@ -183,7 +185,9 @@ class Analysis(structural_mechanics_analysis.StructuralMechanicsAnalysis):
             structure = self.model["Structure"]
             self.iterations += structure.ProcessInfo[Kratos.NL_ITERATION_NUMBER]
             u = [
-                list(structure.GetNode(i + 1).GetSolutionStepValue(Kratos.DISPLACEMENT))[: self.p.dim]
+                list(structure.GetNode(i + 1).GetSolutionStepValue(Kratos.DISPLACEMENT))[
+                    : self.p.dim
+                ]
                 for i in range(len(self.p.x))
             ]
             self.found.append(u)

@@ -5,15 +5,15 @@ u = W r + q with the compliance W = S^-1, the normal of each point first; q has 
 without contact, less the tangential ones of the step before. The displacements of the body follow
 from the forces by a solve of scipy. The time is that of Siconos alone.
 
-Settings: ``solver``, by its name in Siconos; ``tolerance``, ``iterations`` at most; ``points``, the
-file of reduced problems.
+Settings: ``solver``, by its name in Siconos; ``tolerance``, ``iterations`` at most (None: Siconos'
+defaults); ``points``, the file of reduced problems.
 """
 
 from __future__ import annotations
 
 import ctypes
 import time
-from ctypes import POINTER, c_bool, c_char_p, c_double, c_int, c_void_p
+from ctypes import POINTER, c_bool, c_double, c_int, c_void_p
 
 import numpy as np
 from answers import debian_version, run
@@ -50,9 +50,6 @@ def library():
     for driver in (found.fc2d_driver, found.fc3d_driver):
         driver.restype = c_int
         driver.argtypes = [c_void_p, doubles, doubles, POINTER(Options)]
-    found.solver_options_get_name = getattr(found, "solver_options_id_to_name", None)
-    if found.solver_options_get_name:
-        found.solver_options_get_name.restype = c_char_p
     return found
 
 
@@ -66,8 +63,10 @@ def solved(lib, dim, W, q, mu, settings, r):
     if number is None:
         raise NotImplementedError(f"Siconos has no {settings['solver']} in {dim}D")
     options = lib.solver_options_create(number)
-    options.contents.iparam[_ITERATIONS_AT_MOST] = settings["iterations"]
-    options.contents.dparam[_TOLERANCE] = settings["tolerance"]
+    if settings["iterations"] is not None:
+        options.contents.iparam[_ITERATIONS_AT_MOST] = settings["iterations"]
+    if settings["tolerance"] is not None:
+        options.contents.dparam[_TOLERANCE] = settings["tolerance"]
     matrix = lib.NM_create_from_data(_DENSE, len(q), len(q), W.ctypes.data)
     problem = lib.frictionContactProblem_new_with_data(
         dim, len(mu), matrix, pointer(q), pointer(mu)
