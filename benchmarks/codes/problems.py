@@ -145,6 +145,27 @@ def grid(counts, size, origin=None):
     return x + (0 if origin is None else np.asarray(origin, float)), cells
 
 
+def plane_cells(p):
+    """Nodes, cells and faces of a layer of cells below the obstacle, as large as those above.
+
+    For codes that look for pairs of faces that are alike in size.
+    """
+    normal = p.normal
+    across = [np.array([normal[1], -normal[0]])]
+    if p.dim == 3:
+        across = [np.array([1.0, 0.0, 0.0]), np.cross(normal, [1.0, 0.0, 0.0])]
+    nodes = p.x[np.unique(p.contact_faces)] - p.point
+    places = nodes @ np.transpose(across)
+    low, size = places.min(axis=0), np.ptp(places, axis=0)
+    h = size.max() / (len(nodes) ** (1 / (p.dim - 1)) - 1)
+    counts = [round(1.5 * s / h) + 1 for s in size]
+    at, cells = grid((*counts, 1), (*(1.5 * size), h))
+    at[:, :-1] += low - 0.25 * size
+    frame = np.array([*across, normal])
+    faces = cells[:, [2, 3] if p.dim == 2 else [4, 5, 6, 7]]
+    return p.point + at @ frame - h * normal, cells, faces
+
+
 def boundary(cells, kind):
     """Faces that belong to one cell, seen counter-clockwise from outside (f, k)."""
     local = {

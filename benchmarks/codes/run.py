@@ -114,6 +114,23 @@ CODES = {
         },
         "shallow_ironing_3D of its examples",
     ),
+    "akantu": Code(
+        "Akantu",
+        "with_akantu.py",
+        "akantu",
+        "LGPL-3.0-or-later",
+        {
+            "recommended": {
+                "normal": 100.0, "tangential": 1.0, "tolerance": 1e-8, "iterations": 100,
+                "increments": 1,
+            },
+            "tuned": {
+                "normal": 100.0, "tangential": 0.1, "tolerance": 1e-8, "iterations": 100,
+                "increments": 20,
+            },
+        },
+        "nothing: no manual came with the wheel; the ratios of CalculiX' manual",
+    ),
 }  # fmt: skip
 
 

@@ -23,7 +23,7 @@ import KratosMultiphysics.StructuralMechanicsApplication as Structural
 import numpy as np
 from answers import run
 from KratosMultiphysics.StructuralMechanicsApplication import structural_mechanics_analysis
-from problems import grid
+from problems import plane_cells
 
 ELEMENTS = {
     "tri3": "SmallDisplacementElement2D3N",
@@ -33,27 +33,6 @@ ELEMENTS = {
 LAWS = {2: "LinearElasticPlaneStrain2DLaw", 3: "LinearElastic3DLaw"}
 FACES = {2: "LineCondition2D2N", 3: "SurfaceCondition3D4N"}
 LOADS = {2: "PointLoadCondition2D1N", 3: "PointLoadCondition3D1N"}
-
-
-def plane_cells(p):
-    """Nodes, cells and faces of a layer of cells below the obstacle, as large as those above.
-
-    Kratos looks for pairs of faces that are alike in size.
-    """
-    normal = p.normal
-    across = [np.array([normal[1], -normal[0]])]
-    if p.dim == 3:
-        across = [np.array([1.0, 0.0, 0.0]), np.cross(normal, [1.0, 0.0, 0.0])]
-    nodes = p.x[np.unique(p.contact_faces)] - p.point
-    places = nodes @ np.transpose(across)
-    low, size = places.min(axis=0), np.ptp(places, axis=0)
-    h = size.max() / (len(nodes) ** (1 / (p.dim - 1)) - 1)
-    counts = [round(1.5 * s / h) + 1 for s in size]
-    at, cells = grid((*counts, 1), (*(1.5 * size), h))
-    at[:, :-1] += low - 0.25 * size
-    frame = np.array([*across, normal])
-    faces = cells[:, [2, 3] if p.dim == 2 else [4, 5, 6, 7]]
-    return p.point + at @ frame - h * normal, cells, faces
 
 
 def block(name, lines):
