@@ -34,6 +34,7 @@ def draw(records, path):
         ax.set_title(problem, fontsize=10)
         ax.set_xscale("log")
         ax.set_xlim(_LEAST / 5, _MOST)
+        ax.set_ylim(-0.5, len(names) - 0.5)
         ax.grid(axis="x", color="0.9")
         for record in records:
             if record["problem"] != problem:
@@ -52,8 +53,8 @@ def draw(records, path):
         ax.set_xlabel("largest figure of the judge")
     figure.text(
         0.01, 0.01,
-        "hollow: recommended settings; full: tuned; blue: it says it has succeeded; red: it says it "
-        "has not; grey cross: no answer",
+        "hollow: recommended settings; full: tuned; blue: it says it succeeded; red: it says it "
+        "did not; grey cross: no answer",
         fontsize=8,
     )  # fmt: skip
     figure.tight_layout(rect=(0, 0.03, 1, 1))

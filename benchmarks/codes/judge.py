@@ -16,8 +16,8 @@ support or contact,
 
 each at the worst node and step: 0 for a solution. ``closed`` is a problem's ratio of forces over
 its closed form, less 1. The gap between two bodies is that of the nodes of the first over the faces
-of the second, at the place below before anything moves. A point slips if it moves by more than a
-thousandth of L.
+of the second, at the place below before anything moves. A point is closed with more than 1e-5 F,
+and slips if it moves by more than 1e-3 L.
 
     python3 benchmarks/codes/judge.py problem.npz answer.npz
 """
@@ -33,6 +33,8 @@ from scipy.sparse import coo_matrix
 FIGURES = ("held", "equilibrium", "penetration", "cone", "complementarity", "slip")
 #: Of the largest displacement, by which a point moves that is said to slip.
 _MOVES = 1e-3
+#: Of the largest force, from which on a point carries one that is said to be closed.
+_CARRIES = 1e-5
 _CORNERS = {
     2: np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]),
     3: np.array([(x, y, z) for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]),
@@ -178,7 +180,7 @@ def judged(problem, u, forces=None):
         worst = {name: max(worst[name], float(found[name])) for name in FIGURES}
         slip, before = jump - before, jump
     tangential = np.linalg.norm(slip - (slip @ normal)[:, None] * normal, axis=1)
-    closed = force @ normal > 1e-6 * scale
+    closed = force @ normal > _CARRIES * scale
     slips = closed & (tangential > _MOVES * length)
     counts = {"open": ~closed, "stick": closed & ~slips, "slip": slips}
     total = force.sum(axis=0)

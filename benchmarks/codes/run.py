@@ -7,6 +7,7 @@ this package. This program needs Python alone. Times are wall time, of one run e
 
     python3 benchmarks/codes/run.py --output output/codes
     python3 benchmarks/codes/run.py --output output/codes --codes ours kratos --problems greco
+    python3 benchmarks/codes/run.py --output output/codes --judge
     python3 benchmarks/codes/run.py --table benchmarks/codes/results.json
 """
 
@@ -176,9 +177,17 @@ def measured(folder, problem, code, way):
     record["process_seconds"] = time.perf_counter() - begun
     if error:
         return record | {"error": error}
+    return judged(folder, record)
+
+
+def judged(folder, record):
+    """The record of a run with what the judge says of its answer."""
+    name = f"{record['problem']}-{record['code']}-{record['way']}"
+    given, answer = folder / f"{record['problem']}.npz", folder / f"{name}.npz"
     error, text = within("project", "python3", HERE / "judge.py", given, answer)
-    found = json.loads(text) if text.strip() else {}
-    return record | found | ({"judge": error} if error else {})
+    if error:
+        return record | {"error": f"the judge: {error}"}
+    return record | json.loads(text)
 
 
 def run(folder, problems, codes):
@@ -209,7 +218,7 @@ def row(record):
     """A line of the table."""
     name = f"| {CODES[record['code']].title} | {record['way']} "
     if "figures" not in record:
-        reason = record.get("error") or record.get("judge")
+        reason = record.get("error")
         says = record.get("record", {}).get("says")
         words = f"no answer: {says or reason}".replace("|", "/")
         return name + f"| {words} |" + " |" * (len(FIGURES) + 3)
@@ -263,13 +272,17 @@ def main():
     parser.add_argument("--problems", nargs="*", choices=PROBLEMS, default=PROBLEMS)
     parser.add_argument("--codes", nargs="*", choices=list(CODES), default=list(CODES))
     parser.add_argument("--table", type=Path, help="results that are there, of which to make one")
+    parser.add_argument("--judge", action="store_true", help="judge the answers there again")
     args = parser.parse_args()
     if args.table:
         results = args.table
     else:
         results = args.output / "results.json"
         before = json.loads(results.read_text())["runs"] if results.exists() else []
-        records = merged(before, run(args.output, args.problems, args.codes))
+        if args.judge:
+            records = [r if "record" not in r else judged(args.output, r) for r in before]
+        else:
+            records = merged(before, run(args.output, args.problems, args.codes))
         settings = {name: code.settings for name, code in CODES.items()}
         text = json.dumps({"settings": settings, "runs": records}, indent=1)
         results.write_text(text + "\n")

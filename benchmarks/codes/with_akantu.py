@@ -119,7 +119,7 @@ def _solved(p, settings, folder):
             try:
                 coupler.solveStep()
             except Exception as error:  # Akantu's has no name in Python; its words are the record
-                says = str(error).splitlines()[0][:120]
+                says = str(error).split(" : ")[-1].split(" [")[0]
             iterations += int(solver.getInt("nb_iterations"))
         old, load = p.values[step], p.loads[step]
         found.append(np.array(solid.getDisplacement())[: len(p.x)])

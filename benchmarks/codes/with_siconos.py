@@ -79,6 +79,8 @@ def solved(lib, dim, W, q, mu, settings, r):
 
 
 def solve(p, settings):
+    if len(p.master_faces):
+        raise NotImplementedError("the driver has contact with a rigid plane alone")
     lib = library()
     with np.load(settings["points"]) as data:
         S, loads, mu, frames, nodes = (data[k] for k in ("S", "p", "friction", "frames", "nodes"))
