@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""One problem, several codes, one judge: runs them and writes a table.
+
+Every code is run in its own environment (`environments`) by its driver, once with settings that its
+manual, its defaults or its examples give and once tuned; its answer is judged in the environment of
+this package. This program needs Python alone. Times are wall time, of one run each, on one thread.
+
+    python3 benchmarks/codes/run.py --output output/codes
+    python3 benchmarks/codes/run.py --output output/codes --codes ours kratos --problems greco
+    python3 benchmarks/codes/run.py --output output/codes --judge
+    python3 benchmarks/codes/run.py --table benchmarks/codes/results.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+PROBLEMS = ("greco", "dragged16", "three", "cyclic", "wedge", "pair")
+FIGURES = ("equilibrium", "penetration", "cone", "complementarity", "slip")
+SECONDS = 300  # at most, of a run
+
+
+@dataclass(frozen=True)
+class Code:
+    """How a code is run; ``settings`` by the words recommended and tuned."""
+
+    title: str
+    driver: str
+    environment: str
+    licence: str
+    settings: dict[str, dict]
+    source: str
+
+
+_MUMPS = ["max_iter", 100, "lsolver", "mumps"]
+_EXAMPLE = {"tangent_factor": 0.025, "advance_ALM_parameters": {"stiffness_factor": 0.1}}
+_STIFFER = {"tangent_factor": 1.0, "advance_ALM_parameters": {"stiffness_factor": 1.0}}
+_KRATOS = {
+    "criterion": "contact_residual_criterion",
+    "tolerance": 1e-4,
+    "absolute": 1e-9,
+    "iterations": 20,
+    "type": "ALMContactFrictional",
+    "solver": {},
+}
+CODES = {
+    "ours": Code(
+        "dolfinx_contact",
+        "with_ours.py",
+        "project",
+        "LGPL-3.0-or-later",
+        {
+            "recommended": {},
+            "tuned": {"petsc_options": {"linear_solver": "direct", "snes_rtol": 1e-12}},
+        },
+        "its defaults",
+    ),
+    "getfem": Code(
+        "GetFEM",
+        "with_getfem.py",
+        "project",
+        "LGPL-3.0-or-later",
+        {
+            "recommended": {
+                "r": 1.0, "version": 1, "residual": 1e-9, "relative": False, "solve": _MUMPS,
+            },
+            "tuned": {
+                "r": 1.0, "version": 1, "residual": 1e-10, "relative": True, "solve": _MUMPS,
+            },
+        },
+        "demo_static_contact.py; r of the order of Young's modulus, as its manual says",
+    ),
+    "calculix": Code(
+        "CalculiX",
+        "with_calculix.py",
+        "debian",
+        "GPL-2.0-or-later",
+        {
+            "recommended": {
+                "type": "SURFACE TO SURFACE", "stiffness": 50.0, "stick": 0.01, "increment": 0.25,
+                "controls": [],
+            },
+            "tuned": {
+                "type": "MORTAR", "stiffness": None, "stick": 1e4, "increment": 0.1, "controls": [],
+            },
+        },
+        "its manual: face-to-face penalty, 50 times Young's modulus, a stick slope of a hundredth",
+    ),
+    "siconos": Code(
+        "Siconos (reduced problem)",
+        "with_siconos.py",
+        "debian",
+        "Apache-2.0",
+        {
+            "recommended": {"solver": "NSGS", "tolerance": None, "iterations": None},
+            "tuned": {"solver": "NSGS", "tolerance": 1e-12, "iterations": 100000},
+        },
+        "its defaults of nonsmooth Gauss-Seidel",
+    ),
+    "kratos": Code(
+        "Kratos",
+        "with_kratos.py",
+        "kratos",
+        "BSD-4-Clause",
+        {
+            "recommended": _KRATOS | {"contact": _EXAMPLE},
+            "tuned": _KRATOS
+            | {"iterations": 50, "contact": _STIFFER},
+        },
+        "shallow_ironing_3D of its examples",
+    ),
+    "akantu": Code(
+        "Akantu",
+        "with_akantu.py",
+        "akantu",
+        "LGPL-3.0-or-later",
+        {
+            "recommended": {
+                "normal": 100.0, "tangential": 1.0, "tolerance": 1e-8, "iterations": 100,
+                "increments": 1,
+            },
+            "tuned": {
+                "normal": 100.0, "tangential": 0.1, "tolerance": 1e-8, "iterations": 100,
+                "increments": 20,
+            },
+        },
+        "nothing: no manual came with the wheel; the ratios of CalculiX' manual",
+    ),
+}  # fmt: skip
+
+
+def within(environment, *command, limit=SECONDS):
+    """Run a command in an environment; its error is a line of text, or None, and its output."""
+    words = [str(HERE / "environments"), environment, "timeout", str(limit), *map(str, command)]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    if ended.returncode == 124:
+        return f"ended after {limit} s", ended.stdout
+    if ended.returncode:
+        lines = [line.strip() for line in ended.stderr.splitlines() if line.strip()]
+        errors = [line for line in lines if "Error" in line and not line.startswith("File")]
+        return (errors or lines or ["no answer"])[-1][:200], ended.stdout
+    return None, ended.stdout
+
+
+def prepared(folder, problem, code):
+    """What a code needs beside the problem, its reduced problem: error or None, settings."""
+    if code != "siconos":
+        return None, {}
+    points = folder / f"{problem}-points.npz"
+    given = {"points": str(points)}
+    if points.exists():
+        return None, given
+    error, _ = within("project", "python3", HERE / "reduced.py", folder / f"{problem}.npz", points)
+    return error, given
+
+
+def measured(folder, problem, code, way):
+    """A record of one run."""
+    record = {"problem": problem, "code": code, "way": way, "begun": time.strftime("%F %T")}
+    error, more = prepared(folder, problem, code)
+    if error:
+        return record | {"error": error}
+    name = f"{problem}-{code}-{way}"
+    settings, answer = folder / f"{name}.json", folder / f"{name}.npz"
+    settings.write_text(json.dumps(CODES[code].settings[way] | more))
+    driver = HERE / CODES[code].driver
+    given = folder / f"{problem}.npz"
+    answer.unlink(missing_ok=True)
+    begun = time.perf_counter()
+    error, _ = within(CODES[code].environment, "python3", driver, given, settings, answer)
+    record["process_seconds"] = time.perf_counter() - begun
+    if error:
+        return record | {"error": error}
+    return judged(folder, record)
+
+
+def judged(folder, record):
+    """The record of a run with what the judge says of its answer."""
+    name = f"{record['problem']}-{record['code']}-{record['way']}"
+    given, answer = folder / f"{record['problem']}.npz", folder / f"{name}.npz"
+    error, text = within("project", "python3", HERE / "judge.py", given, answer)
+    if error:
+        return record | {"error": f"the judge: {error}"}
+    return record | json.loads(text)
+
+
+def run(folder, problems, codes):
+    """All records, of which the program tells as they come."""
+    folder.mkdir(parents=True, exist_ok=True)
+    error, text = within("project", "python3", HERE / "problems.py", folder)
+    if error:
+        raise RuntimeError(error)
+    print(text, end="")
+    records = []
+    for problem in problems:
+        for code in codes:
+            for way in CODES[code].settings:
+                record = measured(folder, problem, code, way)
+                records.append(record)
+                print(row(record), flush=True)
+    return records
+
+
+def merged(before, records):
+    """Records of runs, those anew in place of older ones, in the order of the table."""
+    runs = {(r["problem"], r["code"], r["way"]): r for r in [*before, *records]}
+    order = [(p, c, w) for p in PROBLEMS for c in CODES for w in CODES[c].settings]
+    return [runs[key] for key in order if key in runs]
+
+
+def row(record):
+    """A line of the table."""
+    name = f"| {CODES[record['code']].title} | {record['way']} "
+    if "figures" not in record:
+        reason = record.get("error")
+        says = record.get("record", {}).get("says")
+        words = f"no answer: {says or reason}".replace("|", "/")
+        return name + f"| {words} |" + " |" * (len(FIGURES) + 3)
+    said, figures = record["record"], record["figures"]
+    counts = figures["statuses"]
+    numbers = " | ".join(f"{figures[f]:.0e}" for f in FIGURES)
+    places = f"{counts['open']}/{counts['stick']}/{counts['slip']}"
+    return (
+        f"{name}| {said['says']} | {said['iterations']} | {said['seconds']:.2f} | {numbers} "
+        f"| {places} |"
+    )
+
+
+def table(records):
+    """Markdown of all problems."""
+    titles = ("code", "settings", "says", "iterations", "seconds", *FIGURES, "open/stick/slip")
+    lines = []
+    for problem in dict.fromkeys(r["problem"] for r in records):
+        lines += [
+            f"### {problem}",
+            "",
+            "| " + " | ".join(titles) + " |",
+            "|---" * len(titles) + "|",
+        ]
+        lines += [row(r) for r in records if r["problem"] == problem]
+        closed = [
+            f"{CODES[r['code']].title} ({r['way']}) {r['figures']['closed']:.0e}"
+            for r in records
+            if r["problem"] == problem and "closed" in r.get("figures", {})
+        ]
+        if closed:
+            lines += ["", f"F/G over its closed form, less 1: {'; '.join(closed)}."]
+        lines.append("")
+    lines += [
+        "### Versions, licences, settings",
+        "",
+        "| code | version | licence | recommended by |",
+    ]
+    lines.append("|---|---|---|---|")
+    for name, code in CODES.items():
+        versions = {r["record"]["version"] for r in records if r["code"] == name and "record" in r}
+        if versions:
+            version = ", ".join(sorted(versions))
+            lines.append(f"| {code.title} | {version} | {code.licence} | {code.source} |")
+    return "\n".join(lines) + "\n"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("output/codes"))
+    parser.add_argument("--problems", nargs="*", choices=PROBLEMS, default=PROBLEMS)
+    parser.add_argument("--codes", nargs="*", choices=list(CODES), default=list(CODES))
+    parser.add_argument("--table", type=Path, help="results that are there, of which to make one")
+    parser.add_argument("--judge", action="store_true", help="judge the answers there again")
+    args = parser.parse_args()
+    if args.table:
+        results = args.table
+    else:
+        results = args.output / "results.json"
+        before = json.loads(results.read_text())["runs"] if results.exists() else []
+        if args.judge:
+            records = [r if "record" not in r else judged(args.output, r) for r in before]
+        else:
+            records = merged(before, run(args.output, args.problems, args.codes))
+        settings = {name: code.settings for name, code in CODES.items()}
+        text = json.dumps({"settings": settings, "runs": records}, indent=1)
+        results.write_text(text + "\n")
+    records = json.loads(results.read_text())["runs"]
+    results.with_suffix(".md").write_text(table(records))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""GetFEM: nodal contact with a rigid plane by multipliers, Newton on the augmented equations.
+
+Settings: ``r``, the augmentation over Young's modulus; ``version``, of the augmented equations (1:
+unsymmetric, Alart and Curnier; 3: with augmented multipliers); ``solve``, words for `Model.solve`;
+``residual``, to which it solves, and whether that is ``relative`` to the
+largest nodal load. The loads of a step are not cut; friction in a history is by the displacement of
+the step before.
+"""
+
+from __future__ import annotations
+
+import time
+
+import getfem as gf
+import numpy as np
+from answers import debian_version, run
+
+#: GetFEM's order of nodes, and its elements.
+CELLS = {
+    "tri3": ("GT_PK(2,1)", "FEM_PK(2,1)", "IM_TRIANGLE(2)", [0, 1, 2]),
+    "quad4": ("GT_QK(2,1)", "FEM_QK(2,1)", "IM_GAUSS_PARALLELEPIPED(2,2)", [0, 1, 3, 2]),
+    "hex8": (
+        "GT_QK(3,1)", "FEM_QK(3,1)", "IM_GAUSS_PARALLELEPIPED(3,2)", [0, 1, 3, 2, 4, 5, 7, 6],
+    ),
+}  # fmt: skip
+
+
+def tangents(normal):
+    """Unit vectors across the normal (dim - 1, dim)."""
+    if len(normal) == 2:
+        return np.array([[normal[1], -normal[0]]])
+    first = np.eye(3)[np.abs(normal).argmin()]
+    first = first - (first @ normal) * normal
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
+
+
+def spaces(p):
+    """Mesh, elements, integration, and the first degree of freedom of every node."""
+    geometry, element, integration, order = CELLS[p.kind]
+    mesh = gf.Mesh("empty", p.dim)
+    for cell in p.cells:
+        mesh.add_convex(gf.GeoTrans(geometry), p.x[cell[order]].T)
+    mf = gf.MeshFem(mesh, p.dim)
+    mf.set_fem(gf.Fem(element))
+    at = mf.basic_dof_nodes()[:, :: p.dim].T
+    away = np.linalg.norm(p.x[:, None] - at[None], axis=2)
+    first = p.dim * away.argmin(axis=1)
+    if len(np.unique(first)) != len(p.x):
+        raise ValueError("GetFEM joins nodes that lie at one place")
+    return mesh, mf, gf.MeshIm(mesh, gf.Integ(integration)), first
+
+
+def add_contact(model, p, mf, dofs, settings):
+    """The contact brick; ``dofs`` of the contact nodes (m, dim); "before" is a step's start."""
+    m = len(p.contact)
+    frame = tangents(p.normal)
+    normal = gf.Spmat("empty", m, mf.nbdof())
+    tangent = gf.Spmat("empty", (p.dim - 1) * m, mf.nbdof())
+    for i, node in enumerate(dofs):
+        for k, dof in enumerate(node):
+            normal.add(i, int(dof), -p.normal[k])
+            for j, t in enumerate(frame):
+                tangent.add((p.dim - 1) * i + j, int(dof), t[k])
+    model.add_variable("lambda_n", m)
+    model.add_variable("lambda_t", (p.dim - 1) * m)
+    model.add_initialized_data("r", [settings["r"] * p.E])
+    model.add_initialized_data("friction", [p.mu])
+    model.add_initialized_data("gap", p.gaps)
+    model.add_initialized_data("alpha", p.area)
+    model.add_initialized_data("gamma", [-1.0])  # the slip is that of u + gamma before
+    model.add_initialized_fem_data("before", mf, np.zeros(mf.nbdof()))
+    model.add_basic_contact_brick(
+        "u", "lambda_n", "lambda_t", "r", normal, tangent, "friction", "gap", "alpha",
+        settings["version"], "gamma", "before",
+    )  # fmt: skip
+    return frame
+
+
+def solve(p, settings):
+    gf.util("trace level", 0)
+    gf.util("warning level", 0)
+    if len(p.master_faces):
+        raise NotImplementedError("the driver has contact with a rigid plane alone")
+    begun = time.perf_counter()
+    _mesh, mf, mim, first = spaces(p)
+    dofs = first[:, None] + np.arange(p.dim)
+    model = gf.Model("real")
+    model.add_fem_variable("u", mf)
+    model.add_initialized_data("lmbda", [p.E * p.nu / ((1 + p.nu) * (1 - 2 * p.nu))])
+    model.add_initialized_data("mu", [p.E / (2 * (1 + p.nu))])
+    model.add_isotropic_linearized_elasticity_brick(mim, "u", "lmbda", "mu")
+    selected = gf.Spmat("empty", len(p.held), mf.nbdof())
+    for i, dof in enumerate(dofs.reshape(-1)[p.held]):
+        selected.add(i, int(dof), 1.0)
+    model.add_variable("support", len(p.held))
+    held = model.add_constraint_with_multipliers("u", "support", selected, p.values[0])
+    load = model.add_explicit_rhs("u", np.zeros(mf.nbdof()))
+    frame = add_contact(model, p, mf, dofs[p.contact], settings)
+    u = []
+    forces = []
+    iterations = 0
+    good = True
+    tolerance = settings["residual"]
+    if settings["relative"]:
+        tolerance *= np.abs(p.loads).max() or 1.0
+    for step in range(p.steps):
+        vector = np.zeros(mf.nbdof())
+        vector[dofs] = p.loads[step]
+        model.set_private_rhs(load, vector)
+        model.set_private_rhs(held, p.values[step])
+        more, converged = model.solve("max_res", tolerance, *settings["solve"])
+        iterations += int(more)
+        good = good and bool(converged)
+        now = model.variable("u")
+        model.set_variable("before", now)
+        u.append(now[dofs])
+        shear = model.variable("lambda_t").reshape(-1, p.dim - 1) @ frame
+        forces.append(shear - model.variable("lambda_n")[:, None] * p.normal)
+    seconds = time.perf_counter() - begun
+    record = {
+        "version": debian_version("python3-getfem"),
+        "says": "converged" if good else "did not converge",
+        "converged": good,
+        "iterations": iterations,
+        "seconds": seconds,
+    }
+    return np.stack(u), np.stack(forces), record
+
+
+if __name__ == "__main__":
+    run(solve)

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Kratos: its ContactStructuralMechanicsApplication, mortar with an augmented Lagrangian.
+
+The rigid plane is a layer of cells, all of whose nodes are held. Faces with a held node are none of
+the slave's: Kratos' matrix is singular otherwise. What a step has follows in one step.
+
+Settings: ``criterion``, ``tolerance``, ``absolute`` and ``iterations`` of Newton's method; ``type``
+and ``solver``, its contact settings; ``contact``, parameters of the contact process.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from importlib.metadata import version
+
+import KratosMultiphysics as Kratos
+import KratosMultiphysics.ContactStructuralMechanicsApplication
+import KratosMultiphysics.LinearSolversApplication
+import KratosMultiphysics.StructuralMechanicsApplication as Structural
+import numpy as np
+from answers import run
+from KratosMultiphysics.StructuralMechanicsApplication import structural_mechanics_analysis
+from problems import plane_cells
+
+ELEMENTS = {
+    "tri3": "SmallDisplacementElement2D3N",
+    "quad4": "SmallDisplacementElement2D4N",
+    "hex8": "SmallDisplacementElement3D8N",
+}
+LAWS = {2: "LinearElasticPlaneStrain2DLaw", 3: "LinearElastic3DLaw"}
+FACES = {2: "LineCondition2D2N", 3: "SurfaceCondition3D4N"}
+LOADS = {2: "PointLoadCondition2D1N", 3: "PointLoadCondition3D1N"}
+
+
+def block(name, lines):
+    return [f"Begin {name}", *lines, f"End {name.split()[0]}", ""]
+
+
+def listed(x):
+    return [str(n) for n in np.unique(x)]
+
+
+def part(name, nodes, elements=(), conditions=()):
+    inside = block("SubModelPartNodes", listed(nodes))
+    inside += block("SubModelPartElements", [str(e) for e in elements])
+    inside += block("SubModelPartConditions", [str(c) for c in conditions])
+    return block(f"SubModelPart {name}", inside)
+
+
+def numbered(rows, first):
+    return [f"{i} 0 " + " ".join(str(n) for n in row) for i, row in enumerate(rows, start=first)]
+
+
+def written(p, path):
+    """Write the mesh; nodes that are held altogether are in the part "Plane"."""
+    x, cells = p.x, [p.cells]
+    slave = p.contact_faces[np.isin(p.contact_faces, p.contact).all(axis=1)]
+    master = p.master_faces
+    plane = np.zeros(0, int)
+    if not len(master):
+        below, layer, master = plane_cells(p)
+        plane = np.arange(len(x), len(x) + len(below))
+        x, cells, master = np.vstack([x, below]), [*cells, plane[layer]], plane[master]
+    loaded = np.flatnonzero(np.abs(p.loads).sum(axis=(0, 2)))
+    lines = block("Properties 0", []) + block("Properties 1", [])
+    rows = [f"{i} " + " ".join(repr(float(v)) for v in (*r, 0)[:3]) for i, r in enumerate(x, 1)]
+    lines += block("Nodes", rows)
+    count = 0
+    for some in cells:
+        kind = {3: "tri3", 4: "quad4", 8: "hex8"}[some.shape[1]]
+        lines += block(f"Elements {ELEMENTS[kind]}", numbered(some + 1, count + 1))
+        count += len(some)
+    faces = np.concatenate([slave, master])
+    lines += block(f"Conditions {FACES[p.dim]}", numbered(faces + 1, 1))
+    lines += block(f"Conditions {LOADS[p.dim]}", numbered(loaded[:, None] + 1, len(faces) + 1))
+    lines += part("Body", np.arange(len(x)) + 1, range(1, count + 1))
+    lines += part("Plane", plane + 1)
+    numbers = np.arange(1, len(faces) + 1)
+    lines += part("Slave", slave + 1, conditions=numbers[: len(slave)])
+    lines += part("Master", master + 1, conditions=numbers[len(slave) :])
+    lines += part(
+        "Loads", loaded + 1, conditions=range(len(faces) + 1, len(faces) + len(loaded) + 1)
+    )
+    with open(path, "w") as file:
+        file.write("\n".join(lines) + "\n")
+
+
+def parameters(p, settings):
+    """The project's parameters and its materials, as JSON has them."""
+    tolerances = {}
+    for name in ("displacement", "residual"):
+        tolerances[f"{name}_relative_tolerance"] = settings["tolerance"]
+        tolerances[f"{name}_absolute_tolerance"] = settings["absolute"]
+    project = {
+        "problem_data": {
+            "problem_name": "job", "parallel_type": "OpenMP", "echo_level": 0,
+            "start_time": 0.0, "end_time": float(p.steps) - 0.5,
+        },
+        "solver_settings": {
+            "solver_type": "Static", "model_part_name": "Structure", "domain_size": p.dim,
+            "echo_level": 0, "analysis_type": "non_linear",
+            "model_import_settings": {"input_type": "mdpa", "input_filename": "job"},
+            "material_import_settings": {"materials_filename": "materials.json"},
+            "convergence_criterion": settings["criterion"], "max_iteration": settings["iterations"],
+            "time_stepping": {"time_step": 1.0}, **tolerances,
+            "contact_settings": {"mortar_type": settings["type"], **settings["solver"]},
+        },
+        "processes": {
+            "contact_process_list": [{
+                "python_module": "alm_contact_process",
+                "kratos_module": "KratosMultiphysics.ContactStructuralMechanicsApplication",
+                "process_name": "ALMContactProcess",
+                "Parameters": {
+                    "model_part_name": "Structure",
+                    "contact_model_part": {"0": ["Slave", "Master"]},
+                    "assume_master_slave": {"0": ["Slave"]},
+                    "friction_coefficients": {"0": p.mu},
+                    "contact_type": "Frictional", **settings["contact"],
+                },
+            }],
+        },
+    }  # fmt: skip
+    material = {
+        "constitutive_law": {"name": LAWS[p.dim]},
+        "Variables": {"YOUNG_MODULUS": p.E, "POISSON_RATIO": p.nu},
+        "Tables": {},
+    }
+    body = {"model_part_name": "Structure.Body", "properties_id": 1, "Material": material}
+    return project, {"properties": [body]}
+
+
+class Analysis(structural_mechanics_analysis.StructuralMechanicsAnalysis):
+    """An analysis that puts in the data of every step and takes out what there is after it."""
+
+    def __init__(self, model, project, p):
+        super().__init__(model, project)
+        self.p, self.found, self.iterations, self.good = p, [], 0, True
+
+    def ApplyBoundaryConditions(self):
+        super().ApplyBoundaryConditions()
+        p, structure, s = self.p, self.model["Structure"], len(self.found)
+        components = [Kratos.DISPLACEMENT_X, Kratos.DISPLACEMENT_Y, Kratos.DISPLACEMENT_Z]
+        for dof, value in zip(p.held, p.values[s], strict=True):
+            node = structure.GetNode(int(dof // p.dim) + 1)
+            node.Fix(components[dof % p.dim])
+            node.SetSolutionStepValue(components[dof % p.dim], float(value))
+        for node in self.model["Structure.Plane"].Nodes:
+            for component in components:
+                node.Fix(component)
+        for n in np.flatnonzero(np.abs(p.loads[s]).sum(axis=1)):
+            load = [*map(float, p.loads[s][n]), 0.0][:3]
+            structure.GetNode(int(n) + 1).SetSolutionStepValue(Structural.POINT_LOAD, load)
+
+    def RunSolutionLoop(self):
+        while self.KeepAdvancingSolutionLoop() and len(self.found) < self.p.steps:
+            self.time = self._AdvanceTime()
+            self.InitializeSolutionStep()
+            self._GetSolver().Predict()
+            self.good = bool(self._GetSolver().SolveSolutionStep()) and self.good
+            self.FinalizeSolutionStep()
+            structure = self.model["Structure"]
+            self.iterations += structure.ProcessInfo[Kratos.NL_ITERATION_NUMBER]
+            u = [
+                list(structure.GetNode(i + 1).GetSolutionStepValue(Kratos.DISPLACEMENT))[
+                    : self.p.dim
+                ]
+                for i in range(len(self.p.x))
+            ]
+            self.found.append(u)
+
+
+def solve(p, settings):
+    Kratos.Logger.GetDefaultOutput().SetSeverity(Kratos.Logger.Severity.WARNING)
+    project, materials = parameters(p, settings)
+    here = os.getcwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        try:
+            written(p, "job.mdpa")
+            with open("materials.json", "w") as file:
+                json.dump(materials, file)
+            begun = time.perf_counter()
+            analysis = Analysis(Kratos.Model(), Kratos.Parameters(json.dumps(project)), p)
+            analysis.Run()
+            seconds = time.perf_counter() - begun
+        finally:
+            os.chdir(here)
+    record = {
+        "version": version("KratosContactStructuralMechanicsApplication"),
+        "says": "converged" if analysis.good else "did not converge",
+        "converged": analysis.good,
+        "iterations": int(analysis.iterations),
+        "seconds": seconds,
+    }
+    return np.array(analysis.found), None, record
+
+
+if __name__ == "__main__":
+    run(solve)

@@ -1,0 +1,107 @@
+"""The judge of the codes passes what is right, and finds each way in which an answer is wrong."""
+
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks" / "codes"))
+
+import judge
+import problems
+import with_ours
+
+pytestmark = pytest.mark.skipif(
+    MPI.COMM_WORLD.size > 1, reason="the codes run on one rank, and the judge knows no ranks"
+)
+SMALL = {
+    "greco": lambda: problems.greco(8),
+    "dragged": lambda: problems.dragged(5),
+    "three": lambda: problems.three(4),
+    "cyclic": lambda: problems.cyclic(6, 4),
+    "wedge": lambda: problems.wedge(6),
+}
+
+
+def figures(problem, u, forces=None):
+    arrays = {f.name: getattr(problem, f.name) for f in fields(problem)}
+    return judge.judged(arrays, u, forces)
+
+
+def answer(problem):
+    u, forces, record = with_ours.solve(problem, {"petsc_options": {"snes_rtol": 1e-12}})
+    assert record["converged"]
+    return u, forces
+
+
+def found(problem, u, forces=None):
+    """Names of the figures above 1e-3; none lies between that and 1e-8."""
+    values = {name: figures(problem, u, forces)[name] for name in judge.FIGURES}
+    assert not [v for v in values.values() if 1e-8 < v < 1e-3], values
+    return {name for name, v in values.items() if v >= 1e-3}
+
+
+@pytest.mark.verifies(
+    "Coulomb", reference="independent code: the judge of benchmarks/codes", aspects=("2D", "3D")
+)
+@pytest.mark.parametrize("name", list(SMALL))
+def test_an_answer_passes(name):
+    problem = SMALL[name]()
+    u, forces = answer(problem)
+    for given in (None, forces):
+        report = figures(problem, u, given)
+        assert max(report[f] for f in judge.FIGURES) < 1e-8
+    if name == "wedge":
+        assert report["statuses"] == {"open": 0, "stick": 0, "slip": len(problem.contact)}
+        assert abs(report["closed"]) < 1e-10
+    elif name != "three":
+        assert report["statuses"]["stick"] > 0
+
+
+def test_an_obstacle_elsewhere_is_found():
+    problem = problems.cyclic(6, 1)
+    lower, higher = (replace(problem, point=np.array([0.0, y])) for y in (-1e-3, 1e-3))
+    assert found(problem, answer(lower)[0]) == {"penetration"}
+    assert found(problem, answer(higher)[0]) == {"complementarity"}
+
+
+def test_more_friction_is_found():
+    problem = problems.greco(8)
+    u, _ = answer(replace(problem, mu=2.0))
+    assert {"cone"} <= found(problem, u) <= {"cone", "slip"}
+
+
+def test_friction_along_the_slip_is_found():
+    # Each step by itself, from the state at rest: the second slips back, and friction with it.
+    whole = problems.cyclic(6, 2)
+    values = np.stack([whole.values[0], whole.values[0]])
+    along = whole.held % 2 == 0
+    values[0, along], values[1, along] = 0.02, 0.012
+    problem = replace(whole, values=values)
+    steps = []
+    for v in values:
+        alone = replace(
+            problem, values=v[None], loads=problem.loads[:1], tractions=problem.tractions[:1]
+        )
+        steps.append(answer(alone)[0])
+    assert found(problem, np.concatenate(steps)) == {"slip"}
+    assert not found(problem, answer(problem)[0])
+
+
+def test_what_is_out_of_balance_is_found():
+    problem = problems.dragged(7)
+    u, forces = answer(problem)
+    assert found(problem, u, 0.9 * forces) == {"equilibrium"}
+    inside = np.setdiff1d(np.arange(len(problem.x)), [*problem.contact, *problem.held // 3])
+    u[0, inside[0]] += 0.1 * np.abs(u).max()
+    assert found(problem, u, forces) == {"equilibrium"}
+
+
+def test_what_is_no_answer_is_refused():
+    problem = problems.wedge(6)
+    with pytest.raises(ValueError, match="do not fit"):
+        figures(problem, np.full((1, *problem.x.shape), np.nan))
