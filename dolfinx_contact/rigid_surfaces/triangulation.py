@@ -273,8 +273,9 @@ def _check_slits(points: Array, cells: Ints, rims: Bools, name: str) -> None:
     if len(near):
         raise ValueError(
             f"{name}: the surface is torn: {len(near)} points of rims are in one place with "
-            f"others, or within {_SLIT:g} of an edge of these, the first at {_at(points[near[:1]])}; "
-            "mend=True joins those that are in one place; else repair it in the program that made it"
+            f"others, or within {_SLIT:g} of an edge of these, the first at "
+            f"{_at(points[near[:1]])}; mend=True joins those that are in one place; else repair it "
+            "in the program that made it"
         )
 
 
