@@ -10,7 +10,9 @@
 # The tool is a ball, a roller or a flat punch with sharp edges; its file, in millimetres, is
 # written here. It is pressed down by a force, then led sideways by a given way, with friction. The
 # facets of a curved tool are chords of it: what they are off falls with the square of their size.
-# Those of the flat punch are the punch itself, which `LevelSet` describes by its distance.
+# Those of the flat punch are the punch itself, which `LevelSet` describes by its distance. Its
+# edges stay between nodes of the slab: a node beside a sharp edge would be pushed ahead by its
+# side, of which there is a doubt in `last.doubts`.
 
 from mpi4py import MPI
 

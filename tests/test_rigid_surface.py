@@ -11,8 +11,11 @@ from test_curved_friction import OnBody, Stopped, pressed_and_led, remembering
 from test_large_sliding import block, shaken
 
 import ufl
+from dolfinx import fem, mesh
 
 from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
     Coulomb,
     Cylinder,
     Frictionless,
@@ -24,6 +27,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.records import EvolutionRecord
 from dolfinx_contact.rigid_surfaces.closest import closest_on
 
@@ -323,8 +327,10 @@ def test_corner_between_points_is_said(caplog):
     wedge = RigidSurface([[0.35, -0.02], [0.05, -0.6], [0.65, -0.6]], [[0, 1], [1, 2], [2, 0]])
     on_wedge = OnBody(2, wedge, Frictionless(), n=2)
     on_wedge.move(lambda X: np.tile([0.0, -0.15], (len(X), 1)))
-    on_wedge.problem.solve()
-    said = "a corner of rigid surface is 0.13 deep in a facet of the size 0.5"
+    result = on_wedge.problem.solve()
+    # The facet of the nodes at 0 and 0.5 has come down by 0.15.
+    assert result.slidings["contact"].entered == pytest.approx(0.13, rel=1e-9)
+    said = "a corner or edge of rigid surface is 0.13 deep in a facet of the size 0.5"
     assert (said in caplog.text) == (COMM.rank == 0)
     caplog.clear()
     plate = RigidSurface([[0.2, 0.0], [0.8, 0.0]], [[1, 0]])
@@ -332,6 +338,55 @@ def test_corner_between_points_is_said(caplog):
     on_plate.move(lambda X: np.tile([0.0, -0.05], (len(X), 1)))
     on_plate.problem.solve()
     assert ("4 nodes of the face are past the rim" in caplog.text) == (COMM.rank == 0)
+
+
+def flat_punch(method):
+    """A punch whose corners are above nodes of a slab, pressed by 60 and led sideways by 0.1."""
+    corners = [[-1.0, -0.8], [1.0, 0.0]]
+    domain = mesh.create_rectangle(COMM, corners, [16, 5], mesh.CellType.quadrilateral)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    force, way = (fem.Constant(domain, 0.0) for _ in range(2))
+    punch = RigidSurface(*brick((-0.5, 0.0), (0.5, 1.0)))
+    move = {"load": {"y": force}, "motion": {"x": way}, "held": ["rz"], "name": "punch"}
+    tool = RigidBody(punch, about=(0.0, 0.0), **move)
+    top, bottom = (
+        mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
+        for y in (0.0, -0.8)
+    )
+    contact = ContactSurface(u, top, obstacle=tool, law=Coulomb(0.3), method=method, name="face")
+    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, bottom), V)
+    energy = NeoHookean(*lame(1000.0, 0.3)).energy(u) * ufl.dx(metadata={"quadrature_degree": 2})
+    problem = ContactProblem(energy, u, [contact], bcs=[held])
+
+    def load(t):
+        force.value = -60.0 * min(t, 1.0)
+        way.value = 0.1 * max(t - 1.0, 0.0)
+
+    times = [0.0, 0.5, 1.0, 1.5, 2.0]
+    return QuasiStatic(problem, load).run(times, rays=False, sudden=np.inf).steps[-1].result
+
+
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "rigid bodies",
+    "Coulomb",
+    reference="closed form: a flat punch is dragged by friction alone",
+    aspects=("2D", "large sliding"),
+)
+def test_edge_that_ploughs_is_said(caplog):
+    """Nodes beside a sharp edge are pushed by its side, of which there is a doubt; Gauss points
+    pass under it.
+    """
+    ploughs, passes = (flat_punch(method) for method in ("nodal", "integral"))
+    drag = [-r.rigid_bodies["punch"].contact[0] / (0.3 * 60.0) for r in (ploughs, passes)]
+    assert drag[0] > 1.5
+    assert drag[1] == pytest.approx(1.0, abs=0.01)
+    assert "of the normal forces act across the face of the body" in ploughs.doubts["face"]
+    assert "take method='integral'" in ploughs.doubts["face"]
+    assert not passes.doubts
+    # Once in a history.
+    assert caplog.text.count("act across the face") == (COMM.rank == 0)
 
 
 # -- bad input -------------------------------------------------------------------------------------
@@ -345,6 +400,13 @@ def test_bad_surfaces():
     flipped[3] = flipped[3, ::-1]
     fan = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
     two = np.concatenate([cells, cells + len(points)])
+    hollow = np.concatenate([cells, cells[:, ::-1] + len(points)])
+    nested = np.concatenate([points, 0.5 * points])
+    box, sides = brick((0, 0, 0), (1, 1, 1))
+    flush = np.concatenate([box, box + np.array([0.5, 0.0, 0.0])])
+    boxes = np.concatenate([sides, sides + len(box)])
+    torn = points[cells].reshape(-1, 3)
+    alone = np.arange(len(torn)).reshape(-1, 3)
     apart = np.concatenate([points, points + np.array([5.0, 0.0, 0.0])])
     for x, facets, given, message in (
         (points, flipped, {}, "the facets at 3 of 30 edges between two look to different sides"),
@@ -359,6 +421,11 @@ def test_bad_surfaces():
         (points, cells + 1, {}, "numbers of points that there are not"),
         (points, cells, {"crease": -1.0}, "crease must be a number from 0 to 180 degrees"),
         (points, cells, {"rounding": np.nan}, "rounding must be a number from 0"),
+        (nested, two, {}, "a closed part of the surface has points of another within it"),
+        (nested, hollow, {"mend": True}, "a closed part of the surface has points of another"),
+        (flush, boxes, {}, "a closed part of the surface has points of another within it"),
+        (torn, alone, {}, "the surface is torn: 60 points of rims are in one place with others"),
+        (torn + 1e-3 * np.sin(np.arange(180.0)).reshape(-1, 3), alone, {"mend": True}, "torn: 60"),
         ([[0.0, 0], [1, 0], [0, 1]], [[0, 1], [2, 1]], {}, "at 1 of 1 points between two look"),
     ):
         with pytest.raises(ValueError, match=message):
@@ -369,6 +436,7 @@ def test_bad_surfaces():
         x = places(3, 50)
         np.testing.assert_allclose(mended.distances(x).distance, right.distances(x).distance)
     assert RigidSurface(apart, two).closed
+    assert RigidSurface(torn, alone, mend=True).closed
     with pytest.raises(AttributeError, match="a RigidBody moves it"):
         right.points = points
     with pytest.raises(ValueError, match="read-only"):

@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -78,14 +78,20 @@ class Sliding:
         turn: of a pair, the angle in degrees by which normals have turned at closed points: its
             root mean square by the normal forces, or half the largest if that is more, which counts
             where a body bends to the shape of the other and the pressure falls off; else 0.
+        entered: how deep a corner or edge of a `RigidSurface` is in a facet of the body, between
+            contact points, which do not see it; a length.
         doubt: why nothing is proved of the state, "" where the sliding is small: a misfit of 1e-3
             of the body's size, half a facet or half the slave's face, 3 degrees, or a point that
-            has left the face of the master by half a facet.
+            has left the face of the master by half a facet. Of curved obstacles also an edge that
+            is a tenth of a facet in it (by the integral method half of one), points past a rim, and
+            more than a fiftieth of the normal forces where normals of obstacle and body are more
+            than 66 degrees apart.
     """
 
     misfit: float | None
     distance: float = 0.0
     turn: float = 0.0
+    entered: float = 0.0
     doubt: str = ""
 
 
@@ -114,7 +120,8 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
         elif s.obstacle.flat:
             found[s.name] = Sliding(0.0)
         else:
-            found[s.name] = _of_obstacle(eq, s, eq.gaps(s, state), closed_points, held)
+            small = _of_obstacle(eq, s, eq.gaps(s, state), closed_points, held)
+            found[s.name] = _with_edges(s, small, state, contact, held)
     return found
 
 
@@ -197,6 +204,20 @@ def _of_obstacle(
     )
 
 
+def _with_edges(
+    s: ContactSurface, sliding: Sliding, state: State, contact: ContactState, held: Marks
+) -> Sliding:
+    """With what contact points do not see of the edges of a curved obstacle. Collective."""
+    from dolfinx_contact.results.facets_of_obstacles import passed_of, pressed_across
+
+    u: Array = state.u.reshape(-1, s.dim)
+    passed = passed_of(s, u)
+    # In small sliding normals are those of the reference configuration.
+    across = pressed_across(s, contact, np.zeros_like(u) if s.displaced is None else u, held)
+    reasons = [r for r in (sliding.doubt, across, *passed.reasons) if r]
+    return replace(sliding, entered=passed.depth, doubt="; ".join(reasons))
+
+
 def _of_pair(
     eq: ContactEquations,
     s: ContactSurface,
@@ -250,7 +271,7 @@ def _of_pair(
         "the sliding is not small: opposing points, gap and normal are those of the reference "
         f"configuration; {'; '.join(reasons)}"
     )
-    return Sliding(misfit, distance, turn, doubt)
+    return Sliding(misfit, distance, turn, doubt=doubt)
 
 
 def _misfit(

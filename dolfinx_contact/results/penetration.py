@@ -71,17 +71,12 @@ def penetrations(eq: ContactEquations, tables: dict[str, ContactTable]) -> dict[
 
 
 def warn_of_small_obstacles(eq: ContactEquations, state: State) -> None:
-    """Warn of spheres, cylinders and corners that are in a facet of the body. Collective.
+    """Warn of spheres and cylinders that are in a facet of the body. Collective.
 
     The chord of an arc is in the obstacle by h^2/(8 R): a tenth of the facet h where that is
     nearly as large as the radius R.
     """
     for s in eq.surfaces:
-        if s.obstacle.outline is not None:
-            from dolfinx_contact.results.facets_of_obstacles import warn_of_facets
-
-            warn_of_facets(s, state.u.reshape(-1, eq.dim))
-            continue
         round_one = _placed(s)
         if round_one is None:
             continue

@@ -67,8 +67,8 @@ class Result:
         imbalance: |contact + support + external| over the sum of the sizes of all forces, each
             taken from a source of its own (`balance`). Moments are not compared.
         pairs: by name, the forces on both faces of every pair of bodies (`pairs.PairBalance`).
-        slidings: by surface name, whether the sliding is small, in numbers and in words
-            (`checks.Sliding`).
+        slidings: by surface name, whether the sliding is small, and what contact points do not see
+            of edges, in numbers and in words (`checks.Sliding`).
         min_det_F: the smallest det(I + grad u) of a body that is not linear in u, else None; of a
             body of revolution with the stretch around.
         penetrations: of surfaces with a compliant law, by name.
@@ -153,7 +153,7 @@ class Result:
 
     @property
     def doubts(self) -> dict[str, str]:
-        """By name of the surfaces on which the sliding is not small, by how much."""
+        """By name of the surfaces what is to be doubted of their sliding; see `checks.Sliding`."""
         return {name: s.doubt for name, s in self.slidings.items() if s.doubt}
 
     @property

@@ -23,12 +23,14 @@ from dolfinx_contact.obstacles import Measured, Obstacle, Outline
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.distance import Distances, distances_from
 from dolfinx_contact.rigid_surfaces.files import facets_in
-from dolfinx_contact.rigid_surfaces.triangulation import mended, merged, triangulated
+from dolfinx_contact.rigid_surfaces.triangulation import Triangulation, mended, merged, triangulated
 
 __all__ = ["RigidSurface"]
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
+
+_WITHIN = 1e-6  # of the extent of a closed part, above which a point is within it
 
 
 class RigidSurface(Obstacle):
@@ -43,8 +45,9 @@ class RigidSurface(Obstacle):
     from the body; segments leave the obstacle to their left. What is closed encloses the obstacle,
     and is refused if its normals are inward. Facets that disagree with their neighbours are
     refused. With ``mend`` both are turned: each connected part as most of its area has it, and
-    outward where it is closed; and facets with two corners in one place, as writers of STL leave
-    them, are left out. With ``reverse`` the body is on the other side, as inside a die.
+    outward where it is closed; points in one place are made one, and facets with two corners in
+    one place, as writers of STL leave them, are left out. With ``reverse`` the body is on the other
+    side, as inside a die.
 
     *Edges.* Normals are averaged at points and interpolated on facets, but not across edges where
     those of facets differ by more than ``crease`` degrees; with 0 they are those of the facets
@@ -55,9 +58,11 @@ class RigidSurface(Obstacle):
     *Rims.* An open surface ends at its rim: what goes past it leaves, and has no contact behind it.
 
     The law holds at contact points. A corner or edge of the surface between them enters the facet
-    of the body; a solve warns of corners that do: refine the face of the body there, or take the
-    integral method. Each rank has the whole surface (about 1 kB a facet). Parts of it that
-    intersect are not looked for.
+    of the body (`Sliding.entered` of `Result.slidings`), and nodes beside a sharp edge are pushed
+    by its side: an edge that slides ploughs, by several times the friction, however fine the face
+    of the body is. `Result.doubts` has both, and a solve warns. By the integral method nodes pass
+    under edges. Each rank has the whole surface (about 1 kB a facet). Closed parts of which one has
+    a point within another are refused; other parts that intersect are not looked for.
 
     Args:
         points: (m, dim), a length.
@@ -76,7 +81,8 @@ class RigidSurface(Obstacle):
 
     Raises:
         ValueError: if points or cells are not of that shape or not finite, facets are degenerate
-            or there twice, an edge has more than two facets, or sides do not fit, as above.
+            or there twice, an edge has more than two facets, sides do not fit, as above, rims have
+            points (nearly) in one place, or a closed part has a point within another.
         AttributeError: where attributes are set afterwards.
 
     Example:
@@ -111,8 +117,10 @@ class RigidSurface(Obstacle):
                 raise ValueError(f"{name}: {what} must be a number from 0{limit}, got {value!r}")
         x, facets = _arrays(points, cells, name)
         if mend:
+            x, facets = merged(x, facets)
             facets = mended(x, facets, name)
         found = triangulated(x, facets, np.radians(crease), name)
+        _check_apart(found, name)
         if reverse:
             turned = found.cells[:, ::-1]
             found = triangulated(x, turned, np.radians(crease), name, inward=True)
@@ -163,6 +171,11 @@ class RigidSurface(Obstacle):
         sides = self._surface.point_normals
         return Outline(self.points, self.cells, -sides / np.linalg.norm(sides, axis=1)[:, None])
 
+    @property
+    def edges(self) -> Ints:
+        """Its sharp edges and rims by their points (k, 2), in 3D; in 2D there are none."""
+        return self._surface.edges
+
     def distances(self, x: npt.ArrayLike) -> Distances:
         """How far points (n, dim) are from the surface, without rounding. Not collective.
 
@@ -191,6 +204,34 @@ class RigidSurface(Obstacle):
         """Gaps, their gradients, normals into the obstacle and their derivatives."""
         found = self.distances(x)
         return found.distance - self.rounding, found.slope, -found.normal, -found.turn
+
+
+def _check_apart(surface: Triangulation, name: str) -> None:
+    """Refuse closed parts of which one has a point within another."""
+    part = surface.parts
+    if part.max() == 0:
+        return
+    rims = np.bincount(part, surface.ridge_rims[surface.ridges].any(axis=1)) > 0
+    corners = surface.points[surface.cells]
+    # Corners and middles: faces of boxes may have their corners in one plane.
+    places = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1)
+    for k in np.flatnonzero(~rims):
+        mine = corners[part == k]
+        low, high = mine.min(axis=(0, 1)), mine.max(axis=(0, 1))
+        others = places[part != k].reshape(-1, len(low))
+        others = others[((others > low) & (others < high)).all(axis=1)]
+        if not len(others):
+            continue
+        alone = surface.part(part == k)
+        closest = ClosestFacets(alone.points, alone.cells)
+        inside = distances_from(alone, closest, others).distance < -_WITHIN * alone.size
+        if inside.any():
+            place = ", ".join(f"{c:.6g}" for c in others[inside][0])
+            raise ValueError(
+                f"{name}: a closed part of the surface has points of another within it, as at "
+                f"({place}), where sides are not known: join the parts, or leave out what is "
+                "inside, in the program that made them"
+            )
 
 
 def _check_file(a: Arguments) -> None:

@@ -19,13 +19,14 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-__all__ = ["Triangulation", "mended", "merged", "triangulated"]
+__all__ = ["Triangulation", "angles_of", "mended", "merged", "triangulated"]
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
 _SAME = 1e-7  # of the extent, up to which two points of a file are one: those have single precision
+_SLIT = 0.01  # of the edges of two points on rims, within which these are meant to be one
 _FLAT = 1e-10  # of the longest edge squared, up to which a facet has no area
 
 
@@ -60,6 +61,30 @@ class Triangulation:
     def closed(self) -> bool:
         """Whether it has no rim."""
         return not bool(self.ridge_rims.any())
+
+    @property
+    def parts(self) -> Ints:
+        """Numbers of the connected parts of facets (k,)."""
+        facets = np.repeat(np.arange(len(self.cells)), self.cells.shape[1])
+        first = np.full(len(self.points), -1, dtype=np.int64)
+        first[self.cells.ravel()] = facets
+        return _parts(len(self.cells), facets, first[self.cells.ravel()])
+
+    def part(self, facets: Bools) -> Triangulation:
+        """That of some of the facets alone, which are whole parts."""
+        used, cells = np.unique(self.cells[facets], return_inverse=True)
+        cells = cells.reshape(-1, self.points.shape[1])
+        return triangulated(self.points[used], cells, 0.0, "a part")
+
+    @property
+    def edges(self) -> Ints:
+        """Edges that are creases or rims, by their points (k, 2); of segments there are none."""
+        if self.points.shape[1] == 2:
+            return np.zeros((0, 2), dtype=np.int64)
+        first = np.unique(self.ridges, return_index=True)[1]
+        facet, corner = np.divmod(first[self.ridge_creases | self.ridge_rims], 3)
+        ends = [self.cells[facet, (corner + k) % 3] for k in (1, 2)]
+        return np.stack(ends, axis=1)
 
     @property
     def size(self) -> float:
@@ -124,8 +149,8 @@ def triangulated(
 
     Raises:
         ValueError: if facets are degenerate, three of them have a ridge in common, parts touch at
-            a point alone, neighbours look to different sides, or a closed part encloses a negative
-            volume.
+            a point alone, neighbours look to different sides, a closed part encloses a negative
+            volume, or points of rims are nearly in one place.
     """
     dim = cells.shape[1]
     _check_facets(points, cells, name)
@@ -145,10 +170,11 @@ def triangulated(
     fans = _fans(cells, nodes, ridges, (first, second), ~creases)
     _check_fans(points, cells, _fans(cells, nodes, ridges, (first, second), ~rims), name)
     point_normals = np.zeros_like(points)
-    np.add.at(point_normals, cells, _angles(points[cells])[..., None] * normals[:, None])
+    np.add.at(point_normals, cells, angles_of(points[cells])[..., None] * normals[:, None])
     parts_of_points = np.bincount(np.unique(np.stack([cells.ravel(), fans], 1), axis=0)[:, 0])
     point_rims = np.zeros(len(points), dtype=bool)
     point_rims[nodes.reshape(len(ridges), dim, -1)[rims[ridges]]] = True
+    _check_slits(points, cells, point_rims, name)
     return Triangulation(
         points,
         cells,
@@ -228,6 +254,28 @@ def _check_fans(points: Array, cells: Ints, fans: Ints, name: str) -> None:
         raise ValueError(
             f"{name}: parts of the surface touch in {len(several)} points alone, the first at "
             f"{_at(points[several[:1]])}"
+        )
+
+
+def _check_slits(points: Array, cells: Ints, rims: Bools, name: str) -> None:
+    """Refuse rims that have points in one place, or nearly so, as facets that do not meet have."""
+    shortest = np.full(len(points), np.inf)
+    for i in range(cells.shape[1]):
+        a, b = cells[:, i - 1], cells[:, i]
+        length = np.linalg.norm(points[a] - points[b], axis=1)
+        np.minimum.at(shortest, a, length)
+        np.minimum.at(shortest, b, length)
+    ends = np.flatnonzero(rims)
+    if len(ends) < 2:
+        return
+    away = scipy.spatial.cKDTree(points[ends]).query(points[ends], k=2)[0][:, 1]
+    near = ends[away < _SLIT * shortest[ends]]
+    if len(near):
+        raise ValueError(
+            f"{name}: the surface is torn: {len(near)} points of rims are in one place with "
+            f"others, or within {_SLIT:g} of an edge of these, the first at "
+            f"{_at(points[near[:1]])}; mend=True joins those that are in one place; else repair it "
+            "in the program that made it"
         )
 
 
@@ -326,7 +374,7 @@ def _volumes(points: Array, cells: Ints) -> Array:
     return np.einsum("ki,ki->k", corners.mean(axis=1), _crossed(corners)) / (dim * (dim - 1))
 
 
-def _angles(corners: Array) -> Array:
+def angles_of(corners: Array) -> Array:
     """Of facets at their corners (k, dim); 1 of segments."""
     k, dim = corners.shape[:2]
     if dim == 2:
