@@ -30,12 +30,14 @@ from dolfinx_contact.materials import LinearElastic
 TOTAL = dict(sum_rn=records.total("rn"))
 
 
-def explored(n, friction, preload=(0.0, 0.0)):
-    system = linear_triangle(n, friction, preload=preload)
+def explored(n, friction, unit=1.0):
+    """The triangle, and its branches under -unit <= gamma <= unit."""
+    system = linear_triangle(n, friction, load=(26.0 / unit, 7.5 / unit))
+    system.set_parameter(-unit)
     system.problem.solve()
     x = system.create_vector()
     system.problem.write(x)
-    return system, explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0))
+    return system, explore(system, [(x, -unit)], gamma_range=(-unit, unit))
 
 
 @pytest.mark.verifies(
@@ -109,6 +111,32 @@ def test_what_is_on_no_branch():
     assert "1 on no branch" in str(counts)
 
 
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    "units",
+    reference="enumeration: a branch that was left out, gamma beyond all displacements",
+    aspects=("2D", "proofs", "branches"),
+)
+def test_the_unit_of_gamma():
+    """Distances are of states: beside a gamma of 1e6 displacements are not the same."""
+    system, diagram = explored(2, 3.0, unit=1e6)
+    (whole,) = prove_counts(system, diagram, gammas=[5e5])
+    assert len(set(whole.branches)) == whole.number == 3
+    counts = prove_counts(system, Diagram(edges=diagram.edges[:-1]), gammas=[5e5])
+    assert counts.missed == 1
+
+
+def test_where_branches_meet():
+    """Unloaded: all branches begin in the one solution, whose size is no measure of it."""
+    system, diagram = explored(2, 3.0)
+    (count,) = prove_counts(system, diagram, gammas=[0.0])
+    assert count.number == 1
+    assert count.proved
+    assert count.unfound == ()
+    assert count.branches[0] >= 0
+
+
 def test_a_branch_that_is_no_solution():
     system, diagram = explored(2, 3.0)
     branch = diagram.branches[0]
@@ -161,7 +189,13 @@ def test_middles_and_bad_input():
     assert every[0] == -1.0
     assert every[-1] == 1.0
     assert len(default_gammas(diagram.branches, 1)) == 3
-    for wrong in (dict(gammas=[np.inf]), dict(gammas=3), dict(most=0), dict(proof_seconds=-1)):
+    for wrong in (
+        dict(gammas=[np.inf]),
+        dict(gammas=[]),
+        dict(gammas=3),
+        dict(most=0),
+        dict(proof_seconds=-1),
+    ):
         with pytest.raises(ValueError, match="must be"):
             prove_counts(system, diagram, **wrong)
     with pytest.raises(ValueError, match="diagram"):

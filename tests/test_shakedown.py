@@ -122,6 +122,76 @@ def test_three_shears_in_space():
     assert {c.ending for c in over.cycles} == {"alternating slip"}
 
 
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="closed form: a point that the steady load opens; its factors are two intervals",
+    aspects=("2D",),
+    alone=True,
+)
+def test_factors_need_not_begin_with_zero():
+    """Open up to f = 1/2, closed from f = 1 on, at rest where 0.8 f <= F (f - 1) + F (2 f - 1)."""
+    steady = np.array([0.0, 1.0])
+    loads = steady + np.array([[0.4, -1.0], [-0.4, -2.0]])
+    given = points(np.diag([2.0, 3.0]), [0.3])
+    between = shakedown_of(given, loads, steady, factor=3.0)
+    np.testing.assert_allclose(between.ranges, [(0.0, 0.5), (6.0, np.inf)], rtol=1e-8)
+    assert between.factor == np.inf
+    assert "up to the factor 0.5, and from the factor 6 on" in str(between)
+    assert {c.ending for c in between.cycles} == {"alternating slip"}
+    assert between.theorem_holds
+    assert between.broken == ()
+    beyond = shakedown_of(given, loads, steady)
+    np.testing.assert_allclose(beyond.cycles[0].factor, 12.0)
+    assert {c.ending for c in beyond.cycles} == {"rest"}
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="closed form: a point without friction passes its shear on to another, q / k of it",
+    aspects=("2D", "frictionless"),
+    alone=True,
+)
+def test_points_without_friction_slide_freely():
+    k, q, F, N, d = 2.0, 0.5, 0.4, 1.5, 0.3
+    S = planar(np.array([[k, q], [q, k]]), np.zeros((2, 2)), 3.0 * np.eye(2))
+    steady = np.array([0.0, -N, 0.0, -N])
+    shear = np.array([0.0, 0.0, d, 0.0])
+    loads = steady + np.array([shear, -shear])
+    found = shakedown_of(points(S, [F, 0.0]), loads, steady)
+    np.testing.assert_allclose(found.factor, F * N * k / (q * d), rtol=1e-9)
+    assert found.theorem_holds
+    assert {c.ending for c in found.cycles} == {"rest"}
+    assert all(limit.startswith("point 0 is about to slip") for limit in found.limits)
+    over = shakedown_of(points(S, [F, 0.0]), loads, steady, factor=1.05 * found.factor)
+    assert {c.ending for c in over.cycles} == {"alternating slip"}
+    free = shakedown_of(points(S, [0.0, 0.0]), loads, steady)
+    assert free.factor == np.inf
+    assert {c.ending for c in free.cycles} == {"rest"}
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="closed form: shears that grow between a disc and the polygon of its first tangents",
+    aspects=("3D",),
+    alone=True,
+)
+@pytest.mark.parametrize("part", [0.95, 1.02, 1.05])
+def test_discs_are_no_polygons(part):
+    """Shears +-part F f along a corner of the octagon under a force 1 + f."""
+    F = 0.3
+    e = np.array([np.cos(np.pi / 8), np.sin(np.pi / 8), 0.0])
+    steady = np.array([0.0, 0.0, -1.0])
+    loads = 2 * steady + part * F * np.array([e, -e])
+    found = shakedown_of(points(np.diag([2.0, 2.0, 3.0]), [F]), loads, steady, starts=0)
+    exact = 1 / (part - 1) if part > 1 else np.inf
+    np.testing.assert_allclose([found.factor, found.upper], exact, rtol=1e-6)
+    assert found.factor <= exact * (1 + 1e-9)
+    assert found.upper >= exact * (1 - 1e-9)
+
+
 def by_displacements(given, loads, steady):
     """The factor by another program: all displacements at all corners are unknowns."""
     S, F = given.S, given.friction
@@ -355,11 +425,25 @@ def test_bad_input():
     with pytest.raises(ValueError, match="steady"):
         shakedown(problem, loads, steady=3)
 
+    shear = problem.bcs[0].g.value
+    loads[0]()
+    before = shear.copy()
+
     def failing():
+        loads[1]()
         raise ZeroDivisionError("no load")
 
     with pytest.raises(ZeroDivisionError, match="no load"):
         shakedown(problem, [loads[0], failing])
+    np.testing.assert_array_equal(shear, before)
+
+
+@serial
+def test_loads_that_differ_by_round_off():
+    steady = np.array([0.0, -1.0])
+    near = steady * (1 - 1e-15)
+    with pytest.raises(ValueError, match="do not differ"):
+        shakedown_of(points(np.eye(2), [0.3]), np.array([steady, near]))
 
 
 def test_the_demo(folder):

@@ -32,10 +32,11 @@ from dolfinx_contact.continuation.layout import Layout
 
 __all__ = ["BranchCounts", "ProvedCount", "prove_counts"]
 
-#: Number of a branch, y there, and how far it may be off.
+#: Number of a branch, x there, and how far it may be off.
 _Crossing: TypeAlias = tuple[int, PETSc.Vec, float]
 
 _SAME = 1e-6  # of the size of a state, by which it may differ from one on a branch
+_NOTHING = 1e-12  # of the largest state on branches, one that is none
 _CHORD = 0.5  # of the step of a branch that is not straight
 _APART = 1e-6  # of the range, special points that are one
 
@@ -49,7 +50,8 @@ class ProvedCount:
         solutions: what `find_solutions` found and proved.
         statuses: letters of the points of each solution, in the order of their tables; empty of a
             system that has none.
-        branches: number of the branch that each is on, -1 of those that are on none.
+        branches: number of the branch that each is on (the first, where several meet), -1 of those
+            that are on none.
         unfound: numbers of branches that pass here, with a state that is none of the solutions.
         certificate: the proof that there are no others, to be kept and checked; None if there is
             none, or they were enumerated and no proof confirms that.
@@ -107,7 +109,10 @@ class BranchCounts:
 
     @property
     def missed(self) -> int:
-        """Number of solutions that are on no branch: others begin elsewhere."""
+        """Number of solutions that are on no branch.
+
+        Others begin elsewhere, or those of the diagram do not reach as far.
+        """
         return sum(c.branches.count(-1) for c in self.counts)
 
     def __str__(self) -> str:
@@ -186,8 +191,8 @@ def _check(a: Arguments) -> None:
         raise ValueError("the diagram has no branch")
     if a.gammas is not None:
         values = list(a.gammas) if isinstance(a.gammas, Iterable) else [None]
-        if not all(is_number(g) and np.isfinite(g) for g in values):
-            raise ValueError(f"gammas must be finite numbers, got {a.gammas!r}")
+        if not values or not all(is_number(g) and np.isfinite(g) for g in values):
+            raise ValueError(f"gammas must be finite numbers, one or more, got {a.gammas!r}")
         a.gammas = [float(g) for g in values]
     if not is_count(a.most):
         raise ValueError(f"most must be 1 or more, got {a.most!r}")
@@ -225,8 +230,9 @@ def prove_counts(
     system.check_parameter(chosen)
     layout = Layout(system)
     guess = layout.split(next(b for b in branches if b.points).points[0].y)[0].copy()
+    size = max(float(layout.split(p.y)[0].norm()) for b in branches for p in b.points)
     counts = tuple(
-        _counted(system, layout, branches, gamma, guess, proof_seconds) for gamma in chosen
+        _counted(system, layout, branches, gamma, guess, size, proof_seconds) for gamma in chosen
     )
     guess.destroy(), layout.x.destroy()
     return BranchCounts(counts, diagram.complete)
@@ -253,29 +259,38 @@ def _counted(
     branches: list[Branch],
     gamma: float,
     guess: PETSc.Vec,
+    size: float,
     seconds: float,
 ) -> ProvedCount:
+    """The solutions at one gamma. Collective; ``size`` is that of the largest state."""
     begun = perf_counter()
-    known = _crossings(system, layout, branches, gamma)
-    starts = [guess, *(layout.split(y)[0].copy() for _, y, _ in known)]
-    found = find_solutions(system, starts, gamma, proof_seconds=seconds)
+    known = _crossings(system, layout, branches, gamma, size)
+    found = find_solutions(system, [guess, *(x for _, x, _ in known)], gamma, proof_seconds=seconds)
     certificate = _certificate(system, guess, found, seconds)
-    on: list[int] = []
-    met: set[int] = set()
-    for solution in found.found:
-        y = layout.joined(solution.x, gamma)
-        same = [i for i, (_, z, away) in enumerate(known) if _distance(y, z) <= away]
-        on.append(known[same[0]][0] if same else -1)
-        met.update(same)
-        y.destroy()
+    on, unfound = _placed(found, known)
     letters = getattr(system, "letters", None)
     words = () if letters is None else tuple(letters(s.piece) for s in found.found)
-    unfound = tuple(sorted({b for i, (b, _, _) in enumerate(known) if i not in met}))
-    for _, y, _ in known:
-        y.destroy()
-    for x in starts[1:]:
+    for _, x, _ in known:
         x.destroy()
-    return ProvedCount(gamma, found, words, tuple(on), unfound, certificate, perf_counter() - begun)
+    return ProvedCount(gamma, found, words, on, unfound, certificate, perf_counter() - begun)
+
+
+def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """The branch of each solution, and branches that pass with another state. Collective.
+
+    A branch has one solution where it passes, the nearest.
+    """
+    on = [-1] * len(found.found)
+    unfound: set[int] = set()
+    for number, x, away in known:
+        distances = [_distance(x, solution.x) for solution in found.found]
+        if min(distances, default=np.inf) > away:
+            unfound.add(number)
+            continue
+        nearest = int(np.argmin(distances))
+        if on[nearest] < 0:
+            on[nearest] = number
+    return tuple(on), tuple(sorted(unfound))
 
 
 def _certificate(
@@ -304,9 +319,12 @@ def _distance(y: PETSc.Vec, z: PETSc.Vec) -> float:
 
 
 def _crossings(
-    system: System, layout: Layout, branches: list[Branch], gamma: float
+    system: System, layout: Layout, branches: list[Branch], gamma: float, size: float
 ) -> list[_Crossing]:
-    """States at which branches pass a gamma, by interpolation. Collective."""
+    """States at which branches pass a gamma, by interpolation. Collective.
+
+    Distances are of x alone: gamma is the same, and has a unit of its own.
+    """
     straight = system.is_piecewise_affine
     found: list[_Crossing] = []
     for number, branch in enumerate(branches):
@@ -314,13 +332,15 @@ def _crossings(
             if a.gamma == b.gamma or not min(a.gamma, b.gamma) <= gamma <= max(a.gamma, b.gamma):
                 continue
             share = (gamma - a.gamma) / (b.gamma - a.gamma)
-            y = a.y.copy()
-            y.scale(1.0 - share)
-            y.axpy(share, b.y)
-            away = _SAME * max(float(y.norm()), abs(gamma))
-            away += 0.0 if straight else _CHORD * _distance(a.y, b.y)
-            if any(k == number and _distance(y, z) <= _SAME * y.norm() for k, z, _ in found):
-                y.destroy()  # the end of one step and the start of the next
+            x = layout.split(a.y)[0].copy()
+            step = layout.split(b.y)[0].copy()
+            step.axpy(-1.0, x)
+            x.axpy(share, step)
+            same = _SAME * float(x.norm()) + _NOTHING * size
+            away = same + (0.0 if straight else _CHORD * float(step.norm()))
+            step.destroy()
+            if any(k == number and _distance(x, z) <= same for k, z, _ in found):
+                x.destroy()  # the end of one step and the start of the next
             else:
-                found.append((number, y, away))
+                found.append((number, x, away))
     return found

@@ -8,7 +8,8 @@ lead to a solution Lemke's method finds one in the plane, and Gauss-Seidel's in 
 
 A cycle in which no closed point has slipped, opened or closed is one of rest, for ever: at its
 corners the same state holds again, and between them everything is convex. (Points may also open and
-close without a slip, which is rest as far as steps tell.) If displacements repeat, with slip,
+close without a slip, which is rest as far as steps tell; points without friction slide freely,
+which is no slip.) If displacements repeat, with slip,
 friction dissipates the same work in every cycle (alternating slip); if they grow by the same in
 each, it is ratcheting.
 """
@@ -47,7 +48,7 @@ class LoadCycles:
         factor: of the loads.
         ending: "rest", "alternating slip", "ratcheting", or "not decided" after the last cycle.
         dissipation: work of friction in every cycle.
-        slid: the largest slip of a step in the last cycle.
+        slid: the largest slip of a step in the last cycle, of points with friction.
         lifts: whether a point opened or closed in the last cycle.
         loads: of the steps of the last cycle (n, dim m).
         before: displacements at which it begins (m, dim).
@@ -158,7 +159,7 @@ def _cycle(
         a, r = state
         slip = (a - a0)[:, :-1]
         now = r[:, -1] > none
-        rubs = now | (points.bound > 0)
+        rubs = (now & (points.friction > 0)) | (points.bound > 0)
         dissipated -= float(np.sum(r[:, :-1] * slip))
         slid = max(slid, float(np.abs(slip[rubs]).max(initial=0.0)))
         lifts |= bool((now != was).any())

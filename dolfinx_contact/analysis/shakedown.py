@@ -6,13 +6,17 @@ slips w that do not change in time keep the forces of all points within friction
 corners of the cycle, the body comes to rest. The largest such factor is the *static bound*
 (`static_bound`).
 
-Beyond it there is no rest of this kind, in which no point slips, opens or closes. Below it:
+Rest is meant so that no point slips, opens or closes; points without friction slide freely, which
+costs nothing. Beyond the bound there is no rest of this kind, though points may open and close
+without a slip. Neither need it reach down to f = 0: points that p_s opens may be closed for ever at
+large factors, and open and close between. `Shakedown.ranges` has all factors. Within these:
 
-- **Without coupling** of slips and normal forces (S_tn = 0) the statement is a theorem (Klarbring,
-  Ciavarella and Barber, Shakedown in elastic contact problems with Coulomb friction, Int. J. Solids
-  Struct. 44, 2007). Normal forces do not depend on the slips, so that with the slips w~ of a state
-  at rest, strictly inside the discs, (rt - rt~).dut <= 0 in every slip dut, and the energy of the
-  difference, (u - u~).S (u - u~) / 2, falls by at least a share of |dut|: slips have a finite sum.
+- **Without coupling** of slips and normal forces (S_tn = 0, of points with friction) the statement
+  is a theorem (Klarbring, Ciavarella and Barber, Shakedown in elastic contact problems with Coulomb
+  friction, Int. J. Solids Struct. 44, 2007). Normal forces do not depend on the slips, so that with
+  the slips w~ of a state at rest, strictly inside the discs, (rt - rt~).dut <= 0 in every slip dut,
+  and the energy of the difference, (u - u~).S (u - u~) / 2, falls by at least a share of |dut|:
+  slips have a finite sum.
 - **One point in the plane** with F |k| < k_t, S = [k_t, k; k, k_n]: a slip against rt = F rn > 0,
   which is to the left, needs (k_t - F k) (ut - w~) >= 0, and one to the right (k_t + F k) (ut - w~)
   <= 0: every slip is towards w~.
@@ -60,14 +64,19 @@ class Shakedown:
     """The static bound of a cycle of loads, and what became of cycles.
 
     Attributes:
-        factor: the largest factor of the loads with a state at rest that was found; infinite if
-            every factor has one, -inf if none has.
+        factor: the largest factor of the loads with a state at rest that was found, in which no
+            point slips, opens or closes; infinite if all from one on have one, -inf if none has.
+            Smaller ones have one as well where `ranges` begin with 0 and are one.
+        ranges: factors that have a state at rest, from and to, by size; of all sets of open points
+            that were tried. Between two of them, and from 0 to the first, there is none: points
+            open and close in every cycle.
         upper: no state with open points as `opened` has a larger one. In the plane it is `factor`;
             in space they bound what is between tangents and polygons.
         complete: whether all sets of open points were tried; else there may be a larger factor.
-        theorem_holds: whether below `factor` the body comes to rest from every start.
+        theorem_holds: whether within `ranges` the body comes to rest from every start.
         why: that, in words.
-        slip: that the points have at rest (m, dim - 1), in the order of coordinates.
+        slip: that the points have at rest (m, dim - 1), in the order of coordinates; 0 of open
+            points, and of those without friction.
         forces: at the corners at rest (K, m, dim), tangential and normal, at `factor`.
         opened: points that are open at rest (m,).
         limits: what a larger factor would violate, in words.
@@ -76,6 +85,7 @@ class Shakedown:
     """
 
     factor: float
+    ranges: tuple[tuple[float, float], ...]
     upper: float
     complete: bool
     theorem_holds: bool
@@ -89,25 +99,37 @@ class Shakedown:
 
     @property
     def broken(self) -> tuple[LoadCycles, ...]:
-        """Cycles below the static bound that do not come to rest: they slip for ever."""
+        """Cycles of which there is a state at rest and that do not find one: they slip for ever."""
         slips = ("alternating slip", "ratcheting")
-        return tuple(c for c in self.cycles if c.factor < self.factor and c.ending in slips)
+        ranges = [(a, b) for a, b in self.ranges if a < b]
+        within = [c for c in self.cycles if any(a <= c.factor < b for a, b in ranges)]
+        return tuple(c for c in within if c.ending in slips)
 
     def __str__(self) -> str:
         """The bound, whether it is sufficient, and what became of cycles."""
-        if self.factor == -np.inf:
-            bound = "no factor has a state at rest"
-        elif self.factor == np.inf:
-            bound = "every factor has a state at rest"
-        else:
-            bound = f"at rest up to the factor {self.factor:.9g}"
-            if self.upper > self.factor * (1 + 1e-6):
-                bound += f" (no more than {self.upper:.9g})"
+        bound = _in_words(self.ranges)
+        if self.upper > self.factor * (1 + 1e-6):
+            bound += f" (no more than {self.upper:.9g})"
         sets = "" if self.complete else ", not all sets of open points were tried"
         lines = [f"{bound}{sets}: {self.why}", *(f"  {limit}" for limit in self.limits)]
         if self.cycles:
             lines.append(f"cycles at the factor {self.cycles[0].factor:.6g}:")
         return "\n".join([*lines, *(f"  {c}" for c in self.cycles)])
+
+
+def _in_words(ranges: tuple[tuple[float, float], ...]) -> str:
+    """Factors with states at rest."""
+    if not ranges:
+        return "no factor has a state at rest"
+    if ranges == ((0.0, np.inf),):
+        return "every factor has a state at rest"
+    words = [
+        f"up to the factor {b:.9g}"
+        if a == 0
+        else f"from the factor {a:.9g} " + ("on" if b == np.inf else f"up to {b:.9g}")
+        for a, b in ranges
+    ]
+    return "at rest " + ", and ".join(words)
 
 
 def _check(a: Arguments) -> None:
@@ -148,11 +170,11 @@ def shakedown(
         loads: the corners of the cycle in their order. Each is called without arguments and puts a
             load (or displacements of Dirichlet data) into the Constants and Functions of the
             problem; between corners the load is linear, and from the last it returns to the first.
-            The first is in place when this returns.
+            The first is in place when this returns, or raises an error.
         steady: the same for the load from which the factor multiplies departures; by default the
             first corner.
-        factor: at which cycles are stepped through; by default 0.95 of the bound, or 1 where that
-            is infinite or there is none.
+        factor: at which cycles are stepped through; by default 0.95 of the bound if that is in the
+            last of `Shakedown.ranges`, or 1 where the bound is infinite or there is none.
         cycles: that are stepped through at most.
         steps: from corner to corner.
         starts: beside the one whose points have not slipped before, states at rest under the
@@ -166,14 +188,13 @@ def shakedown(
         RuntimeError: if a step finds no solution (in space).
     """
     comm = problem.comm
-    given = [*loads, loads[0] if steady is None else steady]
-    reduced = []
-    for load in given:
+    given = [*loads[1:], loads[0] if steady is None else steady]
+    reduced = [_under(problem, loads[0])]
+    try:
+        reduced += [_under(problem, load) for load in given]
+    finally:
         with everywhere(comm, "a load"):
-            load()
-        reduced.append(problem.reduced())
-    with everywhere(comm, "a load"):
-        loads[0]()
+            loads[0]()
     return on_root(
         comm,
         lambda: shakedown_of(
@@ -187,6 +208,13 @@ def shakedown(
             seconds=seconds,
         ),
     )
+
+
+def _under(problem: ContactProblem, load: Load) -> PointProblem:
+    """The contact points under a load. Collective."""
+    with everywhere(problem.comm, "a load"):
+        load()
+    return problem.reduced()
 
 
 def _same(reduced: list[PointProblem]) -> PointProblem:
@@ -218,15 +246,14 @@ def shakedown_of(
     _, r = _statically(points, steady)
     static = largest_factor(points, steady, loads, r[:, -1] <= 0, begun + seconds)
     bound, upper = static.state.lower, static.state.upper
-    holds, why = _theorem(points, static.opened)
-    chosen = factor
-    if chosen is None:
-        chosen = _BELOW * bound if 0 < bound < np.inf else 1.0
+    holds, why = _theorem(points)
+    chosen = _factor_of(static.ranges) if factor is None else factor
     corners = steady + chosen * (loads - steady)
     found = _stepped(points, corners, static.opened, chosen, cycles, steps, starts)
     limits = _limits(points, static.state.forces, static.state.displacements, static.opened)
     return Shakedown(
         factor=bound,
+        ranges=static.ranges,
         upper=upper,
         complete=static.complete,
         theorem_holds=holds,
@@ -240,18 +267,39 @@ def shakedown_of(
     )
 
 
-def _theorem(points: PointProblem, opened: Flags) -> tuple[bool, str]:
-    """Whether rest below the bound is a theorem, and why."""
+def _factor_of(ranges: tuple[tuple[float, float], ...]) -> float:
+    """At which cycles are stepped through: in the last range, below its end."""
+    a, b = ranges[-1] if ranges else (0.0, 0.0)
+    if b == np.inf:
+        return max(1.0, 2.0 * a)
+    return max(_BELOW * b, (a + b) / 2) or 1.0
+
+
+def _theorem(points: PointProblem) -> tuple[bool, str]:
+    """Whether rest is a theorem where there is a state at rest, and why."""
     m, d = points.number, points.dim
-    S = points.S.reshape(m, d, m, d)
-    coupling = float(np.abs(S[:, :-1, :, -1]).max())
+    rubs = (points.friction > 0) | (points.bound > 0)
+    tangents = np.zeros((m, d), dtype=bool)
+    tangents[:, :-1] = True
+    free = tangents & ~rubs[:, None]
+    S = _eliminated(points.S, free.reshape(-1))
+    held = (tangents & ~free)[~free]
+    coupling = float(np.abs(S[np.ix_(held, ~held)]).max(initial=0.0))
     if coupling <= _UNCOUPLED * float(np.abs(points.S).max()):
         return True, "sufficient, as slips do not change normal forces"
-    if m == 1 and d == 2 and not opened.any():
+    if m == 1 and d == 2:
         k_t, k = points.S[0, 0], abs(points.S[0, 1])
         if points.friction[0] * k < k_t:
             return True, "sufficient, as one point with less than its critical friction k_t/|k|"
     return False, "necessary, not sufficient from every start, as slips change normal forces"
+
+
+def _eliminated(S: Array, free: Flags) -> Array:
+    """The stiffness of what is not free, where that bears no force."""
+    if not free.any():
+        return S
+    inner = np.linalg.solve(S[np.ix_(free, free)], S[np.ix_(free, ~free)])
+    return np.asarray(S[np.ix_(~free, ~free)] - S[np.ix_(~free, free)] @ inner)
 
 
 def _statically(points: PointProblem, p: Array) -> tuple[Array, Array]:
@@ -294,6 +342,7 @@ def _limits(points: PointProblem, forces: Array, a: Array, opened: Flags) -> tup
     """Which points are at their bounds, and at which corners."""
     size = _LIMIT * float(np.abs(forces).max(initial=0.0))
     length = _LIMIT * float(np.abs(a).max(initial=0.0))
+    rubs = (points.friction > 0) | (points.bound > 0)
     found = []
     for k, i in np.ndindex(forces.shape[:2]):
         rt, rn = np.linalg.norm(forces[k, i, :-1]), forces[k, i, -1]
@@ -302,6 +351,6 @@ def _limits(points: PointProblem, forces: Array, a: Array, opened: Flags) -> tup
                 found.append(f"point {i} is about to close at corner {k}")
         elif rn <= size:
             found.append(f"point {i} is about to open at corner {k}")
-        elif rt >= points.friction[i] * rn + points.bound[i] - size:
+        elif rubs[i] and rt >= points.friction[i] * rn + points.bound[i] - size:
             found.append(f"point {i} is about to slip at corner {k}")
     return tuple(found)

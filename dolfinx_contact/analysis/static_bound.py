@@ -8,9 +8,11 @@ all displacements and forces are affine in (w, f), and
     |rt| <= F rn + g,  rn >= 0  at closed points,    un >= 0  at open ones,    at every corner k
 
 is a linear program in the plane, for each set of open points. Between corners it holds as well, all
-of it being convex. In space the discs are cones of second order: tangents of the discs, one more
-where a force has left a disc, bound f from above; polygons inside the discs, with a corner where
-the force of the best state is, bound it from below.
+of it being convex; so do the factors of one set, which are an interval, though not always from 0:
+points that the steady load opens may be closed at large factors. In space the discs are cones of
+second order: tangents of the discs, one more where a force has left a disc, bound f from outside;
+polygons inside the discs, with corners where the forces of the extreme states are, from inside.
+Points without friction slide freely: what they do is elastic.
 """
 
 from __future__ import annotations
@@ -34,7 +36,11 @@ _SIDES = 8  # of the first polygons in space
 _ROUNDS = 60  # of tangents
 _OUTSIDE = 1e-9  # of the unit of force, by which a force may leave its disc
 _ACTIVE = 1e-7  # of the units, inequalities that hold as equations
+_ROUND_OFF = 1e-13  # of the largest load, by which loads differ that are one
+_FAR = 1e6  # of the units, a factor where it cannot be told whether anything bounds it
+_INSIDE = 1e-3  # of the size of an inequality, by which a ray is inside of it
 _BETTER = 1e-9  # relative, by which another set of open points is better
+_MEET = 1e-8  # relative and of the units, by which ranges of factors are apart that meet
 _FARTHEST = 10.0  # of the length that a load causes, slips of starts
 _ALL_SETS = 8  # points up to which all sets of open ones are tried
 _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
@@ -45,13 +51,15 @@ class StaticState:
     """The best state at rest with some open points.
 
     Attributes:
-        lower: a factor that has such a state; infinite if all have, -inf if none has.
+        least: the smallest factor that has such a state; infinite if none has.
+        lower: the largest that was found; infinite if all from `least` on have, -inf if none has.
         upper: no larger factor has; lower but for round-off in the plane.
-        slip: w of all points (m, dim - 1), those of open ones 0.
+        slip: w of all points (m, dim - 1), those of points without friction or contact 0.
         displacements: at the corners (K, m, dim), at `lower`.
         forces: the same.
     """
 
+    least: float
     lower: float
     upper: float
     slip: Array
@@ -65,12 +73,14 @@ class StaticBound:
 
     Attributes:
         state: that state.
+        ranges: factors that have a state at rest, from and to, by size.
         opened: its open points (m,).
         complete: whether all sets of open points were tried.
         sets: how many were.
     """
 
     state: StaticState
+    ranges: tuple[tuple[float, float], ...]
     opened: Flags
     complete: bool
     sets: int
@@ -94,7 +104,7 @@ class _AtRest:
 
     def __init__(self, points: PointProblem, steady: Array, departures: Array, opened: Flags):
         m, dim = points.number, points.dim
-        grips = ~opened | (points.bound > 0)
+        grips = _grips(points, opened)
         slips = np.zeros((m, dim), dtype=bool)
         slips[grips, :-1] = True
         held = slips.copy()
@@ -146,30 +156,45 @@ class _Program:
         self.opened = opened
         self.rest = _AtRest(points, steady, departures, opened)
         self._shape = len(departures), points.number, points.dim
-        self.grips = ~opened | (points.bound > 0)
+        self.grips = _grips(points, opened)
 
     def solve(self) -> StaticState:
-        """The largest factor, from both sides."""
+        """The smallest and the largest factor, this from both sides."""
+        n = self.rest.columns
         if self.points.dim == 2:
             rows = self._signs() + self._tangents(np.array([[1.0], [-1.0]]))
-            x, value = _largest(rows, self.rest.columns)
-            return self._state(x, value, value)
-        x, upper = self._by_tangents()
-        if x is None:
-            return self._state(None, upper, upper)
-        inner, lower = self._inside(x)
-        return self._state(inner, lower, upper)
+            x, value = _optimum(rows, n)
+            upper = np.inf if value >= _FAR else value
+            return self._state(x, _optimum(rows, n, sense=-1)[1], value, upper)
+        most, upper = self._by_tangents(1)
+        upper = np.inf if upper >= _FAR else upper
+        if most is None:
+            return self._state(None, np.inf, -np.inf, -np.inf)
+        first = self._by_tangents(-1)[0]
+        extreme = [self._forces(most, ray=upper == np.inf)]
+        extreme += [] if first is None else [self._forces(first)]
+        inside = self._inside(extreme)
+        x, lower = _optimum(inside[0], n, *inside[1:])
+        return self._state(x, _optimum(inside[0], n, *inside[1:], sense=-1)[1], lower, upper)
 
-    def _state(self, x: Array | None, lower: float, upper: float) -> StaticState:
+    def _state(self, x: Array | None, least: float, lower: float, upper: float) -> StaticState:
         K, m, dim = self._shape
-        if x is None:
+        least = 0.0 if least <= _BETTER else least
+        if x is None or lower == np.inf:
             none = np.zeros((K, m, dim))
-            return StaticState(lower, upper, none[0, :, :-1], none, none)
+            return StaticState(least, lower, upper, none[0, :, :-1], none, none)
+        x = x[: self.rest.columns + 1]
         a, r = self.rest.states(x)
         slip = np.zeros(m * dim)
         slip[self.rest.places] = x[:-1]
         tangents: Array = slip.reshape(m, dim)[:, :-1]
-        return StaticState(lower, upper, tangents, a.reshape(K, m, dim), r.reshape(K, m, dim))
+        states = a.reshape(K, m, dim), r.reshape(K, m, dim)
+        return StaticState(least, lower, upper, tangents, *states)
+
+    def _forces(self, x: Array, *, ray: bool = False) -> Array:
+        """At the corners (K, m, dim); of a ray their rates along it."""
+        forces = self.rest.r @ x if ray else self.rest.states(x)[1]
+        return np.asarray(forces.reshape(self._shape))
 
     def _parts(self) -> tuple[Array, Array]:
         """Linear parts of forces (K, m, dim, n) and constant ones (m, dim)."""
@@ -220,42 +245,49 @@ class _Program:
         a, r = self.rest.states(found.x)
         return a[0].reshape(-1, self.points.dim), r[0].reshape(-1, self.points.dim)
 
-    def _by_tangents(self) -> tuple[Array | None, float]:
-        """From above: tangents of the discs where forces have left them, until none has."""
+    def _by_tangents(self, sense: int) -> tuple[Array | None, float]:
+        """From outside: tangents of the discs where forces have left them, until none has.
+
+        Where nothing bounds the factor the forces are those along the ray, whose discs are F rn.
+        """
         rows = self._signs() + self._tangents(_circle(_SIDES))
         for _ in range(_ROUNDS):
-            x, value = _largest(rows, self.rest.columns)
+            x, value = _optimum(rows, self.rest.columns, sense=sense)
             if x is None:
                 return None, value
-            outside = self._outside(x)
+            outside = self._outside(x, ray=value == np.inf)
             if not outside:
                 break
             rows = rows + _joined([self._tangent(*place) for place in outside], self.rest)
         return x, value
 
-    def _outside(self, x: Array) -> list[tuple[int, int, Array]]:
-        K, m, dim = self._shape
-        r = self.rest.states(x)[1].reshape(K, m, dim)
+    def _outside(self, x: Array, *, ray: bool) -> list[tuple[int, int, Array]]:
+        r = self._forces(x, ray=ray)
         size = np.linalg.norm(r[:, :, :-1], axis=2)
-        over = size - self.points.friction * r[:, :, -1] - self.points.bound
-        far = np.argwhere((over > _OUTSIDE * max(1.0, float(np.abs(r).max()))) & self.grips)
+        bound = 0.0 if ray else self.points.bound
+        over = size - self.points.friction * r[:, :, -1] - bound
+        largest = float(np.abs(r).max())
+        least = _OUTSIDE * (largest if ray else max(1.0, largest))
+        far = np.argwhere((over > least) & self.grips)
         return [(int(k), int(i), r[k, i, :-1] / size[k, i]) for k, i in far]
 
-    def _inside(self, x: Array) -> tuple[Array | None, float]:
-        """From below: forces inside polygons with a corner in the directions of those at x."""
-        K, m, dim = self._shape
+    def _inside(self, extreme: list[Array]) -> tuple[_Rows, Array, Array]:
+        """Forces inside polygons: inequalities, then the matrix and the values of equations.
+
+        Args:
+            extreme: forces (K, m, dim), in whose directions the polygons have corners.
+        """
         n = self.rest.columns + 1
         r, r0 = self._parts()
-        there = self.rest.states(x)[1].reshape(K, m, dim)
-        cells = [(k, i) for k in range(K) for i in np.flatnonzero(self.grips)]
-        sides = _SIDES + 1
+        cells = [(k, i) for k in range(self._shape[0]) for i in np.flatnonzero(self.grips)]
+        sides = _SIDES + len(extreme)
         equal = np.zeros((2 * len(cells), n + sides * len(cells)))
         value = np.zeros(2 * len(cells))
         most = np.zeros((len(cells), equal.shape[1]))
         limit = np.zeros(len(cells))
         for c, (k, i) in enumerate(cells):
             own = n + sides * c + np.arange(sides)
-            corners = np.vstack([_circle(_SIDES), _unit(there[k, i, :-1])])
+            corners = np.vstack([_circle(_SIDES), *(_unit(there[k, i, :-1]) for there in extreme)])
             equal[2 * c : 2 * c + 2, :n] = r[k, i, :-1]
             equal[2 * c : 2 * c + 2, own] = -corners.T
             value[2 * c : 2 * c + 2] = -r0[i, :-1]
@@ -265,8 +297,12 @@ class _Program:
         signs = self._signs()
         padded = np.hstack([signs.rows, np.zeros((len(signs.rows), sides * len(cells)))])
         rows = _Rows(np.vstack([padded, most]), np.concatenate([signs.most, limit]))
-        found, lower = _largest(rows, n - 1, equal, value)
-        return (None if found is None else found[:n]), lower
+        return rows, equal, value
+
+
+def _grips(points: PointProblem, opened: Flags) -> Flags:
+    """Points whose slips friction can hold."""
+    return np.asarray((~opened & (points.friction > 0)) | (points.bound > 0))
 
 
 def _joined(pairs: list[tuple[Array, float]], rest: _AtRest) -> _Rows:
@@ -287,16 +323,22 @@ def _unit(v: Array) -> Array:
     return np.asarray(unit, dtype=np.float64)
 
 
-def _largest(
-    rows: _Rows, factor: int, equal: Array | None = None, value: Array | None = None
+def _optimum(
+    rows: _Rows,
+    factor: int,
+    equal: Array | None = None,
+    value: Array | None = None,
+    *,
+    sense: int = 1,
 ) -> tuple[Array | None, float]:
-    """The point at which the unknown ``factor`` is largest, and its value; (None, inf or -inf).
+    """The point at which the unknown ``factor`` is largest, or smallest (-1), and its value.
 
+    A ray and inf where nothing bounds it; None where there is no point, and -inf or inf.
     Unknowns before it are free, it and those behind it are not negative.
     """
     n = rows.rows.shape[1]
     cost = np.zeros(n)
-    cost[factor] = -1.0
+    cost[factor] = -float(sense)
     free: list[tuple[float | None, float | None]] = [(None, None)] * factor
     bounds = free + [(0.0, None)] * (n - factor)
     size = np.maximum(np.abs(rows.rows).max(axis=1, initial=0.0), 1e-300)
@@ -304,17 +346,34 @@ def _largest(
     A, b = rows.rows / kept[:, None], rows.most / kept
     found = linprog(cost, A, b, equal, value, bounds=bounds, method="highs", options=_EXACT)
     if found.status == 0:
-        return found.x, float(found.x[factor])
+        return found.x, max(float(found.x[factor]), 0.0)
     # HiGHS may say of what is unbounded that there is nothing, or cannot say.
     still = linprog(np.zeros(n), A, b, equal, value, bounds=bounds, method="highs", options=_EXACT)
     if still.status == 2:
-        return None, -np.inf
-    bounds[factor] = (0.0, 1.0)
-    none = None if value is None else np.zeros_like(value)
-    ray = linprog(cost, A, 0 * b, equal, none, bounds=bounds, method="highs", options=_EXACT)
-    if still.status == 0 and ray.status == 0 and ray.fun < -0.5:
-        return None, np.inf
+        return None, -np.inf * sense
+    ray = _ray(A, bounds, factor, equal) if still.status == 0 and sense == 1 else None
+    if ray is not None:
+        return ray, np.inf
+    bounds[factor] = (0.0, _FAR)
+    found = linprog(cost, A, b, equal, value, bounds=bounds, method="highs", options=_EXACT)
+    if found.status == 0:
+        return found.x, max(float(found.x[factor]), 0.0)
     raise ArithmeticError(f"the linear program of the static bound: {found.message}")
+
+
+def _ray(
+    A: Array, bounds: list[tuple[float | None, float | None]], factor: int, equal: Array | None
+) -> Array | None:
+    """A ray along which the factor grows, inside of the inequalities A x <= 0 that allow it."""
+    rows, n = A.shape
+    cost = np.append(np.zeros(n), -np.ones(rows))
+    slack = np.hstack([A, np.eye(rows)])
+    fixed = [*bounds[:factor], (1.0, 1.0), *bounds[factor + 1 :], *[(0.0, _INSIDE)] * rows]
+    same = None if equal is None else np.hstack([equal, np.zeros((len(equal), rows))])
+    none = None if equal is None else np.zeros(len(equal))
+    zero = np.zeros(rows)
+    found = linprog(cost, slack, zero, same, none, fixed, method="highs", options=_EXACT)
+    return found.x[:n] if found.status == 0 else None
 
 
 def largest_factor(
@@ -334,11 +393,12 @@ def largest_factor(
     """
     unit = float(np.diag(points.S).mean())
     apart = corners - steady
+    given = max(float(np.abs(steady).max()), float(np.abs(corners).max()))
     force = max(float(np.abs(steady).max()), float(points.bound.max())) or float(
         np.abs(apart).max()
     )
     size = float(np.abs(apart).max())
-    if size == 0:
+    if size <= _ROUND_OFF * given:
         raise ValueError("the loads do not differ from the steady one: there is no cycle")
     scaled, load = _scaled(points, steady, unit, force)
     search = _Search(scaled, load, np.asarray(apart / size, dtype=np.float64), end)
@@ -346,13 +406,15 @@ def largest_factor(
     s = search.best
     length, share = force / unit, force / size
     state = StaticState(
+        s.least * share,
         s.lower * share,
         s.upper * share,
         s.slip * length,
         s.displacements * length,
         s.forces * force,
     )
-    return StaticBound(state, search.opened, search.complete, len(search.known))
+    ranges = tuple((a * share, b * share) for a, b in search.ranges())
+    return StaticBound(state, ranges, search.opened, search.complete, len(search.known))
 
 
 def states_at_rest(
@@ -438,3 +500,13 @@ class _Search:
                 opened = self.opened.copy()
                 opened[i] = not opened[i]
                 improved |= self._try(opened)
+
+    def ranges(self) -> list[tuple[float, float]]:
+        """Factors of all sets that were tried, joined where they meet."""
+        joined: list[tuple[float, float]] = []
+        for a, b in sorted((s.least, s.lower) for s in self.known.values() if s.least <= s.lower):
+            if joined and a <= joined[-1][1] * (1 + _MEET) + _MEET:
+                joined[-1] = joined[-1][0], max(b, joined[-1][1])
+            else:
+                joined.append((a, b))
+        return joined

@@ -184,7 +184,8 @@ function drawSolutions() {
 
 /** What is proved, or not, of the number of solutions at gamma. */
 function verdict(gamma, crossed) {
-  const near = (count) => Math.abs(count.gamma - gamma) <= 1e-9 * Math.max(1, Math.abs(gamma));
+  const size = Math.max(Math.abs(gamma), ...META.counts.map((count) => Math.abs(count.gamma)));
+  const near = (count) => Math.abs(count.gamma - gamma) <= 1e-9 * size;
   const count = META.counts.find(near);
   if (count && count.proved) {
     const line = element("p", `${many(count.count)}, proved`, "proved");
