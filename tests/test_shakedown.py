@@ -150,7 +150,7 @@ def test_factors_need_not_begin_with_zero():
 @pytest.mark.verifies(
     "shakedown",
     reference="closed form: a point without friction passes its shear on to another, q / k of it",
-    aspects=("2D", "frictionless"),
+    aspects=("2D",),
     alone=True,
 )
 def test_points_without_friction_slide_freely():
