@@ -3,7 +3,8 @@ r"""Critical friction in space over the direction of sliding.
 
 For each direction d in the plane of contact, with all points slipping along it, the coefficients
 of `critical_friction`: S_dd v = F S_nd v. F > 0 belongs to slip against d and F < 0 to slip along
-d, so that half a circle of directions shows all of them.
+d, so that half a circle of directions shows all of them. Friction is the same in all directions and
+acts against the slip; slip across d is held.
 """
 
 from __future__ import annotations

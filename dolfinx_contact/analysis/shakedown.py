@@ -165,6 +165,10 @@ def shakedown(
 ) -> Shakedown:
     """Whether friction comes to rest under cycles of loads. Collective.
 
+    At rest no point slips, opens or closes. Where surfaces remember slips, as after a `QuasiStatic`
+    run, all slips are counted from these, and the first cycles begin with them; the memory is left
+    as it is, and the bound does not depend on it.
+
     Args:
         problem: of a linear body that Dirichlet data hold, with contact at its nodes.
         loads: the corners of the cycle in their order. Each is called without arguments and puts a
