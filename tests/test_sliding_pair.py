@@ -697,7 +697,7 @@ class Thrown:
     gravity = 10.0
     friction = 0.3
 
-    def __init__(self, slave=3, mass="redistributed", material=NeoHookean):
+    def __init__(self, slave=3, mass="redistributed", material=NeoHookean, **given):
         slab = create_grid(COMM, [np.linspace(0, 0.9, 19), np.linspace(-0.1, 0, 3)], CELLS["quad"])
         block = create_grid(
             COMM, [np.linspace(0.2, 0.5, 9), np.linspace(0, 0.15, 4)], CELLS["quad"]
@@ -716,7 +716,8 @@ class Thrown:
         self.velocity = fem.Function(V)
         upper = np.unique(V.dofmap.list[mesh.locate_entities(both.mesh, 2, above)])
         self.velocity.x.array[2 * upper] = self.speed
-        self.motion = NSCD(self.problem, 1.0, dt=0.01, velocity=self.velocity, mass=mass)
+        given = {"dt": 0.01, "velocity": self.velocity, "mass": mass} | given
+        self.motion = NSCD(self.problem, 1.0, **given)
 
     def distance(self):
         """By which the block has moved."""
@@ -753,6 +754,26 @@ def test_a_block_that_is_thrown_comes_to_rest(slave, mass):
     assert energies.kinetic < 1e-3 * energies.at_start
     assert energies.dissipated == pytest.approx(energies.at_start, rel=2e-3)
     assert abs(energies.residue) < 1e-6 * energies.at_start
+
+
+@pytest.mark.verifies(
+    "sliding pairs",
+    "NSCD motion",
+    reference="theorem: theta-Euler has no memory of velocities without mass",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_velocities_without_mass_may_be_any():
+    """In free flight with them the cells of the face would be inside out."""
+    found = []
+    for speed in (0.0, 1e3):
+        thrown = Thrown(scheme="theta-euler")
+        X = thrown.u.function_space.tabulate_dof_coordinates()
+        face = np.isclose(X[:, 1], 0.0) & (thrown.velocity.x.array[::2] > 0)
+        thrown.velocity.x.array[1::2][face] = speed
+        thrown.motion.run([0.0, 0.02])
+        found.append(thrown.u.x.array.copy())
+    off = np.abs(found[0] - found[1]).max(initial=0.0)
+    assert COMM.allreduce(off, max) < 1e-10
 
 
 def test_a_motion_goes_on_from_its_record(folder):
