@@ -47,8 +47,8 @@ class Trial:
         expected: statuses, the likeliest first.
         extrapolated: unknowns at which Newton's method begins before all else (owned); None:
             nowhere.
-        brief: whether no more is tried than Newton's method, once from every such start, or where
-            there are no statuses from the state of the caller. For steps that may be shorter.
+        brief: whether no more is tried than Newton's method with full steps, from all these and
+            from the state of the caller. For steps that may be shorter.
     """
 
     expected: Sequence[Statuses] = ()
@@ -81,8 +81,6 @@ def strategies(
     if trial.extrapolated is not None:
         found.append((EXTRAPOLATED, known.from_unknowns(trial.extrapolated)))
     found += [(EXPECTED, known.from_statuses(statuses)) for statuses in trial.expected]
-    if trial.brief and trial.expected:
-        return found
     found.append(("full steps", known.newton("none")))
     if trial.brief:
         return found
