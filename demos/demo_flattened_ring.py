@@ -15,8 +15,8 @@
 #
 # With 128 cells around, both forces at the end are 0.14 and 0.06 per cent apart. By symmetry
 # nothing slips inside, and friction there (`--friction 0.5`) changes the force of the plate by no
-# more than 0.17 per cent. The step in which the inner face first touches itself is hard then, and is
-# taken in two halves.
+# more than 0.17 per cent. The step in which the inner face first touches itself is hard then, and
+# is taken in two halves.
 
 from mpi4py import MPI
 

@@ -5,7 +5,8 @@ Full steps converge in a few iterations from nearly everywhere, but they can cyc
 Where the caller has unknowns that were extrapolated Newton's method begins there first. Where the
 caller expects statuses, as those of the step before, the first Newton step is taken with these
 held, and Newton's method continues from there: at the start of a step of an evolution every point
-that slips is at the border of stick, and its own state does not tell. The strategies, cheap ones first and each from the caller's state:
+that slips is at the border of stick, and its own state does not tell. The
+strategies, cheap ones first and each from the caller's state:
 
 1. full Newton steps;
 2. full steps with the automatic augmentation parameter, if the caller forced another;
@@ -21,9 +22,8 @@ that slips is at the border of stick, and its own state does not tell. The strat
 7. the branch of solutions under a growing load followed through its folds (`following.py`).
 
 A trial that is brief, of a step that may be shorter, ends with the first of them. Each strategy but
-the first has a budget, counted in Newton steps. A solution in which a
-hyperelastic body is turned inside out (det F <= 0) is no answer as long as increments of the load
-find another.
+the first has a budget, counted in Newton steps. A solution in which a hyperelastic body is turned
+inside out (det F <= 0) is no answer as long as increments of the load find another.
 """
 
 from __future__ import annotations
