@@ -154,7 +154,7 @@ class QuasiStatic(Evolution):
                 called with their steps.
             extrapolate: whether the solver begins, where bodies slide over each other, at what the
                 step before leads to; where that fails at the state before, as otherwise. It saves
-                iterations in steps up to about a facet. A run that goes on from a record does so
+                iterations in steps up to about a facet. A run that continues from a record does so
                 from its second step on.
             accept: called with every step, on every rank; one that is not accepted is tried again
                 with half the length, and is accepted at the shortest length.

@@ -3,7 +3,7 @@
 
 Newton's method solves a step of about a facet of the master in a few iterations; where it fails
 shorter steps cost less than the strategies that follow it in the `ladder`, and end in the same
-states. So steps are halved down to a part of what the user asked for before those are tried. In
+states. So steps are halved down to a part of the step of the user before those are tried. In
 longer steps Newton's method may come to solutions that do not continue the state, in which a cell
 is folded together: there the smallest det F falls at once, however short the step is.
 """
@@ -81,7 +81,7 @@ class SlidingSteps:
         return Trial(extrapolated=self._extrapolated(accepted, time), brief=brief)
 
     def _extrapolated(self, accepted: AcceptedState, time: float) -> npt.NDArray[np.float64] | None:
-        """Unknowns at a time if they go on as in the last step; None if that is not known."""
+        """Unknowns at a time if they continue as in the last step; None if that is not known."""
         last = self._last
         if not self._extrapolate or last is None or last.after is not accepted:
             return None

@@ -24,7 +24,6 @@ from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.pair_motion import Moved
-from dolfinx_contact.points.sliding.operator import SlidingOperator
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["Sliding", "sliding_doubt", "slidings", "warn_of_inversion", "warn_of_obstacles"]
@@ -150,6 +149,8 @@ def _of_sliding(
     far = float(np.max(np.abs(way[away]), initial=0.0))
     far = s.comm.allreduce(far, op=max)
     operator = contact.kinematics.operator
+    from dolfinx_contact.points.sliding.operator import SlidingOperator  # loaded where it slides
+
     assert isinstance(operator, SlidingOperator)
     passed = operator.facets_passed[closed(contact.statuses)]
     way_along = float(np.max(passed, initial=0.0))
