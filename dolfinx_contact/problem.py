@@ -53,6 +53,7 @@ from dolfinx_contact.solvers.ladder import check_data, solve
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.progress import SolveProgress
+from dolfinx_contact.solvers.strategies import Trial
 
 if TYPE_CHECKING:
     from dolfinx_contact.algorithms import Algorithm, PointProblem
@@ -452,14 +453,14 @@ class ContactProblem(ReadOnly):
                 is not finite, a negative friction field, a clamped node inside the obstacle).
             ConvergenceError: if no strategy converges; the Functions are as they were.
         """
-        return self._solved(algorithm, monitor, increments, progress, expected)[0]
+        return self._solved(algorithm, monitor, increments, progress, Trial(tuple(expected)))[0]
 
     @mesh_stays()
     def solve_step(
-        self, *, progress: bool | None, expected: Sequence[Statuses] = ()
+        self, trial: Trial | None = None, *, progress: bool | None
     ) -> tuple[Result, State]:
         """`solve` with its defaults, and the state of the result as it was solved. Collective."""
-        return self._solved("newton", None, _INCREMENTS, progress, expected)
+        return self._solved("newton", None, _INCREMENTS, progress, trial or Trial())
 
     def _solved(
         self,
@@ -467,11 +468,11 @@ class ContactProblem(ReadOnly):
         monitor: Callable[[Step], None] | None,
         increments: int,
         progress: bool | None,
-        expected: Sequence[Statuses],
+        trial: Trial,
     ) -> tuple[Result, State]:
         """See `solve`; and the state. Collective."""
-        same_everywhere(self.comm, expected_statuses=len(expected))
-        fits = all(fit(self.surfaces, statuses) for statuses in expected)
+        same_everywhere(self.comm, expected_statuses=len(trial.expected))
+        fits = all(fit(self.surfaces, statuses) for statuses in trial.expected)
         require(self.comm, fits, "the expected statuses are not those of these contact points")
         shown = SolveProgress(self.comm, progress)
         x0 = self.create_vector()
@@ -485,7 +486,7 @@ class ContactProblem(ReadOnly):
                     monitor=monitor,
                     increments=increments,
                     progress=shown,
-                    expected=expected,
+                    trial=trial,
                 )
             else:
                 check_data(self.equations, x0)

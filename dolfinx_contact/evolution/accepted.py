@@ -28,6 +28,7 @@ from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
+from dolfinx_contact.solvers.strategies import Trial
 
 __all__ = [
     "AcceptedState",
@@ -312,6 +313,7 @@ class Stepper:
         *,
         likely: Sequence[Statuses | None] = (),
         guess: AcceptedState | None = None,
+        trial: Trial | None = None,
     ) -> SolvedStep:
         """Step from a state to a time; the problem is left there, with the memory of the step.
 
@@ -322,6 +324,8 @@ class Stepper:
             time: at its end.
             likely: statuses of the end, the likeliest first; by default those of that state.
             guess: where the solver begins, by default at that state.
+            trial: how it is tried, but for the statuses, by default by all strategies. Motions have
+                a way of their own.
 
         Raises:
             ConvergenceError: if nothing solves the step. The problem is then at that state, as it
@@ -329,7 +333,7 @@ class Stepper:
         """
         self.put(accepted)
         try:
-            return self._stepped(accepted, time, likely, guess)
+            return self._stepped(accepted, time, likely, guess, trial or Trial())
         except BaseException:
             self.put(accepted)
             raise
@@ -340,6 +344,7 @@ class Stepper:
         time: float,
         likely: Sequence[Statuses | None],
         guess: AcceptedState | None,
+        trial: Trial,
     ) -> SolvedStep:
         """The step from a state, which is in the problem; see `take`. Collective."""
         assert isinstance(accepted, AtRest)
@@ -349,8 +354,9 @@ class Stepper:
         self._check_turns(accepted)
         if guess is not None:
             self._put_unknowns(guess)
-        expected = [s for s in likely or (accepted.statuses,) if s is not None]
-        result, state = self.problem.solve_step(expected=expected, progress=self._progress)
+        expected = tuple(s for s in likely or (accepted.statuses,) if s is not None)
+        trial = replace(trial, expected=expected)
+        result, state = self.problem.solve_step(trial, progress=self._progress)
         forces = forces_at(eq, state)
         energies = accepted.energies.advanced(accepted.forces, forces, result.energies["friction"])
         after = self.accepted(time, state.statuses, eq.advanced(state), forces, energies)

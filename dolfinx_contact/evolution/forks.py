@@ -17,6 +17,7 @@ from dolfinx_contact.equations.state import Statuses, differs
 from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper, change
 from dolfinx_contact.evolution.step_rays import StepRays, number_of_points, rays_of_step
 from dolfinx_contact.solvers import ConvergenceError
+from dolfinx_contact.solvers.strategies import Trial
 
 __all__ = ["Forked", "Forks"]
 
@@ -58,15 +59,22 @@ class Forks:
         self._wanted = wanted
         self._few = number_of_points(stepper.problem) <= _FEW
 
-    def take(self, accepted: AcceptedState, time: float) -> Forked:
+    def take(self, accepted: AcceptedState, time: float, trial: Trial) -> Forked:
         """Step from an accepted state to a time.
+
+        Args:
+            accepted: where it begins.
+            time: where it ends.
+            trial: how it is tried; other rays are not where it is brief.
 
         Raises:
             ConvergenceError: if nothing solves the step; the problem is then at that state.
         """
         try:
-            solved = self._stepper.take(accepted, time)
+            solved = self._stepper.take(accepted, time, trial=trial)
         except ConvergenceError:
+            if trial.brief:
+                raise
             rays = self._rays(accepted, time)
             for statuses in () if rays is None else rays.statuses:
                 if self._same(accepted.statuses, statuses):

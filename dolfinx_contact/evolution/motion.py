@@ -41,6 +41,7 @@ from dolfinx_contact.results.balance import support_at_nodes
 from dolfinx_contact.results.checks import slidings
 from dolfinx_contact.results.result import Named, Result
 from dolfinx_contact.results.tables import contact_table
+from dolfinx_contact.solvers.strategies import Trial
 
 __all__ = ["Level", "Method", "MotionStepper", "MovingState"]
 
@@ -176,6 +177,7 @@ class MotionStepper(Stepper):
         time: float,
         likely: Sequence[Statuses | None],
         guess: AcceptedState | None,
+        trial: Trial,
     ) -> SolvedStep:
         """The step from a state; guesses are its own, and no statuses are likelier. Collective."""
         assert isinstance(accepted, MovingState)

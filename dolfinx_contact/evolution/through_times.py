@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """How a run continues through times.
 
-A step that no strategy solves is tried with a quarter of the length, down to a least one. A step in
+A step that no strategy solves is tried with a quarter of the length, down to a least one; where
+bodies slide over each other it is halved first (`sliding_steps`). A step in
 which the state changes much faster than in the one before is examined more closely, by halves
 (`jumps`): where the change does not shrink with the step what was found is beyond a jump, if it is
 proved that no solution continues the evolution; else none was found that does, and that is
@@ -37,6 +38,7 @@ from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
 from dolfinx_contact.evolution.rule import Advance, Rule
 from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.sliding_steps import SlidingSteps
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.solvers import ConvergenceError
 
@@ -72,6 +74,7 @@ class HistoryTask:
     locate: bool = False
     rays: bool | None = False
     follow_rays: bool = False
+    extrapolate: bool = False
 
     def __post_init__(self) -> None:
         for name in ("longest", "shortest", "sudden"):
@@ -162,6 +165,14 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         self._settled = True
         self._rejected = 0
         self._forks = Forks(stepper, task.rays)
+        self._sizes = SlidingSteps(
+            stepper.problem,
+            task.times,
+            longest=task.longest,
+            shortest=task.shortest,
+            extrapolate=task.extrapolate,
+            start=run_state.accepted,
+        )
 
     @property
     def run_state(self) -> RunState:
@@ -206,10 +217,12 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         """The steps to a time."""
         while self._accepted.time < end:
             goal = _aim(self._accepted.time, end, self._length)
+            trial = self._sizes.trial(self._accepted, goal, end)
             try:
-                forked = self._forks.take(self._accepted, goal)
+                forked = self._forks.take(self._accepted, goal, trial)
+                self._sizes.require_unfolded(forked.solved)
             except ConvergenceError as error:
-                beyond = self._shorten(goal, error)
+                beyond = self._shorten(goal, error, brief=trial.brief)
                 if beyond is not None:
                     yield beyond
                 continue
@@ -234,6 +247,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             self.forks += self._forks.others(forked)
         if not jump:
             self._rate = _rate(self._stepper.problem.comm, solved)
+        self._sizes.accept(solved, jump=jump)
         self._accepted = solved.after
         self._number = step.number
         self._settled = settled
@@ -328,13 +342,15 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             )
         raise _Ended(ending, words) from found.failure
 
-    def _shorten(self, goal: float, error: ConvergenceError | None = None) -> Advance | None:
-        """Try half the step next time, or a quarter if there was an error; end if too short.
+    def _shorten(
+        self, goal: float, error: ConvergenceError | None = None, *, brief: bool = False
+    ) -> Advance | None:
+        """Try half the step next time, or a quarter if no strategy solves it; end if too short.
 
         The step that jumps then, if it may; else None.
         """
         length = goal - self._accepted.time
-        part = 2 if error is None else 4
+        part = 2 if error is None or brief else 4
         if length / part < self.task.shortest:
             if error is not None and self.task.at_jump == "jump":
                 beyond = self._beyond(goal)

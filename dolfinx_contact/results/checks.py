@@ -74,7 +74,8 @@ class Sliding:
             that have left the master's face the distance by which.
         distance: of a pair, how far a point that is closed, or carries something across a gap, has
             moved along the master, in widths of the facet that was opposite, or of the whole face
-            of the slave where that is narrower; else 0.
+            of the slave where that is narrower; of faces that slide over each other the way of the
+            last step alone, of closed points; else 0.
         turn: of a pair, the angle in degrees by which normals have turned at closed points: its
             root mean square by the normal forces, or half the largest if that is more, which counts
             where a body bends to the shape of the other and the pressure falls off; else 0.
@@ -131,7 +132,9 @@ def _of_sliding(
     state: State,
     contact: ContactState,
 ) -> Sliding:
-    """Of faces that slide over each other: whether one may have passed the other. Collective.
+    """Of faces that slide over each other: the way, and whether one may have passed the other.
+
+    Collective.
 
     That is where nothing is opposite to a point, and the bodies have moved towards or away from
     each other in the step by more than the distance within which that is looked for.
@@ -152,10 +155,18 @@ def _of_sliding(
     way[here] = np.sum((moved[nodes[here]] - sums[:-1] / sums[-1]) * contact.data.n[here], axis=1)
     far = float(np.max(np.abs(way[away]), initial=0.0))
     far = s.comm.allreduce(far, op=max)
+    operator = contact.kinematics.operator
+    from dolfinx_contact.points.sliding.operator import SlidingOperator  # loaded where it slides
+
+    assert isinstance(operator, SlidingOperator)
+    passed = operator.facets_passed[closed(contact.statuses)]
+    way_along = float(np.max(passed, initial=0.0))
+    way_along = s.comm.allreduce(way_along, op=max)
     if far <= depth:
-        return Sliding(0.0)
+        return Sliding(0.0, way_along)
     return Sliding(
         0.0,
+        way_along,
         doubt=f"in one step points that have nothing opposite now have moved by {far:.3g} along "
         f"their normals, more than the search distance {depth:.3g}: the bodies may have "
         "passed through each other; take shorter steps, or a longer search distance",

@@ -2,10 +2,11 @@
 """Solving a contact problem: Newton's method, and what is tried when full steps fail.
 
 Full steps converge in a few iterations from nearly everywhere, but they can cycle between statuses.
-Where the caller expects statuses, as those of the step before, the first Newton step is taken with
-these held, and Newton's method continues from there: at the start of a step of an evolution every
-point that slips is at the border of stick, and its own state does not tell. The strategies, cheap
-ones first and each from the caller's state:
+Where the caller has unknowns that were extrapolated Newton's method begins there first. Where the
+caller expects statuses, as those of the step before, the first Newton step is taken with these
+held, and Newton's method continues from there: at the start of a step of an evolution every point
+that slips is at the border of stick, and its own state does not tell. The
+strategies, cheap ones first and each from the caller's state:
 
 1. full Newton steps;
 2. full steps with the automatic augmentation parameter, if the caller forced another;
@@ -20,16 +21,16 @@ ones first and each from the caller's state:
    not linear;
 7. the branch of solutions under a growing load followed through its folds (`following.py`).
 
-Each strategy but the first has a budget, counted in Newton steps. A solution in which a
-hyperelastic body is turned inside out (det F <= 0) is no answer as long as increments of the load
-find another.
+A trial that is brief, of a step that may be shorter, ends with the first of them. Each strategy but
+the first has a budget, counted in Newton steps. A solution in which a hyperelastic body is turned
+inside out (det F <= 0) is no answer as long as increments of the load find another.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -50,13 +51,20 @@ from dolfinx_contact.equations.given_data import (
     require_finite_geometry,
     require_obstacles,
 )
-from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, ConvergenceError, FloatingBodyError, Step
 from dolfinx_contact.solvers.progress import SolveProgress
 from dolfinx_contact.solvers.states import diverged, inverted, without_normal
-from dolfinx_contact.solvers.strategies import BONDS, EXPECTED, INCREMENTS, strategies
+from dolfinx_contact.solvers.strategies import (
+    BONDS,
+    EXTRAPOLATED,
+    INCREMENTS,
+    STARTS,
+    Trial,
+    strategies,
+)
 
 __all__ = ["check_data", "solve"]
 
@@ -77,7 +85,7 @@ def solve(
     monitor: Callable[[Step], None] | None,
     increments: int,
     progress: SolveProgress,
-    expected: Sequence[Statuses] = (),
+    trial: Trial,
 ) -> tuple[PETSc.Vec, list[Attempt]]:
     """Solve a contact problem. Collective.
 
@@ -88,7 +96,7 @@ def solve(
         monitor: called with every Newton iterate, on every rank.
         increments: of the load in the strategy of increments, to begin with.
         progress: shows where the solve is.
-        expected: statuses, the likeliest first.
+        trial: how it begins, and how far it goes.
 
     Returns:
         A solution, and the strategies that were tried, of which the last one found it.
@@ -106,8 +114,8 @@ def solve(
     turned = x0.duplicate()
     objection = ""
     inverting = ""
-    for strategy, run in strategies(equations, linear, increments, expected):
-        if objection and strategy != INCREMENTS:
+    for strategy, run in strategies(equations, linear, increments, trial):
+        if objection and strategy != INCREMENTS and inverting != EXTRAPOLATED:
             continue
         attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
         attempts.append(attempt)
@@ -134,8 +142,8 @@ def solve(
             x.copy(turned)
         progress.clear()
         if equations.comm.rank == 0:
-            _log_failure(attempt, floated=floated)
-    if objection:
+            _log_failure(attempt, floated=floated, brief=trial.brief)
+    if objection and not trial.brief:
         # Nothing else was found: the result warns of it.
         attempts.append(Attempt(inverting, objection, converged=True))
         return turned, attempts
@@ -144,11 +152,11 @@ def solve(
     raise ConvergenceError(_diagnosis(attempts, _doubt_of_stiffness(equations)), attempts)
 
 
-def _log_failure(attempt: Attempt, *, floated: bool) -> None:
+def _log_failure(attempt: Attempt, *, floated: bool, brief: bool) -> None:
     """Log why a strategy failed; ``floated``: for the same rigid motion as one before."""
     if floated:
         logger.info("%s failed: a rigid motion is free there too", attempt.strategy)
-    elif attempt.strategy == EXPECTED:  # no more than a start
+    elif brief or attempt.strategy in STARTS:
         logger.info("%s failed: %s", attempt.strategy, attempt.reason)
     else:
         logger.warning("%s failed: %s", attempt.strategy, attempt.reason)

@@ -12,6 +12,9 @@ from typing import TypeAlias
 
 from petsc4py import PETSc
 
+import numpy as np
+import numpy.typing as npt
+
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import Statuses
 from dolfinx_contact.solvers.choice import LinearSolverChoice
@@ -19,9 +22,12 @@ from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.states import inverted
 
-__all__ = ["BONDS", "EXPECTED", "INCREMENTS", "raise_load", "strategies"]
+__all__ = ["BONDS", "EXTRAPOLATED", "INCREMENTS", "STARTS", "Trial", "raise_load", "strategies"]
 
+EXTRAPOLATED = "extrapolation"
 EXPECTED = "expected statuses"
+#: Where Newton's method begins elsewhere than at the state of the caller: no more than tries.
+STARTS = (EXTRAPOLATED, EXPECTED)
 BONDS = "bonds released in turn"
 INCREMENTS = "load increments"
 
@@ -33,11 +39,28 @@ Monitor: TypeAlias = Callable[[Step], None] | None
 Strategy: TypeAlias = Callable[[PETSc.Vec, Attempt, Monitor], bool]
 
 
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """How a solve begins, and how far it goes.
+
+    Attributes:
+        expected: statuses, the likeliest first.
+        extrapolated: unknowns at which Newton's method begins before all else (owned); None:
+            nowhere.
+        brief: whether no more is tried than Newton's method with full steps, from all these and
+            from the state of the caller. For steps that may be shorter.
+    """
+
+    expected: Sequence[Statuses] = ()
+    extrapolated: npt.NDArray[np.float64] | None = None
+    brief: bool = False
+
+
 def strategies(
     eq: ContactEquations,
     linear: LinearSolverChoice,
     increments: int,
-    expected: Sequence[Statuses],
+    trial: Trial,
 ) -> list[tuple[str, Strategy]]:
     """Names and strategies in the order in which they are tried.
 
@@ -45,7 +68,7 @@ def strategies(
         eq: the contact problem.
         linear: its linear solver.
         increments: of the load, to begin with.
-        expected: statuses, the likeliest first.
+        trial: how the solve begins, and how far it goes.
     """
     known = _Strategies(eq, linear, increments)
     # In the integral method r is a part of the discretisation: what is forced stays.
@@ -54,8 +77,13 @@ def strategies(
     def with_automatic_r(run: Strategy) -> Strategy:
         return run if weak else known.with_automatic_r(run)
 
-    found = [(EXPECTED, known.from_statuses(statuses)) for statuses in expected]
+    found: list[tuple[str, Strategy]] = []
+    if trial.extrapolated is not None:
+        found.append((EXTRAPOLATED, known.from_unknowns(trial.extrapolated)))
+    found += [(EXPECTED, known.from_statuses(statuses)) for statuses in trial.expected]
     found.append(("full steps", known.newton("none")))
+    if trial.brief:
+        return found
     if eq.forced_r is not None and not weak:
         found.append(("full steps with the automatic r", with_automatic_r(known.newton("none"))))
     if _have_bonds(eq):
@@ -112,6 +140,26 @@ class _Strategies:
                 done = strategy(x, attempt, monitor)
             attempt.state = None  # that is of another r
             return done
+
+        return run
+
+    def from_unknowns(self, unknowns: npt.NDArray[np.float64]) -> Strategy:
+        """Newton's method from other unknowns."""
+        full_steps = self.newton("none")
+
+        def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+            x.array[:] = unknowns
+            attempt.reason = inverted(self.eq, x)
+            if attempt.reason:
+                return False
+            b = x.duplicate()
+            self.eq.residual(x, b)
+            finite = np.isfinite(b.norm())
+            b.destroy()
+            if not finite:
+                attempt.reason = "the residual is not finite there"
+                return False
+            return full_steps(x, attempt, monitor)
 
         return run
 

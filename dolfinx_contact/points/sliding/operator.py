@@ -44,6 +44,18 @@ class SlidingOperator(Operator):
         return np.asarray(self.areas == 0.0)
 
     @property
+    def facets_passed(self) -> Array:
+        """Slips since the last accepted state over the size of the facets opposite then (n,)."""
+        facing = self.facing
+        sizes = np.linalg.norm(facing.along, axis=3).mean(axis=3)
+        weight = facing.nodal.weight
+        by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
+        size = by * self.faces.sums(facing.facet, (facing.weighted * sizes).sum(axis=1))
+        slips = np.linalg.norm(facing.nodal.slip, axis=1)
+        found = np.divide(slips, size, out=np.zeros_like(slips), where=size > 0)
+        return np.asarray(found[: self.number])
+
+    @property
     def share(self) -> Array:
         return self.facing.nodal.share[: self.number]
 

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Steps of bodies that slide over each other, which know their size.
+
+Newton's method solves a step of about a facet of the master in a few iterations; where it fails
+shorter steps cost less than the strategies that follow it in the `ladder`, and end in the same
+states. So steps are halved down to a part of the step of the user before those are tried. In
+longer steps Newton's method may come to solutions that do not continue the state, in which a cell
+is folded together: there the smallest det F falls at once, however short the step is.
+"""
+
+from __future__ import annotations
+
+import bisect
+import logging
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.body.cells import smallest_jacobian
+from dolfinx_contact.evolution.accepted import AcceptedState, AtRest, SolvedStep
+from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.solvers import ConvergenceError
+from dolfinx_contact.solvers.strategies import Trial
+
+__all__ = ["SlidingSteps"]
+
+logger = logging.getLogger(__name__)
+
+_PARTS = 16  # of a step of the user, down to which Newton's method alone is tried
+_FACETS = 2.0  # of the master, slipped over in a step, that are worth a word in the log
+_FOLDS = 0.5  # of the smallest det F before, or of 1: less is no continuation
+
+
+class SlidingSteps:
+    """What steps of a run are held to; nothing where no surfaces slide, or in motions.
+
+    Args:
+        problem: the contact problem.
+        times: of the user.
+        longest: no step is longer.
+        shortest: no step is shorter.
+        extrapolate: whether solves begin at what the step before leads to.
+        start: of the run.
+    """
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        times: tuple[float, ...],
+        *,
+        longest: float,
+        shortest: float,
+        extrapolate: bool,
+        start: AcceptedState,
+    ):
+        self._problem = problem
+        self._times = times
+        self._longest = longest
+        self._shortest = shortest
+        self._extrapolate = extrapolate
+        self._slide = isinstance(start, AtRest) and any(s.slides for s in problem.surfaces)
+        self._folds = self._slide and not problem.equations.bulk.linear
+        self._known: tuple[AcceptedState, float] | None = None
+        self._last: SolvedStep | None = None
+        self._told = False
+
+    def trial(self, accepted: AcceptedState, time: float, end: float) -> Trial:
+        """How a step to a time is tried. Not collective.
+
+        Args:
+            accepted: where it begins.
+            time: where it ends.
+            end: the time of the user it leads to.
+        """
+        if not self._slide:
+            return Trial()
+        before = self._times[max(bisect.bisect_left(self._times, end) - 1, 0)]
+        least = max(min(end - before, self._longest) / _PARTS, self._shortest)
+        # Sums of steps of the same length are off by round-off.
+        brief = (time - accepted.time) / 2 >= least * (1 - 1e-9)
+        return Trial(extrapolated=self._extrapolated(accepted, time), brief=brief)
+
+    def _extrapolated(self, accepted: AcceptedState, time: float) -> npt.NDArray[np.float64] | None:
+        """Unknowns at a time if they continue as in the last step; None if that is not known."""
+        last = self._last
+        if not self._extrapolate or last is None or last.after is not accepted:
+            return None
+        part = (time - accepted.time) / (accepted.time - last.before.time)
+        return accepted.unknowns + part * (accepted.unknowns - last.before.unknowns)
+
+    def accept(self, solved: SolvedStep, *, jump: bool) -> None:
+        """Remember a step, and say once if it is too long. Not collective."""
+        if not self._slide:
+            return
+        continues = solved.before.solved and not jump
+        self._last = solved if self._extrapolate and continues else None
+        ways = {name: s.distance for name, s in solved.result.slidings.items()}
+        name = max(ways, key=lambda name: ways[name])
+        if self._told or ways[name] <= _FACETS:
+            return
+        self._told = True
+        if self._problem.comm.rank == 0:
+            logger.warning(
+                "%s: in the step from %.6g to %.6g points that touch slip over %.2g facets of the "
+                "other face. Newton's method works best up to one, and beyond two to four it may "
+                "fail or come to states that are folded: shorter steps cost less",
+                name,
+                solved.before.time,
+                solved.after.time,
+                ways[name],
+            )
+
+    def require_unfolded(self, solved: SolvedStep) -> None:
+        """Raise `ConvergenceError` if the smallest det F falls suddenly in a step. Collective."""
+        if not (self._folds and solved.before.solved):
+            return
+        before = self._smallest(solved.before)
+        after = self._smallest(solved.after)
+        if before <= 0 or after >= _FOLDS * min(before, 1.0):
+            self._known = solved.after, after
+            return
+        raise ConvergenceError(
+            f"the smallest det F falls from {before:.3g} to {after:.3g} in one step: the solution "
+            "that was found is folded, and does not continue the state"
+        )
+
+    def _smallest(self, state: AcceptedState) -> float:
+        """The smallest det F at a state. Collective."""
+        if self._known is not None and self._known[0] is state:
+            return self._known[1]
+        eq = self._problem.equations
+        u = state.fields[0]
+        return smallest_jacobian(eq.V, u, vertices=False, axisymmetric=eq.axisymmetric)[0]
