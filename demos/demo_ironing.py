@@ -244,7 +244,11 @@ def main(argv=None):
         vertical, horizontal = forces(args, step)
         say(f"t = {step.time:.4f}: V = {vertical:.2f}, H = {horizontal:.2f} N/mm")
 
-    history = QuasiStatic(pressed, load).run(times(args), rays=False, sudden=np.inf, observer=watch)
+    # Solves begin at what the last step leads to.
+    evolution = QuasiStatic(pressed, load)
+    history = evolution.run(
+        times(args), rays=False, sudden=np.inf, extrapolate=True, observer=watch
+    )
     steps = history.steps
     t = np.array([s.time for s in steps])
     V, H = np.array([forces(args, s) for s in steps]).T
