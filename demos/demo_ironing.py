@@ -19,10 +19,10 @@
 #
 # ## What three meshes and four laws say
 #
-# V and H in N/mm, law `iso`, `--until 1.55`; *slide* is the mean of t from 1.48 to 1.52, *energy* its
-# rest over this window, over the work in it, *Newton* the mean number of steps of a solve. Estimates
-# have the difference of the two finest meshes, or of the two choices of the slave, for their error,
-# whichever is larger.
+# V and H in N/mm, law `iso`, `--until 1.55`; *slide* is the mean of t from 1.48 to 1.52, *energy*
+# its rest over this window, over the work in it, *Newton* the mean number of steps of a solve.
+# Estimates have the difference of the two finest meshes, or of the two choices of the slave, for
+# their error, whichever is larger.
 #
 # | cells, slave | V, H at 1 | at 1.1 | at 1.3 | slide | energy | Newton |
 # |---|---|---|---|---|---|---|
