@@ -111,20 +111,20 @@ class Ring:
         inside = on_circle(domain, INNER)
         outside = on_circle(domain, OUTER)
         if whole:
-            surfaces, bcs = self._whole(args, inside, outside)
+            surfaces, bcs = self.whole(args, inside, outside)
         else:
-            surfaces, bcs = self._half(inside, outside)
+            surfaces, bcs = self.half(inside, outside)
         energy = RUBBER.energy(self.u) * ufl.dx(metadata={"quadrature_degree": 4})
         self.problem = ContactProblem(energy, self.u, surfaces, bcs=bcs)
         self.forces = []
 
-    def _below_plate(self, facets):
+    def below_plate(self, facets):
         """The upper plate, which comes down."""
         plate = HalfSpace(self.plate, (0.0, -1.0))
         law = Frictionless()
         return ContactSurface(self.u, facets, obstacle=plate, law=law, name="plate")
 
-    def _whole(self, args, inside, outside):
+    def whole(self, args, inside, outside):
         middles = mesh.compute_midpoints(self.V.mesh, 1, outside)[:, 1]
         floor = HalfSpace((0.0, -OUTER), (0.0, 1.0))
         law = Frictionless()
@@ -133,7 +133,7 @@ class Ring:
             SelfContact(
                 self.u, inside, law=Coulomb(args.friction), name="inside", search_distance=0.3
             ),
-            self._below_plate(outside[middles > AWAY]),
+            self.below_plate(outside[middles > AWAY]),
             ContactSurface(self.u, below, obstacle=floor, law=law, name="floor"),
         ]
         # Nothing pushes it sideways, so that one node may be held.
@@ -149,12 +149,12 @@ class Ring:
         zero = fem.Constant(self.V.mesh, 0.0)
         return surfaces, [fem.dirichletbc(zero, held, W)]
 
-    def _half(self, inside, outside):
+    def half(self, inside, outside):
         plane = HalfSpace((0.0, 0.0), (0.0, 1.0))
         law = Frictionless()
         surfaces = [
             ContactSurface(self.u, inside, obstacle=plane, law=law, name="inside"),
-            self._below_plate(outside),
+            self.below_plate(outside),
         ]
         domain = self.V.mesh
         zero = fem.Constant(domain, 0.0)

@@ -170,53 +170,53 @@ class Rolling:
     """
 
     def __init__(self, args, creepage, comm):
-        self.problem, self._hub = problem(args, comm)
+        self.problem, self.hub = problem(args, comm)
         self.rows = []
-        self._friction = args.friction
-        self._creepage = creepage
-        self._facet = sizes(args)[0]
-        self._facets = round(2 * HALF_WIDTH * args.way / self._facet)
-        self._enough = PRELOAD * abs(tractive(creepage, args.friction))
-        self._spot = SPOT * np.sign(-creepage)
-        self._start = np.inf  # time at which it rolls, by a facet in a time of 1
+        self.friction = args.friction
+        self.creepage = creepage
+        self.facet = sizes(args)[0]
+        self.facets = round(2 * HALF_WIDTH * args.way / self.facet)
+        self.enough = PRELOAD * abs(tractive(creepage, args.friction))
+        self.spot = SPOT * np.sign(-creepage)
+        self.start_time = np.inf  # time at which it rolls, by a facet in a time of 1
 
-    def _placed(self, t):
+    def placed(self, t):
         """The way and the angle of the hub."""
-        way = self._facet * max(t - self._start, 0.0)
-        spot = self._spot * np.clip(min(t, self._start) - 1.0, 0.0, 1.0)
-        return way, spot + way * (1 - self._creepage) / RADIUS
+        way = self.facet * max(t - self.start_time, 0.0)
+        spot = self.spot * np.clip(min(t, self.start_time) - 1.0, 0.0, 1.0)
+        return way, spot + way * (1 - self.creepage) / RADIUS
 
-    def _load(self, t):
-        way, angle = self._placed(t)
-        self._hub.move(way, APPROACH * min(t, 1.0), angle)
+    def load(self, t):
+        way, angle = self.placed(t)
+        self.hub.move(way, APPROACH * min(t, 1.0), angle)
 
-    def _turned_enough(self, step):
+    def turned_enough(self, step):
         Q, P = step.result.resultants["contact"]
-        return "" if abs(Q) < self._enough * self._friction * P else "turned on the spot"
+        return "" if abs(Q) < self.enough * self.friction * P else "turned on the spot"
 
-    def _watch(self, step):
+    def watch(self, step):
         Q, P = step.result.resultants["contact"]
-        self.rows.append((self._placed(step.time)[0], P, Q))
+        self.rows.append((self.placed(step.time)[0], P, Q))
 
     def run(self):
         """The last step."""
-        history = QuasiStatic(self.problem, self._load)
+        history = QuasiStatic(self.problem, self.load)
         given = dict(rays=False, sudden=np.inf)
         history.run(np.linspace(0.0, 1.0, 5), **given)
-        self._start = 1.0
-        if self._creepage != 0:
-            self._start = 2.0
+        self.start_time = 1.0
+        if self.creepage != 0:
+            self.start_time = 2.0
             spot = np.linspace(1.0, 2.0, 41)
-            turned = history.run(spot, stop=self._turned_enough, **given)
-            self._start = turned.steps[-1].time
-        times = self._start + np.arange(self._facets + 1)
-        rolled = history.run(times, observer=self._watch, **given)
+            turned = history.run(spot, stop=self.turned_enough, **given)
+            self.start_time = turned.steps[-1].time
+        times = self.start_time + np.arange(self.facets + 1)
+        rolled = history.run(times, observer=self.watch, **given)
         return rolled.steps[-1]
 
     def along(self, table, time):
         """Places of the points of the wheel along the rail, from below the axis (n,)."""
         angle = np.arctan2(table.x[:, 0], RADIUS - table.x[:, 1])
-        return RADIUS * (angle - self._placed(time)[1])
+        return RADIUS * (angle - self.placed(time)[1])
 
 
 # ## Carter's theory

@@ -323,7 +323,7 @@ REFUSED = {
     "solve": lambda p: p.solve(),
     "rows": lambda p: component_rows(p.equations, np.zeros(0, dtype=np.intp), np.zeros((0, 2))),
     "springs": lambda p: springs(
-        p.equations, p.equations.bulk.stiffness(p.u.x.array), [p.surfaces[0].statuses == 0]
+        p.equations, p.equations.bulk.stiffness(p.u.x.array), None, [p.surfaces[0].statuses == 0]
     ),
     "motion": lambda p: NSCD(p, density=1.0, dt=0.1),
     "jumps of rigid bodies": lambda p: p.equations.rigid.jump_matrix(p.surfaces[0]),

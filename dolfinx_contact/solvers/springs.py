@@ -58,10 +58,15 @@ def springs(
     found = []
     for i, points in zip(pairs, closed, strict=True):
         s = equations.surfaces[i]
-        operator = state.surfaces[i].kinematics.operator
-        share = points * operator.areas / s.points.from_vertices(s.points.vertex_areas)
-        joined = _of_sliding if s.slides else _of_stencils
-        found.append(joined(equations.comm, operator, share, compliance))
+        whole = s.points.from_vertices(s.points.vertex_areas)
+        if s.slides:
+            sliding = state.surfaces[i].kinematics.operator
+            share = points * sliding.areas / whole
+            found.append(_of_sliding(equations.comm, sliding, share, compliance))
+            continue
+        constant = s.constant_operator("multigrid of bodies that touch")
+        share = points * constant.areas / whole
+        found.append(_of_stencils(equations.comm, constant, share, compliance))
     rows, columns, values = (np.concatenate(part) for part in zip(*found, strict=True))
     along = np.arange(dim)
     entries = Entries(*((dim * at[:, None] + along).reshape(-1) for at in (rows, columns)))
@@ -71,7 +76,7 @@ def springs(
 
 
 def _of_stencils(
-    comm: MPI.Comm, operator: Operator, share: Array, compliance: Array
+    comm: MPI.Comm, operator: ConstantOperator, share: Array, compliance: Array
 ) -> tuple[Nodes, Nodes, Array]:
     """Nodes, nodes and stiffness of springs of B that never changes. Collective.
 
@@ -81,7 +86,6 @@ def _of_stencils(
         share: of the areas of nodes, of the points that are joined (n,).
         compliance: of the owned nodes.
     """
-    assert isinstance(operator, ConstantOperator)
     stencils = operator.stencils
     b = stencils.weights
     nodes = stencils.nodes
