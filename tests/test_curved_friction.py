@@ -172,6 +172,35 @@ def remembering(problem):
     s.memory = Memory(np.zeros_like(place), place=place, step=1.0)
 
 
+def errors_of_differences(problem, x, v, sizes):
+    """Of J v against central differences of these sizes at x, over its size. Collective.
+
+    Every status is somewhere, the same at x and beside it; of the rows of contact alone.
+    """
+    eq = problem.equations
+    (s,) = problem.surfaces
+    n = eq.owned_sizes[0]
+    codes = s.law_at_points.codes
+    mine = np.arange(s.points.number) + COMM.rank
+    statuses = [np.array(codes, dtype=np.int8)[mine % len(codes)]]
+    b, after, before, product = (x.duplicate() for _ in range(4))
+    jacobian = Jacobian(eq)
+    jacobian.update(eq.residual(x, b, statuses))
+    jacobian.matrix.mult(v, product)
+    errors = []
+    for eps in sizes:
+        for sign, f in ((eps, after), (-eps, before)):
+            y = x.copy()
+            y.axpy(sign, v)
+            eq.residual(y, f, statuses)
+        after.axpy(-1.0, before)
+        after.scale(0.5 / eps)
+        after.axpy(-1.0, product)
+        rows = [np.sum(f.array_r[n:] ** 2) for f in (after, product)]
+        errors.append(np.sqrt(np.divide(*COMM.allreduce(np.array(rows)))))
+    return errors
+
+
 @pytest.mark.parametrize("remembers", [False, True])
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize(
@@ -202,7 +231,6 @@ def test_jacobian(name, cell, given, turned, remembers):
     given = given | ({"sliding": "large"} if turned else {})
     problem = block(obstacle, cell=cell, n=2, law=Coulomb(0.3), **given)
     eq = problem.equations
-    (s,) = problem.surfaces
     if remembers:
         remembering(problem)
     x, v = (shaken(problem, size, seed) for size, seed in ((0.05, 1.0), (1.0, 2.0)))
@@ -213,24 +241,7 @@ def test_jacobian(name, cell, given, turned, remembers):
         x.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, eq.rigid.prescribed(1.0), 0.03))
         v.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, 0.0, 1.0))
     x.array[:n][eq.fixed[:n]] = eq.prescribed.values().reshape(-1)[:n][eq.fixed[:n]]
-    codes = s.law_at_points.codes
-    mine = np.arange(s.points.number) + COMM.rank
-    statuses = [np.array(codes, dtype=np.int8)[mine % len(codes)]]
-    b, after, before, product = (x.duplicate() for _ in range(4))
-    jacobian = Jacobian(eq)
-    jacobian.update(eq.residual(x, b, statuses))
-    jacobian.matrix.mult(v, product)
-    errors = []
-    for eps in (3e-5, 3e-6):
-        for sign, f in ((eps, after), (-eps, before)):
-            y = x.copy()
-            y.axpy(sign, v)
-            eq.residual(y, f, statuses)
-        after.axpy(-1.0, before)
-        after.scale(0.5 / eps)
-        after.axpy(-1.0, product)
-        rows = [np.sum(f.array_r[n:] ** 2) for f in (after, product)]
-        errors.append(np.sqrt(np.divide(*COMM.allreduce(np.array(rows)))))
+    errors = errors_of_differences(problem, x, v, (3e-5, 3e-6))
     assert errors[0] < 1e-5
     assert errors[1] < 0.02 * errors[0] + 1e-9
 

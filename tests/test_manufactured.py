@@ -80,6 +80,12 @@ def test_orders(name):
     figure="order >",
 )
 @pytest.mark.verifies(
+    "NSCD motion",
+    reference="closed form: manufactured solutions",
+    aspects=("3D",),
+    figure="order >",
+)
+@pytest.mark.verifies(
     "matching meshes",
     reference="closed form: manufactured solutions",
     aspects=(

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from _surfaces import ball, brick, cylinder, disc, write_stl
 from blocks import same_tables
-from test_curved_friction import OnBody, Stopped, pressed_and_led, remembering
+from test_curved_friction import (
+    OnBody,
+    Stopped,
+    errors_of_differences,
+    pressed_and_led,
+    remembering,
+)
 from test_large_sliding import block, shaken
 
 import ufl
@@ -25,7 +31,6 @@ from dolfinx_contact import (
     Sphere,
     plot,
 )
-from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.records import EvolutionRecord
@@ -159,24 +164,7 @@ def test_jacobian(kind, given):
     v.array[rest:] = 0.0
     x.array[rest:] = eq.rigid.here(eq.rigid.prescribed(1.0))
     x.array[:n][eq.fixed[:n]] = eq.prescribed.values().reshape(-1)[:n][eq.fixed[:n]]
-    (s,) = problem.surfaces
-    codes = s.law_at_points.codes
-    statuses = [np.array(codes, np.int8)[(np.arange(s.points.number) + COMM.rank) % len(codes)]]
-    b, after, before, product = (x.duplicate() for _ in range(4))
-    jacobian = Jacobian(eq)
-    jacobian.update(eq.residual(x, b, statuses))
-    jacobian.matrix.mult(v, product)
-    errors = []
-    for eps in (1e-5, 1e-6):
-        for sign, f in ((eps, after), (-eps, before)):
-            y = x.copy()
-            y.axpy(sign, v)
-            eq.residual(y, f, statuses)
-        after.axpy(-1.0, before)
-        after.scale(0.5 / eps)
-        after.axpy(-1.0, product)
-        rows = [np.sum(f.array_r[n:] ** 2) for f in (after, product)]
-        errors.append(np.sqrt(np.divide(*COMM.allreduce(np.array(rows)))))
+    errors = errors_of_differences(problem, x, v, (1e-5, 1e-6))
     assert errors[0] < 1e-5
     assert errors[1] < 0.02 * errors[0] + 1e-8
 

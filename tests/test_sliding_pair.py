@@ -776,7 +776,7 @@ def test_velocities_without_mass_may_be_any():
     assert COMM.allreduce(off, max) < 1e-10
 
 
-def test_a_motion_goes_on_from_its_record(folder):
+def test_a_motion_continues_from_its_record(folder):
     """Slips are measured from where the faces were, also after a resume."""
     times = [0.0, 0.06]
 
