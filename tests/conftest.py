@@ -8,69 +8,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import pytest
+from on_ranks import EVERY_CASE, ON_ANY, ON_THREE, ON_TWO
 
 # With more threads SCOTCH parts the same mesh otherwise every time; it looks at its first call.
 os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
 
 COMM = MPI.COMM_WORLD
-#: Tests of what ranks do to each other, on two of them in all cases.
-EVERY_CASE = (
-    "test_bad_input",
-    "test_disk",
-    "test_hostile",
-    "test_kinematics",
-    "test_messages",
-    "test_results",
-)
-#: Tests of which every case runs on any number of ranks.
-ON_ANY = ("test_golden",)
-#: Tests on three ranks, of what depends on who owns what; the rest is seen on two.
-ON_THREE = {
-    "test_adhesion": ("as_on_one_rank",),
-    "test_affine": ("a_bulk_that_jumps_is_refused", "a_kink_that_becomes_a_jump"),
-    "test_all_solutions_3d": ("what_is_proved",),
-    "test_arc_length": ("of_two_that_are_alike",),
-    "test_bad_input": ("bad_numbers_on_one_rank_only", "a_rank_without_any_cell"),
-    "test_blocks": ("oracle_forces", "ranks_and_ghost_modes", "patch"),
-    "test_checkpoint_files": ("on_any_ranks", "resumed_on_one_rank_and_on_all"),
-    "test_classical": ("in_space",),
-    "test_common_points": ("patch", "patch_of_a_short_block"),
-    "test_compliant": ("jacobian_by_taylor",),
-    "test_continuation": ("path_with_two_nonsmooth_folds", "parity_is_that_of_mumps"),
-    "test_critical_friction": ("of_a_solution",),
-    "test_crossing_cracks": ("blocks_under_unequal_pressures", "planes_that_cross"),
-    "test_curved_friction": ("ranks", "jacobian"),
-    "test_doubled_nodes": ("tables_do_not_depend_on_ranks",),
-    "test_evolution": ("energy", "a_load_that_fails_on_one_rank"),
-    "test_evolution_output": ("a_series_with_stresses_and_its_start",),
-    "test_held_ends": ("patch",),
-    "test_interfaces": ("adhesion_of_a_block", "jacobian_by_taylor"),
-    "test_kept_data": ("an_honest_resume_on_other_ranks",),
-    "test_large_sliding": ("jacobian_by_taylor",),
-    "test_law": ("jacobian_by_taylor",),
-    "test_look": ("the_inside_is_gathered",),
-    "test_mortar": ("patch", "patch_in_space", "a_slave_that_is_held"),
-    "test_multigrid": ("same_as_direct", "filter_leaves_nothing_on_the_surface"),
-    "test_nonlocal": ("ranks", "a_surface_on_one_rank_alone"),
-    "test_output": ("pressure_as_a_function",),
-    "test_pair": ("mirrored_bodies", "one_side_is_clamped"),
-    "test_pair_multigrid": ("same_as_direct",),
-    "test_parametric": ("derivative_by_gamma", "single_element"),
-    "test_point_problem": ("what_is_saved_is_the_problem",),
-    "test_properties": ("ranks",),
-    "test_renard": ("of_a_solution",),
-    "test_results": ("balance_of_all_forces",),
-    "test_rigid_body": ("ranks", "the_jacobian"),
-    "test_rigid_surface": ("jacobian", "flat_punch_and_ranks"),
-    "test_scales": ("what_stays",),
-    "test_sliding_pair": (
-        *("jacobian", "patch", "history", "wedge"),
-        "a_motion_continues_from_its_record",
-    ),
-    "test_sliding_steps": ("a_fall_of_the_smallest_det_is_refused",),
-    "test_surface": ("points_lie_where_they_should", "facets_named_on_one_rank_only"),
-    "test_uniqueness": ("the_only_solution",),
-}
 #: Tests that the wheel of DOLFINx (`docker/wheel`) cannot run, and why; `pytest -rs` lists them.
 NOT_ON_WHEEL = {
     "test_ratio_of_contact_to_elasticity": "the PETSc of the wheel has no hypre",
@@ -92,11 +35,11 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what takes long, and on several ranks most repetitions (all run with --long).
+    """Leave out what takes long, and on several ranks what is seen serially (all run with --long).
 
-    There a test with several cases runs in one, the last on two ranks and the first on more, but
-    for tests of what ranks do to each other and the golden record. What sends many messages runs
-    serially alone, and on three ranks only what `ON_THREE` names.
+    There only what `on_ranks` names is run, and what sends many messages is not. A test with
+    several cases runs in one, the last on two ranks and the first on more, but for tests of what
+    ranks do to each other and the golden record.
     """
     if find_spec("dolfinx_solver"):
         for item in items:
@@ -113,7 +56,7 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
         elif COMM.size > 1 and item.get_closest_marker("chatty"):
             item.add_marker(pytest.mark.skip(reason="sends many messages"))
-        elif COMM.size > 2 and not _on_three(item):
+        elif COMM.size > 1 and not _on_ranks(item):
             item.add_marker(pytest.mark.skip(reason="runs on fewer ranks"))
         elif COMM.size > 1 and (COMM.size > 2 or item.path.stem not in EVERY_CASE):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
@@ -122,8 +65,12 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.skip(reason="another case runs on so many ranks"))
 
 
-def _on_three(item):
-    return item.originalname.removeprefix("test_") in ON_THREE.get(item.path.stem, ())
+def _on_ranks(item):
+    """Whether a test is among those that so many ranks run."""
+    stem, name = item.path.stem, item.originalname.removeprefix("test_")
+    if COMM.size == 2 and (stem in EVERY_CASE or name in ON_TWO.get(stem, ())):
+        return True
+    return name in ON_THREE.get(stem, ())
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 import pytest
-from conftest import ON_THREE
+from on_ranks import EVERY_CASE, ON_THREE, ON_TWO
 
 import dolfinx_contact
 from dolfinx_contact import ContactSurface
@@ -154,11 +154,18 @@ def test_the_checker_stands_alone():
     assert found <= {"numpy", *sys.stdlib_module_names}
 
 
-def test_what_three_ranks_run_is_there():
-    for stem, names in ON_THREE.items():
-        text = (Path(__file__).parent / f"{stem}.py").read_text()
+def test_what_ranks_run_is_there():
+    """By names that are there; and what a single rank cannot run is run on two."""
+    folder = Path(__file__).parent
+    for stem, names in [*ON_TWO.items(), *ON_THREE.items()]:
+        text = (folder / f"{stem}.py").read_text()
         missing = [name for name in names if f"\ndef test_{name}(" not in text]
         assert not missing, f"{stem}: {missing}"
+    of_several = r"^@pytest\.mark\.skipif\(COMM\.size == 1,.*\n(?:@.*\n)*def test_(\w+)\("
+    for path in folder.glob("test_*.py"):
+        needed = set(re.findall(of_several, path.read_text(), flags=re.MULTILINE))
+        named = {*ON_TWO.get(path.stem, ()), *ON_THREE.get(path.stem, ())}
+        assert path.stem in EVERY_CASE or needed <= named, path.stem
 
 
 def test_the_page_on_the_house_names_what_is_there():

@@ -314,7 +314,7 @@ def _raises(module: Module, function: ast.FunctionDef) -> bool:
 
 
 def _on_ranks(module: Module, function: ast.FunctionDef) -> bool:
-    """Whether `make test` runs a test on several ranks, which then have a part each."""
+    """Whether a test is made for several ranks too, which then have a part each."""
     marks = list(function.decorator_list)
     if "pytestmark" in module.values:
         marks.append(module.values["pytestmark"])
