@@ -197,7 +197,11 @@ ON_TWO = {
     ),
     "test_pair_demos": ("a_crack_in_the_plane", "a_press_fit"),
     "test_parametric": (
-        *("friction_as_parameter", "gamma_must_be_a_scalar_constant"),
+        *(
+            "friction_as_parameter",
+            "first_contact_and_slip_of_a_block",
+            "gamma_must_be_a_scalar_constant",
+        ),
         *("data_that_change_between_branches", "looking_for_solutions_leaves_no_trace"),
         *("evaluating_writes_no_function",),
     ),

@@ -82,8 +82,8 @@ def weakest(table, before):
         ("quad", {"method": "integral", "degree": 2}),
         ("quad", {"pair": True}),
         ("hex", {}),
-        ("tet", {"method": "integral"}),
-        ("tet", {"pair": True, "n": 1}),
+        pytest.param("tet", {"method": "integral"}, marks=pytest.mark.long),
+        pytest.param("tet", {"pair": True, "n": 1}, marks=pytest.mark.long),
     ],
 )
 @pytest.mark.verifies(
@@ -336,6 +336,7 @@ def test_rejected_steps_leave_nothing():
     np.testing.assert_allclose(problem.surfaces[0].bond("after.beta"), beta, rtol=1e-14)
 
 
+@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 @pytest.mark.parametrize("cell", ["tri", "tet"])
 @pytest.mark.verifies(
     "RCCM adhesion",
@@ -559,7 +560,7 @@ def test_bad_input():
         (1, (0.0, 0.4, 1.0)),
         (1, (0.0, 1.0)),
         pytest.param(2, (0.0, 0.58, 1.0), marks=pytest.mark.long),
-        (2, (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)),
+        pytest.param(2, (0.0, 0.2, 0.4, 0.6, 0.8, 1.0), marks=pytest.mark.long),
     ],
 )
 @pytest.mark.verifies(

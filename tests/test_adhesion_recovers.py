@@ -85,7 +85,7 @@ def test_a_new_bond_begins_where_it_is():
     assert weak < kept.to(1e3, (aside, 0.0), PRESSED) == pytest.approx(1 / 25, rel=1e-5)
 
 
-@pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
 def test_pressed_down_again(cell):
     """Blocks drawn off and pressed down: bonds are there again, if they recover."""
     ways = {}
@@ -166,7 +166,12 @@ def test_thresholds_with_compliance(exponent):
 
 
 @pytest.mark.parametrize(
-    "given", [{}, {"contact": NormalCompliance(2e3)}, {"recovers": True, "broken": 0.1}]
+    "given",
+    [
+        pytest.param({}, marks=pytest.mark.long),
+        {"contact": NormalCompliance(2e3)},
+        {"recovers": True, "broken": 0.1},
+    ],
 )
 def test_energies(given):
     """What is left falls with the steps: springs and the surface are counted once each."""

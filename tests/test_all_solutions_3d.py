@@ -45,7 +45,11 @@ TABLE = {
 
 @pytest.mark.parametrize(
     "case",
-    ["2x1", "2x2", *(pytest.param(c, marks=[serial, pytest.mark.long]) for c in list(TABLE)[2:])],
+    [
+        pytest.param("2x1", marks=pytest.mark.long),
+        "2x2",
+        *(pytest.param(c, marks=[serial, pytest.mark.long]) for c in list(TABLE)[2:]),
+    ],
 )
 @pytest.mark.verifies(
     "all solutions",

@@ -66,7 +66,7 @@ def opening(step):
 @pytest.mark.chatty
 @pytest.mark.parametrize(
     ("k", "n"),
-    [(1.0, 1), pytest.param(0.3, 8, marks=pytest.mark.long), (2.0, 8)],
+    [(1.0, 1), *(pytest.param(k, 8, marks=pytest.mark.long) for k in (0.3, 2.0))],
 )
 @pytest.mark.verifies(
     "arc length paths",

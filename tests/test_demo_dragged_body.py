@@ -55,6 +55,7 @@ def test_default_body(folder, capsys):
         assert printed == ""
 
 
+@pytest.mark.long
 def test_degree_two(folder):
     summary = demo_dragged_body.main(
         ["--size=0.25", "--degree=2", "--friction=0.5", f"--output={folder}"]

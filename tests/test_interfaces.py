@@ -135,7 +135,7 @@ def senses(table):
 @pytest.mark.parametrize(
     ("cell", "given"),
     [
-        ("quad", {}),
+        pytest.param("quad", {}, marks=pytest.mark.long),
         ("quad", {"method": "integral", "degree": 2}),
         ("tri", {"pair": True}),
         ("tet", {}),
@@ -598,7 +598,7 @@ def test_energies_that_are_no_numbers():
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "interfaces of one's own",
     reference="independent code: a minimiser of scipy",

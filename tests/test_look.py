@@ -259,7 +259,9 @@ def test_where_a_field_is_no_number(folder, cell):
         assert render._label("root", data) == "root (grey: no number)"
 
 
-@pytest.mark.parametrize("cell", ["tri", pytest.param("tet", marks=needs_display)])
+@pytest.mark.parametrize(
+    "cell", ["tri", pytest.param("tet", marks=[needs_display, pytest.mark.long])]
+)
 def test_a_box_beside_the_body(folder, caplog, cell):
     problem = block(n=2, cell=cell)
     dim = 2 if cell == "tri" else 3

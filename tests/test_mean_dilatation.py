@@ -183,7 +183,7 @@ def test_patch(cell, kind):
     assert energies[0] == pytest.approx(energies[1], rel=1e-11)
 
 
-@pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "nearly incompressible bodies",
     reference="closed form: Lame's thick cylinder",
@@ -269,8 +269,13 @@ def test_of_revolution():
     assert errors["whole"] > 0.02
 
 
-@pytest.mark.parametrize("solver", ["direct", "amg"])
-@pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.parametrize(
+    ("cell", "solver"),
+    [
+        *(("quad", "direct"), ("quad", "amg"), ("hex", "amg")),
+        pytest.param("hex", "direct", marks=pytest.mark.long),
+    ],
+)
 @pytest.mark.verifies(
     "nearly incompressible bodies",
     "press fits",

@@ -48,10 +48,10 @@ def velocity(problem, x, y):
     ("scheme", "theta", "mass"),
     [
         ("theta", 0.5, "redistributed"),
-        ("theta", 0.5, "consistent"),
+        pytest.param("theta", 0.5, "consistent", marks=pytest.mark.long),
         ("theta-euler", 1.0, "lumped"),
         ("modified-theta", 0.6, "redistributed"),
-        ("modified-theta", 0.6, "lumped"),
+        pytest.param("modified-theta", 0.6, "lumped", marks=pytest.mark.long),
     ],
 )
 @pytest.mark.verifies(

@@ -279,7 +279,11 @@ def pressed_and_sheared(bodies, shear=0.03):
 
 
 @pytest.mark.parametrize(
-    ("dim", "cell", "slave"), [(2, "tri", 3), (2, "quad", 2), (3, "tet", 2), (3, "hex", 3)]
+    ("dim", "cell", "slave"),
+    [
+        *((2, "tri", 3), (2, "quad", 2), (3, "tet", 2)),
+        pytest.param(3, "hex", 3, marks=pytest.mark.long),
+    ],
 )
 @pytest.mark.parametrize("angle", [0.3])
 @pytest.mark.verifies(
@@ -483,7 +487,9 @@ def test_resumed(folder):
         )
 
 
-@pytest.mark.parametrize(("dim", "cell", "slave"), [(2, "quad", 2), (3, "tet", 3)])
+@pytest.mark.parametrize(
+    ("dim", "cell", "slave"), [(2, "quad", 2), pytest.param(3, "tet", 3, marks=pytest.mark.long)]
+)
 @pytest.mark.verifies(
     "sliding pairs",
     "multigrid",
@@ -734,7 +740,7 @@ def above(x):
     ("slave", "mass"),
     [
         pytest.param(3, "redistributed", marks=pytest.mark.long),
-        (3, "lumped"),
+        pytest.param(3, "lumped", marks=pytest.mark.long),
         (2, "redistributed"),
     ],
 )
