@@ -418,7 +418,11 @@ def test_snap_back(k):
 
 @pytest.mark.parametrize(
     "given",
-    [{}, {"viscosity": 0.5}, {"viscosity": 0.5, "order": 2}, {"viscosity": 0.5, "exponent": 2.0}],
+    [
+        *({}, {"viscosity": 0.5, "order": 2}),
+        pytest.param({"viscosity": 0.5}, marks=pytest.mark.long),
+        pytest.param({"viscosity": 0.5, "exponent": 2.0}, marks=pytest.mark.long),
+    ],
 )
 @pytest.mark.verifies(
     "RCCM adhesion",

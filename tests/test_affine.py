@@ -209,7 +209,10 @@ def _start(system, gamma=0.0):
 
 @pytest.mark.parametrize(
     ("name", "of"),
-    [("up to", _driven), ("up to", _moved), ("a step", _loaded), ("up and down", _loaded)],
+    [
+        pytest.param("up to", _driven, marks=pytest.mark.long),
+        *(("up to", _moved), ("a step", _loaded), ("up and down", _loaded)),
+    ],
 )
 @pytest.mark.verifies(
     "branches",

@@ -124,8 +124,13 @@ def sheared_block(law, dim, cell, s, pressed, shear):
     return ContactProblem(energy, u, [surface], bcs=ends, petsc_options=options)
 
 
-@pytest.mark.parametrize("shape", PHI)
-@pytest.mark.parametrize(("dim", "cell"), [(2, "tri"), (3, "hex")])
+@pytest.mark.parametrize(
+    ("dim", "cell", "shape"),
+    [
+        *((2, "tri", shape) for shape in PHI),
+        *(pytest.param(3, "hex", s, marks=[] if s == "tanh" else pytest.mark.long) for s in PHI),
+    ],
+)
 @pytest.mark.verifies(
     "regularised friction",
     reference="closed form: a block in simple shear",
@@ -246,7 +251,10 @@ def test_limits():
     )
 
 
-@pytest.mark.parametrize("shape", PHI)
+@pytest.mark.parametrize(
+    "shape",
+    [pytest.param(s, marks=[] if s in ("linear", "tanh") else pytest.mark.long) for s in PHI],
+)
 def test_forces_and_statuses_as_the_width_falls(shape):
     """Forces of true friction at order 1; statuses but of points that creep by the width or more.
 
@@ -475,8 +483,15 @@ def test_bound_of_friction(kind, given):
     np.testing.assert_allclose(shear[slips], t.bound[slips], rtol=0, atol=1e-7 * t.rn.max())
 
 
-@pytest.mark.parametrize("threshold", ["pressure", "reaction"])
-@pytest.mark.parametrize("contact", [NormalCompliance(1e4), NormalCompliance(1e5, 2.0), None])
+@pytest.mark.parametrize(
+    ("contact", "threshold"),
+    [
+        *((NormalCompliance(1e4), "pressure"), (NormalCompliance(1e5, 2.0), "reaction")),
+        pytest.param(NormalCompliance(1e4), "reaction", marks=pytest.mark.long),
+        pytest.param(NormalCompliance(1e5, 2.0), "pressure", marks=pytest.mark.long),
+        *((None, threshold) for threshold in ("pressure", "reaction")),
+    ],
+)
 def test_bound_of_bonds(threshold, contact):
     """Bonds half broken: F (1 - beta) times the pressure without, or with, that of the springs."""
     law = RCCM(2e3, 100.0, 1.0, 0.3, beta=0.5, contact=contact, threshold=threshold)
