@@ -168,7 +168,10 @@ def test_going_back_unloads():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize(("k", "n", "event"), [(0.3, 8, "nonsmooth fold"), (2.0, 8, "kink")])
+@pytest.mark.parametrize(
+    ("k", "n", "event"),
+    [(0.3, 8, "nonsmooth fold"), pytest.param(2.0, 8, "kink", marks=pytest.mark.long)],
+)
 def test_back_to_nothing(k, n, event):
     """The path ends at gamma = 0, where all bonds close at once, and begins there again."""
     path = ArcLength(bar(k, n))
@@ -185,7 +188,7 @@ def test_back_to_nothing(k, n, event):
     np.testing.assert_allclose(opening(again.steps[-1]), r, rtol=1e-8)
 
 
-@pytest.mark.parametrize(("k", "n"), [(1.0, 2), (2.0, 8)])
+@pytest.mark.parametrize(("k", "n"), [(1.0, 2), pytest.param(2.0, 8, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "arc length paths", reference="closed form: the stiffness of the pressed bar", aspects=("2D",)
 )
@@ -511,7 +514,12 @@ TRACED = {
     ("body", "longest"),
     [
         *[pytest.param(body, 0.002, marks=pytest.mark.long) for body in TRACED],
-        *zip(TRACED, (0.005, 0.003, 0.005), strict=True),
+        *[
+            pytest.param(*given, marks=marks)
+            for *given, marks in zip(
+                TRACED, (0.005, 0.003, 0.005), ([], pytest.mark.long, pytest.mark.long), strict=True
+            )
+        ],
     ],
 )
 def test_every_longest_step_gives_the_same_folds(body, longest):
