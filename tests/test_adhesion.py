@@ -317,7 +317,9 @@ def test_rejected_steps_leave_nothing():
         problem, top = bonded(law=RCCM(C, C, W, 0.3, viscosity=0.1))
         load = along(top, (0.0, -0.01), (0.2, -0.01), (0.3, 0.2))
         evolution = QuasiStatic(problem, load)
-        history = evolution.run(times, accept=lambda s, w=wanted: s.time - s.start < 1.5 * w)
+        history = evolution.run(
+            times, accept=lambda s, w=wanted: s.time - s.start < 1.5 * w, sudden=np.inf
+        )
         times = [0.0, *(s.time for s in history.steps)]
         (memory,) = problem.equations.memory
         runs.append((history, [*(f.x.array for f in problem.fields), *memory.fields.values()]))
@@ -352,7 +354,7 @@ def test_as_on_one_rank(cell):
         problem, top = bonded(cell, law=RCCM(C, C, W, 0.3, viscosity=0.02), comm=comm)
         aside = [0.05] if cell == "tet" else []
         load = along(top, (0.0, *aside, -0.01), (0.2, *aside, -0.01), (0.3, *aside, 0.1))
-        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 13))
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 13), sudden=np.inf)
         tables.append([s.result.tables["contact"] for s in history.steps])
     for a, b in zip(*tables, strict=True):
         np.testing.assert_allclose(a.x, b.x, atol=1e-12)
