@@ -362,6 +362,7 @@ def test_an_energy_of_the_wrong_sign():
     assert "its energy falls with a strain" in str(failure.value).splitlines()[1]
 
 
+@pytest.mark.chatty
 def test_missing_dirichlet_data():
     """Pressed on the floor by a load and held by nothing: friction 0 leaves it free to slide."""
     domain, u = square()
