@@ -487,9 +487,7 @@ def test_resumed(folder):
         )
 
 
-@pytest.mark.parametrize(
-    ("dim", "cell", "slave"), [(2, "quad", 2), pytest.param(3, "tet", 3, marks=pytest.mark.long)]
-)
+@pytest.mark.parametrize(("dim", "cell", "slave"), [(2, "quad", 2), (3, "tet", 3)])
 @pytest.mark.verifies(
     "sliding pairs",
     "multigrid",
