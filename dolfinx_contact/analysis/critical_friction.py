@@ -55,7 +55,7 @@ Complex = npt.NDArray[np.complex128]
 
 #: Points up to which all eigenvalues are computed; by multigrid that takes one solve a point.
 _DENSE = {"direct": 512, "amg": 64}
-_LARGEST_DIRECT = {2: 400_000, 3: 60_000}  # unknowns of the body; measured, of 50 solves and more
+_LARGEST_DIRECT = {2: 400_000, 3: 60_000}  # unknowns of the body, estimates
 _REAL = 1e-9  # relative imaginary part that is none, and difference of coefficients that are one
 _DEPENDENT = 1e-6  # relative singular value of vectors of one coefficient that are as good as fewer
 _SIGN = 1e-8  # of the largest slip, by which another may have the other sign
@@ -81,7 +81,7 @@ class CriticalFriction:
             nothing of what is beyond.
         slips: v of `friction`, one value a point, nonnegative, the largest 1; empty if there is
             none. Of coefficients that are equal to 1e-9, or to `residual` if that is more, all
-            combinations of their slips are looked at.
+            combinations of their slips are examined.
         positions: of the points that slip (m, dim), in the order of coordinates.
         one_signed: all F found with real slips of one sign, by size.
         mixed: those with real slips of both signs, by size: continua of states in which all points
@@ -129,7 +129,7 @@ def _check(a: Arguments) -> None:
 
 
 def _wanted(solver: str) -> str:
-    """The solver that was asked for: PETSc's options win."""
+    """The required solver: PETSc's options win."""
     return str(PETSc.Options().getString("analysis_linear_solver", solver))
 
 
