@@ -5,6 +5,7 @@ import re
 
 from mpi4py import MPI
 
+import demo_proofs_3d
 import numpy as np
 import pytest
 from _triangle import linear_triangle
@@ -24,7 +25,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.analysis import Certificate, check, prove_counts
 from dolfinx_contact.analysis.branch_counts import default_gammas
-from dolfinx_contact.continuation import Branch, Diagram, explore
+from dolfinx_contact.continuation import Branch, Diagram, explore, find_solutions
 from dolfinx_contact.materials import LinearElastic
 
 TOTAL = dict(sum_rn=records.total("rn"))
@@ -157,9 +158,13 @@ def test_a_branch_that_is_no_solution():
     reference="itself: a branch in space and what is proved at its gammas",
     aspects=("3D", "proofs", "branches"),
 )
-def test_in_space():
-    """A cube of one cell that is pressed down and moved aside."""
-    domain = box(MPI.COMM_WORLD, 1, "hex")
+@pytest.mark.parametrize(
+    ("n", "aside", "events", "letters"),
+    [(1, (0.006, 0.0, 0.0), None, None), (2, (0.02, 0.002, 0.009), 3, "sssssssss")],
+)
+def test_in_space(n, aside, events, letters):
+    """Cubes with 4 and 9 nodes on the floor, pressed and moved aside; proofs are checked."""
+    domain = box(MPI.COMM_WORLD, n, "hex")
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
     u = fem.Function(V)
     moved = fem.Function(V)
@@ -169,18 +174,47 @@ def test_in_space():
     surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(moved, dofs)])
-    aside = ufl.as_vector([0.006 * gamma, 0.002, -0.01])
-    system = ParametricContact(problem, gamma, driven=[(moved, aside)])
+    start = (0.0, 0.002 if n == 1 else 0.0, -0.01)
+    path = ufl.as_vector([s + gamma * a for s, a in zip(start, aside, strict=True)])
+    system = ParametricContact(problem, gamma, driven=[(moved, path)])
     system.set_parameter(0.0)
     problem.solve()
     x = system.create_vector()
     problem.write(x)
     diagram = explore(system, [(x, 0.0)], gamma_range=(0.0, 1.0))
-    counts = prove_counts(system, diagram, gammas=[0.5, 1.0])
-    assert [c.number for c in counts] == [1, 1]
+    counts = prove_counts(system, diagram, most=3)
+    assert diagram.complete
+    if events is not None:
+        assert sum(len(b.special) for b in diagram.branches) == events
+    assert [c.number for c in counts] == [1] * len(counts)
     assert counts.proved
     assert counts.missed == 0
     assert all(c.unfound == () for c in counts)
+    if letters is not None:
+        assert counts.counts[-1].statuses == (letters,)
+        assert len(counts) == 5
+    if MPI.COMM_WORLD.rank == 0:
+        assert all(check(c.certificate).verdict == "complete" for c in counts)
+
+
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    reference="independent code: three solutions of a body in space, of the table of proofs",
+    aspects=("3D", "proofs", "branches"),
+)
+def test_several_in_space():
+    """Three branches with the friction disc; of one alone the other two are counted as missed."""
+    system = demo_proofs_3d.body(demo_proofs_3d.arguments([]), MPI.COMM_WORLD)
+    found = find_solutions(system, [system.create_vector()], 1.0).found
+    missed = []
+    for starts in (found, found[:1]):
+        diagram = explore(system, [(s.x, 1.0) for s in starts], gamma_range=(0.25, 1.0))
+        (count,) = prove_counts(system, diagram, gammas=[0.5])
+        assert diagram.complete
+        assert (count.number, count.proved, count.unfound) == (3, True, ())
+        missed.append(count.branches.count(-1))
+    assert missed == [0, 2]
 
 
 def test_middles_and_bad_input():

@@ -1,8 +1,10 @@
 """Critical friction: known coefficients, an independent condensation, exact continua."""
 
+import importlib
 import sys
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import demo_two_blocks
 import numpy as np
@@ -15,7 +17,7 @@ from demo_critical_friction import main as demo
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
 from dolfinx_contact.analysis import critical_friction
 from dolfinx_contact.laws import MINUS, PLUS
 from dolfinx_contact.materials import LinearElastic
@@ -290,6 +292,10 @@ def test_bad_input():
     domain = mesh.create_unit_square(COMM, 2, 2)
     with pytest.raises(ValueError, match="nodal or mixed"):
         critical_friction(on_box(domain, method="integral"))
+    with pytest.raises(ValueError, match="unknown solver of the body 'lu'; known: auto"):
+        critical_friction(problem, solver="lu")
+    with pytest.raises(ValueError, match="points that are nodes: take solver='direct'"):
+        critical_friction(on_box(domain, method="mixed"), solver="amg")
 
 
 @pytest.mark.parametrize(
@@ -360,21 +366,105 @@ def test_how_far_they_are_known():
     assert more.known_up_to > more.mixed[0] == pytest.approx(friction, abs=1e-7)
 
 
+def side_by_side(number):
+    """Bodies that do not touch one another, all alike."""
+    box = [[0.0, 0.0], [2.0 * number - 1.0, 2.0]]
+    cells = [3 * (2 * number - 1), 6]
+    domain = mesh.create_rectangle(COMM, box, cells, mesh.CellType.quadrilateral)
+    kept = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
+    x = mesh.compute_midpoints(domain, 2, kept)[:, 0]
+    domain = mesh.create_submesh(domain, 2, kept[np.floor(x) % 2 == 0])[0]
+    domain.geometry.x[:, 0] += 0.5 * domain.geometry.x[:, 1]
+    return on_box(domain)
+
+
 def test_double_coefficients():
     """Two like bodies side by side have every coefficient twice, and a search may see one alone."""
-    domain = mesh.create_rectangle(COMM, [[0, 0], [3, 2]], [9, 6], mesh.CellType.quadrilateral)
-    cells = domain.topology.index_map(2)
-    kept = np.arange(cells.size_local, dtype=np.int32)
-    x = mesh.compute_midpoints(domain, 2, kept)[:, 0]
-    domain = mesh.create_submesh(domain, 2, kept[(x < 1) | (x > 2)])[0]
-    domain.geometry.x[:, 0] += 0.5 * domain.geometry.x[:, 1]
-    problem = on_box(domain)
+    problem = side_by_side(2)
     whole = critical_friction(problem)
     every = np.abs([*whole.one_signed, *whole.others])
     for count in (1, 2, 3):
         found = critical_friction(problem, dense=False, count=count)
         listed = np.abs([*found.one_signed, *found.others])
         assert (listed < found.known_up_to).sum() == (every < found.known_up_to).sum()
+
+
+@pytest.mark.parametrize("solver", ["direct", "amg"])
+@pytest.mark.verifies("critical friction", reference="itself: one of four like bodies")
+def test_slips_of_one_sign_among_equal_coefficients(solver):
+    """Of four bodies none of the vectors that SLEPc takes has one sign, and combinations have."""
+    alone = critical_friction(side_by_side(1))
+    found = critical_friction(side_by_side(4), dense=False, solver=solver)
+    assert found.friction == pytest.approx(alone.friction, rel=1e-9)
+    assert found.slips.min() >= -1e-8
+    assert abs(found.friction) < found.known_up_to
+
+
+# -- large bodies ----------------------------------------------------------------------------------
+
+
+def stiff_inside():
+    """A block with a core a thousand times as stiff."""
+    V = fem.functionspace(block(4).V.mesh, ("DG", 0))
+    young = fem.Function(V)
+    young.interpolate(lambda x: np.where((x[2] > 0.3) & (x[2] < 1.2), 1e3, 1.0))
+    return on_box(V.mesh, material=LinearElastic.from_young(young, 0.3))
+
+
+def on_a_curve():
+    return on_box(leaning(6).V.mesh, floor=Sphere((0.4, -3.0), 3.0))
+
+
+def unlike_pair():
+    """Nodes of two faces that do not match."""
+    upper, lower = ["--upper", "1.0", "0.3"], ["--lower", "50.0", "0.3"]
+    return two_blocks(["--n=4", "--ratio=2", *upper, *lower])
+
+
+LARGE = {
+    "plane": (lambda: leaning(8), None),
+    "in space": (lambda: block(4), (1.0, 0.4, 0.0)),
+    "stiff inside": (stiff_inside, (1.0, 0.0, 0.0)),
+    "on a curve": (on_a_curve, None),
+    "pair": (unlike_pair, None),
+}
+
+
+@pytest.mark.parametrize("body", LARGE)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="itself: all eigenvalues, by a factorisation",
+    aspects=("2D", "3D", "pairs", "multigrid"),
+)
+def test_by_multigrid(body):
+    make, direction = LARGE[body]
+    whole = critical_friction(make(), direction, dense=True, solver="direct")
+    assert (whole.solver, whole.solves, whole.iterations) == ("direct", 0, 0)
+    expected = min([*whole.one_signed, *whole.others], key=abs)
+    for dense in (False, True):
+        found = critical_friction(make(), direction, dense=dense, solver="amg")
+        assert min([*found.one_signed, *found.others], key=abs) == pytest.approx(expected, rel=1e-8)
+        assert found.friction == (whole.friction and pytest.approx(whole.friction, rel=1e-8))
+        np.testing.assert_allclose(found.slips, whole.slips, atol=1e-7)
+        assert (found.solver, found.complete) == ("amg", dense)
+        assert 0 < found.solves < found.iterations
+        assert found.residual < 1e-7
+
+
+def test_which_solver(monkeypatch):
+    """By size; an argument, and before it PETSc's options."""
+    problem = leaning(3)
+    module = importlib.import_module("dolfinx_contact.analysis.critical_friction")
+    assert critical_friction(problem).solver == "direct"
+    options = PETSc.Options()
+    options["analysis_linear_solver"] = "amg"
+    assert critical_friction(problem, solver="direct").solver == "amg"
+    options["analysis_linear_solver"] = "lu"
+    with pytest.raises(ValueError, match="unknown solver of the body 'lu'"):
+        critical_friction(problem)
+    options.delValue("analysis_linear_solver")
+    monkeypatch.setitem(module._LARGEST_DIRECT, 2, 10)
+    assert critical_friction(problem).solver == "amg"
 
 
 @pytest.mark.parametrize("which", [0, 1])

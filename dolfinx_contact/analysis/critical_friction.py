@@ -28,7 +28,7 @@ second search, from another start and among what the first has left, shows how f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from petsc4py import PETSc
 
@@ -41,23 +41,33 @@ from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._numbers import is_count
 from dolfinx_contact._optional import slepc
-from dolfinx_contact._petsc import options_in_database, staged
+from dolfinx_contact._petsc import as_raised, options_in_database, staged
 from dolfinx_contact.analysis.rows import Problem, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
+from dolfinx_contact.solvers.held_multigrid import HeldMultigrid, have_own_nodes
 
 __all__ = ["CriticalFriction", "critical_friction"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-_DENSE = 512  # points up to which all eigenvalues are computed
-_REAL = 1e-9  # relative imaginary part that is none
+#: Points up to which all eigenvalues are computed; by multigrid that takes one solve a point.
+_DENSE = {"direct": 512, "amg": 64}
+_LARGEST_DIRECT = {2: 400_000, 3: 60_000}  # unknowns of the body, estimates
+_REAL = 1e-9  # relative imaginary part that is none, and difference of coefficients that are one
+_DEPENDENT = 1e-6  # relative singular value of vectors of one coefficient that are as good as fewer
 _SIGN = 1e-8  # of the largest slip, by which another may have the other sign
 _NOTHING = 1e-11  # eigenvalues of T, over the largest, that are none
 _FAR = 1e-6  # relative margin of the size up to which coefficients are known
-_DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-12, "eps_max_it": 500}
+_DEFAULTS: dict[str, dict[str, Any]] = {
+    "direct": {"eps_type": "krylovschur", "eps_tol": 1e-12, "eps_max_it": 500},
+    "amg": {"eps_type": "krylovschur", "eps_tol": 1e-8, "eps_max_it": 500},
+}
+_SOLVERS = ("auto", "direct", "amg")
+#: How the body is solved: by a factorisation, by multigrid, or by size.
+BodySolverKind = Literal["auto", "direct", "amg"]
 
 
 @dataclass(frozen=True)
@@ -70,7 +80,8 @@ class CriticalFriction:
             with ``direction="solution"``; None if there is none up to `known_up_to`, which shows
             nothing of what is beyond.
         slips: v of `friction`, one value a point, nonnegative, the largest 1; empty if there is
-            none.
+            none. Of coefficients that are equal to 1e-9, or to `residual` if that is more, all
+            combinations of their slips are examined.
         positions: of the points that slip (m, dim), in the order of coordinates.
         one_signed: all F found with real slips of one sign, by size.
         mixed: those with real slips of both signs, by size: continua of states in which all points
@@ -80,6 +91,11 @@ class CriticalFriction:
             one is where a second search found the next, which is a check and no proof.
         complete: whether all F were computed; else those of smallest size were.
         displacement: of the body with `slips`.
+        residual: the largest |T f - f/F| |F_1|/|f| of all that are listed, F_1 the smallest, T as
+            the solver has it: 1/F is known no better.
+        solver: ``direct`` or ``amg``.
+        solves: with the body, as far as they are counted: by multigrid alone.
+        iterations: of conjugate gradients in these.
     """
 
     friction: float | None
@@ -91,6 +107,10 @@ class CriticalFriction:
     known_up_to: float
     complete: bool
     displacement: fem.Function
+    residual: float = 0.0
+    solver: str = "direct"
+    solves: int = 0
+    iterations: int = 0
 
     @property
     def others(self) -> list[complex]:
@@ -103,6 +123,14 @@ class CriticalFriction:
 def _check(a: Arguments) -> None:
     if not is_count(a.count):
         raise ValueError(f"the number of eigenvalues must be 1 or more, got {a.count!r}")
+    kind = _wanted(a.solver)
+    if kind not in _SOLVERS:
+        raise ValueError(f"unknown solver of the body {kind!r}; known: {', '.join(_SOLVERS)}")
+
+
+def _wanted(solver: str) -> str:
+    """The required solver: PETSc's options win."""
+    return str(PETSc.Options().getString("analysis_linear_solver", solver))
 
 
 @collective("critical friction", _check)
@@ -113,6 +141,7 @@ def critical_friction(
     *,
     count: int = 1,
     dense: bool | None = None,
+    solver: BodySolverKind = "auto",
 ) -> CriticalFriction:
     """Critical coefficients of friction of a body in contact. Collective.
 
@@ -129,20 +158,25 @@ def critical_friction(
         count: of eigenvalues that are computed where there are too many points for all; if none of
             them is real and of one sign, up to 16 times as many. Beyond the first they often lie
             close together, and take long. How far they reach is `CriticalFriction.known_up_to`.
-        dense: whether all are computed; by default with up to 512 points.
+        dense: whether all are computed; by default with up to 512 points, 64 by multigrid.
+        solver: of the body, ``direct`` or ``amg``: multigrid, for contact at nodes. By default,
+            multigrid above 4 10^5 unknowns in 2D and 6 10^4 in 3D. ``-analysis_linear_solver``
+            wins.
 
     Raises:
         ValueError: on every rank, for a direction that is none, integral contact, or if no point
-            can slip, or the body slides freely.
-        RuntimeError: if SLEPc does not converge.
+            can slip, or the body slides freely; for an unknown solver, and multigrid where a point
+            has no node of its own.
+        RuntimeError: if SLEPc, or multigrid, does not converge.
     """
     eq = static_equations(problem)
     state = problem.state()
     slip = Slip(eq, SlipPattern.of(eq, direction, state), hold_across=True)
     slip.require_held()
-    operator = _PressureByShear(eq, slip, state.u)
+    operator = _PressureByShear(eq, slip, state.u, _wanted(solver))
     try:
-        complete = slip.number <= _DENSE if dense is None else bool(dense)
+        few = slip.number <= _DENSE[operator.solver]
+        complete = few if dense is None else bool(dense)
         modes = operator.all() if complete else operator.smallest(int(count))
         return _collected(problem, operator, slip, modes, complete)
     finally:
@@ -150,15 +184,28 @@ def critical_friction(
         slip.destroy()
 
 
+def _by_size(eq: ContactEquations, rows: list[PETSc.Mat]) -> str:
+    """Multigrid for large bodies, where each row has a node of its own. Collective."""
+    if sum(eq.global_sizes) <= _LARGEST_DIRECT[eq.dim]:
+        return "direct"
+    return "amg" if have_own_nodes(rows, eq.dim) else "direct"
+
+
 class _PressureByShear:
     """T: shears at the points that slip to the pressures there, forces."""
 
-    def __init__(self, eq: ContactEquations, slip: Slip, u: Array):
+    def __init__(self, eq: ContactEquations, slip: Slip, u: Array, solver: str):
         self.comm = eq.comm
         self._slip = slip
-        K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
-        self._body = HeldBody(eq.comm, [HeldField(K, [slip.N, slip.H])], eq.stiffness_scale)
-        K.destroy()
+        rows = [slip.N, slip.H]
+        self.solver = solver if solver != "auto" else _by_size(eq, rows)
+        self._body: HeldBody | HeldMultigrid
+        if self.solver == "amg":
+            self._body = HeldMultigrid(eq, u, rows, "analysis_")
+        else:
+            K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
+            self._body = HeldBody(eq.comm, [HeldField(K, rows)], eq.stiffness_scale)
+            K.destroy()
         self._u, self._f = slip.D.createVecs()
 
     def solve(self, shear: Array) -> tuple[Array, Array]:
@@ -167,6 +214,18 @@ class _PressureByShear:
         self._slip.D.multTranspose(self._f, self._u)
         u, pressure, _ = self._body.solve(self._u.array_r)
         return u, pressure
+
+    def _answer(self, shear: PETSc.Vec) -> tuple[Array, Array]:
+        """What `solve` finds, without a solve where there is no shear."""
+        if shear.norm() > 0:
+            return self.solve(shear.array_r)
+        return np.zeros(self._u.getLocalSize()), np.zeros(shear.getLocalSize())
+
+    @property
+    def work(self) -> tuple[int, int]:
+        """Solves by multigrid, and iterations of these."""
+        body = self._body
+        return (body.solves, body.iterations) if isinstance(body, HeldMultigrid) else (0, 0)
 
     def slips(self, u: Array) -> Array:
         """D u."""
@@ -182,7 +241,8 @@ class _PressureByShear:
         def modes() -> _Modes:
             flexibility, T = (np.concatenate(p) for p in zip(*parts, strict=True))
             values, shears = np.linalg.eig(T)
-            return _Modes.of(values, flexibility @ shears, shears, np.inf)
+            off = np.linalg.norm(T @ shears - values * shears, axis=0)
+            return _Modes.of(values, flexibility @ shears, shears, np.inf, off)
 
         return on_root(self.comm, modes)
 
@@ -206,19 +266,23 @@ class _PressureByShear:
         values = []
         slips = []
         shears = []
+        off = []
         real, imaginary = T.createVecs()
         for i in range(solver.getConverged()):
             values.append(solver.getEigenpair(i, real, imaginary))
             shears.append(real.array_r + 1j * imaginary.array_r)
-            a, b = (self.slips(self.solve(v.array_r)[0]) for v in (real, imaginary))
-            slips.append(a + 1j * b)
+            (a, p), (b, q) = (self._answer(v) for v in (real, imaginary))
+            slips.append(self.slips(a) + 1j * self.slips(b))
+            off.append(np.sum(np.abs(p + 1j * q - values[-1] * shears[-1]) ** 2))
         known = self._known_up_to(T, found) if values else 0.0
         for thing in (real, imaginary, solver, *found, T):
             thing.destroy()
         if not values:
             raise RuntimeError("SLEPc found no critical friction: raise analysis_eps_max_it")
         slip, shear = (np.concatenate(self.comm.allgather(np.array(v).T)) for v in (slips, shears))
-        return _Modes.of(np.array(values), slip, shear, known)
+        residuals = np.sqrt(self.comm.allreduce(np.array(off)))
+        everything = np.array(values), slip, shear, known, residuals
+        return on_root(self.comm, lambda: _Modes.of(*everything))
 
     def _known_up_to(self, T: PETSc.Mat, found: list[PETSc.Vec]) -> float:
         """Size of the smallest F that belongs to none of the vectors found; 0 if it is not found.
@@ -241,11 +305,13 @@ class _PressureByShear:
         solver.setOperators(T)
         solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
         solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
-        solver.setDimensions(count)
+        # Products by multigrid are dear, and vectors of the contact points are not.
+        room = 2 * count + 30 if self.solver == "amg" else PETSc.DEFAULT
+        solver.setDimensions(count, min(room, self._slip.number))
         if without:
             solver.setDeflationSpace(without)
         solver.setOptionsPrefix("analysis_")
-        with options_in_database("analysis_", _DEFAULTS):
+        with options_in_database("analysis_", _DEFAULTS[self.solver]), as_raised():
             solver.setFromOptions()
             solver.solve()
         return solver
@@ -270,31 +336,93 @@ class _Product:
 class _Modes:
     """Coefficients F by size (k,), slips and shears of all points, rank by rank (m, k).
 
-    All F below the size `known_up_to` are among them.
+    All F below the size `known_up_to` are among them. Residuals (k,) are relative.
     """
 
     friction: Complex
     slips: Complex
     shears: Complex
     known_up_to: float
+    residuals: Array
 
     @classmethod
-    def of(cls, values: Complex, slips: Complex, shears: Complex, known_up_to: float) -> _Modes:
-        """From eigenvalues of T."""
+    def of(
+        cls, values: Complex, slips: Complex, shears: Complex, known_up_to: float, off: Array
+    ) -> _Modes:
+        """From eigenvalues of T; ``off`` is |T f - f/F| of each."""
         there = np.abs(values) > _NOTHING * max(np.abs(values).max(initial=0.0), _NOTHING)
         F = 1.0 / values[there]
-        F = np.where(np.abs(F.imag) <= _REAL * np.abs(F), F.real, F)
+        largest = np.abs(values).max(initial=0.0)
+        residuals = off[there] / (largest * np.linalg.norm(shears[:, there], axis=0))
+        # What differs by less than it is known is one.
+        same = max(_REAL, float(residuals.max(initial=0.0)))
+        F = np.where(np.abs(F.imag) <= same * np.abs(F), F.real, F)
         # Of two that mirror each other the positive one comes first, whatever the round-off.
         size = np.abs(F)
         order = np.lexsort((-F.imag, -F.real, np.round(size / size.min(initial=np.inf), 9)))
+        F = F[order]
         slips, shears = (v[:, there][:, order] for v in (slips, shears))
-        largest = slips[np.abs(slips).argmax(axis=0), np.arange(len(order))]
-        return cls(F[order], slips / largest, shears / largest, known_up_to)
+        _with_one_sign(F, slips, shears, same)
+        most = slips[np.abs(slips).argmax(axis=0), np.arange(len(order))]
+        return cls(F, slips / most, shears / most, known_up_to, residuals[order])
 
     @property
     def one_signed(self) -> npt.NDArray[np.bool_]:
         """Which F are real and have slips of one sign."""
         return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= -_SIGN))
+
+
+def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float) -> None:
+    """Let a slip of one sign be among the vectors of each real coefficient that has one.
+
+    Of a coefficient that is there several times all combinations of its vectors are slips, and none
+    of those that an eigensolver takes need have one sign. The first of them is replaced.
+
+    Args:
+        F: coefficients (k,).
+        slips: and shears, one a column (m, k); changed.
+        shears: see there.
+        same: relative difference of coefficients that are one.
+    """
+    real = np.flatnonzero(F.imag == 0)
+    real = real[np.argsort(F.real[real], kind="stable")]
+    values = F.real[real]
+    apart = np.flatnonzero(np.diff(values) > same * np.abs(values[1:]))
+    for group in np.split(real, apart + 1):
+        if len(group) < 2:
+            continue
+        # Round-off may have made a pair of two that are equal.
+        u, f = (np.hstack([v[:, group].real, v[:, group].imag]) for v in (slips, shears))
+        _, sizes, back = np.linalg.svd(u, full_matrices=False)
+        kept = (sizes > _DEPENDENT * sizes[0])[: len(group)]
+        back = (back[: len(group)] / sizes[: len(group), None])[kept].T
+        weights = back @ _nonnegative(u @ back)
+        if weights.any():
+            first = group.min()
+            slips[:, first], shears[:, first] = u @ weights, f @ weights
+
+
+def _nonnegative(vectors: Array) -> Array:
+    """Weights (k,) of a combination that is nowhere negative, as large as can be; 0 if none is.
+
+    Args:
+        vectors: orthonormal, one a column (m, k).
+    """
+    from scipy.optimize import linprog
+
+    m, k = vectors.shape
+    found = linprog(
+        -vectors.sum(axis=0),
+        A_ub=np.vstack([vectors, -vectors]),
+        b_ub=np.concatenate([np.ones(m), np.zeros(m)]),
+        bounds=[(None, None)] * k,
+        options={"primal_feasibility_tolerance": 1e-9},
+    )
+    if found.status != 0:
+        raise RuntimeError(f"no answer of the linear programme: {found.message}")
+    weights = np.asarray(found.x)
+    slip = vectors @ weights
+    return weights if slip.min() >= -_SIGN * slip.max() and slip.max() > 0.5 else np.zeros(k)
 
 
 def _collected(
@@ -322,4 +450,8 @@ def _collected(
         known_up_to=modes.known_up_to,
         complete=complete,
         displacement=displacement,
+        residual=float(modes.residuals.max(initial=0.0)),
+        solver=operator.solver,
+        solves=operator.work[0],
+        iterations=operator.work[1],
     )

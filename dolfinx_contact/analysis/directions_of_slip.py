@@ -17,7 +17,7 @@ import numpy.typing as npt
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import require
 from dolfinx_contact._numbers import is_count
-from dolfinx_contact.analysis.critical_friction import critical_friction
+from dolfinx_contact.analysis.critical_friction import BodySolverKind, critical_friction
 from dolfinx_contact.analysis.rows import Problem, point_normals, static_equations
 
 __all__ = ["FrictionByDirection", "critical_friction_by_direction"]
@@ -80,17 +80,19 @@ def critical_friction_by_direction(
     number: int = 36,
     count: int = 1,
     dense: bool | None = None,
+    solver: BodySolverKind = "auto",
 ) -> FrictionByDirection:
     """Critical coefficients of friction over the direction of sliding, in 3D. Collective.
 
     The plane of contact is that across the mean of all normals. Every second direction takes a
-    factorisation of the body.
+    factorisation of the body, or a hierarchy of multigrid.
 
     Args:
         problem: as of `critical_friction`.
         number: of directions, even, of equal angles.
         count: of eigenvalues, see `critical_friction`.
-        dense: whether all are computed; by default with up to 512 points.
+        dense: whether all are computed, see `critical_friction`.
+        solver: of the body, see `critical_friction`.
 
     Raises:
         ValueError: on every rank, for a body in the plane, normals that cancel, a number that does
@@ -110,7 +112,7 @@ def critical_friction_by_direction(
     friction = np.full(number, np.inf)
     known = np.full(number, np.inf)
     for i in range(half):
-        found = critical_friction(problem, directions[i], count=count, dense=dense)
+        found = critical_friction(problem, directions[i], count=count, dense=dense, solver=solver)
         values = np.array(found.one_signed)
         # Slip along d has F < 0, slip along -d has F > 0.
         friction[i] = np.abs(values[values < 0]).min(initial=np.inf)

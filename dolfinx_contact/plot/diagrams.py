@@ -25,6 +25,7 @@ from dolfinx_contact.records.journal import Journal
 
 __all__ = ["draw_diagram"]
 
+_ABOVE = 45.0  # points from the frame to the title, with numbers of solutions between them
 _DASHES = ("-", "--", "-.", ":")
 #: Special points with the marker, its filling and their name, by kind and smoothness.
 _MARKS = {
@@ -115,7 +116,7 @@ def draw_diagram(
         axes.set_axisbelow(True)
     for axes in panels[len(labels) :]:
         axes.set_axis_off()
-    panels[0].set_title(title or "Solutions", loc="left")
+    panels[0].set_title(title or "Solutions", loc="left", pad=_ABOVE if numbers else None)
     panels[0].legend(frameon=False, fontsize=9)
     if shown:
         _strips(parts[1], journal, shown, parameter, counts)
@@ -156,14 +157,17 @@ def _curve(axes: Any, journal: Journal, branch: int, name: str, i: int, word: st
 
 
 def _numbers(axes: Any, solutions: Sequence[Solutions]) -> None:
-    """Lines at values of gamma, green where the number of solutions is proved."""
+    """Lines at values of gamma, green where the number of solutions is proved.
+
+    The numbers stand above the frame, where no curve and no mark of its ends is.
+    """
     for found in solutions:
         colour = _PROVED if found.complete else _OPEN
         many = f"{len(found.found)}, proved" if found.complete else f"at least {len(found.found)}"
         axes.axvline(found.gamma, color=colour, lw=1.0, ls=":", zorder=0)
         place = axes.get_xaxis_transform()
-        look = dict(rotation=90, fontsize=7, color=colour, ha="right", va="bottom")
-        axes.text(found.gamma, 0.02, many, transform=place, **look)
+        look = dict(rotation=90, fontsize=7, color=colour, ha="center", va="bottom")
+        axes.text(found.gamma, 1.02, many, transform=place, **look)
 
 
 def _marks(axes: Any, journal: Journal, branches: Sequence[int], name: str) -> None:

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""The body with some motions of its contact points held, solved by multigrid.
+
+The system of `reduced.held_body`, for bodies that are too large to factorise,
+
+    [ K   R^T ] [ u ]   [ b ]
+    [ R    0  ] [ p ] = [ 0 ]
+
+with rows R that each have a node of their own. Let R_o be R there and 0 elsewhere, so that
+R R_o^T = 1 (on a rigid obstacle R_o = R; between bodies the node is one of either). Then
+
+    Z = 1 - R_o^T R
+
+projects onto the motions with R u = 0 and is sparse: u = Z w with
+
+    (Z^T K Z + k R_o^T R_o) w = Z^T b,    p = R_o (b - K u)
+
+for any k > 0. This matrix is positive definite where the body is held, and is solved by conjugate
+gradients with one hierarchy of multigrid, which knows what is held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.reduced.held_body import with_dirichlet_rows
+from dolfinx_contact.solvers.hierarchy import Hierarchy
+from dolfinx_contact.solvers.linear import reasons_of
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix as Columns
+
+__all__ = ["HeldMultigrid", "have_own_nodes"]
+
+Array = npt.NDArray[np.float64]
+_DEFAULTS = {"ksp_rtol": 1e-11, "ksp_max_it": 1000, "ksp_norm_type": "unpreconditioned"}
+_OWN = 1e-10  # by which R R_o^T may differ from 1
+
+
+def have_own_nodes(rows: Sequence[PETSc.Mat], dim: int) -> bool:
+    """Whether each row has a node of its own, so that there is multigrid for them. Collective.
+
+    Args:
+        rows: blocks of R, without columns of Dirichlet data.
+        dim: unknowns of a node.
+    """
+    R = _stacked(rows)
+    own = _own_nodes(R, dim)
+    R.destroy()
+    if own is not None:
+        own.destroy()
+    return own is not None
+
+
+def _stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
+    nest = PETSc.Mat().createNest([[A] for A in blocks], comm=blocks[0].comm)
+    whole = nest.convert("aij", PETSc.Mat())
+    nest.destroy()
+    return whole
+
+
+def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
+    """R_o, to be destroyed; None if some row has no node of its own. Collective.
+
+    Args:
+        rows: R, at the displacement.
+        dim: unknowns of a node.
+    """
+    starts, columns, values = rows.getValuesCSR()
+    row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    pairs, entry = np.unique(np.stack([row, columns // dim]), axis=1, return_inverse=True)
+    entry = entry.reshape(-1)
+    sizes = np.zeros(pairs.shape[1])
+    np.add.at(sizes, entry, values**2)
+    # Of like nodes all rows of a point take the first, whatever the round-off.
+    order = np.lexsort((pairs[1], -np.round(sizes, 9), pairs[0]))
+    first = np.unique(pairs[0][order], return_index=True)[1]
+    chosen = np.zeros(len(sizes), dtype=bool)
+    chosen[order[first]] = True
+    own = rows.copy()
+    own.setValuesCSR(starts, columns, np.where(chosen[entry], values, 0.0))
+    own.assemble()
+    transposed = own.transpose(PETSc.Mat())
+    product = rows.matMult(transposed)
+    one = PETSc.Mat().createConstantDiagonal(product.getSizes(), 1.0, comm=rows.comm)
+    off = one.convert("aij", PETSc.Mat())
+    off.axpy(-1.0, product, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    fits = bool(off.norm(PETSc.NormType.NORM_INFINITY) <= _OWN)
+    for thing in (transposed, product, one, off):
+        thing.destroy()
+    if not fits:
+        own.destroy()
+        return None
+    return own
+
+
+class HeldMultigrid:
+    """See the module. Collective, as all its methods are.
+
+    Args:
+        eq: the contact problem.
+        u: displacement of this rank at which the stiffness is taken.
+        rows: blocks of R, without columns of Dirichlet data.
+        prefix: of PETSc options; those of the solves follow with ``held_``, those of the hierarchy
+            with ``amg_``.
+
+    Attributes:
+        solves: so far.
+        iterations: of conjugate gradients, in all of them.
+
+    Raises:
+        ValueError: on every rank, if a row has no node of its own.
+    """
+
+    def __init__(self, eq: ContactEquations, u: Array, rows: Sequence[PETSc.Mat], prefix: str):
+        self.comm = eq.comm
+        self.solves = 0
+        self.iterations = 0
+        self._sizes = [R.getLocalSize()[0] for R in rows]
+        R = _stacked(rows)
+        own = _own_nodes(R, eq.dim)
+        if own is None:
+            R.destroy()
+            raise ValueError("multigrid needs contact points that are nodes: take solver='direct'")
+        self._own = own
+        self._K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
+        self._Z = _projection(R, own)
+        R.destroy()
+        self._A = self._K.ptap(self._Z)
+        held = own.transposeMatMult(own)
+        different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+        self._A.axpy(eq.stiffness_scale, held, different)
+        held.destroy()
+        symmetric = eq.bulk.energy is not None
+        self._hierarchy = Hierarchy(eq.V, prefix, symmetric=symmetric)
+        fixed = np.flatnonzero(eq.fixed[: self._A.getLocalSize()[0]]).astype(np.int32)
+        self._ksp = PETSc.KSP().create(self.comm)
+        self._ksp.setOptionsPrefix(prefix + "held_")
+        self._ksp.setType("cg" if symmetric else "gmres")
+        with options_in_database(prefix + "held_", _DEFAULTS):
+            self._ksp.setFromOptions()
+        self._ksp.setOperators(self._A)
+        self._ksp.setPC(self._hierarchy.build(self._A, fixed, eq.stiffness_scale))
+        self._b, self._x = self._A.createVecs()
+
+    def solve(self, load: Array) -> list[Array]:
+        """Displacement and multipliers, forces, block by block, for the owned part of b.
+
+        Raises:
+            RuntimeError: on every rank, if conjugate gradients do not converge.
+        """
+        b = self._b
+        x = self._x
+        rest = b.duplicate()
+        b.array[:] = load
+        self._Z.multTranspose(b, rest)
+        self._ksp.solve(rest, x)
+        self.solves += 1
+        self.iterations += self._ksp.getIterationNumber()
+        if self._ksp.getConvergedReason() < 0:
+            rest.destroy()
+            raise RuntimeError(
+                f"multigrid did not solve the held body ({reasons_of(self._ksp)}); take "
+                "solver='direct' if memory allows"
+            )
+        u = b.duplicate()
+        self._Z.mult(x, u)
+        self._K.mult(u, rest)
+        rest.aypx(-1.0, b)
+        p = self._own.createVecLeft()
+        self._own.mult(rest, p)
+        found = [u.array_r.copy(), *np.split(p.array_r.copy(), np.cumsum(self._sizes)[:-1])]
+        for thing in (rest, u, p):
+            thing.destroy()
+        return found
+
+    def respond(self, loads: Columns, seen: PETSc.Mat) -> tuple[Array, Array]:
+        """The answers to many loads b, one solve each, as `HeldBody.respond`.
+
+        Args:
+            loads: owned rows of one vector b a column (n, k), sparse.
+            seen: rows at the displacement.
+
+        Returns:
+            What is seen of the displacements, owned rows (m, k), and the multipliers of the first
+            block, forces (n_1, k).
+
+        Raises:
+            RuntimeError: on every rank, if conjugate gradients do not converge.
+        """
+        motions = np.empty((seen.getLocalSize()[0], loads.shape[1]))
+        forces = np.empty((self._sizes[0], loads.shape[1]))
+        x = seen.createVecRight()
+        y = seen.createVecLeft()
+        for k in range(loads.shape[1]):
+            x.array[:], forces[:, k], *_ = self.solve(loads[:, [k]].toarray()[:, 0])
+            seen.mult(x, y)
+            motions[:, k] = y.array_r
+        x.destroy(), y.destroy()
+        return motions, forces
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self._hierarchy.release()
+        for thing in (self._ksp, self._own, self._K, self._Z, self._A, self._b, self._x):
+            thing.destroy()
+
+
+def _projection(R: PETSc.Mat, own: PETSc.Mat) -> PETSc.Mat:
+    """Z. Collective."""
+    product = own.transposeMatMult(R)
+    one = PETSc.Mat().createConstantDiagonal(product.getSizes(), 1.0, comm=R.comm)
+    Z = one.convert("aij", PETSc.Mat())
+    Z.axpy(-1.0, product, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    one.destroy(), product.destroy()
+    return Z
