@@ -67,6 +67,7 @@ ON_THREE = {
         *("jacobian", "patch", "history", "wedge"),
         "a_motion_continues_from_its_record",
     ),
+    "test_sliding_revolution": ("jacobian", "patch", "seal"),
     "test_sliding_steps": ("a_fall_of_the_smallest_det_is_refused",),
     "test_surface": ("points_lie_where_they_should", "facets_named_on_one_rank_only"),
     "test_uniqueness": ("the_only_solution",),

@@ -101,6 +101,37 @@ def smooth(x, seed, size):
     return size * np.sin(x @ rng.normal(size=(dim, dim)) * 2 + rng.normal(size=dim))
 
 
+def errors_with_parts_held(problem, pair, x, v, monkeypatch):
+    """State at x, and errors of J v against central differences of H over its size. Collective.
+
+    The parts that faces have in common are held, as are the statuses.
+    """
+    eq = problem.equations
+    n = eq.owned_sizes[0]
+    b, after, before, product = (x.duplicate() for _ in range(4))
+    state = eq.residual(x, b)
+    jacobian = Jacobian(eq)
+    jacobian.update(state)
+    jacobian.matrix.mult(v, product)
+    faces = pair.points.faces
+    u = x.array[:n].reshape(-1, eq.dim)
+    mine = faces._of_slave(faces._X + faces.spread(u))
+    theirs = faces._found_before + faces.of_master(u, faces.candidates)
+    held = faces._pieces(mine, theirs)
+    monkeypatch.setattr(faces, "_pieces", lambda *_: held)
+    errors = []
+    for eps in (1e-4, 1e-5):
+        for sign, f in ((eps, after), (-eps, before)):
+            y = x.copy()
+            y.axpy(sign, v)
+            eq.residual(y, f, state.statuses)
+        after.axpy(-1.0, before)
+        after.scale(0.5 / eps)
+        after.axpy(-1.0, product)
+        errors.append(after.norm() / product.norm())
+    return state, errors
+
+
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.parametrize("law", [Frictionless(), Coulomb(0.3)], ids=["frictionless", "coulomb"])
@@ -132,30 +163,11 @@ def test_jacobian(dim, cell, slave, law, remembers, monkeypatch):
     if remembers:
         before = smooth(X, 5, 0.04)
         pair.memory = Memory(np.zeros((len(ids), dim)), displacement=before, step=1.0)
-    b, after, before, v, product = (x.duplicate() for _ in range(5))
-    state = eq.residual(x, b)
-    jacobian = Jacobian(eq)
-    jacobian.update(state)
+    v = x.duplicate()
     v.array[:n] = smooth(X, 8, 1.0).reshape(-1)
     v.array[:n][eq.fixed[:n]] = 0.0
     v.array[n:] = 0.1 * np.cos(np.outer(ids, np.arange(1.0, dim + 1))).reshape(-1)
-    jacobian.matrix.mult(v, product)
-    faces = pair.points.faces
-    place = faces._X + faces.spread(x.array[:n].reshape(-1, dim))
-    mine = faces._of_slave(place)
-    theirs = faces._found_before + faces.of_master(x.array[:n].reshape(-1, dim), faces.candidates)
-    held = faces._pieces(mine, theirs)
-    monkeypatch.setattr(faces, "_pieces", lambda *_: held)
-    errors = []
-    for eps in (1e-4, 1e-5):
-        for sign, f in ((eps, after), (-eps, before)):
-            y = x.copy()
-            y.axpy(sign, v)
-            eq.residual(y, f, state.statuses)
-        after.axpy(-1.0, before)
-        after.scale(0.5 / eps)
-        after.axpy(-1.0, product)
-        errors.append(after.norm() / product.norm())
+    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
     assert errors[0] < 1e-5
     assert errors[1] < 0.02 * errors[0] + 1e-9
     used = COMM.allreduce(len(np.unique(np.concatenate(COMM.allgather(state.statuses[0])))), max)

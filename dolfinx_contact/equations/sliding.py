@@ -134,6 +134,7 @@ class SlidingTerms:
         self._slave = numbering.places(0, self._faces.slave_nodes())
         self._multipliers = numbering.places(number + 1, vertices)
         self._vectors = s.dim * vertices[..., None] + np.arange(s.dim)
+        self._vectors[self._faces.mirrored[self._faces.corners], 0] = -1  # they do not turn
         first = s.points.vertices.dofmap.index_map.local_range[0]
         own = first + np.arange(s.points.number, dtype=np.int64)[:, None]
         self._own = numbering.places(number + 1, own)
