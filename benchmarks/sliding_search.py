@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What does it cost to find out which facets may face each other?
 
-The block on a base of `pair_ratio.py` in large sliding, without any solve: the search for candidates
-where the block is pressed and drawn aside, who faces whom there, and the pattern of the contact terms
-of the Jacobian; the bytes that all ranks send in a search are counted. Times are those of the slowest
-rank, and in brackets processor time of all.
+The block on a base of `pair_ratio.py` in large sliding, without any solve: the pair, the search for
+candidates where the block is pressed and drawn aside, the pattern of the contact terms of the
+Jacobian, and who faces whom there. Times are those of the slowest rank, and in brackets processor
+time of all; of a search the bytes are counted that all ranks send.
 
     mpirun -n 2 python3 benchmarks/sliding_search.py --n 34
 """
@@ -20,9 +20,9 @@ import numpy as np
 import pair_ratio
 from timing import Timer, clean, peak_gigabytes
 
-import dolfinx_contact.points.sliding.candidates as searching
 from dolfinx import fem
 
+import dolfinx_contact.points.sliding.candidates as searching
 from dolfinx_contact import ContactPair, Frictionless
 from dolfinx_contact.equations.sliding import SlidingTerms
 

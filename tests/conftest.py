@@ -63,6 +63,7 @@ ON_THREE = {
     "test_rigid_body": ("ranks", "the_jacobian"),
     "test_rigid_surface": ("jacobian", "flat_punch_and_ranks"),
     "test_scales": ("what_stays",),
+    "test_self_contact_in_space": ("a_folded_plate", "jacobian"),
     "test_sliding_pair": (
         *("jacobian", "patch", "history", "wedge"),
         "a_motion_continues_from_its_record",

@@ -811,7 +811,7 @@ def test_a_motion_continues_from_its_record(folder):
 # -- self contact ----------------------------------------------------------------------------------
 
 
-def hairpin(h=0.1, stretch=1.15):
+def hairpin(h=0.1, stretch=1.15, comm=COMM):
     """A U of quadrilaterals whose upper arm has other nodes; its inner face has the tag 1."""
     nx, ny = round(6 / h), round(2.5 / h)
     grid = np.stack(np.meshgrid(np.linspace(0, 6, nx + 1), np.linspace(0, 2.5, ny + 1)), -1)
@@ -826,10 +826,10 @@ def hairpin(h=0.1, stretch=1.15):
     arm = (points[:, 1] >= 1.5 - 1e-9) & (points[:, 0] > 1)
     points[arm, 0] = 1 + 5 * ((points[arm, 0] - 1) / 5) ** stretch
     cells = inverse.reshape(-1, 4).astype(np.int64)
-    if COMM.rank:
+    if comm.rank:
         cells, points = cells[:0], points[:0]
     element = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
-    domain = create_mesh(COMM, cells, points, element)
+    domain = create_mesh(comm, cells, points, element)
 
     def inner(x):
         return (x[0] > 1 - 1e-9) & (x[1] > 1 - 1e-9) & (x[1] < 1.5 + 1e-9)
