@@ -31,7 +31,9 @@ from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.meshing import join
+from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.sliding.candidates import candidates
 
 COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(*lame(1000.0, 0.3))
@@ -172,6 +174,32 @@ def test_jacobian(dim, cell, slave, law, remembers, monkeypatch):
     assert errors[1] < 0.02 * errors[0] + 1e-9
     used = COMM.allreduce(len(np.unique(np.concatenate(COMM.allgather(state.statuses[0])))), max)
     assert used > 1
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("depth", [0.05, 1.0])
+def test_candidates(dim, depth):
+    """What lies along the rays of random facets, as a look at all of them finds it."""
+    rng = np.random.default_rng(7)
+    middles = rng.random((2, 150, 1, dim))
+    x = middles + 0.05 * rng.random((2, 150, dim, dim))
+    normals = rng.normal(size=(2, 150, dim))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    nodes = np.arange(150 * dim).reshape(150, dim)
+    mine = np.arange(COMM.rank, 150, COMM.size)
+    slave, master = (Faces(x[i][mine], normals[i][mine], nodes[mine]) for i in range(2))
+    found = candidates(COMM, slave, master, np.ones(len(mine)), depth, 0.02)
+    i, k = found.pairs.T
+    pairs = np.stack([mine[i], found.nodes[k][:, 0] // dim], axis=1)
+    centre = x.mean(axis=2)
+    radius = np.linalg.norm(x - centre[:, :, None], axis=3).max(axis=2)
+    off = centre[1] - centre[0][:, None]
+    along = np.sum(off * normals[0][:, None], axis=2)
+    across = np.linalg.norm(off - along[..., None] * normals[0][:, None], axis=2)
+    reach = radius[0][:, None] + radius[1] + 0.02
+    wanted = np.argwhere((np.abs(along) <= depth + reach) & (across <= reach))
+    np.testing.assert_array_equal(pairs, wanted[np.isin(wanted[:, 0], mine)])
+    assert 50 < len(wanted) < 150**2 / 4
 
 
 # -- patches ---------------------------------------------------------------------------------------
