@@ -259,10 +259,12 @@ ON_TWO = {
     "test_settling": ("rounds",),
     "test_shakedown": ("bad_input",),
     "test_sliding_demos": ("half_spheres",),
+    "test_self_contact_in_space": ("a_folded_plate", "jacobian"),
     "test_sliding_pair": (
         *("patch_in_space", "branch", "a_record_of_another_sliding", "refused"),
         *("overlap_is_refused", "self_contact", "self_contact_is_refused"),
     ),
+    "test_sliding_revolution": ("jacobian", "patch", "seal"),
     "test_sliding_steps": ("a_step_in_a_cycle_is_halved", "facets_that_a_step_passes"),
     "test_slip_memory": ("a_static_start_has_slipped", "jacobian_by_taylor"),
     "test_small_sliding": ("far_and_turned", "uniqueness", "a_history_says_it_once"),

@@ -31,7 +31,9 @@ from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.meshing import join
+from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.sliding.candidates import candidates
 
 COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(*lame(1000.0, 0.3))
@@ -101,6 +103,37 @@ def smooth(x, seed, size):
     return size * np.sin(x @ rng.normal(size=(dim, dim)) * 2 + rng.normal(size=dim))
 
 
+def errors_with_parts_held(problem, pair, x, v, monkeypatch):
+    """State at x, and errors of J v against central differences of H over its size. Collective.
+
+    The parts that faces have in common are held, as are the statuses.
+    """
+    eq = problem.equations
+    n = eq.owned_sizes[0]
+    b, after, before, product = (x.duplicate() for _ in range(4))
+    state = eq.residual(x, b)
+    jacobian = Jacobian(eq)
+    jacobian.update(state)
+    jacobian.matrix.mult(v, product)
+    faces = pair.points.faces
+    u = x.array[:n].reshape(-1, eq.dim)
+    mine = faces._of_slave(faces._X + faces.spread(u))
+    theirs = faces._found_before + faces.of_master(u, faces.candidates)
+    held = faces._pieces(mine, theirs)
+    monkeypatch.setattr(faces, "_pieces", lambda *_: held)
+    errors = []
+    for eps in (1e-4, 1e-5):
+        for sign, f in ((eps, after), (-eps, before)):
+            y = x.copy()
+            y.axpy(sign, v)
+            eq.residual(y, f, state.statuses)
+        after.axpy(-1.0, before)
+        after.scale(0.5 / eps)
+        after.axpy(-1.0, product)
+        errors.append(after.norm() / product.norm())
+    return state, errors
+
+
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.parametrize("law", [Frictionless(), Coulomb(0.3)], ids=["frictionless", "coulomb"])
@@ -132,34 +165,41 @@ def test_jacobian(dim, cell, slave, law, remembers, monkeypatch):
     if remembers:
         before = smooth(X, 5, 0.04)
         pair.memory = Memory(np.zeros((len(ids), dim)), displacement=before, step=1.0)
-    b, after, before, v, product = (x.duplicate() for _ in range(5))
-    state = eq.residual(x, b)
-    jacobian = Jacobian(eq)
-    jacobian.update(state)
+    v = x.duplicate()
     v.array[:n] = smooth(X, 8, 1.0).reshape(-1)
     v.array[:n][eq.fixed[:n]] = 0.0
     v.array[n:] = 0.1 * np.cos(np.outer(ids, np.arange(1.0, dim + 1))).reshape(-1)
-    jacobian.matrix.mult(v, product)
-    faces = pair.points.faces
-    place = faces._X + faces.spread(x.array[:n].reshape(-1, dim))
-    mine = faces._of_slave(place)
-    theirs = faces._found_before + faces.of_master(x.array[:n].reshape(-1, dim), faces.candidates)
-    held = faces._pieces(mine, theirs)
-    monkeypatch.setattr(faces, "_pieces", lambda *_: held)
-    errors = []
-    for eps in (1e-4, 1e-5):
-        for sign, f in ((eps, after), (-eps, before)):
-            y = x.copy()
-            y.axpy(sign, v)
-            eq.residual(y, f, state.statuses)
-        after.axpy(-1.0, before)
-        after.scale(0.5 / eps)
-        after.axpy(-1.0, product)
-        errors.append(after.norm() / product.norm())
+    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
     assert errors[0] < 1e-5
     assert errors[1] < 0.02 * errors[0] + 1e-9
     used = COMM.allreduce(len(np.unique(np.concatenate(COMM.allgather(state.statuses[0])))), max)
     assert used > 1
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("depth", [0.05, 1.0])
+def test_candidates(dim, depth):
+    """What lies along the rays of random facets, as a look at all of them finds it."""
+    rng = np.random.default_rng(7)
+    middles = rng.random((2, 150, 1, dim))
+    x = middles + 0.05 * rng.random((2, 150, dim, dim))
+    normals = rng.normal(size=(2, 150, dim))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    nodes = np.arange(150 * dim).reshape(150, dim)
+    mine = np.arange(COMM.rank, 150, COMM.size)
+    slave, master = (Faces(x[i][mine], normals[i][mine], nodes[mine]) for i in range(2))
+    found = candidates(COMM, slave, master, np.ones(len(mine)), depth, 0.02)
+    i, k = found.pairs.T
+    pairs = np.stack([mine[i], found.nodes[k][:, 0] // dim], axis=1)
+    centre = x.mean(axis=2)
+    radius = np.linalg.norm(x - centre[:, :, None], axis=3).max(axis=2)
+    off = centre[1] - centre[0][:, None]
+    along = np.sum(off * normals[0][:, None], axis=2)
+    across = np.linalg.norm(off - along[..., None] * normals[0][:, None], axis=2)
+    reach = radius[0][:, None] + radius[1] + 0.02
+    wanted = np.argwhere((np.abs(along) <= depth + reach) & (across <= reach))
+    np.testing.assert_array_equal(pairs, wanted[np.isin(wanted[:, 0], mine)])
+    assert 50 < len(wanted) < 150**2 / 4
 
 
 # -- patches ---------------------------------------------------------------------------------------
@@ -803,7 +843,7 @@ def test_a_motion_continues_from_its_record(folder):
 # -- self contact ----------------------------------------------------------------------------------
 
 
-def hairpin(h=0.1, stretch=1.15):
+def hairpin(h=0.1, stretch=1.15, comm=COMM):
     """A U of quadrilaterals whose upper arm has other nodes; its inner face has the tag 1."""
     nx, ny = round(6 / h), round(2.5 / h)
     grid = np.stack(np.meshgrid(np.linspace(0, 6, nx + 1), np.linspace(0, 2.5, ny + 1)), -1)
@@ -818,10 +858,10 @@ def hairpin(h=0.1, stretch=1.15):
     arm = (points[:, 1] >= 1.5 - 1e-9) & (points[:, 0] > 1)
     points[arm, 0] = 1 + 5 * ((points[arm, 0] - 1) / 5) ** stretch
     cells = inverse.reshape(-1, 4).astype(np.int64)
-    if COMM.rank:
+    if comm.rank:
         cells, points = cells[:0], points[:0]
     element = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
-    domain = create_mesh(COMM, cells, points, element)
+    domain = create_mesh(comm, cells, points, element)
 
     def inner(x):
         return (x[0] > 1 - 1e-9) & (x[1] > 1 - 1e-9) & (x[1] < 1.5 + 1e-9)

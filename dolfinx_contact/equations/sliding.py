@@ -42,23 +42,26 @@ class Numbering(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Values of blocks (n, rows, dim, columns, dim), rows and columns (n, k, dim) by their places.
+    """Blocks of entries, rows and columns (n, k, dim) by their places.
 
     Negative places count for nothing.
     """
 
     rows: Indices
     columns: Indices
-    values: Array
 
-    def add(self, A: PETSc.Mat) -> None:
-        """Add the values to ``A``, which is to be assembled after it. Not collective."""
+    def add(self, values: Array, A: PETSc.Mat) -> None:
+        """Add values (n, rows, dim, columns, dim) to ``A``, which is to be assembled after it.
+
+        Not collective.
+        """
         n, r, d = self.rows.shape
         c = self.columns.shape[1]
         rows = self.rows.reshape(n, r * d).astype(PETSc.IntType)
         columns = self.columns.reshape(n, c * d).astype(PETSc.IntType)
-        values = self.values.reshape(n, r * d, c * d)
-        A.setValuesRCV(rows, columns, values, addv=PETSc.InsertMode.ADD_VALUES)
+        A.setValuesRCV(
+            rows, columns, values.reshape(n, r * d, c * d), addv=PETSc.InsertMode.ADD_VALUES
+        )
 
     def pattern(self) -> tuple[Indices, Indices]:
         """Row and column of every entry once, but for fixed ones: blocks of nodes."""
@@ -134,6 +137,7 @@ class SlidingTerms:
         self._slave = numbering.places(0, self._faces.slave_nodes())
         self._multipliers = numbering.places(number + 1, vertices)
         self._vectors = s.dim * vertices[..., None] + np.arange(s.dim)
+        self._vectors[self._faces.mirrored[self._faces.corners], 0] = -1  # they do not turn
         first = s.points.vertices.dofmap.index_map.local_range[0]
         own = first + np.arange(s.points.number, dtype=np.int64)[:, None]
         self._own = numbering.places(number + 1, own)
@@ -151,13 +155,11 @@ class SlidingTerms:
         self.destroy()
         n = self._size
         m = self._dim * self._points.number
-        k = self._faces.corners.shape[1]
-        none = self._blocks(
-            self._none(), *np.zeros((2, len(self._own), 1, self._dim, 1, self._dim))
-        )
-        turned = self._turned(np.zeros((len(self._slave), self._dim, k, self._dim)))
+        found = self._faces.whole or self._faces.candidates
+        facet, master = found.pairs.T
+        of_pairs = self._blocks(facet, found.nodes[master])
         shapes = ((n, n), (n, m), (m, n))
-        for shape, blocks in zip(shapes, (*none, [turned]), strict=True):
+        for shape, blocks in zip(shapes, (*of_pairs, [self._turned]), strict=True):
             places = zip(*(b.pattern() for b in blocks), strict=True)
             entries = Entries(*(np.concatenate(part) for part in places))
             self._matrices.append(matrix_of(self._comm, shape, entries))
@@ -170,13 +172,19 @@ class SlidingTerms:
         """Add S at a state to ``A``, which has its pattern."""
         operator = state.kinematics.operator
         assert isinstance(operator, SlidingOperator)
-        by_unknowns, by_vectors = self._blocks(*self._at(state, operator))
-        turned = self._turned(self._faces.normal_rates(operator.x))
+        at = self._at(state, operator)
+        blocks = self._blocks(at[0].facet, at[0].nodes)
+        k = self._slave.shape[1]
+        rates = self._faces.normal_rates(operator.x)
+        turned = np.repeat(rates[:, None], k, axis=1)
         S, N, D, product = self._matrices
-        for matrix, blocks in ((S, by_unknowns), (N, by_vectors), (D, [turned])):
+        found = zip(
+            (S, N, D), (*blocks, [self._turned]), (*self._values(*at), [turned]), strict=True
+        )
+        for matrix, places, values in found:
             matrix.zeroEntries()
-            for block in blocks:
-                block.add(matrix)
+            for block, value in zip(places, values, strict=True):
+                block.add(value, matrix)
             matrix.assemble()
         N.matMult(D, product)
         for matrix in (S, product):
@@ -189,20 +197,6 @@ class SlidingTerms:
         self._matrices = []
 
     # -- parts -----------------------------------------------------------------------------------
-
-    def _none(self) -> _Pieces:
-        """Zeros at all candidates."""
-        found = self._faces.whole or self._faces.candidates
-        facet, master = found.pairs.T
-        nodes = found.nodes[master]
-        n, b = nodes.shape
-        a = self._faces.corners.shape[1]
-        d = self._dim
-        columns = 2 * a + b
-        on_master = np.broadcast_to(0.0, (n, b, d, columns, d))
-        of_law = np.broadcast_to(0.0, (n, a, d, columns, d))
-        means = np.zeros((n, a, a))
-        return _Pieces(facet, nodes, np.zeros((n, a + b, a)), on_master, of_law, means)
 
     def _at(self, state: ContactState, operator: SlidingOperator) -> tuple[_Pieces, Array, Array]:
         """Derivatives at pieces, and at vertices of contact rows by l and m there."""
@@ -237,39 +231,54 @@ class SlidingTerms:
         pieces = _Pieces(*parts).of_pairs(facing.master)
         return pieces, of_traction[:, None, :, None], of_normal[:, None, :, None]
 
-    def _blocks(
-        self, at: _Pieces, of_traction: Array, of_normal: Array
-    ) -> tuple[list[_Block], list[_Block]]:
-        """Blocks of S_u and of S_m."""
-        mine = self._slave[at.facet]
-        multipliers = self._multipliers[at.facet]
-        vectors = self._vectors[at.facet]
-        theirs = self._numbering.places(0, at.nodes)
+    def _blocks(self, facet: Indices, nodes: Indices) -> tuple[list[_Block], list[_Block]]:
+        """Blocks of S_u and of S_m, of pieces on facets of the slave with nodes of the master."""
+        mine = self._slave[facet]
+        multipliers = self._multipliers[facet]
+        vectors = self._vectors[facet]
+        theirs = self._numbering.places(0, nodes)
         bodies = np.concatenate([mine, theirs], axis=1)
-        k = mine.shape[1]
-        moved = [*range(k), *range(2 * k, 2 * k + theirs.shape[1])]
+        by_unknowns = [
+            _Block(bodies, multipliers),
+            _Block(theirs, bodies),
+            _Block(multipliers, bodies),
+            _Block(self._own, self._own),
+            _Block(multipliers, multipliers),
+        ]
+        by_vectors = [
+            _Block(theirs, vectors),
+            _Block(multipliers, vectors),
+            _Block(self._own, self._own_vectors),
+        ]
+        return by_unknowns, by_vectors
+
+    def _values(
+        self, at: _Pieces, of_traction: Array, of_normal: Array
+    ) -> tuple[list[Array], list[Array]]:
+        """Values of the blocks."""
+        k = self._slave.shape[1]
+        moved = [*range(k), *range(2 * k, 2 * k + at.nodes.shape[1])]
         turned = slice(k, 2 * k)
         identity = np.eye(self._dim)
         coupling = self._unit * np.einsum("pca,ij->pciaj", at.coupling, identity)
         means = self._unit * np.einsum("pca,ij->pciaj", at.means, identity)
         by_unknowns = [
-            _Block(bodies, multipliers, coupling),
-            _Block(theirs, bodies, at.on_master[:, :, :, moved]),
-            _Block(multipliers, bodies, at.of_law[:, :, :, moved]),
-            _Block(self._own, self._own, self._unit * of_traction),
-            _Block(multipliers, multipliers, means),
+            coupling,
+            at.on_master[:, :, :, moved],
+            at.of_law[:, :, :, moved],
+            self._unit * of_traction,
+            means,
         ]
-        by_vectors = [
-            _Block(theirs, vectors, at.on_master[:, :, :, turned]),
-            _Block(multipliers, vectors, at.of_law[:, :, :, turned]),
-            _Block(self._own, self._own_vectors, of_normal),
+        return by_unknowns, [
+            at.on_master[:, :, :, turned],
+            at.of_law[:, :, :, turned],
+            of_normal,
         ]
-        return by_unknowns, by_vectors
 
-    def _turned(self, rates: Array) -> _Block:
-        """The block of D, of rates of the vectors of facets by their corners (n, dim, k, dim)."""
-        k = self._slave.shape[1]
-        return _Block(self._vectors, self._slave, np.repeat(rates[:, None], k, axis=1))
+    @property
+    def _turned(self) -> _Block:
+        """The block of D: vectors of the corners of facets by these."""
+        return _Block(self._vectors, self._slave)
 
 
 def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: Array) -> Array:

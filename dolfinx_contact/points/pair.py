@@ -62,7 +62,6 @@ def _check_large(a: Arguments) -> None:
         "gap": a.gap is not None,
         "surface": a.surface is not None,
         "normal": a.normal is not None,
-        "axisymmetric=True": bool(a.axisymmetric),
         "choice of the method": a.method not in (None, "mixed"),
         "choice of the quadrature": a.quadrature_degree is not None,
         "displacement of degree 2": displacement_degree(a.u) != 1,
@@ -140,8 +139,8 @@ class ContactPair(ContactSurface):
     soft body should be the slave; the face of the master should go around the edges of a tool, and
     not end there, but that of a slave may not, as it has one normal at a node. Tractions are
     nominal: per area of the mesh.
-    Limits: degree 1 and straight cells, no gap, surface or normal that is given, no body of
-    revolution, no law with bonds, a nonlocal one or Tresca's, the direct solver alone; motions
+    Limits: degree 1 and straight cells, no gap, surface or normal that is given, no law with bonds,
+    a nonlocal one or Tresca's, bodies of revolution without friction alone; velocities of motions
     (`NSCD`), reduced problems, proofs and classical algorithms that need one B refuse it by name.
 
     Args:
@@ -247,7 +246,13 @@ class ContactPair(ContactSurface):
         )
         if large:
             self._given_gap = ""
-            check_slave(self.points, self.law_at_points, name, apart=not interference)
+            check_slave(
+                self.points,
+                self.law_at_points,
+                name,
+                apart=not interference,
+                axisymmetric=bool(axisymmetric),
+            )
             return
         #: How the bodies have slid and turned.
         self.motion = PairMotion(u, self.points, sides[0], sides[1])

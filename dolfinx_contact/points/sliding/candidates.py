@@ -106,10 +106,7 @@ def _near(
     dim = others.shape[1]
     if tree is None or not len(q):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    found = tree.query_ball_point(q[:, :dim], q[:, 2 * dim + 1])
-    counts = [len(part) for part in found]
-    i = np.repeat(np.arange(len(q)), counts)
-    k = np.array([j for part in found for j in part], dtype=np.int64)
+    i, k = _around_rays(q, tree, depth, float(theirs.max()) + skin)
     off = others[k] - q[i, :dim]
     n = q[i, dim : 2 * dim]
     along = np.sum(off * n, axis=1)
@@ -117,3 +114,31 @@ def _near(
     reach = q[i, 2 * dim] + theirs[k] + skin
     kept = (np.abs(along) <= depth + reach) & (across <= reach)
     return i[kept], k[kept]
+
+
+def _around_rays(q: Array, tree: Any, depth: float, more: float) -> tuple[Nodes, Nodes]:
+    """Numbers of questions and of middles of facets in cylinders around their rays, and some more.
+
+    Rays are bisected, and halves without a facet nearby dropped, so that what is looked at is what
+    lies along them, and not all that is as near as they are long.
+    """
+    dim = tree.m
+    across = q[:, 2 * dim] + more
+    half = depth + across
+    i = np.arange(len(q))
+    at = np.zeros(len(q))
+    while True:
+        middles = q[i, :dim] + at[:, None] * q[i, dim : 2 * dim]
+        radius = np.hypot(half, across)[i]
+        near = tree.query(middles)[0] <= radius
+        i, at, middles, radius = i[near], at[near], middles[near], radius[near]
+        if np.all(half <= across):
+            break
+        half = half / 2
+        at = np.concatenate([at - half[i], at + half[i]])
+        i = np.concatenate([i, i])
+    found = tree.query_ball_point(middles, radius)
+    i = np.repeat(i, [len(part) for part in found])
+    k = np.array([j for part in found for j in part], dtype=np.int64)
+    pairs = np.unique(i * tree.n + k)
+    return pairs // tree.n, pairs % tree.n

@@ -25,6 +25,7 @@ from dolfinx_contact._petsc import logged
 from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.facing import faces_of
 from dolfinx_contact.points.kinematics import rotation
+from dolfinx_contact.points.revolution import on_axis
 from dolfinx_contact.points.sliding.candidates import Candidates, candidates, from_rows
 from dolfinx_contact.points.sliding.facing import Facing, Nodal
 from dolfinx_contact.points.sliding.rays import (
@@ -66,10 +67,13 @@ class SlidingFaces:
         depth: how far rays reach, before the slave and behind it.
         direction: of a face that is slave and master, along which slaves lie farther in the mesh
             (dim,); None of two faces.
+        axisymmetric: whether these are faces of bodies of revolution.
 
     Attributes:
         corners: local vertices of the facets of the slave that this rank owns (n, k).
         searches: how often candidates were searched for.
+        mirrored: local vertices of the slave on the axis of a body of revolution, whose normals are
+            means with their mirror images (n,).
     """
 
     def __init__(
@@ -82,14 +86,18 @@ class SlidingFaces:
         depth: float,
         *,
         direction: Array | None = None,
+        axisymmetric: bool = False,
     ):
         domain = V.mesh
         self.comm: MPI.Comm = domain.comm
+        self._axisymmetric = axisymmetric
         self.dim = domain.geometry.dim
         self._V = V
         self._trace = trace
         self._map = vertices.dofmap.index_map
         self._depth = depth
+        on = on_axis(V)[trace] if axisymmetric else np.zeros(len(trace), dtype=bool)
+        self.mirrored: npt.NDArray[np.bool_] = on
         owned = submesh.mesh.topology.index_map(submesh.mesh.topology.dim).size_local
         self.corners: Nodes = vertices.dofmap.list[:owned].astype(np.int64)
         self._size = self.dim * V.dofmap.index_map.size_local
@@ -178,7 +186,9 @@ class SlidingFaces:
     def at_nodes(self, of_facets: Array) -> Array:
         """Sums of vectors of facets (n, dim) around the local vertices."""
         k = self.corners.shape[1]
-        return self.sums(self._all, np.repeat(of_facets[:, None], k, axis=1))
+        found = self.sums(self._all, np.repeat(of_facets[:, None], k, axis=1))
+        found[self.mirrored, 0] = 0.0
+        return found
 
     def of_master(self, values: Array, found: Candidates) -> Array:
         """Values of the owned nodes (n, dim) at the corners of candidates (m, b, dim)."""
@@ -413,9 +423,12 @@ class SlidingFaces:
         rule = common.rule(_DEGREES[self.dim])
         k = self.corners.shape[1]
         facet = common.facet
+        shape = basis(rule.mine, k, 1)
         stretch = self._measure(self._reference[facet], rule.mine)
         stretch /= self._measure(mine[facet], rule.mine)
-        return facet, common.other, basis(rule.mine, k, 1), rule.weights * stretch, rule.theirs
+        if self._axisymmetric:
+            stretch *= 2 * np.pi * np.einsum("pqa,pa->pq", shape, self._reference[facet, :, 0])
+        return facet, common.other, shape, rule.weights * stretch, rule.theirs
 
     def _faces(self, found: Candidates, mine: Array, theirs: Array) -> tuple[Faces, Faces]:
         """Slave and candidates at places of their corners."""

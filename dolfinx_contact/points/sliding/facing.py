@@ -31,6 +31,12 @@ c of its area A_a; for the rest its traction is the mean of those around it,
 
 so that tractions continue to the edge, and nothing jumps when a node comes to be covered or ceases
 to be.
+
+Of bodies of revolution w has the factor 2 pi R with the radius R of the point of the slave in the
+reference configuration: tractions are nominal there too, so that w stays what it is when bodies
+move, and there are no other derivatives. Forces are those of the whole circumference; the axial
+ones of slave and master balance as sum_a N_a = sum_b N_b = 1 do. On the axis n_a has no radial
+part.
 """
 
 from __future__ import annotations

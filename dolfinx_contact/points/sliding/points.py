@@ -16,7 +16,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._errors import require
 from dolfinx_contact.body.rigid import bounding_box
-from dolfinx_contact.laws import LawAtPoints
+from dolfinx_contact.laws import Frictionless, LawAtPoints
 from dolfinx_contact.laws.compiled import CompiledLaw
 from dolfinx_contact.laws.symbols import before
 from dolfinx_contact.obstacles import Obstacle
@@ -179,7 +179,11 @@ class SlidingPoints(NodePoints):
         opposite = self._opposite
         given = self._V, self.submesh, self.vertices, self.vertex_trace_dofs
         self.faces = SlidingFaces(
-            *given, opposite.master_facets, opposite.depth, direction=opposite.direction
+            *given,
+            opposite.master_facets,
+            opposite.depth,
+            direction=opposite.direction,
+            axisymmetric=self._weight is not None,
         )
         self._last: tuple[Array, Array | None] | None = None
         self.known: SlidingOperator
@@ -239,7 +243,13 @@ def kinematics(
 
 
 def check_slave(
-    points: ContactPoints, law: LawAtPoints, name: str, *, apart: bool = True, itself: bool = False
+    points: ContactPoints,
+    law: LawAtPoints,
+    name: str,
+    *,
+    apart: bool = True,
+    itself: bool = False,
+    axisymmetric: bool = False,
 ) -> None:
     """Raise ``ValueError`` if a slave or its law cannot slide. Collective.
 
@@ -249,8 +259,14 @@ def check_slave(
         name: of the surface.
         apart: whether bodies may not overlap in the mesh.
         itself: whether it is a face that faces itself.
+        axisymmetric: whether it is one of a body of revolution.
     """
     _check_law(law, name)
+    if axisymmetric and not isinstance(law.law, Frictionless):
+        raise ValueError(
+            f"{name}: bodies of revolution with sliding='large' take Frictionless() alone, got the "
+            f"law {law.law.name}"
+        )
     _require_no_edge(points, name)
     if apart:
         _require_apart(points, name, itself=itself)

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What does it cost to find out which facets may face each other?
+
+The block on a base of `pair_ratio.py` in large sliding, without any solve: the pair, the search for
+candidates where the block is pressed and drawn aside, the pattern of the contact terms of the
+Jacobian, and who faces whom there. Times are those of the slowest rank, and in brackets processor
+time of all; of a search the bytes are counted that all ranks send.
+
+    mpirun -n 2 python3 benchmarks/sliding_search.py --n 34
+"""
+
+from __future__ import annotations
+
+import argparse
+from types import SimpleNamespace
+
+from mpi4py import MPI
+
+import numpy as np
+import pair_ratio
+from timing import Timer, clean, peak_gigabytes
+
+from dolfinx import fem
+
+import dolfinx_contact.points.sliding.candidates as searching
+from dolfinx_contact import ContactPair, Frictionless
+from dolfinx_contact.equations.sliding import SlidingTerms
+
+SHIFT = np.array([0.013, 0.007, -0.002])
+"""Of the block, lengths of its edge."""
+
+
+class Places:
+    """All unknowns, rank by rank, the displacement first; none is fixed."""
+
+    def __init__(self, comm, sizes):
+        sizes = np.array(comm.allgather(sizes), dtype=np.int64)
+        self._ends = np.cumsum(sizes, axis=0)
+        starts = self._ends - sizes
+        self._shift = starts.sum(axis=1)[:, None] - starts
+        self._shift[:, 1] += sizes[:, 0]
+
+    def places(self, field, nodes):
+        dofs = 3 * nodes[..., None] + np.arange(3)
+        owner = np.searchsorted(self._ends[:, field], dofs, side="right")
+        return dofs + self._shift[owner, field]
+
+
+def counting(sent):
+    """The exchange between ranks, which adds the bytes that this rank sends to others."""
+    plain = searching.exchanged
+
+    def exchanged(comm, parts, shape):
+        sent.append(sum(p.nbytes for r, p in enumerate(parts) if r != comm.rank))
+        return plain(comm, parts, shape)
+
+    return exchanged
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--n", type=int, default=16, help="cells along an edge of the block")
+    parser.add_argument("--cell", choices=pair_ratio.CELLS, default="tet")
+    parser.add_argument("--coarser", type=float, default=0.75, help="as of pair_ratio.py")
+    args = parser.parse_args(argv)
+    comm = MPI.COMM_WORLD
+    V, tags = pair_ratio.bodies(args, args.n, comm)
+    u = fem.Function(V)
+    timers = {}
+
+    def timed(name, function):
+        timers[name] = Timer(comm)
+        return timers[name](name, function)
+
+    given = dict(slave=pair_ratio.SLAVE, master=pair_ratio.MASTER, law=Frictionless())
+    pair = timed("pair", lambda: ContactPair(u, tags, sliding="large", **given))
+    faces = pair.points.faces
+    x = V.tabulate_dof_coordinates()
+    upper = x[:, 2] > -1e-9
+    moved = np.where(upper[:, None], SHIFT, 0.0)
+    moved = moved[: V.dofmap.index_map.size_local]
+    faces.searches = 0
+    sent = []
+    searching.exchanged = counting(sent)
+    clean(comm)
+    timed("search", lambda: faces._search(faces._X + faces.spread(moved)))
+    sizes = [moved.size, 3 * pair.points.number]
+    equations = SimpleNamespace(comm=comm, surfaces=[pair], units=[1.0, 1.0], owned_sizes=sizes)
+    terms = SlidingTerms(equations, 0, Places(comm, sizes))
+    timed("pattern", terms.set_up)
+    timed("who faces whom", lambda: pair.points.at(moved, None))
+    pairs = comm.allreduce(len(faces.candidates.pairs))
+    total = comm.allreduce(sum(sent))
+    memory = peak_gigabytes(comm)
+    if comm.rank == 0:
+        words = [f"{name} {t.total:.2f} s ({t.processor:.2f})" for name, t in timers.items()]
+        print(f"{3 * V.dofmap.index_map.size_global} dofs, {comm.size} ranks:", ", ".join(words))
+        print(f"  {pairs} pairs of facets, {total} bytes sent in a search, peak {memory:.1f} GB")
+    return pairs
+
+
+if __name__ == "__main__":
+    main()
