@@ -85,7 +85,7 @@ def ways_of(n, lame, friction):
     system = linear_triangle(n, friction, LOAD, lame)
     system.set_parameter(0.0)
     path = ArcLength(system)
-    control = StepControl(kinks="exact", initial=0.05, maximum=0.05)
+    control = StepControl(kinks="exact", initial=0.5, maximum=0.5)
     ways = []
     for direction, least in WAYS:
         way = path.run(gamma_range=(least, 1.0), direction=direction, control=control)
