@@ -140,7 +140,9 @@ def at_a_border(rng, off=0.0):
             r[i, 2] = rng.uniform(0.2, 1)
             r[i] -= friction[i] * r[i, 2] * e * (1 if kind == 2 else rng.uniform(0, 0.9))
             a[i] = e * rng.uniform(0.2, 1) * (kind == 2)
-    for i in np.flatnonzero(rng.random(n) < 0.5 if n > 1 else [True]):
+    at_border = rng.random(n) < 0.5
+    at_border[rng.integers(n)] = True
+    for i in np.flatnonzero(at_border):
         if kinds[i] == 0:
             a[i, 2] = off  # open, about to close
         elif kinds[i] == 1:
