@@ -118,3 +118,97 @@ def is_among(state, proved):
     """Whether a state is one of those proved, or at a border."""
     size = 1e-5 * (1 + np.abs(state).max())
     return any(np.abs(state - s.state).max() < size for s in (*proved.solutions, *proved.border))
+
+
+def at_a_border(rng, off=0.0):
+    """A problem made for a state with one point or more at a border, or ``off`` beside it.
+
+    Returns:
+        The problem and the state (m, 6).
+    """
+    n = int(rng.integers(1, 5))
+    S = random_stiffness(n, rng) if rng.random() < 0.5 else coupled(n, rng)
+    friction = np.full(n, np.exp(rng.uniform(np.log(0.1), np.log(3))))
+    a, r = np.zeros((n, 3)), np.zeros((n, 3))
+    kinds = rng.integers(3, size=n)  # open, stick, slip
+    for i, kind in enumerate(kinds):
+        e = np.append(_direction(rng), 0.0)
+        if kind == 0:
+            a[i] = rng.normal(size=3)
+            a[i, 2] = rng.uniform(0.2, 1)
+        else:
+            r[i, 2] = rng.uniform(0.2, 1)
+            r[i] -= friction[i] * r[i, 2] * e * (1 if kind == 2 else rng.uniform(0, 0.9))
+            a[i] = e * rng.uniform(0.2, 1) * (kind == 2)
+    at_border = rng.random(n) < 0.5
+    at_border[rng.integers(n)] = True
+    for i in np.flatnonzero(at_border):
+        if kinds[i] == 0:
+            a[i, 2] = off  # open, about to close
+        elif kinds[i] == 1:
+            e = np.append(_direction(rng), 0.0)
+            r[i] = friction[i] * r[i, 2] * (1 - off) * e + [0, 0, r[i, 2]]  # about to slip
+        elif rng.random() < 0.5:
+            a[i] *= off / np.linalg.norm(a[i])  # slip that begins
+        else:
+            r[i] *= off / r[i, 2]  # slip, about to open
+    p = (S @ a.reshape(-1)) - r.reshape(-1)
+    return ReducedProblem(S, p, friction), np.hstack([a, r])
+
+
+def _direction(rng):
+    angle = rng.uniform(0, 2 * np.pi)
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def on_a_continuum(rng):
+    """All points slip against x, with a critical friction: a line of solutions.
+
+    The y components are by themselves. With S_xx v = F S_zx v the slips v may be added.
+
+    Returns:
+        The problem, and two states (m, 6) of the line.
+    """
+    while True:
+        n = int(rng.integers(1, 4))
+        flat = random_stiffness(n, rng, 20.0)[: 2 * n, : 2 * n]
+        ratios, vectors = np.linalg.eig(np.linalg.solve(flat[:n, :n], flat[n:, :n]))
+        real = np.flatnonzero((np.abs(ratios.imag) < 1e-12) & (ratios.real > 0.1))
+        if len(real):
+            break
+    k = rng.choice(real)
+    F, v = 1 / ratios[k].real, vectors[:, k].real
+    S = np.zeros((3 * n, 3 * n))
+    planar = np.concatenate([3 * np.arange(n), 3 * np.arange(n) + 2])
+    S[np.ix_(planar, planar)] = flat
+    S[np.ix_(3 * np.arange(n) + 1, 3 * np.arange(n) + 1)] = random_stiffness(n, rng, 3.0)[:n, :n]
+    turn = np.linalg.qr(rng.normal(size=(2, 2)))[0]
+    axes = np.kron(np.eye(n), np.block([[turn, np.zeros((2, 1))], [np.zeros((1, 2)), 1.0]]))
+    s, rn = rng.uniform(0.5, 1, n), rng.uniform(0.5, 1, n)
+    change = flat[n:, :n] @ v
+    part = 0.3 / max(np.abs(v).max(), np.abs(change).max())
+    states = []
+    for t in (0.0, part):
+        a = np.zeros((n, 3))
+        r = np.zeros((n, 3))
+        a[:, 0] = -(s - t * v)
+        r[:, 2] = rn + t * change
+        r[:, 0] = F * r[:, 2]
+        states.append(np.hstack([(axes @ x.reshape(-1)).reshape(-1, 3) for x in (a, r)]))
+    a, r = states[0][:, :3].reshape(-1), states[0][:, 3:].reshape(-1)
+    S = axes @ S @ axes.T
+    S = (S + S.T) / 2
+    return ReducedProblem(S, S @ a - r, np.full(n, F)), states
+
+
+def is_solved(problem, state):
+    """Whether equilibrium and the laws hold, to round-off."""
+    a, r = state[:, :3], state[:, 3:]
+    size = 1e-12 * (1 + np.abs(state).max())
+    left = problem.S @ a.reshape(-1) - r.reshape(-1) - problem.p
+    cone = problem.friction * r[:, 2] - np.linalg.norm(r[:, :2], axis=1)
+    slip = np.linalg.norm(a[:, :2], axis=1)
+    power = (a[:, :2] * r[:, :2]).sum(axis=1) + problem.friction * r[:, 2] * slip
+    signs = min(a[:, 2].min(), r[:, 2].min(), cone.min())
+    worst = max(np.abs(left).max() / (1 + np.abs(problem.S).max()), np.abs(power).max())
+    return bool(max(worst, -signs, np.abs(a[:, 2] * r[:, 2]).max()) < 100 * size)

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 from space_problems import (
+    at_a_border,
     by_newton,
     coupled,
     in_closed_form,
     is_among,
+    is_solved,
+    on_a_continuum,
     one_node,
     random_problem,
     random_stiffness,
@@ -103,6 +106,41 @@ def test_no_solution_is_excluded(number, starts, mixed):
         for state in by_newton(problem, starts, rng):
             assert found.verdict == "open" or is_among(state, found), k
     assert complete >= 0.95 * number
+
+
+@pytest.mark.parametrize(
+    ("number", "starts"), [(15, 200), pytest.param(300, 5000, marks=pytest.mark.long)]
+)
+@pytest.mark.verifies(
+    "certificates",
+    reference="closed form: problems made for states at borders, and for lines of solutions",
+    aspects=("3D", "proofs"),
+    alone=True,
+)
+def test_no_proof_is_false_at_borders_and_continua(number, starts):
+    """None says that there is one solution where there is a line, or leaves out a state."""
+    rng = np.random.default_rng(12)
+    verdicts = []
+    for k in range(number):
+        family = k % 5
+        if family in (0, 1):  # a line of solutions, and one that is off by 1e-6
+            problem, states = on_a_continuum(rng)
+            if family == 1:
+                p = problem.p + 1e-6 * rng.normal(size=len(problem.p))
+                problem, states = ReducedProblem(problem.S, p, problem.friction), []
+        else:
+            problem, state = at_a_border(rng, (0.0, 1e-13, 1e-7)[family - 2])
+            states = [state]
+        assert all(is_solved(problem, state) for state in states), k
+        found = prove_solutions(problem, proof_seconds=20)
+        assert check(found.certificate).verdict == found.verdict
+        assert family != 0 or found.verdict == "open", k
+        assert family != 2 or found.verdict != "complete", k
+        for state in (*states, *by_newton(problem, starts, rng)):
+            assert found.verdict == "open" or is_among(state, found), k
+        verdicts.append((family, found.verdict))
+    print({v: verdicts.count(v) for v in sorted(set(verdicts))})
+    assert sum(v == "complete" for family, v in verdicts if family == 4) > 0.15 * number
 
 
 def test_nodes_that_do_not_see_each_other():

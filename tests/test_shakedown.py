@@ -8,6 +8,7 @@ import demo_shakedown
 import numpy as np
 import pytest
 from blocks import block
+from scipy.linalg import block_diag
 from scipy.optimize import linprog
 from space_problems import random_stiffness
 from test_certificates import enumerated
@@ -338,6 +339,67 @@ def test_bound_promises_rest_that_does_not_come(number):
         print(f"case {case}: S = {given.S.tolist()}, F = {given.friction[0]}, {loads=}\n{found}")
     assert broken >= 0.05 * number
     assert both > 0
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="theorem: parts that are not joined come to rest each for itself",
+    aspects=("2D",),
+    alone=True,
+)
+def test_parts_of_a_body():
+    """Single coupled points below their critical friction: the bound is the least of theirs."""
+    rng = np.random.default_rng(6)
+    compared = 0
+    for case in range(12):
+        m = int(rng.integers(2, 4))
+        single = [
+            10 ** rng.uniform(-3, 3) * random_stiffness(1, rng, 20.0)[:2, :2] for _ in range(m)
+        ]
+        k_t, k = np.abs([S[0] for S in single]).T
+        F = np.minimum(rng.uniform(0.2, 0.98, m) * k_t / k, 3.0)
+        steady = np.tile([0.0, -1.0], m) + 0.2 * rng.normal(size=2 * m)
+        loads = steady + 0.5 * rng.normal(size=(2, 2 * m))
+        S = block_diag(*single)
+        found = shakedown_of(points(S, F), loads, steady, cycles=100, starts=2)
+        assert found.theorem_holds, case
+        assert not found.broken, case
+        pairs = [slice(2 * i, 2 * i + 2) for i in range(m)]
+        parts = [
+            shakedown_of(points(S[q, q], [f]), loads[:, q], steady[q], cycles=1, starts=0)
+            for q, f in zip(pairs, F, strict=True)
+        ]
+        if all(len(part.ranges) == 1 and part.ranges[0][0] == 0 for part in parts):
+            least = min(part.factor for part in parts)
+            np.testing.assert_allclose(found.factor, least, rtol=1e-7)
+            compared += np.isfinite(least)
+        over = np.where(np.arange(m) == case % m, 1.05 * k_t / k, F)
+        assert not shakedown_of(points(S, over), loads, steady, cycles=1, starts=0).theorem_holds
+    assert compared > 3
+
+
+@serial
+def test_less_than_the_critical_friction_is_not_enough():
+    """Two points of which shears are joined, 0.12 and 0.15 of k_t/|k|: rest, or slip for ever."""
+    S = planar([[1.0, 0.4], [0.4, 1.0]], np.diag([0.4, 0.5]), np.eye(2))
+    steady = np.array([-0.3, -0.7, -0.1, -1.1])
+    loads = np.array([[-0.2, -0.7, -0.6, -0.9], [0.7, -0.8, -0.2, -1.6]])
+    found = shakedown_of(points(S, [0.3, 0.3]), loads, steady)
+    assert not found.theorem_holds
+    assert {c.ending for c in found.cycles} == {"rest", "alternating slip"}
+    for cycle in found.broken:
+        check_enumerated(cycle, points(S, [0.3, 0.3]))
+    # Nor is coupling none because another point is far stiffer.
+    other = np.array([0.0, -1.0])
+    beside = shakedown_of(
+        points(block_diag(S, 1e12 * np.eye(2)), [0.3, 0.3, 0.3]),
+        np.hstack([loads, [other, other]]),
+        np.append(steady, other),
+        cycles=1,
+        starts=0,
+    )
+    assert not beside.theorem_holds
 
 
 def pressed(friction, shear=0.002):

@@ -7,9 +7,9 @@ from mpi4py import MPI
 import demo_wedging
 import numpy as np
 import pytest
-from _triangle import linear_triangle
+from _triangle import linear_triangle, reduced
 from blocks import block
-from scipy.optimize import linprog
+from scipy.optimize import brentq, linprog
 from space_problems import random_stiffness
 
 from dolfinx_contact import Coulomb
@@ -149,17 +149,44 @@ def test_the_table_of_the_triangle(lame):
         assert "proved" in str(found)
 
 
+@pytest.mark.verifies(
+    "critical friction",
+    reference="closed form: load over force of the last piece before the body is free",
+    aspects=("2D",),
+)
 def test_the_demo(folder):
+    """Just below the coefficient the body is free without load, just above a pull frees it."""
     summary = demo_wedging.main(["--n", "4", "--output", str(folder)])
     np.testing.assert_allclose(summary["wedging"], 1.64042448, rtol=5e-9)
     assert summary["complete"]
     assert summary["statuses"] == "cocc"
     assert summary["levels"][-1]["renard"] < summary["wedging"] < summary["levels"][-1]["sliding"]
-    below, *above = summary["histories"]
-    assert abs(below["unloaded"]) < 1e-9 * below["loaded"]
-    assert all(h["unloaded"] > 0.1 * h["loaded"] for h in above)
-    for name in ("state.png", "coefficients.png"):
-        assert (folder / name).stat().st_size > 10_000
+    below, above, far = summary["branches"]
+    assert np.abs(below["unloaded"]).max() < 1e-9 * below["loaded"]
+    assert below["pulled"] == 0.0
+    assert far["pulled"] < 100 * above["pulled"] < 0
+    for branch in (above, far):
+        rn, rt = branch["unloaded"]
+        assert 0.1 * branch["loaded"] < rn < branch["loaded"]
+        assert 0 < rt <= branch["friction"] * rn * (1 + 1e-9)
+    points = reduced(4, 1.0, demo_wedging.LOAD, (100.0, 82.0))
+    closed = np.array(list(summary["statuses"])) == "c"
+    for branch in (below, above):
+        expected = load_over_force(branch["friction"], points, closed)
+        assert branch["load_over_force"] == pytest.approx(expected, rel=1e-8)
+    sign = brentq(load_over_force, below["friction"], above["friction"], args=(points, closed))
+    assert sign == pytest.approx(summary["wedging"], rel=1e-9)
+    for name in ("state", "coefficients", "branches", "branches_without_load"):
+        assert (folder / f"{name}.png").stat().st_size > 10_000
+
+
+def load_over_force(friction, points, closed):
+    """Of the state in which all closed points slip to the left, rt = F rn: load 1 over sum rn."""
+    at = np.kron(np.diag(closed.astype(float)), [[0.0, friction], [0.0, 1.0]])
+    free = np.kron(np.diag(1.0 - closed), np.eye(2)) + np.kron(np.diag(closed), [[1, 0], [0, 0]])
+    # S a = r + p with a = free z, r = at z.
+    z = np.linalg.solve(points.S @ free - at, points.p)
+    return 1 / z[1::2][closed].sum()
 
 
 def test_a_body_in_space():
