@@ -22,7 +22,7 @@ from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.displaced import SlidingKind, check_sliding
 from dolfinx_contact.points.elements import check_name, displacement_degree
 from dolfinx_contact.points.held_ends import held_in_place, in_place, resting
-from dolfinx_contact.points.opposite import Opposite, OppositeFacets
+from dolfinx_contact.points.opposite import Opposite, OppositeFacets, Overlap
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -41,9 +41,11 @@ def _check(a: Arguments) -> None:
         raise ValueError(f"the displacement must be a Function, got {type(a.u).__name__}")
     check_name(a.name, "pair")
     displacement_degree(a.u)
-    for what, flag in (("interference", a.interference), ("axisymmetric", a.axisymmetric)):
-        if not isinstance(flag, bool | np.bool_):
-            raise ValueError(f"{a.name}: {what} is True or False, got {flag!r}")
+    if not isinstance(a.axisymmetric, bool | np.bool_):
+        raise ValueError(f"{a.name}: axisymmetric is True or False, got {a.axisymmetric!r}")
+    removed = Overlap.of(a.name, a.interference, a.remove_overlap).removed
+    if removed and (a.gap is not None or a.surface is not None):
+        raise ValueError(f"{a.name}: with a given gap or surface there is no overlap to remove")
     check_sliding(a.name, a.sliding)
     if a.sliding == "large":
         _check_large(a)
@@ -161,8 +163,11 @@ class ContactPair(ContactSurface):
             faces are curved, as those of two spheres, and flatten each other it is that of the
             contact between, and the slave's are not. Faces that do not match need degree 1 for it,
             and areas are those seen along it.
-        interference: whether the bodies may overlap, as in a press fit; else an overlap is an
-            error.
+        interference: whether the bodies may overlap in the mesh, as in a press fit, whose overlap
+            presses them; or by how much they may, a length. Else an overlap is an error.
+        remove_overlap: a length: an overlap in the mesh of this or less at a node of the slave is
+            taken from its gap for good, so that the bodies touch there at the start, without
+            stress. A larger one is an error.
         method: as for `ContactSurface`, and so the rest.
         multiplier_degree: of the multiplier.
         quadrature_degree: of the Gauss points.
@@ -176,7 +181,7 @@ class ContactPair(ContactSurface):
     Raises:
         ValueError: on every rank, as `ContactSurface`; and if both faces have facets in common, do
             not match where they have to, have equal normals, touch at a node without matching, or
-            overlap without ``interference``: by more than round-off where they match, else by more
+            overlap without ``interference`` or by more than it or ``remove_overlap`` allows: by more than round-off where they match, else by more
             than 5 % of a facet, since facets of curved faces are chords; and if a given normal is
             more than 60 degrees off that of the slave. Of pairs that cross where nothing beside the
             crossing can take its part, when they enter a problem. With large sliding also if the
@@ -196,7 +201,8 @@ class ContactPair(ContactSurface):
         gap: Any = None,
         surface: Obstacle | None = None,
         normal: npt.ArrayLike | None = None,
-        interference: bool = False,
+        interference: bool | float = False,
+        remove_overlap: float | None = None,
         method: Method | None = None,
         multiplier_degree: int = 1,
         quadrature_degree: int | None = None,
@@ -216,6 +222,7 @@ class ContactPair(ContactSurface):
         if axisymmetric:
             check_section(V.mesh, sides[1], f"{name}, master")
         large = sliding == "large"
+        overlap = Overlap.of(name, interference, remove_overlap)
         master_face: Obstacle
         if large:
             from dolfinx_contact.points.sliding.points import SlidingFacets, check_slave
@@ -229,7 +236,7 @@ class ContactPair(ContactSurface):
                 gap=gap,
                 surface=surface,
                 normal=None if normal is None else np.asarray(normal, dtype=np.float64),
-                interference=interference,
+                overlap=overlap,
                 must_match=method == "mixed",
                 axisymmetric=bool(axisymmetric),
                 name=name,
@@ -247,7 +254,7 @@ class ContactPair(ContactSurface):
         )
         if large:
             self._given_gap = ""
-            check_slave(self.points, self.law_at_points, name, apart=not interference)
+            check_slave(self.points, self.law_at_points, name, overlap)
             return
         #: How the bodies have slid and turned.
         self.motion = PairMotion(u, self.points, sides[0], sides[1])

@@ -16,6 +16,7 @@ from dolfinx_contact._numbers import is_number
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.points.elements import check_name, displacement_degree
+from dolfinx_contact.points.opposite import Overlap
 from dolfinx_contact.points.sliding.points import SlidingFacets, check_slave
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import exterior_facets
@@ -36,6 +37,7 @@ def _check(a: Arguments) -> None:
     good = distance is None or (is_number(distance) and np.isfinite(distance) and distance > 0)
     if not good:
         raise ValueError(f"{a.name}: the search distance must be positive, got {distance!r}")
+    Overlap.of(a.name, a.interference, a.remove_overlap)
     a.direction = _checked_direction(a.direction, domain.geometry.dim, a.name)
 
 
@@ -77,6 +79,7 @@ class SelfContact(ContactSurface):
         direction: (dim,), by default the last axis.
         search_distance: how far before and behind a facet something counts as opposite, a length;
             by default a quarter of the size of the face.
+        interference, remove_overlap: as of `ContactPair`.
         name: used in messages and tables.
 
     Raises:
@@ -93,6 +96,8 @@ class SelfContact(ContactSurface):
         tag: int | str | None = None,
         direction: npt.ArrayLike | None = None,
         search_distance: float | None = None,
+        interference: bool | float = False,
+        remove_overlap: float | None = None,
         name: str = "contact",
     ):
         V = u.function_space
@@ -101,4 +106,5 @@ class SelfContact(ContactSurface):
         along = np.asarray(direction, dtype=np.float64)
         obstacle = SlidingFacets(V, face, face, search_distance, name, direction=along)
         super().__init__(u, face, obstacle=obstacle, law=law, method="mixed", name=name)
-        check_slave(self.points, self.law_at_points, name, itself=True)
+        overlap = Overlap.of(name, interference, remove_overlap)
+        check_slave(self.points, self.law_at_points, name, overlap, itself=True)

@@ -113,6 +113,8 @@ class SlidingFaces:
         self._then: tuple[Array, Array, Array]  # positions and normals at the last search
         self._found: Candidates
         self._direction = direction
+        #: Of the local vertices, overlaps of the mesh that are no gaps.
+        self.removed: Array = np.zeros(self._map.size_local + self._map.num_ghosts)
         #: How far the bodies may overlap at each facet: of one face not through the body.
         self._deepest: Array = np.full(len(self.corners), depth)
         if direction is not None:
@@ -449,7 +451,7 @@ class SlidingFaces:
         gaps = by * self.sums(facet, np.einsum("pqa,pq->pa", weighted, gap))
         # Faces that lie on each other in the mesh do not touch yet, whatever the sign of round-off.
         gaps = np.where(np.abs(gaps) <= self._no_gap, 0.0, gaps)
-        gaps = np.where(weight > 0, gaps, self._depth)
+        gaps = np.where(weight > 0, gaps + self.removed, self._depth)
         slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqad->pad", weighted, slip))
         length = np.linalg.norm(m, axis=1)
         others = self.sums(facet, around)

@@ -25,7 +25,7 @@ from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.node_points import NodePoints
 from dolfinx_contact.points.operators import Operator, Stencils
-from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.opposite import Opposite, Overlap
 from dolfinx_contact.points.sliding.faces import SlidingFaces
 from dolfinx_contact.points.sliding.operator import SlidingOperator
 from dolfinx_contact.points.trace import nodes_on, outward_normals
@@ -190,6 +190,13 @@ class SlidingPoints(NodePoints):
         """How far before and behind the slave something counts as opposite."""
         return self._opposite.depth
 
+    def remove_overlap(self) -> None:
+        """Take what slave and master overlap by in the mesh from all gaps to come. Collective."""
+        overlap = -np.minimum(self.known.facing.nodal.gap, 0.0)
+        self.faces.removed = overlap
+        self._last = None
+        self.operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
+
     @property
     def whole_size(self) -> float:
         """Diagonal of the box around the mesh. Collective."""
@@ -239,21 +246,24 @@ def kinematics(
 
 
 def check_slave(
-    points: ContactPoints, law: LawAtPoints, name: str, *, apart: bool = True, itself: bool = False
+    points: ContactPoints, law: LawAtPoints, name: str, overlap: Overlap, *, itself: bool = False
 ) -> None:
-    """Raise ``ValueError`` if a slave or its law cannot slide. Collective.
+    """Raise ``ValueError`` if a slave or its law cannot slide; remove an overlap. Collective.
 
     Args:
         points: of the slave.
         law: there.
         name: of the surface.
-        apart: whether bodies may not overlap in the mesh.
+        overlap: what becomes of bodies that overlap in the mesh.
         itself: whether it is a face that faces itself.
     """
     _check_law(law, name)
     _require_no_edge(points, name)
-    if apart:
-        _require_apart(points, name, itself=itself)
+    assert isinstance(points, SlidingPoints)
+    if np.isfinite(overlap.most):
+        _require_apart(points, name, overlap, itself=itself)
+    if overlap.removed:
+        points.remove_overlap()
 
 
 def _check_law(law: LawAtPoints, name: str) -> None:
@@ -273,15 +283,14 @@ def _check_law(law: LawAtPoints, name: str) -> None:
             )
 
 
-def _require_apart(points: ContactPoints, name: str, *, itself: bool) -> None:
-    """Raise ``ValueError`` if faces overlap in the reference configuration. Collective."""
-    assert isinstance(points, SlidingPoints)
+def _require_apart(points: SlidingPoints, name: str, overlap: Overlap, *, itself: bool) -> None:
+    """Raise ``ValueError`` if faces overlap by too much in the mesh. Collective."""
     nodal = points.known.facing.nodal
     worst = float(np.min(nodal.gap[: points.number], initial=0.0))
     worst = points.comm.allreduce(worst, op=min)
     allowed = _OVERLAP * points.mean_width
-    words = "interference=True for a press fit"
-    require(points.comm, worst >= -allowed, f"{name}: the bodies overlap by {-worst:.3g}; {words}")
+    words = "or remove_overlap for a start without stress"
+    overlap.require(points.comm, worst, allowed, name, words)
     if itself:
         return
     depth = points.depth
@@ -290,7 +299,7 @@ def _require_apart(points: ContactPoints, name: str, *, itself: bool) -> None:
         points.comm,
         behind <= depth,
         f"{name}: the master lies {behind:.3g} behind the slave, farther than the search distance "
-        f"{depth:.3g}: the bodies overlap, or slave and master do not look at each other; {words}",
+        f"{depth:.3g}: the bodies overlap, or slave and master do not look at each other; interference=True for a press fit",
     )
 
 
