@@ -144,6 +144,7 @@ def problem(args, comm):
     lower = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     between = Coulomb(args.friction) if args.friction else law
     faces = dict(slave=SLAVE, master=MASTER, sliding="large", search_distance=1.5)
+    faces["symmetry"] = {0: 0.0, 1: 0.0, 2: 0.0}
     outside = body.facet_tags.find(ABOVE)
     high = mesh.compute_midpoints(domain, 2, outside)[:, 2] > 0.3 * RADII[2]
     surfaces = [

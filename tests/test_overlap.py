@@ -54,9 +54,7 @@ def pressed(dim, sliding, **given):
     both = strips(dim)
     u = displacement(both.mesh)
     V = u.function_space
-    pair = ContactPair(
-        u, both, slave=2, master=1, law=Frictionless(), sliding=sliding, **given
-    )
+    pair = ContactPair(u, both, slave=2, master=1, law=Frictionless(), sliding=sliding, **given)
     bcs = []
     for axis in range(dim):
         ends = (-1.0, 1.0 - OVERLAP) if axis == dim - 1 else (0.0, 1.0)
@@ -82,9 +80,7 @@ def test_two_strips(dim, sliding):
     """A press fit has the pressure of half the overlap in each strip; removed it leaves nothing."""
     modulus = LMBDA + 2 * MU
     fit = pressed(dim, sliding, interference=1.01 * OVERLAP).solve()
-    np.testing.assert_allclose(
-        fit.tables["contact"].pressure, 0.5 * OVERLAP * modulus, rtol=1e-8
-    )
+    np.testing.assert_allclose(fit.tables["contact"].pressure, 0.5 * OVERLAP * modulus, rtol=1e-8)
     free = pressed(dim, sliding, remove_overlap=1.01 * OVERLAP)
     result = free.solve()
     np.testing.assert_allclose(result.tables["contact"].un, 0.0, atol=1e-14)

@@ -216,7 +216,7 @@ class SlidingTerms:
         by_weight = np.divide(counts, weight, out=np.zeros_like(areas), where=weight > 0)
         by_jump = by_weight[:, None, None] * state.by_jump
         by_gap = faces.ghosted(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
-        by_slip = faces.ghosted(-by_jump @ nodal.rotation[:n])
+        by_slip = faces.ghosted(-by_jump @ nodal.rotation[:n]) * faces.kept[:, None]
         at = faces.corners[facing.facet]
         places, gaps = facing.slopes()
         of_law = _of_law(facing, by_gap[at], by_slip[at], places, gaps)
@@ -251,7 +251,8 @@ class SlidingTerms:
         turned = slice(k, 2 * k)
         identity = np.eye(self._dim)
         coupling = self._unit * np.einsum("pca,ij->pciaj", at.coupling, identity)
-        means = self._unit * np.einsum("pca,ij->pciaj", at.means, identity)
+        kept = self._faces.kept[self._faces.corners[at.facet]]
+        means = self._unit * np.einsum("pca,ij,pci->pciaj", at.means, identity, kept)
         by_unknowns = [
             _Block(bodies, multipliers, coupling),
             _Block(theirs, bodies, at.on_master[:, :, :, moved]),
@@ -269,7 +270,9 @@ class SlidingTerms:
     def _turned(self, rates: Array) -> _Block:
         """The block of D, of rates of the vectors of facets by their corners (n, dim, k, dim)."""
         k = self._slave.shape[1]
-        return _Block(self._vectors, self._slave, np.repeat(rates[:, None], k, axis=1))
+        images = self._faces.images[self._faces.corners]
+        values = images[:, :, :, None, None] * np.repeat(rates[:, None], k, axis=1)
+        return _Block(self._vectors, self._slave, values)
 
 
 def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: Array) -> Array:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
-from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.trace import checked_planes, exterior_facets
 
 __all__ = ["ContactPair"]
 
@@ -47,10 +48,12 @@ def _check(a: Arguments) -> None:
     if removed and (a.gap is not None or a.surface is not None):
         raise ValueError(f"{a.name}: with a given gap or surface there is no overlap to remove")
     check_sliding(a.name, a.sliding)
+    a.symmetry = checked_planes(a.symmetry, a.u.function_space.mesh.geometry.dim, a.name)
     if a.sliding == "large":
         _check_large(a)
-    elif a.search_distance is not None:
-        raise ValueError(f"{a.name}: a search distance is one of sliding='large'")
+    elif a.search_distance is not None or a.symmetry:
+        what = "planes of symmetry are" if a.symmetry else "a search distance is"
+        raise ValueError(f"{a.name}: {what} for sliding='large'")
     by_index = isinstance(a.facets, np.ndarray)
     _check_sides(a.name, (a.slave, a.master), a.master_facets, by_index=by_index)
     a.gap = _checked_gap(a.gap, a.name)
@@ -86,7 +89,8 @@ def _check_large(a: Arguments) -> None:
 
 
 def _given(a: Arguments) -> dict[str, Any]:
-    return {"gap": a.gap is None, "surface": a.surface is None}
+    given = {"gap": a.gap is None, "surface": a.surface is None}
+    return given | {"symmetry": repr(a.symmetry)}
 
 
 class ContactPair(ContactSurface):
@@ -175,17 +179,21 @@ class ContactPair(ContactSurface):
         search_distance: with large sliding, how far before and behind the slave something counts as
             opposite, a length; by default a quarter of the size of the smaller face. It should be
             larger than what bodies come closer in a step, and smaller than they are thick.
+        symmetry: with large sliding, the planes of symmetry at which the slave ends, where they
+            are by their axis: ``{0: 0.0}`` for x = 0. Normals and slips of nodes there are means
+            with their mirror images, which Dirichlet data have to hold across it.
         axisymmetric: as for `ContactSurface`.
         name: used in messages and tables.
 
     Raises:
         ValueError: on every rank, as `ContactSurface`; and if both faces have facets in common, do
             not match where they have to, have equal normals, touch at a node without matching, or
-            overlap without ``interference`` or by more than it or ``remove_overlap`` allows: by more than round-off where they match, else by more
-            than 5 % of a facet, since facets of curved faces are chords; and if a given normal is
-            more than 60 degrees off that of the slave. Of pairs that cross where nothing beside the
-            crossing can take its part, when they enter a problem. With large sliding also if the
-            slave has an edge, faces have a node in common, or the master lies behind the slave.
+            overlap without ``interference`` or by more than it or ``remove_overlap`` allows: by
+            more than round-off where they match, else by more than 5 % of a facet, since facets of
+            curved faces are chords; and if a given normal is more than 60 degrees off that of the
+            slave. Of pairs that cross where nothing beside the crossing can take its part, when
+            they enter a problem. With large sliding also if the slave has an edge, faces have a
+            node in common, or the master lies behind the slave.
     """
 
     @collective("a contact pair", _check, compare=_given, local=_SIDES, where="name")
@@ -208,6 +216,7 @@ class ContactPair(ContactSurface):
         quadrature_degree: int | None = None,
         sliding: SlidingKind = "small",
         search_distance: float | None = None,
+        symmetry: Mapping[int, float] | None = None,
         axisymmetric: bool = False,
         name: str = "contact",
     ):
@@ -227,7 +236,9 @@ class ContactPair(ContactSurface):
         if large:
             from dolfinx_contact.points.sliding.points import SlidingFacets, check_slave
 
-            master_face = SlidingFacets(V, sides[0], sides[1], search_distance, name)
+            master_face = SlidingFacets(
+                V, sides[0], sides[1], search_distance, name, planes=symmetry or {}
+            )
         else:
             master_face = OppositeFacets(
                 V,
@@ -289,6 +300,7 @@ class ContactPair(ContactSurface):
             ValueError: if there is no node beside a crossing that could take its part.
         """
         if self.slides:
+            self.points.require_held(fixed, self.name)
             return
         V = self.u.function_space
         trace = self.points.vertex_trace_dofs

@@ -64,6 +64,8 @@ class SlidingFaces:
         trace: for every local vertex the local node of `V` at its place.
         master: local facets of the master, ghosts included.
         depth: how far rays reach, before the slave and behind it.
+        across: local nodes of `V` x dim, True across planes of symmetry, on which normals and slips
+            are means with their mirror images.
         direction: of a face that is slave and master, along which slaves lie farther in the mesh
             (dim,); None of two faces.
 
@@ -81,6 +83,7 @@ class SlidingFaces:
         master: npt.NDArray[np.int32],
         depth: float,
         *,
+        across: npt.NDArray[np.bool_],
         direction: Array | None = None,
     ):
         domain = V.mesh
@@ -89,6 +92,10 @@ class SlidingFaces:
         self._V = V
         self._trace = trace
         self._map = vertices.dofmap.index_map
+        #: Of vectors at the local vertices what a mean with a mirror image leaves (n, dim).
+        self.kept: Array = np.where(across[trace], 0.0, 1.0)
+        #: Of sums around them what the mirror images make of these: each plane doubles them.
+        self.images: Array = self.kept * 2.0 ** across[trace].sum(axis=1, keepdims=True)
         self._depth = depth
         owned = submesh.mesh.topology.index_map(submesh.mesh.topology.dim).size_local
         self.corners: Nodes = vertices.dofmap.list[:owned].astype(np.int64)
@@ -178,9 +185,9 @@ class SlidingFaces:
         return np.asarray(self._sense[:, None, None, None] * area_vector_rates(x))
 
     def at_nodes(self, of_facets: Array) -> Array:
-        """Sums of vectors of facets (n, dim) around the local vertices."""
+        """Sums of vectors of facets (n, dim) around the local vertices, with mirror images."""
         k = self.corners.shape[1]
-        return self.sums(self._all, np.repeat(of_facets[:, None], k, axis=1))
+        return self.images * self.sums(self._all, np.repeat(of_facets[:, None], k, axis=1))
 
     def of_master(self, values: Array, found: Candidates) -> Array:
         """Values of the owned nodes (n, dim) at the corners of candidates (m, b, dim)."""
@@ -453,6 +460,7 @@ class SlidingFaces:
         gaps = np.where(np.abs(gaps) <= self._no_gap, 0.0, gaps)
         gaps = np.where(weight > 0, gaps + self.removed, self._depth)
         slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqad->pad", weighted, slip))
+        slips = self.kept * slips
         length = np.linalg.norm(m, axis=1)
         others = self.sums(facet, around)
         share = np.where(others > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
