@@ -154,7 +154,8 @@ def test_jacobian(kind, given):
     held = ["x", "y", "z"][:dim]
     body = RigidBody(shape, about=[0.4, *[0.5] * (dim - 2), -1.0], motion=motion, held=held)
     cell = "quad" if dim == 2 else "hex"
-    problem = block(body, cell=cell, n=2, law=Coulomb(0.3), sliding="large", **given)
+    given |= dict(law=Coulomb(0.3), sliding="large", interference=True)
+    problem = block(body, cell=cell, n=2, **given)
     remembering(problem)
     eq = problem.equations
     x, v = (shaken(problem, size, seed) for size, seed in ((0.05, 1.0), (1.0, 2.0)))

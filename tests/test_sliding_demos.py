@@ -1,5 +1,6 @@
 """The numbers of the demos of large sliding."""
 
+import demo_double_arc
 import demo_flattened_ring
 import demo_half_spheres
 import demo_rolling_wheel
@@ -100,3 +101,30 @@ def test_half_spheres(folder, no_picture):
     ((down, back),) = found["down_and_back"].values()
     assert back == pytest.approx(down, rel=1e-8)
     assert found["fall"] is None
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "sliding pairs",
+    "hyperelastic bodies",
+    reference="closed form: stiffness of a clamped arc of two layers",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_double_arc(folder, no_picture):
+    """Two arcs begin on a block with their stiffness in bending, if cells are small."""
+    words = ["--n=120", "--until=1.5", f"--output={folder}"]
+    found = demo_double_arc.main(words)
+    assert found["arc_stiffness_ratio"] == pytest.approx(1.0, abs=0.01)
+    assert found["lowest"] == pytest.approx(-0.684, abs=0.005)
+
+
+@pytest.mark.long
+def test_double_arc_to_the_end(folder, no_picture):
+    """The middle sinks half as far as the published one, parts from the block and buckles."""
+    found = demo_double_arc.main([f"--output={folder}"])
+    assert found["lowest"] == pytest.approx(-3.04, abs=0.05)
+    assert found["highest"] == pytest.approx(61.3, abs=0.3)
+    peak, valley = found["peak_and_valley"]
+    assert valley < 0.4 * peak
+    assert found["failed_steps"] == 0
+    assert found["published"]["19.5"] < 1.8 * found["middle_at"]["19.5"]

@@ -74,6 +74,8 @@ class Constraints:
             removed = _removed(s, held)
             if s.degrees[1] == 1:  # elsewhere there is no crossing
                 removed[vertices] = True
+            if s.slides:
+                removed |= s.points.mirrored
             self.removed.append(removed)
             self.clamped.append(np.asarray(removed.all(axis=1)))
             n = s.points.Q.dofmap.index_map.size_local

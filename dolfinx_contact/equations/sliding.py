@@ -137,7 +137,6 @@ class SlidingTerms:
         self._slave = numbering.places(0, self._faces.slave_nodes())
         self._multipliers = numbering.places(number + 1, vertices)
         self._vectors = s.dim * vertices[..., None] + np.arange(s.dim)
-        self._vectors[self._faces.mirrored[self._faces.corners], 0] = -1  # they do not turn
         first = s.points.vertices.dofmap.index_map.local_range[0]
         own = first + np.arange(s.points.number, dtype=np.int64)[:, None]
         self._own = numbering.places(number + 1, own)
@@ -176,7 +175,8 @@ class SlidingTerms:
         blocks = self._blocks(at[0].facet, at[0].nodes)
         k = self._slave.shape[1]
         rates = self._faces.normal_rates(operator.x)
-        turned = np.repeat(rates[:, None], k, axis=1)
+        images = self._faces.images[self._faces.corners]
+        turned = images[:, :, :, None, None] * np.repeat(rates[:, None], k, axis=1)
         S, N, D, product = self._matrices
         found = zip(
             (S, N, D), (*blocks, [self._turned]), (*self._values(*at), [turned]), strict=True
@@ -210,7 +210,7 @@ class SlidingTerms:
         by_weight = np.divide(counts, weight, out=np.zeros_like(areas), where=weight > 0)
         by_jump = by_weight[:, None, None] * state.by_jump
         by_gap = faces.ghosted(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
-        by_slip = faces.ghosted(-by_jump @ nodal.rotation[:n])
+        by_slip = faces.ghosted(-by_jump @ nodal.rotation[:n]) * faces.kept[:, None]
         at = faces.corners[facing.facet]
         places, gaps = facing.slopes()
         of_law = _of_law(facing, by_gap[at], by_slip[at], places, gaps)
@@ -261,7 +261,8 @@ class SlidingTerms:
         turned = slice(k, 2 * k)
         identity = np.eye(self._dim)
         coupling = self._unit * np.einsum("pca,ij->pciaj", at.coupling, identity)
-        means = self._unit * np.einsum("pca,ij->pciaj", at.means, identity)
+        kept = self._faces.kept[self._faces.corners[at.facet]]
+        means = self._unit * np.einsum("pca,ij,pci->pciaj", at.means, identity, kept)
         by_unknowns = [
             coupling,
             at.on_master[:, :, :, moved],

@@ -27,6 +27,7 @@ from dolfinx import fem, la, mesh
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, cover
@@ -48,17 +49,80 @@ from dolfinx_contact.points.trace import (
     outward_normals,
 )
 
-__all__ = ["Common", "Opposite", "OppositeFacets"]
+__all__ = ["CURVED_OVERLAP", "Common", "Opposite", "OppositeFacets", "Overlap"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 
 _TANGENTIAL = 1e-6  # of a facet's size, by which nodes may be off across the normal
 _OVERLAP = 1e-6  # of a facet's size, an overlap that is round-off
-_CURVED_OVERLAP = 0.05  # the same of faces that do not match, whose facets are chords of curves
+#: The same of faces that do not match, whose facets are chords of curves.
+CURVED_OVERLAP = 0.05
 _ROUND_OFF = 1e-9  # of a facet's size, a gap that is none
 _FACING = 0.5  # cosine between the normal of a given surface and that of the slave, the least
 _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
+
+
+def _is_length(value: Any) -> bool:
+    """Whether it is a positive length."""
+    return is_number(value) and bool(np.isfinite(value)) and value > 0
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """What becomes of bodies that start in each other.
+
+    Attributes:
+        most: the largest overlap that is allowed beside round-off, a length.
+        removed: whether gaps are less by what they are then, so that bodies start without stress;
+            else it is a press fit.
+    """
+
+    most: float = 0.0
+    removed: bool = False
+
+    @property
+    def presses(self) -> bool:
+        """Whether it is a press fit."""
+        return self.most > 0.0 and not self.removed
+
+    @classmethod
+    def of(cls, name: str, interference: Any, remove_overlap: Any) -> Overlap:
+        """That of two arguments of a surface, or ``ValueError``. Not collective."""
+        is_flag = isinstance(interference, bool | np.bool_)
+        if not (is_flag or _is_length(interference)):
+            raise ValueError(
+                f"{name}: interference is True or False, or the largest overlap, a positive "
+                f"length, got {interference!r}"
+            )
+        if remove_overlap is None:
+            without_limit = np.inf if interference else 0.0
+            return cls(without_limit if is_flag else float(interference))
+        if not _is_length(remove_overlap):
+            raise ValueError(
+                f"{name}: remove_overlap is the largest overlap that is removed, a positive "
+                f"length, got {remove_overlap!r}"
+            )
+        if not is_flag or interference:
+            raise ValueError(f"{name}: an overlap is a press fit, or is removed, and not both")
+        return cls(float(remove_overlap), removed=True)
+
+    def require(self, comm: MPI.Comm, worst: float, allowed: float, name: str, unless: str) -> None:
+        """Raise ``ValueError`` if bodies overlap by more than is allowed. Collective.
+
+        Args:
+            comm: communicator.
+            worst: the smallest gap of all ranks.
+            allowed: an overlap that is none.
+            name: of the surface.
+            unless: what else it may be, in words.
+        """
+        words = f"interference=True for a press fit, {unless}"
+        if self.most > 0.0:
+            given = "remove_overlap" if self.removed else "interference"
+            words = f"{given} allows {self.most:.3g}"
+        good = worst >= -max(self.most * (1.0 + _ROUND_OFF), allowed)
+        require(comm, good, f"{name}: the bodies overlap by {-worst:.3g}; {words}")
 
 
 @dataclass(frozen=True)
@@ -147,7 +211,7 @@ class OppositeFacets(Obstacle):
             for that of its facets.
         normal: a unit vector (dim,) along which the faces face each other; None for those of the
             slave.
-        interference: whether the bodies may overlap, as in a press fit.
+        overlap: what becomes of bodies that start in each other.
         must_match: whether every node needs one opposite to it.
         axisymmetric: whether these are bodies of revolution.
         name: of the pair, for messages.
@@ -157,7 +221,7 @@ class OppositeFacets(Obstacle):
 
     Raises:
         ValueError: on every rank, if the faces have facets in common, do not match where they have
-            to, look the same way, or the bodies overlap without ``interference``, or if a given
+            to, look the same way, or the bodies overlap by more than is allowed, or if a given
             normal is more than 60 degrees off that of a facet of the slave.
     """
 
@@ -172,7 +236,7 @@ class OppositeFacets(Obstacle):
         gap: Any,
         surface: Obstacle | None,
         normal: Array | None,
-        interference: bool,
+        overlap: Overlap,
         must_match: bool,
         axisymmetric: bool,
         name: str,
@@ -208,16 +272,12 @@ class OppositeFacets(Obstacle):
             corners: npt.NDArray[np.int32] = np.zeros(len(normals), dtype=np.int32)
             corners[W.dofmap.list] = V.dofmap.list[:, : W.dofmap.list.shape[1]]
             gaps = _gaps(V, found, of_nodes(V), size)[corners]
-            allowed = (_OVERLAP if found.matching else _CURVED_OVERLAP) * size
+            allowed = (_OVERLAP if found.matching else CURVED_OVERLAP) * size
             worst = comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
-            require(
-                comm,
-                interference or worst >= -allowed,
-                f"{name}: the bodies overlap by {-worst:.3g}; interference=True for a press fit, "
-                "if slave and master do not look away from each other",
-            )
+            unless = "if slave and master do not look away from each other"
+            overlap.require(comm, worst, allowed, name, unless)
             # What is allowed without being meant is round-off, or the chords of curved faces.
-            gaps = gaps if interference else np.maximum(gaps, 0.0)
+            gaps = gaps if overlap.presses else np.maximum(gaps, 0.0)
         self._gap = fem.Function(W)
         self._gap.x.array[:] = gaps
 

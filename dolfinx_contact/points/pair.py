@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,12 @@ from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.displaced import SlidingKind, check_sliding
 from dolfinx_contact.points.elements import check_name, displacement_degree
 from dolfinx_contact.points.held_ends import held_in_place, in_place, resting
-from dolfinx_contact.points.opposite import Opposite, OppositeFacets
+from dolfinx_contact.points.opposite import Opposite, OppositeFacets, Overlap
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
-from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.trace import checked_planes, exterior_facets
 
 __all__ = ["ContactPair"]
 
@@ -41,14 +42,18 @@ def _check(a: Arguments) -> None:
         raise ValueError(f"the displacement must be a Function, got {type(a.u).__name__}")
     check_name(a.name, "pair")
     displacement_degree(a.u)
-    for what, flag in (("interference", a.interference), ("axisymmetric", a.axisymmetric)):
-        if not isinstance(flag, bool | np.bool_):
-            raise ValueError(f"{a.name}: {what} is True or False, got {flag!r}")
+    if not isinstance(a.axisymmetric, bool | np.bool_):
+        raise ValueError(f"{a.name}: axisymmetric is True or False, got {a.axisymmetric!r}")
+    removed = Overlap.of(a.name, a.interference, a.remove_overlap).removed
+    if removed and (a.gap is not None or a.surface is not None):
+        raise ValueError(f"{a.name}: with a given gap or surface there is no overlap to remove")
     check_sliding(a.name, a.sliding)
+    a.symmetry = checked_planes(a.symmetry, a.u.function_space.mesh.geometry.dim, a.name)
     if a.sliding == "large":
         _check_large(a)
-    elif a.search_distance is not None:
-        raise ValueError(f"{a.name}: a search distance is one of sliding='large'")
+    elif a.search_distance is not None or a.symmetry:
+        what = "planes of symmetry are" if a.symmetry else "a search distance is"
+        raise ValueError(f"{a.name}: {what} for sliding='large'")
     by_index = isinstance(a.facets, np.ndarray)
     _check_sides(a.name, (a.slave, a.master), a.master_facets, by_index=by_index)
     a.gap = _checked_gap(a.gap, a.name)
@@ -83,7 +88,8 @@ def _check_large(a: Arguments) -> None:
 
 
 def _given(a: Arguments) -> dict[str, Any]:
-    return {"gap": a.gap is None, "surface": a.surface is None}
+    given = {"gap": a.gap is None, "surface": a.surface is None}
+    return given | {"symmetry": repr(a.symmetry)}
 
 
 class ContactPair(ContactSurface):
@@ -160,8 +166,11 @@ class ContactPair(ContactSurface):
             faces are curved, as those of two spheres, and flatten each other it is that of the
             contact between, and the slave's are not. Faces that do not match need degree 1 for it,
             and areas are those seen along it.
-        interference: whether the bodies may overlap, as in a press fit; else an overlap is an
-            error.
+        interference: whether the bodies may overlap in the mesh, as in a press fit, whose overlap
+            presses them; or by how much they may, a length. Else an overlap is an error.
+        remove_overlap: a length: an overlap in the mesh of this or less at a node of the slave is
+            taken from its gap for good, so that the bodies touch there at the start, without
+            stress. A larger one is an error.
         method: as for `ContactSurface`, and so the rest.
         multiplier_degree: of the multiplier.
         quadrature_degree: of the Gauss points.
@@ -169,17 +178,21 @@ class ContactPair(ContactSurface):
         search_distance: with large sliding, how far before and behind the slave something counts as
             opposite, a length; by default a quarter of the size of the smaller face. It should be
             larger than what bodies come closer in a step, and smaller than they are thick.
+        symmetry: with large sliding, the planes of symmetry at which the slave ends, where they
+            are by their axis: ``{0: 0.0}`` for x = 0. Normals and slips of nodes there are means
+            with their mirror images, which Dirichlet data have to hold across it.
         axisymmetric: as for `ContactSurface`.
         name: used in messages and tables.
 
     Raises:
         ValueError: on every rank, as `ContactSurface`; and if both faces have facets in common, do
             not match where they have to, have equal normals, touch at a node without matching, or
-            overlap without ``interference``: by more than round-off where they match, else by more
-            than 5 % of a facet, since facets of curved faces are chords; and if a given normal is
-            more than 60 degrees off that of the slave. Of pairs that cross where nothing beside the
-            crossing can take its part, when they enter a problem. With large sliding also if the
-            slave has an edge, faces have a node in common, or the master lies behind the slave.
+            overlap without ``interference`` or by more than it or ``remove_overlap`` allows: by
+            more than round-off where they match, else by more than 5 % of a facet, since facets of
+            curved faces are chords; and if a given normal is more than 60 degrees off that of the
+            slave. Of pairs that cross where nothing beside the crossing can take its part, when
+            they enter a problem. With large sliding also if the slave has an edge, faces have a
+            node in common, or the master lies behind the slave.
     """
 
     @collective("a contact pair", _check, compare=_given, local=_SIDES, where="name")
@@ -195,12 +208,14 @@ class ContactPair(ContactSurface):
         gap: Any = None,
         surface: Obstacle | None = None,
         normal: npt.ArrayLike | None = None,
-        interference: bool = False,
+        interference: bool | float = False,
+        remove_overlap: float | None = None,
         method: Method | None = None,
         multiplier_degree: int = 1,
         quadrature_degree: int | None = None,
         sliding: SlidingKind = "small",
         search_distance: float | None = None,
+        symmetry: Mapping[int, float] | None = None,
         axisymmetric: bool = False,
         name: str = "contact",
     ):
@@ -215,11 +230,14 @@ class ContactPair(ContactSurface):
         if axisymmetric:
             check_section(V.mesh, sides[1], f"{name}, master")
         large = sliding == "large"
+        overlap = Overlap.of(name, interference, remove_overlap)
         master_face: Obstacle
         if large:
             from dolfinx_contact.points.sliding.points import SlidingFacets, check_slave
 
-            master_face = SlidingFacets(V, sides[0], sides[1], search_distance, name)
+            master_face = SlidingFacets(
+                V, sides[0], sides[1], search_distance, name, planes=symmetry or {}
+            )
         else:
             master_face = OppositeFacets(
                 V,
@@ -228,7 +246,7 @@ class ContactPair(ContactSurface):
                 gap=gap,
                 surface=surface,
                 normal=None if normal is None else np.asarray(normal, dtype=np.float64),
-                interference=interference,
+                overlap=overlap,
                 must_match=method == "mixed",
                 axisymmetric=bool(axisymmetric),
                 name=name,
@@ -250,7 +268,7 @@ class ContactPair(ContactSurface):
                 self.points,
                 self.law_at_points,
                 name,
-                apart=not interference,
+                overlap,
                 axisymmetric=bool(axisymmetric),
             )
             return
@@ -287,6 +305,7 @@ class ContactPair(ContactSurface):
             ValueError: if there is no node beside a crossing that could take its part.
         """
         if self.slides:
+            self.points.require_held(fixed, self.name)
             return
         V = self.u.function_space
         trace = self.points.vertex_trace_dofs

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,10 @@ from dolfinx_contact._numbers import is_number
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.points.elements import check_name, displacement_degree
+from dolfinx_contact.points.opposite import Overlap
 from dolfinx_contact.points.sliding.points import SlidingFacets, check_slave
 from dolfinx_contact.points.surface import ContactSurface
-from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.trace import checked_planes, exterior_facets
 
 __all__ = ["SelfContact"]
 
@@ -36,6 +38,8 @@ def _check(a: Arguments) -> None:
     good = distance is None or (is_number(distance) and np.isfinite(distance) and distance > 0)
     if not good:
         raise ValueError(f"{a.name}: the search distance must be positive, got {distance!r}")
+    a.symmetry = checked_planes(a.symmetry, domain.geometry.dim, a.name)
+    Overlap.of(a.name, a.interference, a.remove_overlap)
     a.direction = _checked_direction(a.direction, domain.geometry.dim, a.name)
 
 
@@ -55,7 +59,9 @@ def _checked_direction(
 
 
 def _compared(a: Arguments) -> dict[str, Any]:
-    return {"direction": a.direction.tolist(), "search_distance": a.search_distance}
+    return {"direction": a.direction.tolist(), "search_distance": a.search_distance} | {
+        "symmetry": repr(a.symmetry)
+    }
 
 
 class SelfContact(ContactSurface):
@@ -77,6 +83,7 @@ class SelfContact(ContactSurface):
         direction: (dim,), by default the last axis.
         search_distance: how far before and behind a facet something counts as opposite, a length;
             by default a quarter of the size of the face.
+        interference, remove_overlap, symmetry: as of `ContactPair`.
         name: used in messages and tables.
 
     Raises:
@@ -93,12 +100,22 @@ class SelfContact(ContactSurface):
         tag: int | str | None = None,
         direction: npt.ArrayLike | None = None,
         search_distance: float | None = None,
+        interference: bool | float = False,
+        remove_overlap: float | None = None,
+        symmetry: Mapping[int, float] | None = None,
         name: str = "contact",
     ):
         V = u.function_space
         keep(V.mesh)
         face = exterior_facets(V.mesh, *tagged_facets(V.mesh.comm, facets, tag, name), name)
         along = np.asarray(direction, dtype=np.float64)
-        obstacle = SlidingFacets(V, face, face, search_distance, name, direction=along)
+        planes = symmetry or {}
+        obstacle = SlidingFacets(
+            V, face, face, search_distance, name, planes=planes, direction=along
+        )
         super().__init__(u, face, obstacle=obstacle, law=law, method="mixed", name=name)
-        check_slave(self.points, self.law_at_points, name, itself=True)
+        overlap = Overlap.of(name, interference, remove_overlap)
+        check_slave(self.points, self.law_at_points, name, overlap, itself=True)
+
+    def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
+        self.points.require_held(fixed, self.name)

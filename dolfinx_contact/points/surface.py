@@ -45,7 +45,7 @@ from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.node_points import AveragedPoints, NodePoints
 from dolfinx_contact.points.operators import ConstantOperator
-from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite, Overlap
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_revolution, check_section
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -75,6 +75,7 @@ def _check(a: Arguments) -> None:
             f"{a.name}: gaps of mixed contact are averages around nodes, and those from a surface "
             "of facets are known at points: take nodal or integral contact"
         )
+    Overlap.of(a.name, a.interference, None)
     check_revolution(a.name, a.axisymmetric, a.obstacle, a.law)
     a.axisymmetric = bool(a.axisymmetric)
     a.quadrature_degree = check_quadrature(
@@ -120,6 +121,10 @@ class ContactSurface(ReadOnly):
             slips along its surface, ``"small"`` for those of the reference configuration
             (`points.displaced`); by default large for bodies that are not linear, unless the
             obstacle is a rigid body that turns.
+        interference: of an obstacle of facets (`RigidSurface`, also as the shape of a `RigidBody`)
+            whether contact points may begin within it, from where they are pushed out, or how far,
+            a length; else that is an error, up to 5 % of a facet of the body. What begins within
+            other obstacles is pushed out.
         axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0, and
             the energy that of the whole circumference (`materials.Axisymmetric`): forces are those
             of the circumference then, and areas those that are swept (`points.revolution`).
@@ -187,6 +192,7 @@ class ContactSurface(ReadOnly):
         multiplier_degree: int = 1,
         quadrature_degree: int | None = None,
         sliding: SlidingKind | None = None,
+        interference: bool | float = False,
         axisymmetric: bool = False,
         name: str = "contact",
     ):
@@ -203,6 +209,8 @@ class ContactSurface(ReadOnly):
         if self.axisymmetric:
             check_section(domain, local, name)
         self._create_points(local, quadrature_degree)
+        if obstacle.outline is not None:
+            self._require_outside(Overlap.of(name, interference, None))
         self.sliding = sliding
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
@@ -272,6 +280,13 @@ class ContactSurface(ReadOnly):
         )
         self.multiplier = fem.Function(self.points.Q, name=f"{self.name}_traction")
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
+
+    def _require_outside(self, overlap: Overlap) -> None:
+        """Raise ``ValueError`` if points begin too far within an obstacle of facets. Collective."""
+        worst = self.comm.allreduce(float(np.min(self.points.gaps, initial=0.0)), op=min)
+        allowed = CURVED_OVERLAP * self.points.mean_width
+        unless = "if the normals of the obstacle point to the body"
+        overlap.require(self.comm, worst, allowed, self.name, unless)
 
     def _scatter(self) -> None:
         for f in self._functions:

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -14,10 +17,13 @@ from dolfinx import fem, la, mesh
 
 from dolfinx_contact._compat import is_topology_of
 from dolfinx_contact._errors import everywhere, require
+from dolfinx_contact._numbers import is_number
 from dolfinx_contact.body.cells import midpoints
 
 __all__ = [
+    "across_planes",
     "at_global_places",
+    "checked_planes",
     "exterior_facets",
     "facet_closures",
     "facet_normals",
@@ -26,6 +32,9 @@ __all__ = [
     "owned_exterior",
     "trace_dofs",
 ]
+
+
+_ON_PLANE = 1e-9  # of the largest coordinate, up to which a node lies on a plane of symmetry
 
 
 def owned_exterior(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
@@ -184,6 +193,65 @@ def facet_normals(
     if unit:
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return np.asarray(normals)
+
+
+def checked_planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:
+    """Planes of symmetry, by their axis, or ``ValueError`` if these are none. Not collective."""
+    if symmetry is None:
+        return {}
+    good = isinstance(symmetry, Mapping) and all(
+        isinstance(axis, int | np.integer)
+        and not isinstance(axis, bool)
+        and 0 <= axis < dim
+        and is_number(place)
+        and np.isfinite(place)
+        for axis, place in symmetry.items()
+    )
+    if not good:
+        raise ValueError(
+            f"{name}: symmetry has planes by their axis, 0 to {dim - 1}, as {{0: 0.0}} for x = 0, "
+            f"got {symmetry!r}"
+        )
+    return {int(axis): float(place) for axis, place in sorted(symmetry.items())}
+
+
+def across_planes(
+    V: fem.FunctionSpace,
+    facets: npt.NDArray[np.int32],
+    planes: Mapping[int, float],
+    name: str,
+) -> npt.NDArray[np.bool_]:
+    """Local nodes x dim, True along axes across planes of symmetry on which nodes lie. Collective.
+
+    Args:
+        V: a Lagrange space.
+        facets: local exterior facets, ghosts included.
+        planes: of symmetry, where they are by their axis.
+        name: of the surface.
+
+    Raises:
+        ValueError: on every rank, if no node of the facets lies on a plane, or some lie on either
+            side of it.
+    """
+    dim = V.mesh.geometry.dim
+    comm = V.mesh.comm
+    x = V.tabulate_dof_coordinates()[:, :dim]
+    on = nodes_on(V, facets)
+    across: npt.NDArray[np.bool_] = np.zeros(x.shape, dtype=bool)
+    size = comm.allreduce(float(np.max(np.abs(x), initial=0.0)), op=max)
+    for axis, place in planes.items():
+        off = x[:, axis] - place
+        near = np.abs(off) <= _ON_PLANE * size
+        across[:, axis] = on & near
+        counts = [across[:, axis], on & ~near & (off < 0), on & ~near & (off > 0)]
+        there, below, above = comm.allreduce(np.array([int(c.sum()) for c in counts]))
+        require(
+            comm,
+            there > 0 and not (below and above),
+            f"{name}: the plane of symmetry {'xyz'[axis]} = {place:g} does not end the face: "
+            f"{there} of its nodes lie on it, {below} below and {above} above",
+        )
+    return across
 
 
 def nodes_on(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:

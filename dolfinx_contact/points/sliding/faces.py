@@ -65,6 +65,8 @@ class SlidingFaces:
         trace: for every local vertex the local node of `V` at its place.
         master: local facets of the master, ghosts included.
         depth: how far rays reach, before the slave and behind it.
+        across: local nodes of `V` x dim, True across planes of symmetry, on which normals and slips
+            are means with their mirror images.
         direction: of a face that is slave and master, along which slaves lie farther in the mesh
             (dim,); None of two faces.
         axisymmetric: whether these are faces of bodies of revolution.
@@ -72,8 +74,6 @@ class SlidingFaces:
     Attributes:
         corners: local vertices of the facets of the slave that this rank owns (n, k).
         searches: how often candidates were searched for.
-        mirrored: local vertices of the slave on the axis of a body of revolution, whose normals are
-            means with their mirror images (n,).
     """
 
     def __init__(
@@ -85,6 +85,7 @@ class SlidingFaces:
         master: npt.NDArray[np.int32],
         depth: float,
         *,
+        across: npt.NDArray[np.bool_],
         direction: Array | None = None,
         axisymmetric: bool = False,
     ):
@@ -95,9 +96,13 @@ class SlidingFaces:
         self._V = V
         self._trace = trace
         self._map = vertices.dofmap.index_map
+        #: Of vectors at the local vertices what a mean with a mirror image leaves (n, dim).
+        self.kept: Array = np.where(across[trace], 0.0, 1.0)
+        #: Of sums around them what the mirror images make of these: each plane doubles them.
+        self.images: Array = self.kept * 2.0 ** across[trace].sum(axis=1, keepdims=True)
+        if axisymmetric:
+            self.images[on_axis(V)[trace], 0] = 0.0
         self._depth = depth
-        on = on_axis(V)[trace] if axisymmetric else np.zeros(len(trace), dtype=bool)
-        self.mirrored: npt.NDArray[np.bool_] = on
         owned = submesh.mesh.topology.index_map(submesh.mesh.topology.dim).size_local
         self.corners: Nodes = vertices.dofmap.list[:owned].astype(np.int64)
         self._size = self.dim * V.dofmap.index_map.size_local
@@ -121,6 +126,8 @@ class SlidingFaces:
         self._then: tuple[Array, Array, Array]  # positions and normals at the last search
         self._found: Candidates
         self._direction = direction
+        #: Of the local vertices, overlaps of the mesh that are no gaps.
+        self.removed: Array = np.zeros(self._map.size_local + self._map.num_ghosts)
         #: How far the bodies may overlap at each facet: of one face not through the body.
         self._deepest: Array = np.full(len(self.corners), depth)
         if direction is not None:
@@ -184,11 +191,9 @@ class SlidingFaces:
         return np.asarray(self._sense[:, None, None, None] * area_vector_rates(x))
 
     def at_nodes(self, of_facets: Array) -> Array:
-        """Sums of vectors of facets (n, dim) around the local vertices."""
+        """Sums of vectors of facets (n, dim) around the local vertices, with mirror images."""
         k = self.corners.shape[1]
-        found = self.sums(self._all, np.repeat(of_facets[:, None], k, axis=1))
-        found[self.mirrored, 0] = 0.0
-        return found
+        return self.images * self.sums(self._all, np.repeat(of_facets[:, None], k, axis=1))
 
     def of_master(self, values: Array, found: Candidates) -> Array:
         """Values of the owned nodes (n, dim) at the corners of candidates (m, b, dim)."""
@@ -462,8 +467,9 @@ class SlidingFaces:
         gaps = by * self.sums(facet, np.einsum("pqa,pq->pa", weighted, gap))
         # Faces that lie on each other in the mesh do not touch yet, whatever the sign of round-off.
         gaps = np.where(np.abs(gaps) <= self._no_gap, 0.0, gaps)
-        gaps = np.where(weight > 0, gaps, self._depth)
+        gaps = np.where(weight > 0, gaps + self.removed, self._depth)
         slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqad->pad", weighted, slip))
+        slips = self.kept * slips
         length = np.linalg.norm(m, axis=1)
         others = self.sums(facet, around)
         share = np.where(others > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)

@@ -65,7 +65,7 @@ class SlidingOperator(Operator):
         at = self._at_corners(tractions)
         sums = self.faces.sums(facing.facet, np.einsum("pab,pbd->pad", facing.mass, at))
         by = np.divide(1.0, around, out=np.zeros_like(around), where=around > 0)
-        return np.asarray(by[:, None] * sums)[: self.number]
+        return np.asarray(self.faces.kept * by[:, None] * sums)[: self.number]
 
     def _at_corners(self, tractions: Array) -> Array:
         """Tractions at corners of pieces (p, a, dim) of those at the owned points."""
@@ -123,7 +123,7 @@ class SlidingOperator(Operator):
         place, gap = facing.moved(mine, m[self.faces.corners[facing.facet]], theirs)
         gaps = self._means(np.einsum("pqa,pq->pa", facing.weighted, gap))
         slip = np.einsum("pqa,pqadi,pqi->pad", facing.weighted, facing.along, place, optimize=True)
-        slips = np.einsum("nij,nj->ni", nodal.rotation, self._means(slip))
+        slips = np.einsum("nij,nj->ni", nodal.rotation, self.faces.kept * self._means(slip))
         spun = np.einsum("nij,nj->ni", nodal.spin, self._normal_rate(m))
         return np.asarray(slips + spun - gaps[:, None] * nodal.normal)[: self.number]
 

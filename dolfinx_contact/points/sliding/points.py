@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -25,10 +26,10 @@ from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.node_points import NodePoints
 from dolfinx_contact.points.operators import Operator, Stencils
-from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.opposite import Opposite, Overlap
 from dolfinx_contact.points.sliding.faces import SlidingFaces
 from dolfinx_contact.points.sliding.operator import SlidingOperator
-from dolfinx_contact.points.trace import nodes_on, outward_normals
+from dolfinx_contact.points.trace import across_planes, nodes_on, outward_normals
 
 __all__ = [
     "SlidingFacets",
@@ -45,7 +46,7 @@ _SHARP = 35.0  # degrees between the normals of a node and of a facet, beyond wh
 _REACH = 0.25  # of the size of the smaller face, how far rays reach by default
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SlidingOpposite(Opposite):
     """The other face, of which every point may come to be opposite to the nodes of a surface.
 
@@ -55,8 +56,10 @@ class SlidingOpposite(Opposite):
         depth: how far rays reach.
         direction: of a face opposite to itself, along which slaves lie farther (dim,); None of two
             faces.
+        across: local nodes x dim, True across planes of symmetry on which nodes of the slave lie.
     """
 
+    across: npt.NDArray[np.bool_]
     depth: float = 0.0
     direction: Array | None = None
 
@@ -78,6 +81,7 @@ class SlidingFacets(Obstacle):
         master: likewise.
         depth: how far rays reach; None for a quarter of the size of the smaller face.
         name: of the pair, for messages.
+        planes: of symmetry, where they are by their axis.
         direction: as `SlidingOpposite` has it.
 
     Attributes:
@@ -97,6 +101,7 @@ class SlidingFacets(Obstacle):
         depth: float | None,
         name: str,
         *,
+        planes: Mapping[int, float],
         direction: Array | None = None,
     ):
         domain = V.mesh
@@ -132,12 +137,15 @@ class SlidingFacets(Obstacle):
             areas=None,
             sides=sides,
             master_facets=master,
+            across=across_planes(V, slave, planes, name),
             depth=depth,
             direction=direction,
         )
         W = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
         field = fem.Function(W)
-        field.x.array[:] = outward_normals(W, slave)[0].reshape(-1)
+        normals = outward_normals(W, slave)[0]
+        normals[self.opposite.across] = 0.0
+        field.x.array[:] = normals.reshape(-1)
         self._normal = field / ufl.sqrt(ufl.dot(field, field))
 
     @property
@@ -182,6 +190,7 @@ class SlidingPoints(NodePoints):
             *given,
             opposite.master_facets,
             opposite.depth,
+            across=opposite.across,
             direction=opposite.direction,
             axisymmetric=self._weight is not None,
         )
@@ -190,9 +199,38 @@ class SlidingPoints(NodePoints):
         self.operator: Operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
 
     @property
+    def mirrored(self) -> npt.NDArray[np.bool_]:
+        """Local vertices x dim, True across planes of symmetry, where mirror images cancel."""
+        return np.asarray(self.faces.kept == 0.0)
+
+    def require_held(self, fixed: npt.NDArray[np.bool_], name: str) -> None:
+        """Raise ``ValueError`` if nodes on planes of symmetry can leave these. Collective.
+
+        Args:
+            fixed: local nodes x dim, by Dirichlet data.
+            name: of the surface.
+        """
+        n = self._owned_nodes
+        free = self._opposite.across[:n] & ~fixed[:n]
+        count = self.comm.allreduce(int(free.any(axis=1).sum()))
+        require(
+            self.comm,
+            count == 0,
+            f"{name}: Dirichlet data let {count} nodes leave the plane of symmetry on which they "
+            "lie; hold them across it",
+        )
+
+    @property
     def depth(self) -> float:
         """How far before and behind the slave something counts as opposite."""
         return self._opposite.depth
+
+    def remove_overlap(self) -> None:
+        """Take what slave and master overlap by in the mesh from all gaps to come. Collective."""
+        overlap = -np.minimum(self.known.facing.nodal.gap, 0.0)
+        self.faces.removed = overlap
+        self._last = None
+        self.operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
 
     @property
     def whole_size(self) -> float:
@@ -246,18 +284,18 @@ def check_slave(
     points: ContactPoints,
     law: LawAtPoints,
     name: str,
+    overlap: Overlap,
     *,
-    apart: bool = True,
     itself: bool = False,
     axisymmetric: bool = False,
 ) -> None:
-    """Raise ``ValueError`` if a slave or its law cannot slide. Collective.
+    """Raise ``ValueError`` if a slave or its law cannot slide; remove an overlap. Collective.
 
     Args:
         points: of the slave.
         law: there.
         name: of the surface.
-        apart: whether bodies may not overlap in the mesh.
+        overlap: what becomes of bodies that overlap in the mesh.
         itself: whether it is a face that faces itself.
         axisymmetric: whether it is one of a body of revolution.
     """
@@ -268,8 +306,11 @@ def check_slave(
             f"law {law.law.name}"
         )
     _require_no_edge(points, name)
-    if apart:
-        _require_apart(points, name, itself=itself)
+    assert isinstance(points, SlidingPoints)
+    if np.isfinite(overlap.most):
+        _require_apart(points, name, overlap, itself=itself)
+    if overlap.removed:
+        points.remove_overlap()
 
 
 def _check_law(law: LawAtPoints, name: str) -> None:
@@ -289,15 +330,14 @@ def _check_law(law: LawAtPoints, name: str) -> None:
             )
 
 
-def _require_apart(points: ContactPoints, name: str, *, itself: bool) -> None:
-    """Raise ``ValueError`` if faces overlap in the reference configuration. Collective."""
-    assert isinstance(points, SlidingPoints)
+def _require_apart(points: SlidingPoints, name: str, overlap: Overlap, *, itself: bool) -> None:
+    """Raise ``ValueError`` if faces overlap by too much in the mesh. Collective."""
     nodal = points.known.facing.nodal
     worst = float(np.min(nodal.gap[: points.number], initial=0.0))
     worst = points.comm.allreduce(worst, op=min)
     allowed = _OVERLAP * points.mean_width
-    words = "interference=True for a press fit"
-    require(points.comm, worst >= -allowed, f"{name}: the bodies overlap by {-worst:.3g}; {words}")
+    words = "or remove_overlap for a start without stress"
+    overlap.require(points.comm, worst, allowed, name, words)
     if itself:
         return
     depth = points.depth
@@ -306,7 +346,8 @@ def _require_apart(points: ContactPoints, name: str, *, itself: bool) -> None:
         points.comm,
         behind <= depth,
         f"{name}: the master lies {behind:.3g} behind the slave, farther than the search distance "
-        f"{depth:.3g}: the bodies overlap, or slave and master do not look at each other; {words}",
+        f"{depth:.3g}: the bodies overlap, or slave and master do not look at each other; "
+        "interference=True for a press fit",
     )
 
 

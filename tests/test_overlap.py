@@ -1,0 +1,137 @@
+"""Bodies that start in each other: refused, a press fit, or removed without stress."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from _surfaces import brick
+from blocks import CELLS
+from test_large_sliding import block
+from test_pair import displacement
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    Frictionless,
+    RigidBody,
+    RigidSurface,
+)
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.materials import LinearElastic, lame
+from dolfinx_contact.meshing import join
+
+COMM = MPI.COMM_WORLD
+OVERLAP = 0.04
+LMBDA, MU = lame(1000.0, 0.3)
+KINDS = [(2, "small"), (2, "large"), (3, "small"), (3, "large")]
+
+
+def strips(dim):
+    """Two bodies on each other, of height 1, of which the upper one starts in the lower one."""
+    parts = []
+    for name, low, cells in (("lower", -1.0, 2), ("upper", -OVERLAP, 3)):
+        aside = [np.linspace(0.0, 1.0, cells + 1)] * (dim - 1)
+        kind = "quad" if dim == 2 else "hex"
+        body = create_grid(COMM, [*aside, low + np.linspace(0.0, 1.0, 3)], CELLS[kind])
+        height = 0.0 if name == "lower" else -OVERLAP
+        tag = 1 if name == "lower" else 2
+
+        def here(x, height=height):
+            return np.isclose(x[dim - 1], height)
+
+        facets = np.sort(mesh.locate_entities_boundary(body, dim - 1, here))
+        tags = np.full(len(facets), tag, dtype=np.int32)
+        parts.append((body, mesh.meshtags(body, dim - 1, facets, tags)))
+    bodies, tags = zip(*parts, strict=True)
+    return join(bodies, facet_tags=tags)
+
+
+def pressed(dim, sliding, **given):
+    """The strips between plates, in uniaxial strain."""
+    both = strips(dim)
+    u = displacement(both.mesh)
+    V = u.function_space
+    pair = ContactPair(u, both, slave=2, master=1, law=Frictionless(), sliding=sliding, **given)
+    bcs = []
+    for axis in range(dim):
+        ends = (-1.0, 1.0 - OVERLAP) if axis == dim - 1 else (0.0, 1.0)
+        W = V.sub(axis)
+
+        def here(x, axis=axis, ends=ends):
+            return np.isclose(x[axis], ends[0]) | np.isclose(x[axis], ends[1])
+
+        facets = mesh.locate_entities_boundary(both.mesh, dim - 1, here)
+        dofs = fem.locate_dofs_topological(W, dim - 1, facets)
+        bcs.append(fem.dirichletbc(fem.Constant(both.mesh, 0.0), dofs, W))
+    energy = LinearElastic(LMBDA, MU).energy(u) * ufl.dx
+    return ContactProblem(energy, u, [pair], bcs=bcs)
+
+
+@pytest.mark.parametrize(("dim", "sliding"), KINDS)
+@pytest.mark.verifies(
+    "press fits",
+    reference="closed form: uniaxial strain by half the overlap, or none where it is removed",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_two_strips(dim, sliding):
+    """A press fit has the pressure of half the overlap in each strip; removed it leaves nothing."""
+    modulus = LMBDA + 2 * MU
+    fit = pressed(dim, sliding, interference=1.01 * OVERLAP).solve()
+    np.testing.assert_allclose(fit.tables["contact"].pressure, 0.5 * OVERLAP * modulus, rtol=1e-8)
+    free = pressed(dim, sliding, remove_overlap=1.01 * OVERLAP)
+    result = free.solve()
+    np.testing.assert_allclose(result.tables["contact"].un, 0.0, atol=1e-14)
+    np.testing.assert_allclose(result.tables["contact"].force, 0.0, atol=1e-10)
+    np.testing.assert_allclose(free.u.x.array, 0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize(("dim", "sliding"), KINDS)
+@pytest.mark.refuses("press fits", aspects=("2D", "3D", "pairs", "large sliding"))
+def test_refused(dim, sliding):
+    """More than is allowed, and arguments that say two things or none."""
+    both = strips(dim)
+    u = displacement(both.mesh)
+    given = dict(slave=2, master=1, law=Frictionless(), sliding=sliding)
+    for options, words in (
+        ({}, r"overlap by 0\.04; interference=True for a press fit"),
+        ({"interference": 0.9 * OVERLAP}, r"overlap by 0\.04; interference allows 0\.036"),
+        ({"remove_overlap": 0.9 * OVERLAP}, r"overlap by 0\.04; remove_overlap allows 0\.036"),
+        ({"interference": -1.0}, "interference is True or False, or the largest overlap"),
+        ({"remove_overlap": True}, "remove_overlap is the largest overlap that is removed"),
+        ({"interference": True, "remove_overlap": 0.1}, "and not both"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            ContactPair(u, both, **given, **options)
+
+
+def tool(dim, closed):
+    """A box whose top is by some more than a facet within the unit block, or that top alone."""
+    points, cells = brick([-1.0] * dim, [*[2.0] * (dim - 1), 0.1])
+    if not closed:
+        top = np.isclose(points[cells][..., -1], 0.1).all(axis=1)
+        used, cells = np.unique(cells[top], return_inverse=True)
+        points, cells = points[used], cells.reshape(-1, dim)
+    return RigidSurface(points, cells)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.refuses("surfaces of facets", aspects=("2D", "3D"))
+def test_a_body_within_a_tool(dim, closed, moves):
+    """A body that starts in a tool of facets is refused, unless it is to be pushed out."""
+    obstacle = tool(dim, closed)
+    if moves:
+        names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+        obstacle = RigidBody(obstacle, about=[0.0] * dim, held=names)
+    cell = "quad" if dim == 2 else "hex"
+    at_rest = dict(cell=cell, top=[0.0] * dim, sliding="small")
+    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference=True"):
+        block(obstacle, **at_rest)
+    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference allows 0\.09"):
+        block(obstacle, interference=0.09, **at_rest)
+    pushed = block(obstacle, interference=0.1, **at_rest).solve()
+    np.testing.assert_allclose(pushed.tables["contact"].un, 0.0, atol=1e-12)

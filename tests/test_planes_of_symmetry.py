@@ -1,0 +1,163 @@
+"""Half a model of bodies that slide over each other, beside the whole one."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import CELLS
+from test_pair import displacement
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, SelfContact
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.materials import NeoHookean, lame
+from dolfinx_contact.meshing import join
+
+COMM = MPI.COMM_WORLD
+RUBBER = NeoHookean(*lame(1.0, 0.3))
+SLAVE, MASTER = 1, 2
+
+
+def bodies(dim, *, whole):
+    """A block with a curved top below a larger one, whole or on one side of each plane."""
+    parts = []
+    up = dim - 1
+    for width, cells, low, tag in ((1.0, 2, -1.0, SLAVE), (1.5, 2, 0.0, MASTER)):
+        start, number = (-width, 2 * cells) if whole else (0.0, cells)
+        aside = [np.linspace(start, width, number + 1)] * up
+        kind = "quad" if dim == 2 else "hex"
+        body = create_grid(COMM, [*aside, np.linspace(low, low + 1.0, 3)], CELLS[kind])
+
+        def here(x):
+            return np.isclose(x[up], 0.0)
+
+        facets = np.sort(mesh.locate_entities_boundary(body, up, here))
+        tags = np.full(len(facets), tag, dtype=np.int32)
+        if tag == SLAVE:
+            x = body.geometry.x
+            x[:, up] -= 0.15 * (x[:, up] + 1.0) * (x[:, :up] ** 2).sum(axis=1)
+        parts.append((body, mesh.meshtags(body, up, facets, tags)))
+    both, tags = zip(*parts, strict=True)
+    return join(both, facet_tags=tags)
+
+
+def pressed(dim, *, whole):
+    """The table of the pair after two steps with friction, and the iterations of each."""
+    body = bodies(dim, whole=whole)
+    domain = body.mesh
+    u = displacement(domain)
+    V = u.function_space
+    planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
+    given = dict(slave=SLAVE, master=MASTER, sliding="large", search_distance=0.5)
+    pair = ContactPair(u, body.facet_tags, law=Coulomb(0.3), symmetry=planes, **given)
+    down = fem.Constant(domain, [0.0] * dim)
+
+    def held(value, V, axis, place):
+        def here(x):
+            return np.isclose(x[axis], place)
+
+        facets = mesh.locate_entities_boundary(domain, dim - 1, here)
+        return fem.dirichletbc(value, fem.locate_dofs_topological(V, dim - 1, facets), V)
+
+    bcs = [held(down, V, dim - 1, 1.0), held(np.zeros(dim), V, dim - 1, -1.0)]
+    for axis in planes:
+        W = V.sub(axis)
+        bcs.append(held(fem.Constant(domain, 0.0), W, axis, 0.0))
+    problem = ContactProblem(RUBBER.energy(u) * ufl.dx, u, [pair], bcs=bcs)
+
+    def load(t):
+        down.value[dim - 1] = -t
+
+    steps = QuasiStatic(problem, load).run([0.0, 0.1, 0.2], rays=False, sudden=np.inf).steps
+    return steps[-1].result.tables["contact"], [s.result.iterations for s in steps]
+
+
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="itself: the whole model, of which it is a half",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_half_is_the_whole():
+    """Gaps, slips and tractions of the half are those of the whole, as are Newton's steps."""
+    dim = 2
+    whole, steps = pressed(dim, whole=True)
+    part, same_steps = pressed(dim, whole=False)
+    x = part.x
+    match = [int(np.argmin(np.linalg.norm(whole.x - place, axis=1))) for place in x]
+    np.testing.assert_allclose(whole.x[match], x, atol=1e-12)
+    assert (part.pressure > 1e-3).sum() >= dim
+    assert np.abs(part.ut).max() > 1e-3
+    for name in ("un", "ut", "pressure", "shear"):
+        there, here = (np.nan_to_num(getattr(t, name)) for t in (whole, part))
+        np.testing.assert_allclose(here, there[match], atol=1e-10, err_msg=name)
+    assert same_steps == steps
+
+
+def seen(dim, *, whole):
+    """Positions, normals and jumps of the slave's nodes (n, 3 dim) at a symmetric displacement."""
+    body = bodies(dim, whole=whole)
+    u = displacement(body.mesh)
+    planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
+    given = dict(slave=SLAVE, master=MASTER, sliding="large", search_distance=0.5)
+    pair = ContactPair(u, body.facet_tags, law=Coulomb(0.3), symmetry=planes, **given)
+
+    def moved(x):
+        values = 0.1 * x[:dim] * (1.0 + x[dim - 1] + x[0] ** 2)
+        values[dim - 1] = 0.1 * x[0] ** 2 - 0.2 * (x[dim - 1] < 1e-9)
+        return values
+
+    u.interpolate(moved)
+    n = pair.owned_nodes
+    now = u.x.array.reshape(-1, dim)[:n]
+    nodal = pair.points.at(now, 0.3 * now).facing.nodal
+    rows = np.hstack([pair.positions, nodal.normal[: len(pair.positions)]])
+    rows = np.hstack([rows, nodal.jump[: len(pair.positions)]])
+    return np.concatenate(COMM.allgather(rows))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="itself: the whole model, of which it is a half or a quarter",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_part_sees_what_the_whole_sees(dim):
+    """Normals, gaps and slips at a state in which nothing is in anything else."""
+    whole = seen(dim, whole=True)
+    part = seen(dim, whole=False)
+    assert len(part) == 3 ** (dim - 1)
+    for row in part:
+        off = np.linalg.norm(whole[:, :dim] - row[:dim], axis=1)
+        np.testing.assert_allclose(row, whole[np.argmin(off)], atol=1e-12)
+    tilted = np.abs(part[:, dim]).max()
+    slip = np.abs(part[:, 2 * dim]).max()
+    assert min(tilted, slip) > 0.01
+
+
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
+def test_refused():
+    """Planes that are none, do not end the face, or that nodes can leave."""
+    body = bodies(2, whole=False)
+    u = displacement(body.mesh)
+    given = dict(law=Coulomb(0.3), slave=SLAVE, master=MASTER, sliding="large")
+    for symmetry, words in (
+        ({2: 0.0}, "planes by their axis, 0 to 1"),
+        ([0], "planes by their axis"),
+        ({0: 0.5}, r"x = 0.5 does not end the face: \d of its nodes lie on it, [1-9] below"),
+        ({0: -1.0}, "0 of its nodes lie on it"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            ContactPair(u, body.facet_tags, symmetry=symmetry, **given)
+    small = given | {"sliding": "small", "symmetry": {0: 0.0}}
+    with pytest.raises(ValueError, match="planes of symmetry are for sliding='large'"):
+        ContactPair(u, body.facet_tags, **small)
+    top = body.facet_tags.find(SLAVE)
+    for surface in (
+        ContactPair(u, body.facet_tags, symmetry={0: 0.0}, **given),
+        SelfContact(u, top, law=Coulomb(0.3), symmetry={0: 0.0}),
+    ):
+        with pytest.raises(ValueError, match="let 1 nodes leave the plane of symmetry"):
+            ContactProblem(RUBBER.energy(u) * ufl.dx, u, [surface])
