@@ -25,11 +25,11 @@
 #
 # These meshes are coarse, two cells in a wall: without friction they are at 5 mm 5, 2 and 0.7 per
 # cent above the highest published curve. Normals at the planes of symmetry are means with their
-# mirror images (`symmetry`); one-sided ones give the same forces to 3e-4. With n = 4, back from 6.5 to 4 mm (`--back`), the plane
-# finds the same forces to all digits that are printed: along this path there is one state at each
-# place of the plane. Where the force falls there are three at a load. States that are not
-# symmetric, which an octant does not have, and others that the path does not reach were not looked
-# for; nothing here proves that there are none.
+# mirror images (`symmetry`); one-sided ones give the same forces to 3e-4. With n = 4, back from 6.5
+# to 4 mm (`--back`), the plane finds the same forces to all digits that are printed: along this
+# path there is one state at each place of the plane. Where the force falls there are three at a
+# load. States that are not symmetric, which an octant does not have, and others that the path does
+# not reach were not looked for; nothing here proves that there are none.
 
 from mpi4py import MPI
 
