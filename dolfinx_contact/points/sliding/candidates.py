@@ -119,7 +119,7 @@ def _near(
 def _around_rays(q: Array, tree: Any, depth: float, more: float) -> tuple[Nodes, Nodes]:
     """Numbers of questions and of middles of facets in cylinders around their rays, and some more.
 
-    Rays are bisected, and halves without a facet nearby dropped, so that what is looked at is what
+    Rays are bisected, and halves without a facet nearby dropped, so that what is examined is what
     lies along them, and not all that is as near as they are long.
     """
     dim = tree.m
