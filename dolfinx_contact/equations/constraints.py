@@ -74,10 +74,8 @@ class Constraints:
             removed = _removed(s, held)
             if s.degrees[1] == 1:  # elsewhere there is no crossing
                 removed[vertices] = True
-            if s.slides:
-                removed |= s.points.mirrored
-            self.removed.append(removed)
-            self.clamped.append(np.asarray(removed.all(axis=1)))
+            self.removed.append(removed | s.points.mirrored)
+            self.clamped.append(np.asarray(self.removed[-1].all(axis=1)))
             n = s.points.Q.dofmap.index_map.size_local
             left = s.comm.allreduce(int((~self.clamped[-1][:n]).sum()))
             require(s.comm, left > 0, _why_none_is_left(s))

@@ -194,6 +194,19 @@ class ContactPoints(ABC):
     def cells(self) -> npt.NDArray[np.int32]:
         """Cells of the submesh that this rank owns and that have points."""
 
+    @property
+    def mirrored(self) -> npt.NDArray[np.bool_]:
+        """Local multiplier nodes x dim, True across planes of symmetry, where images cancel."""
+        return np.zeros((len(self.trace_dofs), self.dim), dtype=bool)
+
+    def require_held(self, fixed: npt.NDArray[np.bool_], name: str) -> None:  # noqa: B027
+        """Raise ``ValueError`` if nodes on planes of symmetry can leave these. Collective.
+
+        Args:
+            fixed: local nodes x dim, by Dirichlet data.
+            name: of the surface.
+        """
+
     @abstractmethod
     def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
         """What is given at the local vertices, of that at the local points. Collective."""

@@ -200,16 +200,9 @@ class SlidingPoints(NodePoints):
 
     @property
     def mirrored(self) -> npt.NDArray[np.bool_]:
-        """Local vertices x dim, True across planes of symmetry, where mirror images cancel."""
         return np.asarray(self.faces.kept == 0.0)
 
     def require_held(self, fixed: npt.NDArray[np.bool_], name: str) -> None:
-        """Raise ``ValueError`` if nodes on planes of symmetry can leave these. Collective.
-
-        Args:
-            fixed: local nodes x dim, by Dirichlet data.
-            name: of the surface.
-        """
         n = self._owned_nodes
         free = self._opposite.across[:n] & ~fixed[:n]
         count = self.comm.allreduce(int(free.any(axis=1).sum()))
