@@ -16,12 +16,14 @@ import bisect
 import difflib
 import importlib.abc
 import importlib.util
+import inspect
 import os
 import random
 import re
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 TREE = Path(__file__).resolve().parents[1]
@@ -62,8 +64,8 @@ ROOMS = {
         ["test_evolution.py", "test_slip_memory.py", "test_motion.py"],
     ),
 }
-#: Of a room, a file of tests that ask one module by itself, by their function `holds`.
-ALONE = {"checker": "test_recorded_proofs"}
+#: Of a room, files of tests that need one module alone, and of pytest no more than its cases.
+ALONE = {"checker": ("test_recorded_proofs", "test_bounds_in_closed_form")}
 #: Operators of Cosmic Ray that are tried. The others put something grosser in the same place (a
 #: shift or a power for a sum, which numbers that are no integers refuse anyhow), or what is the
 #: same in Python (`is` for `==` of words and small numbers).
@@ -151,13 +153,45 @@ def forget_the_package():
         del sys.modules[name]
 
 
-def seen(mutant, tests, alone=None):
+def ask_alone(files, before, module):
+    """Run tests that see a module by its name, or names that are in it."""
+    known = {**vars(before), "cp": before}
+    for file in files:
+        for name, value in list(vars(file).items()):
+            if name in known and value is known[name]:
+                setattr(file, name, module if value is before else getattr(module, name))
+        for name, test in list(vars(file).items()):
+            if name.startswith("test_"):
+                for case in cases(test):
+                    with tempfile.TemporaryDirectory() as folder:
+                        wanted = {"tmp_path": Path(folder)} if "tmp_path" in name_of(test) else {}
+                        test(**case, **wanted)
+
+
+def name_of(test):
+    """Names of what a test is given."""
+    return inspect.signature(test).parameters
+
+
+def cases(test):
+    """The arguments of a test by its `pytest.mark.parametrize`, without those that take long."""
+    marks = [m for m in getattr(test, "pytestmark", ()) if m.name == "parametrize"]
+    found = [{}]
+    for mark in marks:
+        names = mark.args[0].split(",") if isinstance(mark.args[0], str) else mark.args[0]
+        names = [n.strip() for n in names]
+        rows = [v if len(names) > 1 else (v,) for v in mark.args[1] if not hasattr(v, "marks")]
+        found = [{**a, **dict(zip(names, row, strict=True))} for a in found for row in rows]
+    return found
+
+
+def seen(mutant, tests, alone=()):
     """Whether a test fails in a fork, or the mutant hangs.
 
     Args:
         mutant: None for the package as it is.
         tests: arguments of pytest.
-        alone: a file of tests of the module by itself, asked before the package is imported anew.
+        alone: files of tests of the module by itself, asked before the package is imported anew.
     """
     import pytest
 
@@ -169,11 +203,12 @@ def seen(mutant, tests, alone=None):
         signal.setitimer(signal.ITIMER_PROF, SECONDS)
         status = 1
         try:
-            forget_the_package()
             if mutant is not None:
+                before = sys.modules.get(mutant.name)
                 sys.meta_path.insert(0, mutant)
-                if alone is not None:
-                    alone.holds(mutant.alone())
+                if alone:
+                    ask_alone(alone, before, mutant.alone())
+                forget_the_package()
             status = int(pytest.main(["-x", "-q", *tests])) if tests else 0
         finally:
             os._exit(status)
@@ -250,7 +285,7 @@ def hunt(room, folder, sample, files):
     from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkResult
 
     tests = [f"tests/{t}" for t in ROOMS[room][1][:files]]
-    alone = importlib.import_module(ALONE[room]) if room in ALONE else None
+    alone = [importlib.import_module(name) for name in ALONE.get(room, ())]
     session = folder / f"{room}.sqlite"
     if not session.exists():
         if seen(None, tests):

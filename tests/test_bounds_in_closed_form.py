@@ -29,6 +29,7 @@ from dolfinx_contact.analysis.check_proof import (
     solve_in_space,
     solve_piece,
     solved,
+    space_differences,
 )
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
@@ -335,6 +336,48 @@ def test_statuses_that_a_point_in_space_cannot_have():
             assert (proved is not None and len(proved.inside) == 1) == (code in codes), code
             for change in ({"z": [solved[:2]]}, {"z": solved}, {"codes": [code, code]}):
                 assert taken(problem, [{**step, **change}]) is None
+
+
+def test_what_differences_need():
+    """A known solution fits the sets only where its own status does; weights are not negative."""
+    flat = ReducedProblem(*THREE).scaled
+    ub = StatusRegion.whole(flat).ub
+    slip, stick = (solve_piece(flat, np.array([code], dtype=np.int8)) for code in (3, 1))
+    fitting = [(slip, 8), (stick, 2)]
+    others = [(slip, 2), (slip, 1), (slip, 4), (stick, 8), (stick, 9)]
+    for piece, allowed in (*fitting, *others):
+        found = differences(piece, np.array([allowed]), ub)
+        assert (found is not None) == ((piece, allowed) in fitting)
+    problem = node_in_space().scaled
+    region = SpaceRegion.whole(problem)
+    cells = region.cells
+    starts = [np.linalg.solve(problem.S, problem.p), -problem.p, np.array([0.5, 3.1, 0.5])]
+    pieces = [
+        solve_in_space(problem, np.array([code], dtype=np.int8), z[None])
+        for code, z in enumerate(starts)
+    ]
+    for code, kind in itertools.product(range(3), range(3)):
+        found = space_differences(pieces[code], cells.kept(cells.kind == kind), region.most)
+        assert (found is not None) == (code == kind)
+    stuck = space_differences(pieces[1], cells.kept(cells.kind == 1), region.most)
+    assert len(stuck.unknown) == 0
+    opened = space_differences(pieces[0], cells.kept(cells.kind == 0), region.most)
+    weights = np.ones((9, 1))
+    assert opened.prove(weights, 1.0)
+    for mu in (-1e-9, -1.0, np.nan, np.inf, 0.0):
+        assert not opened.prove(weights, mu)
+    for bad in (-1e-9, np.nan, np.inf):
+        other = weights.copy()
+        other[8] = bad
+        assert not opened.prove(other, 1.0)
+    given = ReducedProblem(
+        np.eye(3), np.array([0.1, 0.0, -1.0]), np.zeros(1), np.array([0.5])
+    ).scaled
+    held = solve_in_space(given, np.array([1], dtype=np.int8), -given.p[None])
+    whole = SpaceRegion.whole(given)
+    for kind, fits in ((0, False), (3, True)):
+        kept = whole.cells.kept(whole.cells.kind == kind)
+        assert (space_differences(held, kept, whole.most) is not None) == fits
 
 
 def test_what_two_in_space_say_of_each_other():

@@ -99,24 +99,6 @@ def test_the_command_says_what_it_said(number, tmp_path):
     assert told(certificate, tmp_path) == STORED[number]["told"]
 
 
-def holds(module):
-    """All of them, of another module than that of the package (`mutants.py`)."""
-    global cp
-    cp = module
-    # Those with most kinds of bounds first, of both dimensions.
-    first = [12, 22, 19]
-    every = [*first, *(k for k in range(len(STORED)) if k not in first)]
-    for number in every[:3]:
-        test_bounds_are_what_they_were(number)
-    for number in every:
-        test_stored_proofs_hold(number)
-    for number in every[3:]:
-        test_bounds_are_what_they_were(number)
-    with tempfile.TemporaryDirectory() as folder:
-        for number in every:
-            test_the_command_says_what_it_said(number, folder)
-
-
 # -- what is recorded ------------------------------------------------------------------------------
 
 
