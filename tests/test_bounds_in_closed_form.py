@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from dolfinx_contact.analysis import Certificate, InvalidCertificate, ReducedProblem, check
+from dolfinx_contact.analysis import check_proof as cp
 from dolfinx_contact.analysis.check_proof import (
     MOST_PIECES,
     NARROWEST,
@@ -72,11 +73,51 @@ def test_definite_up_to_the_least_eigenvalue(scale):
     assert not positive_definite(np.diag([1.0, -1.0]), np.zeros((2, 2)))
 
 
+def test_matrices_that_contract():
+    """G v < v for a v > 0 where all eigenvalues are below 1, also where rows of G are 0."""
+    for diagonal, contracts in (((0, 0.5), True), ((0.5, 0.999), True), ((0.5, 1), False)):
+        assert cp._contracts(np.diag(np.array(diagonal, dtype=float))) == contracts
+    assert cp._contracts(np.array([[0.1, 3.0], [0.25, 0.1]]))
+    assert not cp._contracts(np.array([[0.1, 5.0], [0.25, 0.1]]))
+    assert not cp._contracts(np.array([[np.nan]]))
+
+
+def test_solutions_that_cannot_be_distinguished():
+    """Two that may be one: inside they are refused, at a border both are named."""
+    border = ReducedProblem(np.eye(3), np.array([0.3, 0.4, -1.0]), np.array([0.5]))
+    touching = solve_in_space(border, np.array([1], dtype=np.int8), -border.p[None])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cp, "_is_same", lambda a, b: None)
+        proved = cp.Proved()
+        proved.add(touching)
+        proved.add(touching)
+        assert [len(q) for q in (proved.inside, proved.border)] == [0, 2]
+        inside = ReducedProblem(np.eye(3), np.array([0.1, 0.2, -1.0]), np.array([0.5]))
+        stick = solve_in_space(inside, np.array([1], dtype=np.int8), -inside.p[None])
+        proved.add(stick)
+        with pytest.raises(InvalidCertificate, match="distinguished"):
+            proved.add(stick)
+    proved = cp.Proved()
+    proved.add(stick)
+    proved.add(stick)
+    assert len(proved.inside) == 1
+
+
+def test_vectors_are_kept_once():
+    proof = Certificate(ReducedProblem(*THREE))
+    y = np.ones(2)
+    assert [proof.vector(v) for v in (y, y, np.ones(2), y)] == [0, 0, 1, 2]
+    assert len(proof.vectors) == 3
+
+
 def test_least_eigenvalues():
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
     assert 0.8 < least_eigenvalue(S, np.zeros((2, 2))) < 1.0
     assert least_eigenvalue(S, np.full((2, 2), 0.6)) == 0.0
     assert least_eigenvalue(-S, np.zeros((2, 2))) == 0.0
+    for bad, error in ((-S, None), (S, np.full((2, 2), 0.6)), (S * 0, None)):
+        with pytest.raises(ValueError, match="not positive definite"):
+            ReducedProblem(bad, np.ones(2), np.ones(1), None, error)
 
 
 def test_intervals_hold_their_ends():
@@ -375,9 +416,27 @@ def test_what_differences_need():
     ).scaled
     held = solve_in_space(given, np.array([1], dtype=np.int8), -given.p[None])
     whole = SpaceRegion.whole(given)
+    beyond = ReducedProblem(
+        np.eye(3), np.array([0.9, 0.0, -1.0]), np.zeros(1), np.array([0.5])
+    ).scaled
+    drawn = solve_in_space(beyond, np.array([1], dtype=np.int8), -beyond.p[None])
+    assert drawn.verdict == "outside"
+    closed = whole.cells.kept(whole.cells.kind == 3)
+    assert space_differences(drawn, closed, whole.most) is None
     for kind, fits in ((0, False), (3, True)):
         kept = whole.cells.kept(whole.cells.kind == kind)
         assert (space_differences(held, kept, whole.most) is not None) == fits
+
+
+def test_a_slip_of_data_with_errors():
+    """The ball grows until it holds the slip of all data within the errors."""
+    z = np.array([[0.5, 3.1, 0.5]])
+    exact = solve_in_space(node_in_space().scaled, np.array([2], dtype=np.int8), z)
+    errors = {"S_error": np.full((3, 3), 1e-3), "p_error": np.full(3, 1e-3)}
+    wide = solve_in_space(node_in_space(**errors).scaled, np.array([2], dtype=np.int8), z)
+    assert (np.abs(wide.state - exact.state) <= wide.away).all()
+    assert 1e-3 < wide.away.max() < 0.1
+    assert exact.away.max() < 1e-13
 
 
 def test_what_two_in_space_say_of_each_other():
