@@ -436,7 +436,22 @@ def test_a_slip_of_data_with_errors():
     wide = solve_in_space(node_in_space(**errors).scaled, np.array([2], dtype=np.int8), z)
     assert (np.abs(wide.state - exact.state) <= wide.away).all()
     assert 1e-3 < wide.away.max() < 0.1
+    # A first ball of twice the residual is not enough where errors of S count as much.
+    errors = {"S_error": np.full((3, 3), 0.017)}
+    assert solve_in_space(node_in_space(**errors).scaled, np.array([2], dtype=np.int8), z)
     assert exact.away.max() < 1e-13
+
+
+def test_arcs_on_either_side():
+    """The angle between two slips is bounded up to 2.8, more than a right angle."""
+    problem = node_in_space().scaled
+    piece = solve_in_space(problem, np.array([2], dtype=np.int8), np.array([[0.5, 3.1, 0.5]]))
+    region = SpaceRegion.whole(problem)
+    for first, last, bounded in ((3, 5, True), (5, 7, True), (2, 5, False), (2, 9, False)):
+        keep = (region.cells.kind == 2) & np.isin(np.arange(10), range(first, last + 1))
+        cells = region.cells.kept(keep)
+        found = space_differences(piece, cells, region.most)
+        assert found.has[6, 0] == bounded
 
 
 def test_what_two_in_space_say_of_each_other():
