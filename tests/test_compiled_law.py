@@ -182,6 +182,7 @@ def test_what_is_known_of_laws():
             assert compiled.rows[list(compiled.codes)].tolist() == list(range(len(compiled.codes)))
             assert [n for n in compiled.names if n in law.given] == list(law.given)
             assert compiled.needs_time(0.0) == (name == "RCCM")
+            assert isinstance(compiled.signature, str)
             signatures.add(compiled.signature)
     assert len(signatures) == 2 * len(LAWS)
 
