@@ -1,7 +1,7 @@
 """Mutants of the core: a token is changed, and the tests of its room have to see it.
 
-For every room (`ROOMS`) Cosmic Ray lists the mutants of its modules in a session, without those of
-`LEFT_OUT`. Each is tried by the tests of that room, those that see most first, in a fork of one
+For every room (`ROOMS`) Cosmic Ray lists the mutants of its modules in a session, those by
+`OPERATORS`. Each is tried by the tests of that room, those that see most first, in a fork of one
 process that has imported all but the package: a mutant that is seen at once costs half a second. A
 session continues where it was left, and `--sample` takes so many of each room, the same ones every
 time. Beside the sessions are `ROOM.txt`, with the score and what has survived as differences.
@@ -92,11 +92,10 @@ def interpreter(folder):
 
 
 def without_effect(source):
-    """Places of the source whose change nothing can see, as pairs of (line, column).
+    """Places of the source whose change no number can see, as pairs of (line, column).
 
-    These are annotations, which `from __future__ import annotations` leaves unevaluated, arguments
-    of `MESSAGES`, and decorators that only say how an attribute is kept (`cached_property` for
-    `property` changes the time alone, but the other way round would not work: those are tried).
+    These are annotations, which `from __future__ import annotations` leaves unevaluated, and arguments
+    of `MESSAGES`.
     """
     found = []
 
