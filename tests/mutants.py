@@ -94,8 +94,8 @@ def interpreter(folder):
 def without_effect(source):
     """Places of the source whose change no number can see, as pairs of (line, column).
 
-    These are annotations, which `from __future__ import annotations` leaves unevaluated, and arguments
-    of `MESSAGES`.
+    These are annotations, which `from __future__ import annotations` leaves unevaluated, and
+    arguments of `MESSAGES`.
     """
     found = []
 
