@@ -286,10 +286,14 @@ class Newton:
             self._known = after.array_r.copy(), b.array_r.copy()
 
     def _is_solved(self, b: PETSc.Vec) -> bool:
-        """Whether the residual ``b`` of the state needs no correction. Collective."""
+        """Whether a full step has led to a solution, H there being ``b``. Collective."""
+        tolerance = self.snes.getTolerances()[0]
+        reduced = self.snes.getKSP().getTolerances()[0]
+        if reduced * self.attempt.steps[-1].measures.worst > tolerance:
+            return False  # its linear system was not solved to that end
         state = replace(self.state, rows=self.equations.blocks(b))
         measures = copy(self.scales).measure(state)  # which a state on the way does not change
-        return measures.worst <= self.snes.getTolerances()[0]
+        return measures.worst <= tolerance
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         eq = self.equations
