@@ -174,6 +174,30 @@ def test_what_is_affine_stays_so():
     assert follow(system, _start(system), 0.0, gamma_range=(0.0, 1.0), route="pivoting").points
 
 
+@pytest.mark.parametrize(
+    ("term", "rest", "load"),
+    [
+        (None, 0.0, 0.0),
+        (lambda p: ufl.dot(p.u, p.u) ** 1.0 * ufl.dx, 0.0, 0.0),
+        (lambda p: (3.0 + p.u[0] * p.u[1]) * ufl.dx, 3.0, 0.0),
+        (lambda p: (p.u[0] - 0.5) ** 2 * ufl.dx, 0.25, -1.0),
+        (lambda p: -5 * p.u[0] * p.side, 0.0, -5.0),
+    ],
+)
+def test_what_is_left_at_rest(term, rest, load, monkeypatch):
+    """The energy, and the sum of the rows, at zero displacement: assembled if anything is left."""
+    body = Plate(term).problem.equations.bulk
+    assembled = []
+    plain = body.residual_at
+    monkeypatch.setattr(body, "residual_at", lambda u: assembled.append(1) or plain(u))
+    none = np.zeros_like(body.displacement.x.array)
+    body.stiffness(none)
+    assert body.energy_at(none) == pytest.approx(rest, abs=1e-14)
+    rows = body.affine_load().sum()
+    assert COMM.allreduce(rows) == pytest.approx(load, abs=1e-14)
+    assert len(assembled) == int(load != 0)
+
+
 SHAPES = {
     "up and down": lambda g: 1 - abs(g - 1),
     "up to": lambda g: ufl.min_value(g, 0.5),

@@ -155,7 +155,10 @@ class Bulk:
         # Of a linear body it is that at rest and the work of the mean forces since.
         mark = self._mark([*self._data, *self._loads])
         if self._rest is None or not self._same(mark, self._rest[0]):
-            self._rest = mark, self._assembled_energy(np.zeros_like(u))
+            rest = 0.0
+            if not _vanishes(self.energy, self.displacement):
+                rest = self._assembled_energy(np.zeros_like(u))
+            self._rest = mark, rest
         assert self._f is not None
         work = 0.5 * float(np.dot(u[: self._owned], rows + self._f))
         return self._rest[1] + float(self.comm.allreduce(work))
@@ -294,6 +297,11 @@ class Bulk:
 
     def _load(self) -> npt.NDArray[np.float64]:
         """Owned entries of the residual at zero displacement. Collective."""
+        key = self.residual.signature()
+        if key not in _unloaded:
+            _unloaded[key] = _vanishes(self.residual, self.displacement)
+        if _unloaded[key]:
+            return np.zeros(self._owned)
         return self.residual_at(np.zeros_like(self.displacement.x.array))
 
     @property
@@ -326,6 +334,8 @@ class Bulk:
             self._K = None
 
 
+#: By the signature of a residual, whether it vanishes without a displacement.
+_unloaded: dict[str, bool] = {}
 #: By the signature of a derivative, places of what is left in it among all that occurs in it.
 _left: dict[str, tuple[list[int], list[int]]] = {}
 
@@ -343,6 +353,12 @@ def _given_in(derivative: ufl.Form) -> tuple[list[fem.Function], list[fem.Consta
         )
     kept = _left[key]
     return [coefficients[i] for i in kept[0]], [constants[i] for i in kept[1]]
+
+
+def _vanishes(form: ufl.Form, u: fem.Function) -> bool:
+    """Whether nothing is left of a form where ``u`` is zero, by what it is made of."""
+    none = ufl.classes.Zero(u.ufl_shape)
+    return bool(ufl.replace(form, {u: none}).empty())
 
 
 def _different(form: ufl.Form, residual: ufl.Form) -> list[ufl.Form]:

@@ -306,6 +306,8 @@ def _nodes(s: ContactSurface) -> npt.NDArray[np.int64]:
 
 def _node_normals(s: ContactSurface) -> npt.NDArray[np.float64]:
     """Normals at the local multiplier nodes, from those at the vertices."""
+    if s.degrees[1] == 1:
+        return s.points.vertex_normals.copy()
     normals = fem.Function(s.points.Q)
     component = fem.Function(s.points.vertices)
     for i in range(s.dim):

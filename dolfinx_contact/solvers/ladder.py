@@ -198,7 +198,11 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
             check_turn(s, None)
     _require_start(eq, x0)
     require_obstacles(eq)
-    lost = without_normal(eq, eq.contact(x0))
+    b = eq.create_vector()
+    state = eq.residual(x0, b)
+    finite = bool(np.isfinite(b.array_r).all())
+    b.destroy()
+    lost = without_normal(eq, state)
     require(eq.comm, not lost, lost)
     for s in eq.surfaces:
         require_finite_geometry(s)
@@ -208,10 +212,6 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     given = bool(np.isfinite(eq.rigid.numbers()).all())
     require(eq.comm, given, "a load or motion of a rigid body is not finite")
     eq.constraints.check_values(eq.surfaces, eq.body_size)
-    b = eq.create_vector()
-    state = eq.residual(x0, b)
-    finite = bool(np.isfinite(b.array_r).all())
-    b.destroy()
     if not eq.comm.allreduce(int(finite), op=MPI.MIN):
         place = not_finite(eq, placed_data(eq)) or _not_finite_law(eq, state)
         place = place or "loads and material data, for NaN"

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -250,9 +251,11 @@ class Newton:
             b.axpy(self.load - 1.0, self.offset)
 
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
-        statuses = self.held if self._guess is None else self._guess
+        guess = self._guess
         self._guess = None
-        state = self.equations.contact(x, statuses)
+        state = self.state
+        if guess is not None or not self._everywhere(np.array_equal(x.array_r, self._at)):
+            state = self.equations.contact(x, self.held if guess is None else guess)
         before = self.linear.matrix
         self.linear.update(state)
         if self.linear.matrix is not before:  # the SNES takes its matrix after this call
@@ -274,13 +277,23 @@ class Newton:
             there = x.array_r.copy()
 
         def correct(_x: PETSc.Vec, b: PETSc.Vec, d: PETSc.Vec) -> bool:
-            return self.linear.correct(self.state, b, d)
+            return not self._is_solved(b) and self.linear.correct(self.state, b, d)
 
         if settle(evaluate, correct, after, b, d, rounds):
             step.waxpy(-1.0, after, x)
         if self._everywhere(np.array_equal(after.array_r, there)):  # no correction was refused
             after.waxpy(-1.0, step, x)  # as the line search will
             self._known = after.array_r.copy(), b.array_r.copy()
+
+    def _is_solved(self, b: PETSc.Vec) -> bool:
+        """Whether a full step has led to a solution, H there being ``b``. Collective."""
+        tolerance = self.snes.getTolerances()[0]
+        reduced = self.snes.getKSP().getTolerances()[0]
+        if reduced * self.attempt.steps[-1].measures.worst > tolerance:
+            return False  # its linear system was not solved to that end
+        state = replace(self.state, rows=self.equations.blocks(b))
+        measures = copy(self.scales).measure(state)  # which a state on the way does not change
+        return measures.worst <= tolerance
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         eq = self.equations
