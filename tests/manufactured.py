@@ -25,6 +25,7 @@ from blocks import box, facets
 
 import ufl
 from dolfinx import fem
+from ufl.domain import extract_unique_domain
 
 from dolfinx_contact import (
     ContactPair,

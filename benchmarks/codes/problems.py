@@ -88,6 +88,22 @@ class Problem:
         """Of the contact nodes over the plane, before anything moves (m,)."""
         return (self.x[self.contact] - self.point) @ self.normal
 
+    def opposite(self):
+        """What lies below the contact nodes at rest: nodes of faces (m, 2), and their shares.
+
+        Of two plane bodies; there are none on a rigid plane (m, 0).
+        """
+        if not len(self.master_faces):
+            nothing = np.zeros((len(self.contact), 0))
+            return nothing.astype(int), nothing
+        start, end = self.x[self.master_faces[:, 0]], self.x[self.master_faces[:, 1]]
+        along = end - start
+        over = self.x[self.contact][:, None] - start
+        at = (over * along).sum(axis=2) / (along**2).sum(axis=1)
+        face = np.abs(np.clip(at, 0, 1) - at).argmin(axis=1)
+        at = at[np.arange(len(face)), face]
+        return self.master_faces[face], np.stack([1 - at, at], axis=1)
+
     def _nodal_loads(self):
         """Equal shares of cells and faces: exact for simplices and parallelograms."""
         loads = np.zeros((self.steps, *self.x.shape))
@@ -114,6 +130,16 @@ class Problem:
         """The problem of a file."""
         with np.load(path) as data:
             return Problem(**{k: data[k].item() if not data[k].ndim else data[k] for k in data})
+
+
+def tangents(normal):
+    """Unit vectors across the normal (dim - 1, dim)."""
+    if len(normal) == 2:
+        return np.array([[normal[1], -normal[0]]])
+    first = np.eye(3)[np.abs(normal).argmin()]
+    first = first - (first @ normal) * normal
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
 
 
 def cell_sizes(x, cells, kind):

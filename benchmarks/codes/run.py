@@ -93,7 +93,7 @@ CODES = {
         "its manual: face-to-face penalty, 50 times Young's modulus, a stick slope of a hundredth",
     ),
     "siconos": Code(
-        "Siconos (reduced problem)",
+        "Siconos (condensed by scipy)",
         "with_siconos.py",
         "debian",
         "Apache-2.0",
@@ -148,27 +148,12 @@ def within(environment, *command, limit=SECONDS):
     return None, ended.stdout
 
 
-def prepared(folder, problem, code):
-    """What a code needs beside the problem, its reduced problem: error or None, settings."""
-    if code != "siconos":
-        return None, {}
-    points = folder / f"{problem}-points.npz"
-    given = {"points": str(points)}
-    if points.exists():
-        return None, given
-    error, _ = within("project", "python3", HERE / "reduced.py", folder / f"{problem}.npz", points)
-    return error, given
-
-
 def measured(folder, problem, code, way):
     """A record of one run."""
     record = {"problem": problem, "code": code, "way": way, "begun": time.strftime("%F %T")}
-    error, more = prepared(folder, problem, code)
-    if error:
-        return record | {"error": error}
     name = f"{problem}-{code}-{way}"
     settings, answer = folder / f"{name}.json", folder / f"{name}.npz"
-    settings.write_text(json.dumps(CODES[code].settings[way] | more))
+    settings.write_text(json.dumps(CODES[code].settings[way]))
     driver = HERE / CODES[code].driver
     given = folder / f"{problem}.npz"
     answer.unlink(missing_ok=True)

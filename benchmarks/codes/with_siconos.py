@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Siconos: its C library, on the problem condensed onto the contact points (`reduced.py`).
+"""Siconos: its C library, on the problem condensed onto the contact points by scipy.
 
-u = W r + q with the compliance W = S^-1, the normal of each point first; q has the displacements
-without contact, less the tangential ones of the step before. The displacements of the body follow
-from the forces by a solve of scipy. The time is that of Siconos alone.
+u = W r + q with the compliance W, the normal of each point first; q has the gaps and the
+displacements without contact, less the tangential ones of the step before. Jumps of two bodies are
+those of nodes over the faces below them at rest. The displacements of the bodies follow from the
+forces by a solve of scipy. The time is that of Siconos alone.
 
 Settings: ``solver``, by its name in Siconos; ``tolerance``, ``iterations`` at most (None: Siconos'
-defaults); ``points``, the file of reduced problems.
+defaults).
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from ctypes import POINTER, c_bool, c_double, c_int, c_void_p
 import numpy as np
 from answers import debian_version, run
 from judge import assembled
+from problems import tangents
+from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 #: Numbers of solvers in 2D and 3D (Friction_cst.h of Siconos 4.4).
@@ -78,41 +81,57 @@ def solved(lib, dim, W, q, mu, settings, r):
     return u, info, iterations, options.contents.dparam[_RESIDUAL]
 
 
+def jumps(p):
+    """Matrix of the jumps (m d, n d), normal first, in terms of displacements."""
+    below, shares = p.opposite()
+    nodes = np.hstack([p.contact[:, None], below])
+    weights = np.hstack([np.ones((len(nodes), 1)), -shares])
+    frame = np.vstack([p.normal, tangents(p.normal)])
+    rows = p.dim * np.arange(len(nodes))[:, None, None, None] + np.arange(p.dim)[:, None]
+    columns = p.dim * nodes[:, :, None, None] + np.arange(p.dim)
+    values = weights[:, :, None, None] * frame
+    rows, columns, values = np.broadcast_arrays(rows, columns, values)
+    entries = (values.reshape(-1), (rows.reshape(-1), columns.reshape(-1)))
+    return coo_matrix(entries, shape=(p.dim * len(nodes), p.x.size)).tocsr(), frame
+
+
 def solve(p, settings):
-    if len(p.master_faces):
-        raise NotImplementedError("the driver has contact with a rigid plane alone")
     lib = library()
-    with np.load(settings["points"]) as data:
-        S, loads, mu, frames, nodes = (data[k] for k in ("S", "p", "friction", "frames", "nodes"))
     d = p.dim
-    order = np.roll(np.arange(len(S)).reshape(-1, d), 1, axis=1).reshape(-1)
-    W = np.asfortranarray(np.linalg.inv(S)[np.ix_(order, order)])
-    free = np.setdiff1d(np.arange(p.x.size), p.held)
     K, _ = assembled(p.x, p.cells, p.kind, p.E, p.nu, p.body_force)
+    free = np.setdiff1d(np.arange(p.x.size), p.held)
     factors = splu(K[free][:, free].tocsc())
-    r = np.zeros(len(S))
-    before = np.zeros(len(S))
+    pivots = np.abs(factors.U.diagonal())
+    if pivots.min() < 1e-12 * pivots.max():
+        raise ValueError("there is a compliance of bodies alone that supports hold")
+    C, frame = jumps(p)
+    W = np.asfortranarray(C[:, free] @ factors.solve(C[:, free].T.toarray()))
+    mu = np.full(len(p.contact), p.mu)
+    gap = np.zeros((len(mu), d))
+    gap[:, 0] = p.gaps if not len(p.master_faces) else 0.0
+    r = np.zeros(len(W))
+    before = np.zeros_like(gap)
     us, forces, infos, seconds, iterations = [], [], [], 0.0, 0
+
+    def displaced(load):
+        u = np.zeros(p.x.size)
+        u[p.held] = p.values[s]
+        u[free] = factors.solve((load - K @ u)[free])
+        return u
+
     for s in range(p.steps):
-        q = W @ loads[s][order] - before
+        load = p.loads[s].reshape(-1)
+        q = C @ displaced(load) + (gap - before).reshape(-1)
         begun = time.perf_counter()
-        slips, info, more, residual = solved(lib, d, W, q, mu, settings, r)
+        _, info, more, residual = solved(lib, d, W, q, mu, settings, r)
         seconds += time.perf_counter() - begun
         iterations += more
         infos.append(info)
-        before = (slips + before).reshape(-1, d)
+        u = displaced(load + C.T @ r)
+        before = (C @ u).reshape(-1, d)
         before[:, 0] = 0.0
-        before = before.reshape(-1)
-        local = np.roll(r.reshape(-1, d), -1, axis=1)
-        force = np.zeros((len(p.contact), d))
-        force[nodes] = np.einsum("mij,mj->mi", frames, local)
-        total = p.loads[s].copy()
-        total[p.contact] += force
-        u = np.zeros(p.x.size)
-        u[p.held] = p.values[s]
-        u[free] = factors.solve((total.reshape(-1) - K @ u)[free])
         us.append(u.reshape(p.x.shape))
-        forces.append(force)
+        forces.append(r.reshape(-1, d) @ frame)
     good = not any(infos)
     record = {
         "version": debian_version("libsiconos-numerics7"),
