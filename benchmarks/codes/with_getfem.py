@@ -6,8 +6,8 @@ contact brick have the displacements of both.
 
 Settings: ``r``, the augmentation over Young's modulus; ``version``, of the augmented equations (1:
 unsymmetric, Alart and Curnier; 3: with augmented multipliers); ``solve``, words for `Model.solve`;
-``residual``, to which it solves, and whether that is ``relative`` to the
-largest nodal load. The loads of a step are not cut; friction in a history is by the displacement of
+``newmark``, beta and gamma of Newmark's scheme in a motion; ``residual``, to which it solves, and
+whether that is ``relative`` to the largest nodal load. The loads of a step are not cut; friction in a history is by the displacement of
 the step before.
 """
 
@@ -104,6 +104,16 @@ def solve(p, settings):
     held = model.add_constraint_with_multipliers("u", "support", selected, p.values[0])
     load = model.add_explicit_rhs("u", np.zeros(mf.nbdof()))
     frame = add_contact(model, p, mf, dofs, settings)
+    if p.density:  # the mean acceleration, and at rest to begin with
+        model.add_Newmark_scheme("u", *settings["newmark"])
+        model.add_initialized_data("density", [p.density])
+        model.add_mass_brick(mim, "Dot2_u", "density")
+        model.set_time_step(p.dt)
+        vector = np.zeros(mf.nbdof())
+        vector[dofs] = p.loads[0]
+        model.set_private_rhs(load, vector)
+        model.perform_init_time_derivative(p.dt / 20)
+        model.solve()
     u = []
     forces = []
     iterations = 0
@@ -116,6 +126,8 @@ def solve(p, settings):
         vector[dofs] = p.loads[step]
         model.set_private_rhs(load, vector)
         model.set_private_rhs(held, p.values[step])
+        if p.density:
+            model.shift_variables_for_time_integration()
         more, converged = model.solve("max_res", tolerance, *settings["solve"])
         iterations += int(more)
         good = good and bool(converged)
