@@ -17,9 +17,9 @@ support or contact,
 each at the worst node and step: 0 for a solution. Of a motion they are, over its largest
 displacement, ``penetration``, ``path``, by which the mean displacement is off its closed form, and
 ``rest``, what is left of displacements at the end, where all are 0. ``closed`` is a problem's ratio
-of forces over its closed form, less 1. The gap between two bodies is that of the nodes of the first over the faces
-of the second, at the place below before anything moves. A point is closed with more than 1e-5 F,
-and slips if it moves by more than 1e-3 L.
+of forces over its closed form, less 1. The gap between two bodies is that of the nodes of the
+first over the faces of the second, at the place below before anything moves. A point is closed
+with more than 1e-5 F, and slips if it moves by more than 1e-3 L.
 
     python3 benchmarks/codes/judge.py problem.npz answer.npz
 """

@@ -7,8 +7,8 @@ contact brick have the displacements of both.
 Settings: ``r``, the augmentation over Young's modulus; ``version``, of the augmented equations (1:
 unsymmetric, Alart and Curnier; 3: with augmented multipliers); ``solve``, words for `Model.solve`;
 ``newmark``, beta and gamma of Newmark's scheme in a motion; ``residual``, to which it solves, and
-whether that is ``relative`` to the largest nodal load. The loads of a step are not cut; friction in a history is by the displacement of
-the step before.
+whether that is ``relative`` to the largest nodal load. The loads of a step are not cut;
+friction in a history is by the displacement of the step before.
 """
 
 from __future__ import annotations
