@@ -25,6 +25,7 @@ from blocks import box, facets
 
 import ufl
 from dolfinx import fem
+from ufl.domain import extract_unique_domain
 
 from dolfinx_contact import (
     ContactPair,
@@ -34,11 +35,13 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
     NormalCompliance,
+    Regularised,
     Tresca,
 )
 from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.laws import RCCM, BilinearCohesive
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean, circumference
-from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.obstacles import Cylinder, LevelSet, Obstacle, Sphere
 
 COMM = MPI.COMM_WORLD
 TABLE = Path(__file__).parent / "data" / "orders.csv"
@@ -48,6 +51,7 @@ SIZE = 0.01  # of displacements and tractions, for which sliding is small
 LAMBDA = 1.2
 MU = 0.8
 STIFFNESS = 5.0  # of compliance
+WIDTH = 0.02 * SIZE  # of regularised friction
 STEEL = LinearElastic(LAMBDA, MU)
 
 
@@ -108,8 +112,11 @@ def exact(x, law, *, axisymmetric=False, below=False):
     bound = 0.5 * SIZE * beyond(s, OPENS, 2) * (1.0 + s)
     reached = 1.0 - 10.0 * beyond(-s, -SLIPS, 3)
     most = {"frictionless": 0.0, "Tresca": bound}.get(law, friction * p)
-    shear = -reached * most
     size = (0.0 if below else 0.5 * SIZE) * beyond(s, SLIPS, 3) * depth
+    if law == "regularised":
+        x = ufl.exp(2.0 * size / WIDTH)
+        reached = (x - 1.0) / (x + 1.0)
+    shear = -reached * most
     open_ = SIZE * beyond(-s, -OPENS, 3)
     b = 0.05 * SIZE * (1.0 - s**2) - (open_ if below else 0.0)
     a = [size * e for e in along]
@@ -129,6 +136,7 @@ def law_of(name, e):
         "frictionless": lambda: Frictionless(),
         "Coulomb": lambda: Coulomb(e.friction),
         "Tresca": lambda: Tresca(e.bound),
+        "regularised": lambda: Regularised(Coulomb(e.friction), WIDTH),
         "compliance": lambda: NormalCompliance(STIFFNESS, friction=Coulomb(e.friction)),
     }[name]()
 
@@ -144,6 +152,30 @@ def sides(domain):
     """1 on facets that are upright, else 0."""
     n = ufl.FacetNormal(domain)
     return ufl.conditional(ufl.lt(abs(n[len(n) - 1]), 0.5), 1.0, 0.0)
+
+
+def loads(stress, v, side=1.0):
+    """Minus the virtual work of body force and tractions at the sides, by Green's formula.
+
+    It is that of the stress less that of the traction on the face, which contact has to give, of
+    what is above the face (``side`` 1) or below (-1).
+    """
+    domain = extract_unique_domain(v)
+    height = side * ufl.SpatialCoordinate(domain)[len(v) - 1]
+    n = ufl.FacetNormal(domain)
+    at_face = ufl.And(ufl.lt(abs(height), 1e-9), ufl.lt(side * n[len(v) - 1], -0.5))
+    face = ufl.conditional(at_face, 1.0, 0.0) * ufl.dot(ufl.dot(stress, n), v)
+    inside = ufl.conditional(ufl.gt(height, 0.0), 1.0, 0.0) * ufl.inner(stress, ufl.grad(v))
+    metadata = {"quadrature_degree": 6}
+    return face * ufl.ds(metadata=metadata) - inside * ufl.dx(metadata=metadata)
+
+
+def grown(a, b, traction, y):
+    """u = (a + y c, b + y d) of a body above y = 0, with a traction on its face; a may be 0."""
+    stretch = ufl.grad(a)[0] if a else 0.0
+    c = -traction[0] / MU - ufl.grad(b)[0]
+    d = (-traction[1] - LAMBDA * stretch) / (LAMBDA + 2 * MU)
+    return ufl.as_vector([a + y * c, b + y * d])
 
 
 def norm(domain, value, weight=1.0):
@@ -171,7 +203,7 @@ def pressures(table):
     return 3.0 * SIZE * np.maximum(x[:, 0] - OPENS, 0.0) ** 2 * depth
 
 
-def statics(n, cell, law, degree=1):
+def statics(n, cell, law, degree=1, method=None):
     """A block on an obstacle."""
     domain = box(COMM, n, cell)
     dim = domain.geometry.dim
@@ -186,7 +218,8 @@ def statics(n, cell, law, degree=1):
     residual = ufl.inner(STEEL.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
     residual += ufl.dot(ufl.div(stress), v) * dx - sides(domain) * ufl.dot(traction, v) * ds
     bottom = facets(domain, dim - 1, 0.0)
-    surface = ContactSurface(u, bottom, obstacle=GapField(e.gap), law=law_of(law, e))
+    law = law_of(law, e)
+    surface = ContactSurface(u, bottom, obstacle=GapField(e.gap), law=law, method=method)
     bcs = [prescribed(V, e.u, facets(domain, dim - 1, 1.0))]
     result = ContactProblem(residual, u, [surface], bcs=bcs).solve(progress=False)
     return errors(u, e, result.tables["contact"])
@@ -290,6 +323,200 @@ def rubber(n, cell):
     G = np.linalg.inv(F).swapaxes(1, 2)
     J = np.linalg.det(F)[:, None, None]
     known = -(MU * (F - G) + LAMBDA * np.log(J) * G)[:, 1, 1]
+    return errors(u, e, table, known=known)
+
+
+ENDS = 0.75  # contact, of what slides far
+SLIDE = 0.35
+STRETCH = 1.0  # of the slip, over the cube of the distance from SLIPS
+
+
+def slid(x, last, *, below):
+    """A body of two in large sliding, and its displacement; in the first stage all slips.
+
+    The upper body has slid by SLIDE, and then by STRETCH (s - SLIPS)^3 more where s > SLIPS; the
+    lower one has what lies opposite to s at the place s + slide, by Cardano's formula. The face of
+    both is a wave, of which the normal is that of the law. Tractions are per length of the upper
+    face in the mesh.
+    """
+    s = x[0]
+    place = x[0]
+    if below:
+        w = place - SLIDE - SLIPS
+        root = 1.5 * np.sqrt(3.0 * STRETCH) * w
+        root = ufl.ln(root + ufl.sqrt(root**2 + 1.0)) / 3.0
+        ahead = 2.0 / np.sqrt(3.0 * STRETCH) * ufl.sinh(root)
+        s = SLIPS + (ufl.conditional(ufl.gt(w, 0.0), ahead, w) if last else w)
+    else:
+        place = s + SLIDE + (STRETCH * beyond(s, SLIPS, 3) if last else 0.0)
+    slope = -0.1 * ufl.sin(2.0 * place)
+    size = ufl.sqrt(1.0 + slope**2)
+    p = 25.6 * beyond(s, OPENS, 2) * beyond(-s, -ENDS, 2)
+    reached = 1.0 - (10.0 * beyond(-s, -SLIPS, 3) if last else 0.0)
+    friction = 0.3 + 0.2 * s
+    shear = -reached * friction * p
+    traction = ufl.as_vector([-p * slope + shear, p + shear * slope]) / size
+    b = 0.05 * ufl.cos(2.0 * place)
+    if below:
+        u = grown(0.0, b, traction * ufl.grad(s)[0], x[1])
+    else:
+        gap = 0.5 * (beyond(-s, -OPENS, 3) + beyond(s, ENDS, 3))
+        u = grown(place - s, b + gap, traction, x[1])
+    return Exact(u, p, None, friction, None)
+
+
+def sliding(n, cell, other=0.75):
+    """Two blocks of different meshes that have slid far, and slip and stick in a second step."""
+    from test_mortar import stacked  # which imports demos
+
+    both = stacked(int(2 * other * n), n, (-0.25, 1.75), (0.0, 1.0), cell)
+    domain = both.mesh
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    v = ufl.TestFunction(V)
+    x = ufl.SpatialCoordinate(domain)
+    above = ufl.gt(x[1], 0.0)
+    second = fem.Constant(domain, 0.0)
+    residual = ufl.inner(STEEL.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
+    stages = []
+    for last, share in ((False, 1.0 - second), (True, second)):
+        parts = [slid(x, last, below=below) for below in (False, True)]
+        for e, side in zip(parts, (1.0, -1.0), strict=True):
+            residual += share * loads(hooke(ufl.grad(e.u)), v, side)
+        stages.append(parts)
+    start, (upper, lower) = stages
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(upper.friction), sliding="large")
+    ends = [both.facet_tags.find(tag) for tag in (4, 1)]
+    held = [[prescribed(V, e.u, end) for e, end in zip(s, ends, strict=True)] for s in stages]
+    bcs = [fem.dirichletbc(fem.Function(V), b.dof_indices()[0] // 2) for b in held[0]]
+
+    def load(time):
+        second.value = time
+        for bc, first, end in zip(bcs, *held, strict=True):
+            bc.g.x.array[:] = (1.0 - time) * first.g.x.array + time * end.g.x.array
+
+    problem = ContactProblem(residual, u, [pair], bcs=bcs)
+    load(0.0)
+    # Newton's method begins where the bodies lie over each other: other states are folded.
+    first = ufl.conditional(above, *(e.u for e in start))
+    u.interpolate(fem.Expression(first, V.element.interpolation_points()))
+    problem.solve(progress=False)
+    QuasiStatic(problem, load).run([0.0, 1.0], progress=False)
+    whole = Exact(ufl.conditional(above, upper.u, lower.u), *[None] * 4)
+    table = problem.table(pair)
+    s = table.x[:, 0]
+    known = 25.6 * (np.maximum(s - OPENS, 0.0) * np.maximum(ENDS - s, 0.0)) ** 2
+    return errors(u, whole, table, known=known)
+
+
+SPRINGS = 0.6, 1.0  # of a bond, across and along the face
+WEAK = 0.2  # what is broken of it before the load
+OFTEN = 3.0  # size of the jump at which it breaks, over that at which it begins to
+
+
+def adhesive(n, cell, law):
+    """A block that bonds hold, which weaken where it is open and where it slips most."""
+    domain = box(COMM, n, cell)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    v = ufl.TestFunction(V)
+    s, y = ufl.SpatialCoordinate(domain)
+    friction = 0.5 + 0.2 * s
+    p = 30.0 * SIZE * beyond(s, OPENS, 2)
+    gap = 20.0 * SIZE * beyond(-s, -OPENS, 3)
+    a = 5.0 * SIZE * beyond(s, SLIPS, 3)
+    lost = WEAK + 2.0 * (beyond(-s, -OPENS / 2, 2) + beyond(s, 0.75, 2))
+    weakens = ufl.Or(ufl.lt(s, OPENS / 2), ufl.gt(s, 0.75))
+    if law == "RCCM":
+        across, along = SPRINGS
+        share = (1.0 - lost) ** 2
+        work = (across * gap**2 + along * a**2) * (1.0 - lost)
+        work = ufl.conditional(weakens, work, 1.0)
+        bond = RCCM(across, along, work, friction=friction, beta=1.0 - WEAK)
+    else:
+        across = along = SPRINGS[1]
+        share = 1.0 - lost
+        elastic = ufl.sqrt(gap**2 + a**2) * (1.0 - lost * (OFTEN - 1.0) / OFTEN)
+        elastic = ufl.conditional(weakens, elastic, 1.0)
+        soft = (OFTEN - 1.0) * elastic
+        bond = BilinearCohesive(along * elastic, elastic, soft, friction=friction, damage=WEAK)
+    reached = 1.0 - 10.0 * beyond(-s, -SLIPS, 3)
+    shear = -share * along * a - reached * friction * lost * p
+    traction = ufl.as_vector([shear, p - share * across * gap])
+    b = 0.05 * SIZE * (1.0 - s**2)
+    e = Exact(grown(a, b, traction, y), p, gap - b, friction, None)
+    residual = ufl.inner(STEEL.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
+    residual += loads(hooke(ufl.grad(e.u)), v)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=GapField(e.gap), law=bond)
+    bcs = [prescribed(V, e.u, facets(domain, 1, 1.0))]
+    # Newton's method begins near: bonds that weaken are no monotone law.
+    u.interpolate(fem.Expression(e.u, V.element.interpolation_points()))
+    result = ContactProblem(residual, u, [surface], bcs=bcs).solve(progress=False)
+    table = result.tables["contact"]
+    x = table.x[:, 0]
+    known = WEAK + 2.0 * (np.maximum(OPENS / 2 - x, 0.0) ** 2 + np.maximum(x - 0.75, 0.0) ** 2)
+    (variable,) = table.internal
+    found = table.internal[variable]
+    found = 1.0 - found if variable == "beta" else found
+    off = np.sqrt(np.sum(table.area * (found - known) ** 2))
+    most = np.sqrt(np.sum(table.area * (known - WEAK) ** 2))
+    return errors(u, e, table, known=10.0 * pressures(table)) | {"damage": off / most}
+
+
+RADIUS = 1.6
+
+
+def curved(n, cell, kind, comes=False):
+    """A block whose face lies on a curved obstacle, far from where it was, and slips; open aside.
+
+    With ``comes`` the obstacle is first away, and has come in a step of a history.
+    """
+    domain = box(COMM, n, cell)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    v = ufl.TestFunction(V)
+    x = ufl.SpatialCoordinate(domain)
+    s = x[0]
+    place = s + 0.1 + 0.1 * s**2
+    height = ufl.sqrt(RADIUS**2 - (place - 0.5) ** 2) - RADIUS
+    friction = 0.3 + 0.2 * s
+    p = 10.0 * SIZE * beyond(s, OPENS, 2)
+    slope = -(place - 0.5) / (height + RADIUS)
+    t = -friction * p
+    size = ufl.sqrt(1.0 + slope**2)
+    traction = ufl.as_vector([-p * slope + t, p + t * slope]) / size
+    moved = grown(place - s, height + 0.5 * beyond(-s, -OPENS, 3), traction, x[dim - 1])
+    moved = moved if dim == 2 else ufl.as_vector([moved[0], 0.0, moved[1]])
+    e = Exact(moved, p, None, friction, None)
+    time = fem.Constant(domain, 1.0)
+    below = -RADIUS - (0.3 * (1.0 - time) if comes else 0.0)
+    obstacle = {
+        "ball": lambda: Sphere((0.5, below), RADIUS),
+        "cylinder": lambda: Cylinder((0.5, 0.0, below), (0.0, 1.0, 0.0), RADIUS),
+        "level set": lambda: LevelSet(
+            lambda y: y[1] + RADIUS - ufl.sqrt(RADIUS**2 - (y[0] - 0.5) ** 2)
+        ),
+    }[kind]()
+    residual = ufl.inner(STEEL.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
+    residual += time * loads(hooke(ufl.grad(e.u)), v)
+    bottom, upper = (facets(domain, dim - 1, height) for height in (0.0, 1.0))
+    surface = ContactSurface(u, bottom, obstacle=obstacle, law=Coulomb(friction), sliding="large")
+    end = prescribed(V, e.u, upper)
+    top = fem.Function(V)
+    bcs = [fem.dirichletbc(top, fem.locate_dofs_topological(V, dim - 1, upper))]
+
+    def load(now):
+        time.value = now
+        top.x.array[:] = now * end.g.x.array
+
+    problem = ContactProblem(residual, u, [surface], bcs=bcs)
+    load(0.0 if comes else 1.0)
+    problem.solve(progress=False)
+    if comes:
+        QuasiStatic(problem, load).run([0.0, 1.0], progress=False)
+    table = problem.table(surface)
+    known = 10.0 * SIZE * np.maximum(table.x[:, 0] - OPENS, 0.0) ** 2
     return errors(u, e, table, known=known)
 
 
@@ -435,6 +662,10 @@ LINEAR = {"displacement": 2, "gradient": 1, "pressure": 1}
 QUADRATIC = {"displacement": 3, "gradient": 2, "pressure": 2}
 BLOCK = "block on an obstacle, "
 COULOMB = "open, stick, slip, friction 0.3 + 0.2 x"
+FAR = "two blocks, 4 facets on 3, slid by 0.35 over a wave; open, stick, slip in a second step"
+WEAKENING = LINEAR | {"damage": 1}
+BONDS = "block on an obstacle with bonds, weaker where it is open and where it slips most; stick"
+LYING = "block that lies, open and slipping, on a {}; slips by a tenth to a fifth"
 #: By names.
 CASES = {
     "frictionless": Manufactured(
@@ -522,6 +753,87 @@ CASES = {
         "neo-Hookean block that slips by a tenth",
         partial(rubber, cell="quad"),
         (16, 32),
+        LINEAR,
+    ),
+    "regularised": Manufactured(
+        "regularised friction",
+        f"{BLOCK}open and closed, a shear that grows with the slip",
+        partial(statics, cell="tri", law="regularised"),
+        (16, 32),
+        LINEAR,
+    ),
+    "mixed": Manufactured(
+        "mixed contact",
+        f"{BLOCK}{COULOMB}",
+        partial(statics, cell="tri", law="Coulomb", method="mixed"),
+        (8, 16),
+        LINEAR,
+        long=False,
+    ),
+    "Coulomb P2 quad": Manufactured(
+        "integral contact",
+        f"{BLOCK}{COULOMB}, degree 2",
+        partial(statics, cell="quad", law="Coulomb", degree=2),
+        (16, 32),
+        QUADRATIC,
+    ),
+    "Coulomb P2 tet": Manufactured(
+        "integral contact",
+        f"{BLOCK}{COULOMB}, degree 2, in space",
+        partial(statics, cell="tet", law="Coulomb", degree=2),
+        (4, 8),
+        QUADRATIC,
+    ),
+    "Coulomb P2 hex": Manufactured(
+        "integral contact",
+        f"{BLOCK}{COULOMB}, degree 2, in space",
+        partial(statics, cell="hex", law="Coulomb", degree=2),
+        (4, 8),
+        QUADRATIC,
+    ),
+    "sliding quad": Manufactured(
+        "sliding pairs",
+        FAR,
+        partial(sliding, cell="quad"),
+        (8, 16),
+        LINEAR,
+        long=False,
+    ),
+    "sliding tri": Manufactured(
+        "sliding pairs", FAR, partial(sliding, cell="tri"), (16, 32), LINEAR
+    ),
+    "adhesion": Manufactured(
+        "RCCM adhesion", BONDS, partial(adhesive, cell="quad", law="RCCM"), (16, 32), WEAKENING
+    ),
+    "cohesion": Manufactured(
+        "bilinear cohesion",
+        BONDS,
+        partial(adhesive, cell="tri", law="bilinear"),
+        (16, 32),
+        WEAKENING,
+    ),
+    "ball": Manufactured(
+        "spheres", LYING.format("disc"), partial(curved, cell="tri", kind="ball"), (8, 16), LINEAR
+    ),
+    "ball that comes": Manufactured(
+        "moving obstacles",
+        LYING.format("disc that comes in a step of a history"),
+        partial(curved, cell="quad", kind="ball", comes=True),
+        (8, 16),
+        LINEAR,
+    ),
+    "cylinder": Manufactured(
+        "cylinders",
+        LYING.format("cylinder, in space"),
+        partial(curved, cell="hex", kind="cylinder"),
+        (4, 8),
+        LINEAR,
+    ),
+    "level set": Manufactured(
+        "level sets",
+        LYING.format("level set"),
+        partial(curved, cell="tri", kind="level set"),
+        (8, 16),
         LINEAR,
     ),
     "history": Manufactured(

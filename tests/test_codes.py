@@ -101,6 +101,24 @@ def test_what_is_out_of_balance_is_found():
     assert found(problem, u, forces) == {"equilibrium"}
 
 
+@pytest.mark.verifies(
+    "NSCD motion", reference="closed form: the path of a bar that bounces", aspects=("2D",)
+)
+def test_a_motion_is_judged():
+    """Its path against the closed form of the bar, to which finer meshes come nearer."""
+    errors = []
+    for n in (5, 10):
+        problem = problems.bar(n)
+        u, _, record = with_ours.solve(problem, {})
+        assert record["converged"]
+        errors.append(figures(problem, u))
+    coarse, fine = errors
+    assert max(coarse["penetration"], fine["penetration"]) < 1e-10
+    assert fine["path"] < 0.75 * coarse["path"] < 0.15
+    through = figures(problem, u - np.array([0.0, 0.1]))
+    assert through["penetration"] > 1e-3
+
+
 def test_what_is_no_answer_is_refused():
     problem = problems.wedge(6)
     with pytest.raises(ValueError, match="do not fit"):

@@ -181,7 +181,7 @@ def test_the_page_asks_for_all_of_it(tests):
     text = (ROOT / "docs" / "verification.md").read_text()
     assert "|" not in text
     assert re.findall(r"^% (\w+)$", text, flags=re.MULTILINE) == [
-        *("numbers", "matrix", "orders", "benchmarks")
+        *("numbers", "matrix", "orders", "reasons", "benchmarks")
     ]
     page = manual.benchmarks_page(tests)
     for test in tests:

@@ -1,6 +1,8 @@
 """Orders of convergence to manufactured solutions; `manufactured.py` makes them."""
 
 import csv
+import itertools
+import sys
 
 from mpi4py import MPI
 
@@ -48,6 +50,18 @@ def as_tabled(name):
     figure="order >",
 )
 @pytest.mark.verifies(
+    "mixed contact",
+    reference="closed form: manufactured solutions",
+    aspects=("2D",),
+    figure="order >",
+)
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="closed form: manufactured solutions",
+    aspects=("2D", "pairs", "large sliding"),
+    figure="order >",
+)
+@pytest.mark.verifies(
     "quasi-static",
     reference="closed form: manufactured solutions",
     aspects=("3D",),
@@ -64,6 +78,9 @@ def test_orders(name):
     "Signorini",
     "Tresca",
     "normal compliance",
+    "regularised friction",
+    "RCCM adhesion",
+    "bilinear cohesion",
     "bodies of revolution",
     "hyperelastic bodies",
     reference="closed form: manufactured solutions",
@@ -71,7 +88,28 @@ def test_orders(name):
     figure="order >",
 )
 @pytest.mark.verifies(
+    "spheres",
+    "level sets",
+    "moving obstacles",
+    reference="closed form: manufactured solutions",
+    aspects=("2D", "large sliding"),
+    figure="order >",
+)
+@pytest.mark.verifies(
+    "cylinders",
+    reference="closed form: manufactured solutions",
+    aspects=("3D", "large sliding"),
+    figure="order >",
+)
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="closed form: manufactured solutions",
+    aspects=("2D", "pairs", "large sliding"),
+    figure="order >",
+)
+@pytest.mark.verifies(
     "Coulomb",
+    "integral contact",
     reference="closed form: manufactured solutions",
     aspects=(
         "2D",
@@ -103,3 +141,16 @@ def test_the_table_has_all_cases():
     with TABLE.open(newline="") as file:
         found = [(row["name"], row["error of"]) for row in csv.DictReader(file)]
     assert found == [(name, quantity) for name, case in CASES.items() for quantity in case.orders]
+
+
+def test_every_feature_has_a_row_or_a_reason():
+    """None is left out, and none has both."""
+    sys.path.insert(0, str(TABLE.parents[2] / "docs" / "_ext"))
+    from verification import FEATURES
+
+    with (TABLE.parent / "without_orders.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    reasons = [feature for row in rows for feature in row["features"].split("; ")]
+    assert all(len(row["reason"]) > 20 for row in rows)
+    with_rows = {case.feature for case in CASES.values()}
+    assert sorted([*with_rows, *reasons]) == sorted(itertools.chain(*FEATURES.values()))

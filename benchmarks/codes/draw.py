@@ -14,7 +14,7 @@ import matplotlib as mpl
 mpl.use("Agg")
 
 import matplotlib.pyplot as plt
-from run import CODES, FIGURES, PROBLEMS
+from run import CODES, PROBLEMS, figures_of
 
 _LEAST, _MOST = 1e-16, 3.0
 _MARKS = {"recommended": ("o", "none", 0.14), "tuned": ("o", "tab:blue", -0.14)}
@@ -23,13 +23,13 @@ _MARKS = {"recommended": ("o", "none", 0.14), "tuned": ("o", "tab:blue", -0.14)}
 def worst(record):
     """The largest figure of an answer, or None without one."""
     figures = record.get("figures")
-    return figures and min(max(max(figures[f] for f in FIGURES), _LEAST), 1.0)
+    return figures and min(max(*(figures[f] for f in figures_of(record["problem"])), _LEAST), 1.0)
 
 
 def draw(records, path):
     """Write the picture."""
     names = list(CODES)
-    figure, axes = plt.subplots(2, 3, figsize=(10, 5.4), sharex=True, sharey=True)
+    figure, axes = plt.subplots(2, 4, figsize=(12, 5.4), sharex=True, sharey=True)
     for ax, problem in zip(axes.flat, PROBLEMS, strict=True):
         ax.set_title(problem, fontsize=10)
         ax.set_xscale("log")

@@ -14,10 +14,12 @@ support or contact,
     complementarity   min(max(un, 0) / L, max(rn, 0) / F)
     slip          min(|w| / L, |rt + mu rn w/|w|| / F), w the slip of the step
 
-each at the worst node and step: 0 for a solution. ``closed`` is a problem's ratio of forces over
-its closed form, less 1. The gap between two bodies is that of the nodes of the first over the faces
-of the second, at the place below before anything moves. A point is closed with more than 1e-5 F,
-and slips if it moves by more than 1e-3 L.
+each at the worst node and step: 0 for a solution. Of a motion they are, over its largest
+displacement, ``penetration``, ``path``, by which the mean displacement is off its closed form, and
+``rest``, what is left of displacements at the end, where all are 0. ``closed`` is a problem's ratio
+of forces over its closed form, less 1. The gap between two bodies is that of the nodes of the
+first over the faces of the second, at the place below before anything moves. A point is closed
+with more than 1e-5 F, and slips if it moves by more than 1e-3 L.
 
     python3 benchmarks/codes/judge.py problem.npz answer.npz
 """
@@ -141,6 +143,21 @@ def at_nodes(jump, before, gap, force, normal, mu, length, scale):
     }
 
 
+def judged_motion(p, u):
+    """The figures of a motion on a rigid plane; its mean is by volume."""
+    x, nodes = p["x"], p["contact"]
+    length = np.abs(u).max()
+    gap = (x[nodes] - p["point"]) @ p["normal"] + u[:, nodes] @ p["normal"]
+    _, share = assembled(x, p["cells"], str(p["kind"]), p["E"], p["nu"], np.array([0.0, 1.0]))
+    mean = u[:, :, 1] @ share[:, 1] / share[:, 1].sum()
+    figures = {
+        "penetration": np.maximum(-gap, 0).max() / length,
+        "path": np.abs(mean - p["path"]).max() / length,
+        "rest": np.abs(u[-1]).max() / length,
+    }
+    return {name: float(value) for name, value in figures.items()}
+
+
 def judged(problem, u, forces=None):
     """The figures of an answer.
 
@@ -156,6 +173,8 @@ def judged(problem, u, forces=None):
     u = np.asarray(u, float)
     if u.shape != (len(p["values"]), *p["x"].shape) or not np.isfinite(u).all():
         raise ValueError(f"displacements of shape {u.shape} do not fit, or are not numbers")
+    if p["density"]:
+        return judged_motion(p, u)
     x, nodes, normal = p["x"], p["contact"], p["normal"]
     K, weight = assembled(x, p["cells"], str(p["kind"]), p["E"], p["nu"], p["body_force"])
     free = np.ones(x.size, bool)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,9 @@ class Problem:
         loads: nodal forces of body force and tractions (s, n, dim), for codes that take these.
         closed: force along the first axis over that along the second, on the obstacle; 0 if there
             is no closed form.
+        density: mass by volume; 0: the body goes through states of rest. A motion begins at rest.
+        dt: length of the steps of a motion, whose ends are the times of ``values``.
+        path: mean displacement along the second axis at these, exactly (s,); of a motion.
     """
 
     name: str
@@ -70,6 +74,9 @@ class Problem:
     master_faces: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), int))
     loads: np.ndarray = field(default_factory=lambda: np.zeros(0))
     closed: float = 0.0
+    density: float = 0.0
+    dt: float = 0.0
+    path: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self):
         if not self.loads.size:
@@ -87,6 +94,22 @@ class Problem:
     def gaps(self):
         """Of the contact nodes over the plane, before anything moves (m,)."""
         return (self.x[self.contact] - self.point) @ self.normal
+
+    def opposite(self):
+        """What lies below the contact nodes at rest: nodes of faces (m, 2), and their shares.
+
+        Of two plane bodies; there are none on a rigid plane (m, 0).
+        """
+        if not len(self.master_faces):
+            nothing = np.zeros((len(self.contact), 0))
+            return nothing.astype(int), nothing
+        start, end = self.x[self.master_faces[:, 0]], self.x[self.master_faces[:, 1]]
+        along = end - start
+        over = self.x[self.contact][:, None] - start
+        at = (over * along).sum(axis=2) / (along**2).sum(axis=1)
+        face = np.abs(np.clip(at, 0, 1) - at).argmin(axis=1)
+        at = at[np.arange(len(face)), face]
+        return self.master_faces[face], np.stack([1 - at, at], axis=1)
 
     def _nodal_loads(self):
         """Equal shares of cells and faces: exact for simplices and parallelograms."""
@@ -114,6 +137,16 @@ class Problem:
         """The problem of a file."""
         with np.load(path) as data:
             return Problem(**{k: data[k].item() if not data[k].ndim else data[k] for k in data})
+
+
+def tangents(normal):
+    """Unit vectors across the normal (dim - 1, dim)."""
+    if len(normal) == 2:
+        return np.array([[normal[1], -normal[0]]])
+    first = np.eye(3)[np.abs(normal).argmin()]
+    first = first - (first @ normal) * normal
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
 
 
 def cell_sizes(x, cells, kind):
@@ -326,14 +359,42 @@ def pair():
     )  # fmt: skip
 
 
-#: Those of the table, by their names; all are small, and sizes are arguments.
+def bar(n=25, height=5.0):
+    """An elastic bar that falls on a floor, bounces, and comes to rest where it was.
+
+    The floor pushes with 300 + 300 (t - 1) for 1 < t < 5/3 and with 500 - 300 (t - 11/3) for
+    11/3 < t < 13/3 (Doyen, Ern and Piperno, SIAM J. Sci. Comput. 2011). Steps are a cell's way of
+    the wave, h/c.
+    """
+    length, weight, young, last = 10.0, 10.0, 900.0, 16 / 3
+    dt = length / n / np.sqrt(young)
+    t = dt * np.arange(1, round(last / dt) + 1)
+    x, cells = grid((1, n), (1.0, length))
+    a = np.clip(t, 1, 5 / 3) - 1
+    b = np.clip(t, 11 / 3, 13 / 3) - 11 / 3
+    # Twice the integral of the force, and the way at the speed that an impact has left.
+    given = 150 * a**2 + 50 * a**3 + np.maximum(t - 5 / 3, 0) * (300 * 2 / 3 + 150 * (2 / 3) ** 2)
+    given += 250 * b**2 - 50 * b**3
+    given += np.maximum(t - 13 / 3, 0) * (500 * 2 / 3 - 150 * (2 / 3) ** 2)
+    bottom = faces_where(x, boundary(cells, "quad4"), lambda x: np.isclose(x[:, 1], 0))
+    return made(
+        "bar", "quad4", x, cells, held=[(dofs_of(x[:, 1] > 0, 0, 2), np.zeros(len(t)))],
+        bottom=bottom, mu=0.0, E=young, nu=0.0, point=np.array([0.0, -height]),
+        body_force=np.array([0.0, -weight]), density=1.0, dt=dt,
+        path=-weight * t**2 / 2 + given / length,
+    )  # fmt: skip
+
+
+#: Those of the table, by their names; sizes are arguments.
 PROBLEMS = {
     "greco": greco,
     "dragged16": dragged,
+    "dragged64": partial(dragged, 64),
     "three": three,
     "cyclic": cyclic,
     "wedge": wedge,
     "pair": pair,
+    "bar": bar,
 }
 
 

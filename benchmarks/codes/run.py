@@ -15,15 +15,19 @@ from __future__ import annotations
 
 import argparse
 import json
+import resource
 import subprocess
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PROBLEMS = ("greco", "dragged16", "three", "cyclic", "wedge", "pair")
+PROBLEMS = ("greco", "dragged16", "dragged64", "three", "cyclic", "wedge", "pair", "bar")
+MOTION = ("penetration", "path", "rest")
 FIGURES = ("equilibrium", "penetration", "cone", "complementarity", "slip")
-SECONDS = 300  # at most, of a run
+SECONDS = 300  # at most, of a run, but of the larger problem
+LONGER = {"dragged64": 600}
+MEMORY = 12  # GiB of addresses at most
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ CODES = {
         "LGPL-3.0-or-later",
         {
             "recommended": {},
-            "tuned": {"petsc_options": {"linear_solver": "direct", "snes_rtol": 1e-12}},
+            "tuned": {"petsc_options": {"linear_solver": "direct", "snes_rtol": 1e-10}},
         },
         "its defaults",
     ),
@@ -69,9 +73,11 @@ CODES = {
         {
             "recommended": {
                 "r": 1.0, "version": 1, "residual": 1e-9, "relative": False, "solve": _MUMPS,
+                "newmark": [0.25, 0.5],
             },
             "tuned": {
                 "r": 1.0, "version": 1, "residual": 1e-10, "relative": True, "solve": _MUMPS,
+                "newmark": [0.3025, 0.6],
             },
         },
         "demo_static_contact.py; r of the order of Young's modulus, as its manual says",
@@ -93,7 +99,7 @@ CODES = {
         "its manual: face-to-face penalty, 50 times Young's modulus, a stick slope of a hundredth",
     ),
     "siconos": Code(
-        "Siconos (reduced problem)",
+        "Siconos (condensed by scipy)",
         "with_siconos.py",
         "debian",
         "Apache-2.0",
@@ -135,10 +141,16 @@ CODES = {
 }  # fmt: skip
 
 
-def within(environment, *command, limit=SECONDS):
-    """Run a command in an environment; its error is a line of text, or None, and its output."""
+def limited():
+    """Limit the memory of what is run."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY * 2**30, MEMORY * 2**30))
+
+
+def within(environment, problem, *command):
+    """Run a command for a problem; its error is a line of text, or None, and its output."""
+    limit = LONGER.get(problem, SECONDS)
     words = [str(HERE / "environments"), environment, "timeout", str(limit), *map(str, command)]
-    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    ended = subprocess.run(words, capture_output=True, text=True, check=False, preexec_fn=limited)
     if ended.returncode == 124:
         return f"ended after {limit} s", ended.stdout
     if ended.returncode:
@@ -148,32 +160,17 @@ def within(environment, *command, limit=SECONDS):
     return None, ended.stdout
 
 
-def prepared(folder, problem, code):
-    """What a code needs beside the problem, its reduced problem: error or None, settings."""
-    if code != "siconos":
-        return None, {}
-    points = folder / f"{problem}-points.npz"
-    given = {"points": str(points)}
-    if points.exists():
-        return None, given
-    error, _ = within("project", "python3", HERE / "reduced.py", folder / f"{problem}.npz", points)
-    return error, given
-
-
 def measured(folder, problem, code, way):
     """A record of one run."""
     record = {"problem": problem, "code": code, "way": way, "begun": time.strftime("%F %T")}
-    error, more = prepared(folder, problem, code)
-    if error:
-        return record | {"error": error}
     name = f"{problem}-{code}-{way}"
     settings, answer = folder / f"{name}.json", folder / f"{name}.npz"
-    settings.write_text(json.dumps(CODES[code].settings[way] | more))
+    settings.write_text(json.dumps(CODES[code].settings[way]))
     driver = HERE / CODES[code].driver
     given = folder / f"{problem}.npz"
     answer.unlink(missing_ok=True)
     begun = time.perf_counter()
-    error, _ = within(CODES[code].environment, "python3", driver, given, settings, answer)
+    error, _ = within(CODES[code].environment, problem, "python3", driver, given, settings, answer)
     record["process_seconds"] = time.perf_counter() - begun
     if error:
         return record | {"error": error}
@@ -184,23 +181,24 @@ def judged(folder, record):
     """The record of a run with what the judge says of its answer."""
     name = f"{record['problem']}-{record['code']}-{record['way']}"
     given, answer = folder / f"{record['problem']}.npz", folder / f"{name}.npz"
-    error, text = within("project", "python3", HERE / "judge.py", given, answer)
+    problem = record["problem"]
+    error, text = within("project", problem, "python3", HERE / "judge.py", given, answer)
     if error:
         return record | {"error": f"the judge: {error}"}
     return record | json.loads(text)
 
 
-def run(folder, problems, codes):
+def run(folder, problems, codes, ways):
     """All records, of which the program tells as they come."""
     folder.mkdir(parents=True, exist_ok=True)
-    error, text = within("project", "python3", HERE / "problems.py", folder)
+    error, text = within("project", None, "python3", HERE / "problems.py", folder)
     if error:
         raise RuntimeError(error)
     print(text, end="")
     records = []
     for problem in problems:
         for code in codes:
-            for way in CODES[code].settings:
+            for way in (w for w in CODES[code].settings if w in ways):
                 record = measured(folder, problem, code, way)
                 records.append(record)
                 print(row(record), flush=True)
@@ -221,22 +219,27 @@ def row(record):
         reason = record.get("error")
         says = record.get("record", {}).get("says")
         words = f"no answer: {says or reason}".replace("|", "/")
-        return name + f"| {words} |" + " |" * (len(FIGURES) + 3)
+        empty = len(figures_of(record["problem"])) + (2 if record["problem"] == "bar" else 3)
+        return name + f"| {words} |" + " |" * empty
     said, figures = record["record"], record["figures"]
-    counts = figures["statuses"]
-    numbers = " | ".join(f"{figures[f]:.0e}" for f in FIGURES)
-    places = f"{counts['open']}/{counts['stick']}/{counts['slip']}"
-    return (
-        f"{name}| {said['says']} | {said['iterations']} | {said['seconds']:.2f} | {numbers} "
-        f"| {places} |"
-    )
+    numbers = [f"{figures[f]:.0e}" for f in figures_of(record["problem"])]
+    counts = figures.get("statuses")
+    places = [f"{counts['open']}/{counts['stick']}/{counts['slip']}"] if counts else []
+    words = [said["says"], str(said["iterations"]), f"{said['seconds']:.2f}", *numbers, *places]
+    return f"{name}| {' | '.join(words)} |"
+
+
+def figures_of(problem):
+    """Names of the figures of a problem."""
+    return MOTION if problem == "bar" else FIGURES
 
 
 def table(records):
     """Markdown of all problems."""
-    titles = ("code", "settings", "says", "iterations", "seconds", *FIGURES, "open/stick/slip")
     lines = []
     for problem in dict.fromkeys(r["problem"] for r in records):
+        titles = ["code", "settings", "says", "iterations", "seconds", *figures_of(problem)]
+        titles += ["open/stick/slip"] if problem != "bar" else []
         lines += [
             f"### {problem}",
             "",
@@ -271,6 +274,8 @@ def main():
     parser.add_argument("--output", type=Path, default=Path("output/codes"))
     parser.add_argument("--problems", nargs="*", choices=PROBLEMS, default=PROBLEMS)
     parser.add_argument("--codes", nargs="*", choices=list(CODES), default=list(CODES))
+    ways = ("recommended", "tuned")
+    parser.add_argument("--ways", nargs="*", choices=ways, default=ways)
     parser.add_argument("--table", type=Path, help="results that are there, of which to make one")
     parser.add_argument("--judge", action="store_true", help="judge the answers there again")
     args = parser.parse_args()
@@ -282,7 +287,7 @@ def main():
         if args.judge:
             records = [r if "record" not in r else judged(args.output, r) for r in before]
         else:
-            records = merged(before, run(args.output, args.problems, args.codes))
+            records = merged(before, run(args.output, args.problems, args.codes, args.ways))
         settings = {name: code.settings for name, code in CODES.items()}
         text = json.dumps({"settings": settings, "runs": records}, indent=1)
         results.write_text(text + "\n")

@@ -79,6 +79,8 @@ contact_resolution penalty_linear [
 
 
 def solve(p, settings):
+    if p.density:
+        raise NotImplementedError("the driver has states of rest alone")
     here = os.getcwd()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)

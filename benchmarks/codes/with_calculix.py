@@ -98,13 +98,19 @@ def interface(p, layer, settings):
         lines += ["*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{slope:.12g}"]
         if settings["type"] == "NODE TO SURFACE":
             lines[-1] += f", {p.E * settings['tension']:.12g}"
-    lines += ["*FRICTION", f"{p.mu:.12g}, {slope * settings['stick']:.12g}"]
+    if p.mu:
+        lines += ["*FRICTION", f"{p.mu:.12g}, {slope * settings['stick']:.12g}"]
     return lines
 
 
 def step(p, layer, settings, s):
     """Lines of a step."""
     lines = ["*STEP, INC=10000", "*STATIC", f"{settings['increment']:g}, 1., 1e-7, 1."]
+    every = 100000
+    if p.density:
+        end = p.dt * p.steps
+        lines[1:] = ["*DYNAMIC, DIRECT", f"{p.dt:.15g}, {end:.15g}"]
+        every = 1
     lines += settings["controls"]
     lines.append("*BOUNDARY")
     for dof, value in zip(p.held, p.values[s], strict=True):
@@ -118,7 +124,7 @@ def step(p, layer, settings, s):
             forces.append(f"{copy + 1}, {k + 1}, {p.loads[s][node, k] * share:.12g}")
     if forces:
         lines += ["*CLOAD, OP=NEW", *forces]
-    return [*lines, "*NODE PRINT, NSET=BODY, FREQUENCY=100000", "U", "*END STEP"]
+    return [*lines, f"*NODE PRINT, NSET=BODY, FREQUENCY={every}", "U", "*END STEP"]
 
 
 def deck(p, layer, settings):
@@ -146,6 +152,7 @@ def deck(p, layer, settings):
         master = [f"{number}, S2"]
         held = ["PLANE, 1, 3"]
     lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{p.E:.12g}, {p.nu:.12g}"]
+    lines += ["*DENSITY", f"{p.density:.12g}"] if p.density else []
     lines += ["*SOLID SECTION, ELSET=E, MATERIAL=M"]
     lines += ["*SURFACE, NAME=SLAVE", *layer.surface(p.contact_faces)]
     lines += ["*SURFACE, NAME=MASTER", *master]
@@ -156,7 +163,7 @@ def deck(p, layer, settings):
         held.append("BODY, 3, 3")
     if held:
         lines += ["*BOUNDARY", *held]
-    for s in range(p.steps):
+    for s in range(1 if p.density else p.steps):
         lines += step(p, layer, settings, s)
     return "\n".join(lines) + "\n"
 

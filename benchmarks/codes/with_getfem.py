@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""GetFEM: nodal contact with a rigid plane by multipliers, Newton on the augmented equations.
+"""GetFEM: nodal contact by multipliers, Newton on the augmented equations.
+
+Of two bodies it is that of nodes with the faces below them at rest: the matrices of its basic
+contact brick have the displacements of both.
 
 Settings: ``r``, the augmentation over Young's modulus; ``version``, of the augmented equations (1:
 unsymmetric, Alart and Curnier; 3: with augmented multipliers); ``solve``, words for `Model.solve`;
-``residual``, to which it solves, and whether that is ``relative`` to the
-largest nodal load. The loads of a step are not cut; friction in a history is by the displacement of
-the step before.
+``newmark``, beta and gamma of Newmark's scheme in a motion; ``residual``, to which it solves, and
+whether that is ``relative`` to the largest nodal load. The loads of a step are not cut;
+friction in a history is by the displacement of the step before.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ import time
 import getfem as gf
 import numpy as np
 from answers import debian_version, run
+from problems import tangents
+from scipy.spatial import cKDTree
 
 #: GetFEM's order of nodes, and its elements.
 CELLS = {
@@ -26,43 +31,46 @@ CELLS = {
 }  # fmt: skip
 
 
-def tangents(normal):
-    """Unit vectors across the normal (dim - 1, dim)."""
-    if len(normal) == 2:
-        return np.array([[normal[1], -normal[0]]])
-    first = np.eye(3)[np.abs(normal).argmin()]
-    first = first - (first @ normal) * normal
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(normal, first)])
+def apart(p):
+    """Places of nodes (n, dim), bodies moved apart: GetFEM joins nodes at one place."""
+    body = np.arange(len(p.x))
+    while (body[p.cells] != body[p.cells].min(axis=1, keepdims=True)).any():
+        np.minimum.at(body, p.cells, body[p.cells].min(axis=1, keepdims=True))
+    number = np.unique(body, return_inverse=True)[1]
+    return p.x + 2 * np.ptp(p.x, axis=0).max() * number[:, None]
 
 
 def spaces(p):
     """Mesh, elements, integration, and the first degree of freedom of every node."""
     geometry, element, integration, order = CELLS[p.kind]
     mesh = gf.Mesh("empty", p.dim)
+    x = apart(p)
     for cell in p.cells:
-        mesh.add_convex(gf.GeoTrans(geometry), p.x[cell[order]].T)
+        mesh.add_convex(gf.GeoTrans(geometry), x[cell[order]].T)
     mf = gf.MeshFem(mesh, p.dim)
     mf.set_fem(gf.Fem(element))
     at = mf.basic_dof_nodes()[:, :: p.dim].T
-    away = np.linalg.norm(p.x[:, None] - at[None], axis=2)
-    first = p.dim * away.argmin(axis=1)
-    if len(np.unique(first)) != len(p.x):
-        raise ValueError("GetFEM joins nodes that lie at one place")
+    away, nearest = cKDTree(at).query(x)
+    first = p.dim * nearest
+    if away.max() > 1e-9 or len(np.unique(first)) != len(p.x):
+        raise ValueError("GetFEM has joined nodes")
     return mesh, mf, gf.MeshIm(mesh, gf.Integ(integration)), first
 
 
 def add_contact(model, p, mf, dofs, settings):
-    """The contact brick; ``dofs`` of the contact nodes (m, dim); "before" is a step's start."""
+    """The contact brick; ``dofs`` of all nodes (n, dim); "before" is a step's start."""
     m = len(p.contact)
+    below, shares = p.opposite()
+    over = np.hstack([p.contact[:, None], below])  # nodes of each jump
+    weights = np.hstack([np.ones((m, 1)), -shares])
     frame = tangents(p.normal)
     normal = gf.Spmat("empty", m, mf.nbdof())
     tangent = gf.Spmat("empty", (p.dim - 1) * m, mf.nbdof())
-    for i, node in enumerate(dofs):
-        for k, dof in enumerate(node):
-            normal.add(i, int(dof), -p.normal[k])
-            for j, t in enumerate(frame):
-                tangent.add((p.dim - 1) * i + j, int(dof), t[k])
+    for i, j in np.ndindex(over.shape):
+        for k, dof in enumerate(dofs[over[i, j]]):
+            normal.add(i, int(dof), -p.normal[k] * weights[i, j])
+            for row, t in enumerate(frame, start=(p.dim - 1) * i):
+                tangent.add(row, int(dof), t[k] * weights[i, j])
     model.add_variable("lambda_n", m)
     model.add_variable("lambda_t", (p.dim - 1) * m)
     model.add_initialized_data("r", [settings["r"] * p.E])
@@ -81,8 +89,6 @@ def add_contact(model, p, mf, dofs, settings):
 def solve(p, settings):
     gf.util("trace level", 0)
     gf.util("warning level", 0)
-    if len(p.master_faces):
-        raise NotImplementedError("the driver has contact with a rigid plane alone")
     begun = time.perf_counter()
     _mesh, mf, mim, first = spaces(p)
     dofs = first[:, None] + np.arange(p.dim)
@@ -97,7 +103,17 @@ def solve(p, settings):
     model.add_variable("support", len(p.held))
     held = model.add_constraint_with_multipliers("u", "support", selected, p.values[0])
     load = model.add_explicit_rhs("u", np.zeros(mf.nbdof()))
-    frame = add_contact(model, p, mf, dofs[p.contact], settings)
+    frame = add_contact(model, p, mf, dofs, settings)
+    if p.density:  # the mean acceleration, and at rest to begin with
+        model.add_Newmark_scheme("u", *settings["newmark"])
+        model.add_initialized_data("density", [p.density])
+        model.add_mass_brick(mim, "Dot2_u", "density")
+        model.set_time_step(p.dt)
+        vector = np.zeros(mf.nbdof())
+        vector[dofs] = p.loads[0]
+        model.set_private_rhs(load, vector)
+        model.perform_init_time_derivative(p.dt / 20)
+        model.solve()
     u = []
     forces = []
     iterations = 0
@@ -110,6 +126,8 @@ def solve(p, settings):
         vector[dofs] = p.loads[step]
         model.set_private_rhs(load, vector)
         model.set_private_rhs(held, p.values[step])
+        if p.density:
+            model.shift_variables_for_time_integration()
         more, converged = model.solve("max_res", tolerance, *settings["solve"])
         iterations += int(more)
         good = good and bool(converged)

@@ -123,9 +123,18 @@ def parameters(p, settings):
             }],
         },
     }  # fmt: skip
+    if p.density:
+        project["problem_data"]["end_time"] = p.dt * (p.steps - 0.5)
+        solver = project["solver_settings"]
+        solver["time_stepping"]["time_step"] = p.dt
+        solver |= {
+            "solver_type": "Dynamic",
+            "time_integration_method": "implicit",
+            "scheme_type": "bossak",
+        }
     material = {
         "constitutive_law": {"name": LAWS[p.dim]},
-        "Variables": {"YOUNG_MODULUS": p.E, "POISSON_RATIO": p.nu},
+        "Variables": {"YOUNG_MODULUS": p.E, "POISSON_RATIO": p.nu, "DENSITY": p.density or 1.0},
         "Tables": {},
     }
     body = {"model_part_name": "Structure.Body", "properties_id": 1, "Material": material}

@@ -16,7 +16,7 @@ from dolfinx import fem, mesh
 
 import dolfinx_contact
 from dolfinx_contact import ContactPair, ContactProblem, ContactSurface, Coulomb, HalfSpace
-from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 
 #: Names of cells, and DOLFINx's order of their nodes.
@@ -127,14 +127,19 @@ def forces_of(p, table):
 def solve(p, settings):
     begun = time.perf_counter()
     problem, body, load = made(p, settings)
-    found = [problem.solve()]
-    u = [body.nodal(problem.u)]
-    if p.steps > 1:
+    found, u = [], []
 
-        def keep(step):
-            u.append(body.nodal(problem.u))
-            found.append(step.result)
+    def keep(step):
+        u.append(body.nodal(problem.u))
+        found.append(step.result)
 
+    if p.density:
+        end = p.dt * p.steps
+        NSCD(problem, p.density, dt=p.dt).run([0.0, end], observer=keep, progress=False)
+    else:
+        found.append(problem.solve())
+        u.append(body.nodal(problem.u))
+    if p.steps > 1 and not p.density:
         times = np.arange(p.steps, dtype=float)
         QuasiStatic(problem, load).run(times, sudden=np.inf, observer=keep, progress=False)
     seconds = time.perf_counter() - begun

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Siconos: its C library, on the problem condensed onto the contact points (`reduced.py`).
+"""Siconos: its C library, on the problem condensed onto the contact points by scipy.
 
-u = W r + q with the compliance W = S^-1, the normal of each point first; q has the displacements
-without contact, less the tangential ones of the step before. The displacements of the body follow
-from the forces by a solve of scipy. The time is that of Siconos alone.
+u = W r + q with the compliance W, the normal of each point first; q has the gaps and the
+displacements without contact, less the tangential ones of the step before. Jumps of two bodies are
+those of nodes over the faces below them at rest. The displacements of the bodies follow from the
+forces by a solve of scipy. The time is that of Siconos alone.
 
 Settings: ``solver``, by its name in Siconos; ``tolerance``, ``iterations`` at most (None: Siconos'
-defaults); ``points``, the file of reduced problems.
+defaults).
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from ctypes import POINTER, c_bool, c_double, c_int, c_void_p
 import numpy as np
 from answers import debian_version, run
 from judge import assembled
+from problems import cell_sizes, tangents
+from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import splu
 
 #: Numbers of solvers in 2D and 3D (Friction_cst.h of Siconos 4.4).
@@ -78,49 +81,113 @@ def solved(lib, dim, W, q, mu, settings, r):
     return u, info, iterations, options.contents.dparam[_RESIDUAL]
 
 
-def solve(p, settings):
-    if len(p.master_faces):
-        raise NotImplementedError("the driver has contact with a rigid plane alone")
-    lib = library()
-    with np.load(settings["points"]) as data:
-        S, loads, mu, frames, nodes = (data[k] for k in ("S", "p", "friction", "frames", "nodes"))
-    d = p.dim
-    order = np.roll(np.arange(len(S)).reshape(-1, d), 1, axis=1).reshape(-1)
-    W = np.asfortranarray(np.linalg.inv(S)[np.ix_(order, order)])
-    free = np.setdiff1d(np.arange(p.x.size), p.held)
+def jumps(p):
+    """Matrix of the jumps (m d, n d), normal first, in terms of displacements."""
+    below, shares = p.opposite()
+    nodes = np.hstack([p.contact[:, None], below])
+    weights = np.hstack([np.ones((len(nodes), 1)), -shares])
+    frame = np.vstack([p.normal, tangents(p.normal)])
+    rows = p.dim * np.arange(len(nodes))[:, None, None, None] + np.arange(p.dim)[:, None]
+    columns = p.dim * nodes[:, :, None, None] + np.arange(p.dim)
+    values = weights[:, :, None, None] * frame
+    rows, columns, values = np.broadcast_arrays(rows, columns, values)
+    entries = (values.reshape(-1), (rows.reshape(-1), columns.reshape(-1)))
+    return coo_matrix(entries, shape=(p.dim * len(nodes), p.x.size)).tocsr(), frame
+
+
+def moved(lib, p, settings):
+    """A motion by Moreau and Jean's scheme with theta = 1/2 and no restitution (s, n, dim).
+
+    (M + h^2 K/4) (v' - v) = h (f - K (u + h v/2)) + C^T r, u' = u + h (v + v')/2; where u + h v/2
+    penetrates, Siconos finds the impulse r with v_N' >= 0.
+    """
     K, _ = assembled(p.x, p.cells, p.kind, p.E, p.nu, p.body_force)
-    factors = splu(K[free][:, free].tocsc())
-    r = np.zeros(len(S))
-    before = np.zeros(len(S))
-    us, forces, infos, seconds, iterations = [], [], [], 0.0, 0
+    mass = np.zeros(len(p.x))
+    size = cell_sizes(p.x, p.cells, p.kind) / p.cells.shape[1]
+    for column in p.cells.T:
+        np.add.at(mass, column, p.density * size)
+    free = np.setdiff1d(np.arange(p.x.size), p.held)
+    h = p.dt
+    M = diags(np.repeat(mass, p.dim))
+    factors = splu((M + h**2 / 4 * K)[free][:, free].tocsc())
+    C, _ = jumps(p)
+    W = C[:, free] @ factors.solve(C[:, free].T.toarray())
+    gaps = p.gaps
+    u, v = np.zeros(p.x.size), np.zeros(p.x.size)
+    us, infos, iterations, seconds, worst = [], [], 0, 0.0, 0.0
     for s in range(p.steps):
-        q = W @ loads[s][order] - before
-        begun = time.perf_counter()
-        slips, info, more, residual = solved(lib, d, W, q, mu, settings, r)
-        seconds += time.perf_counter() - begun
-        iterations += more
-        infos.append(info)
-        before = (slips + before).reshape(-1, d)
-        before[:, 0] = 0.0
-        before = before.reshape(-1)
-        local = np.roll(r.reshape(-1, d), -1, axis=1)
-        force = np.zeros((len(p.contact), d))
-        force[nodes] = np.einsum("mij,mj->mi", frames, local)
-        total = p.loads[s].copy()
-        total[p.contact] += force
-        u = np.zeros(p.x.size)
-        u[p.held] = p.values[s]
-        u[free] = factors.solve((total.reshape(-1) - K @ u)[free])
+        at = u + h / 2 * v
+        v = v.copy()
+        old = v.copy()
+        v[free] += factors.solve(h * (p.loads[s].reshape(-1) - K @ at)[free])
+        near = np.flatnonzero(gaps + (C @ at)[:: p.dim] <= 0)
+        if len(near):
+            rows = (p.dim * near[:, None] + np.arange(p.dim)).reshape(-1)
+            some = np.asfortranarray(W[np.ix_(rows, rows)])
+            r, mu = np.zeros(len(rows)), np.full(len(near), p.mu)
+            begun = time.perf_counter()
+            _, info, more, residual = solved(lib, p.dim, some, (C @ v)[rows], mu, settings, r)
+            seconds += time.perf_counter() - begun
+            iterations += more
+            infos.append(info)
+            worst = max(worst, residual)
+            v[free] += factors.solve((C[rows].T @ r)[free])
+        u = u + h / 2 * (old + v)
         us.append(u.reshape(p.x.shape))
-        forces.append(force)
+    return np.stack(us), None, record_of(infos, worst, iterations, seconds)
+
+
+def record_of(infos, residual, iterations, seconds):
     good = not any(infos)
-    record = {
+    return {
         "version": debian_version("libsiconos-numerics7"),
         "says": f"{'solved' if good else f'info {max(infos)}'}, residual {residual:.0e}",
         "converged": good,
         "iterations": iterations,
         "seconds": seconds,
     }
+
+
+def solve(p, settings):
+    lib = library()
+    if p.density:
+        return moved(lib, p, settings)
+    d = p.dim
+    K, _ = assembled(p.x, p.cells, p.kind, p.E, p.nu, p.body_force)
+    free = np.setdiff1d(np.arange(p.x.size), p.held)
+    factors = splu(K[free][:, free].tocsc())
+    pivots = np.abs(factors.U.diagonal())
+    if pivots.min() < 1e-12 * pivots.max():
+        raise ValueError("there is a compliance of bodies alone that supports hold")
+    C, frame = jumps(p)
+    W = np.asfortranarray(C[:, free] @ factors.solve(C[:, free].T.toarray()))
+    mu = np.full(len(p.contact), p.mu)
+    gap = np.zeros((len(mu), d))
+    gap[:, 0] = p.gaps if not len(p.master_faces) else 0.0
+    r = np.zeros(len(W))
+    before = np.zeros_like(gap)
+    us, forces, infos, seconds, iterations = [], [], [], 0.0, 0
+
+    def displaced(load):
+        u = np.zeros(p.x.size)
+        u[p.held] = p.values[s]
+        u[free] = factors.solve((load - K @ u)[free])
+        return u
+
+    for s in range(p.steps):
+        load = p.loads[s].reshape(-1)
+        q = C @ displaced(load) + (gap - before).reshape(-1)
+        begun = time.perf_counter()
+        _, info, more, residual = solved(lib, d, W, q, mu, settings, r)
+        seconds += time.perf_counter() - begun
+        iterations += more
+        infos.append(info)
+        u = displaced(load + C.T @ r)
+        before = (C @ u).reshape(-1, d)
+        before[:, 0] = 0.0
+        us.append(u.reshape(p.x.shape))
+        forces.append(r.reshape(-1, d) @ frame)
+    record = record_of(infos, residual, iterations, seconds)
     return np.stack(us), np.stack(forces), record
 
 

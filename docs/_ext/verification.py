@@ -524,6 +524,18 @@ def orders_page(text: str) -> str:
     return "\n".join(lines)
 
 
+def reasons_page(text: str) -> str:
+    """Features without orders of convergence, and why, as MyST.
+
+    Args:
+        text: tests/data/without_orders.csv; a test compares it with the features and the rows.
+    """
+    lines = ["| features | why there is no row |", "|---|---|"]
+    for row in csv.DictReader(text.splitlines()):
+        lines.append(f"| {row['features'].replace(';', ',')} | {row['reason']} |")
+    return "\n".join(lines)
+
+
 def fill_page(app: Sphinx, name: str, source: list[str]) -> None:
     """Put matrix and benchmarks into the page, where comments ask for them."""
     if name != "verification":
@@ -534,6 +546,7 @@ def fill_page(app: Sphinx, name: str, source: list[str]) -> None:
         ("numbers", numbers(tests)),
         ("matrix", matrix_page(tests)),
         ("orders", orders_page((folder / "data" / "orders.csv").read_text())),
+        ("reasons", reasons_page((folder / "data" / "without_orders.csv").read_text())),
         ("benchmarks", benchmarks_page(tests)),
     ):
         source[0] = re.sub(rf"^% {word}$", lambda _, text=text: text, source[0], flags=re.MULTILINE)
