@@ -169,7 +169,8 @@ def test_a_test_that_is_deleted_changes_a_cell(texts, tests):
     for file, test in last.items():
         fewer = manual.marks_in(file, {**texts, file: without(texts[file], test.name)})
         assert fewer == [t for t in tests if t.file == file and t.name != test.name]
-    (only,) = (t for t in tests if t.refuses and "bodies of revolution" in t.features)
+    refused = (t for t in tests if t.refuses and "bodies of revolution" in t.features)
+    (only,) = (t for t in refused if "3D" in t.aspects)
     assert str(whole["bodies of revolution"]["3D"]) == "refused (1)"
     fewer = {**texts, only.file: without(texts[only.file], only.name)}
     cells = manual.matrix(manual.marked_tests(fewer))

@@ -297,12 +297,14 @@ class Bulk:
 
     def _load(self) -> npt.NDArray[np.float64]:
         """Owned entries of the residual at zero displacement. Collective."""
-        key = self.residual.signature()
+        coefficients = self.residual.coefficients()
+        u = self.displacement
+        key = self.residual.signature(), coefficients.index(u) if u in coefficients else -1
         if key not in _unloaded:
-            _unloaded[key] = _vanishes(self.residual, self.displacement)
+            _unloaded[key] = _vanishes(self.residual, u)
         if _unloaded[key]:
             return np.zeros(self._owned)
-        return self.residual_at(np.zeros_like(self.displacement.x.array))
+        return self.residual_at(np.zeros_like(u.x.array))
 
     @property
     def stiffness_mark(self) -> int:
@@ -334,8 +336,9 @@ class Bulk:
             self._K = None
 
 
-#: By the signature of a residual, whether it vanishes without a displacement.
-_unloaded: dict[str, bool] = {}
+#: By the signature of a residual and the place of the displacement among what is in it, whether it
+#: vanishes without a displacement.
+_unloaded: dict[tuple[str, int], bool] = {}
 #: By the signature of a derivative, places of what is left in it among all that occurs in it.
 _left: dict[str, tuple[list[int], list[int]]] = {}
 
