@@ -95,7 +95,15 @@ def test_refused(dim, sliding):
     both = strips(dim)
     u = displacement(both.mesh)
     given = dict(slave=2, master=1, law=Frictionless(), sliding=sliding)
+    if sliding == "small":
+        beyond = ({"gap": -0.1, "interference": 0.09}, r"gap is -0\.1; interference allows 0\.09")
+    else:  # else they would not find each other, and nothing would press
+        beyond = (
+            {"interference": True, "search_distance": 0.9 * OVERLAP},
+            r"0\.04 behind the slave, farther than the search distance 0\.036",
+        )
     for options, words in (
+        beyond,
         ({}, r"overlap by 0\.04; interference=True for a press fit"),
         ({"interference": 0.9 * OVERLAP}, r"overlap by 0\.04; interference allows 0\.036"),
         ({"remove_overlap": 0.9 * OVERLAP}, r"overlap by 0\.04; remove_overlap allows 0\.036"),

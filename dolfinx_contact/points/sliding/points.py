@@ -42,6 +42,7 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 
 _OVERLAP = 1e-3  # of a facet, that of chords of curved faces
+_ALONG = 0.1  # of a normal, its part along planes of symmetry, below which it looks across them
 _SHARP = 35.0  # degrees between the normals of a node and of a facet, beyond which it is an edge
 _REACH = 0.25  # of the size of the smaller face, how far rays reach by default
 
@@ -145,6 +146,7 @@ class SlidingFacets(Obstacle):
         field = fem.Function(W)
         normals = outward_normals(W, slave)[0]
         normals[self.opposite.across] = 0.0
+        _require_ends(comm, np.linalg.norm(normals[sides[0]], axis=1), name)
         field.x.array[:] = normals.reshape(-1)
         self._normal = field / ufl.sqrt(ufl.dot(field, field))
 
@@ -155,6 +157,23 @@ class SlidingFacets(Obstacle):
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
         return fem.Constant(domain, 0.0), self._normal
+
+
+def _require_ends(comm: MPI.Comm, left: Array, name: str) -> None:
+    """Raise ``ValueError`` if nodes have no normal along the planes on which they lie. Collective.
+
+    Args:
+        comm: communicator.
+        left: lengths of the unit normals at nodes without their parts across these planes.
+        name: of the pair.
+    """
+    count = comm.allreduce(int((left < _ALONG).sum()))
+    require(
+        comm,
+        count == 0,
+        f"{name}: the slave lies in a plane of symmetry instead of ending there: its normals look "
+        f"across it at {count} nodes",
+    )
 
 
 def _size(comm: MPI.Comm, x: Array) -> float:
@@ -307,8 +326,7 @@ def check_slave(
         )
     _require_no_edge(points, name)
     assert isinstance(points, SlidingPoints)
-    if np.isfinite(overlap.most):
-        _require_apart(points, name, overlap, itself=itself)
+    _require_apart(points, name, overlap, itself=itself)
     if overlap.removed:
         points.remove_overlap()
 
@@ -342,12 +360,12 @@ def _require_apart(points: SlidingPoints, name: str, overlap: Overlap, *, itself
         return
     depth = points.depth
     behind = points.faces.farthest_behind(points.whole_size)
+    words = "take a larger search_distance" if overlap.most else "interference=True for a press fit"
     require(
         points.comm,
         behind <= depth,
         f"{name}: the master lies {behind:.3g} behind the slave, farther than the search distance "
-        f"{depth:.3g}: the bodies overlap, or slave and master do not look at each other; "
-        "interference=True for a press fit",
+        f"{depth:.3g}: the bodies overlap, or slave and master do not look at each other; {words}",
     )
 
 
