@@ -356,9 +356,16 @@ def _require_apart(points: SlidingPoints, name: str, overlap: Overlap, *, itself
     allowed = _OVERLAP * points.mean_width
     words = "or remove_overlap for a start without stress"
     overlap.require(points.comm, worst, allowed, name, words)
-    if itself:
-        return
     depth = points.depth
+    if itself:
+        lost = points.comm.allreduce(int(points.faces.lost.sum()))
+        require(
+            points.comm,
+            lost == 0,
+            f"{name}: {lost} facets start in the body, and what they should meet lies farther than "
+            f"the search distance {depth:.3g}",
+        )
+        return
     behind = points.faces.farthest_behind(points.whole_size)
     words = "take a larger search_distance" if overlap.most else "interference=True for a press fit"
     require(
