@@ -23,6 +23,7 @@ from dolfinx_contact import (
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, lame
 from dolfinx_contact.meshing import join
+from dolfinx_contact.records.identity import difference, identity
 
 COMM = MPI.COMM_WORLD
 OVERLAP = 0.04
@@ -124,6 +125,23 @@ def test_refused(dim, sliding):
     ):
         with pytest.raises(ValueError, match=words):
             surface(u, both, sliding, **options)
+
+
+@pytest.mark.refuses("records of histories", aspects=("2D", "large sliding"))
+def test_other_overlaps_are_other_problems():
+    """What is removed, how far is looked for the other face, and planes of symmetry."""
+
+    def known(**given):
+        return identity(pressed(2, "large", **({"remove_overlap": 0.1} | given)))
+
+    before = known()
+    assert difference(before, known(remove_overlap=0.2)) == ""
+    for other in (
+        {"interference": True, "remove_overlap": None},
+        {"search_distance": 0.3},
+        {"symmetry": {0: 0.0}},
+    ):
+        assert "another kind of sliding" in difference(before, known(**other))
 
 
 def tool(dim, closed):

@@ -58,9 +58,11 @@ class SlidingOpposite(Opposite):
         direction: of a face opposite to itself, along which slaves lie farther (dim,); None of two
             faces.
         across: local nodes x dim, True across planes of symmetry on which nodes of the slave lie.
+        planes: of symmetry, where they are by their axis.
     """
 
     across: npt.NDArray[np.bool_]
+    planes: Mapping[int, float]
     depth: float = 0.0
     direction: Array | None = None
 
@@ -139,6 +141,7 @@ class SlidingFacets(Obstacle):
             sides=sides,
             master_facets=master,
             across=across_planes(V, slave, planes, name),
+            planes=planes,
             depth=depth,
             direction=direction,
         )
@@ -250,6 +253,14 @@ class SlidingPoints(NodePoints):
         self.faces.removed = overlap
         self._last = None
         self.operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
+
+    @property
+    def choices(self) -> list[float]:
+        """What else says what they meet: depth, planes of symmetry, overlap taken. Collective."""
+        taken = float(np.max(self.faces.removed, initial=0.0))
+        planes = [float(v) for plane in sorted(self._opposite.planes.items()) for v in plane]
+        # Without the digits that depend on the number of ranks.
+        return [self.depth, *planes, float(f"{self.comm.allreduce(taken, op=max):.6g}")]
 
     @property
     def whole_size(self) -> float:
