@@ -151,6 +151,9 @@ def test_refused():
     ):
         with pytest.raises(ValueError, match=words):
             ContactPair(u, body.facet_tags, symmetry=symmetry, **given)
+    bottom = mesh.locate_entities_boundary(body.mesh, 1, lambda x: np.isclose(x[1], -1.0))
+    with pytest.raises(ValueError, match="lies in a plane of symmetry instead of ending there"):
+        SelfContact(u, bottom, law=Coulomb(0.3), symmetry={1: -1.0})
     small = given | {"sliding": "small", "symmetry": {0: 0.0}}
     with pytest.raises(ValueError, match="planes of symmetry are for sliding='large'"):
         ContactPair(u, body.facet_tags, **small)

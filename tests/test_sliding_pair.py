@@ -674,13 +674,17 @@ def lowered(by):
 @pytest.mark.parametrize("distance", [None, 0.01])
 @pytest.mark.parametrize("by", [0.02, 0.3, 0.55])
 def test_overlap_is_refused(slave, distance, by):
-    """Bodies that begin in each other, however deep, but for a press fit."""
+    """Bodies that begin in each other, but for a press fit no deeper than the search distance."""
     both = lowered(by)
     u = displacement(both.mesh)
     given = {"slave": slave, "master": 5 - slave, "law": Frictionless(), "sliding": "large"}
     given["search_distance"] = distance
     with pytest.raises(ValueError, match=r"overlap by|behind the slave"):
         ContactPair(u, both, **given)
+    if by > (0.25 if distance is None else distance):
+        with pytest.raises(ValueError, match="take a larger search_distance"):
+            ContactPair(u, both, interference=True, **given)
+        given["search_distance"] = 1.1 * by
     ContactPair(u, both, interference=True, **given)
 
 

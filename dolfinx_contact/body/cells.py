@@ -15,16 +15,19 @@ from functools import lru_cache
 from itertools import combinations
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 
 import basix
-from dolfinx import fem, la, mesh
+from dolfinx import fem, geometry, la, mesh
 
 from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact._errors import require
 
 __all__ = [
+    "cells_around",
     "check_cells",
     "chunks",
     "determinants",
@@ -130,6 +133,26 @@ def midpoints(domain: mesh.Mesh, cells: npt.NDArray[Any]) -> Array:
     """Means of the vertices of local ``cells``, (n, dim)."""
     corners = geometry_dofmap(domain)[cells][:, : len(basix.geometry(domain.basix_cell()))]
     return np.asarray(domain.geometry.x[corners].mean(axis=1)[:, : domain.geometry.dim])
+
+
+def cells_around(domain: mesh.Mesh, points: Array) -> npt.NDArray[np.int64]:
+    """In how many cells of all ranks points lie (n,). Collective.
+
+    Args:
+        domain: mesh.
+        points: the same on every rank (n, dim).
+    """
+    dim = domain.topology.dim
+    owned = np.arange(domain.topology.index_map(dim).size_local, dtype=np.int32)
+    x = np.zeros((len(points), 3))
+    x[:, : points.shape[1]] = points
+    counts: npt.NDArray[np.int64] = np.zeros(len(x), dtype=np.int64)
+    if len(owned) and len(x):
+        tree = geometry.bb_tree(domain, dim, entities=owned)
+        near = geometry.compute_collisions_points(tree, x)
+        counts += np.diff(geometry.compute_colliding_cells(domain, near, x).offsets)
+    domain.comm.Allreduce(MPI.IN_PLACE, counts)
+    return counts
 
 
 @lru_cache(maxsize=32)

@@ -107,6 +107,10 @@ class Overlap:
             raise ValueError(f"{name}: an overlap is a press fit, or is removed, and not both")
         return cls(float(remove_overlap), removed=True)
 
+    def exceeded_by(self, worst: float) -> bool:
+        """Whether the smallest gap is an overlap by more than is allowed. Not collective."""
+        return not worst >= -self.most * (1.0 + _ROUND_OFF)
+
     def require(self, comm: MPI.Comm, worst: float, allowed: float, name: str, unless: str) -> None:
         """Raise ``ValueError`` if bodies overlap by more than is allowed. Collective.
 
@@ -121,7 +125,7 @@ class Overlap:
         if self.most > 0.0:
             given = "remove_overlap" if self.removed else "interference"
             words = f"{given} allows {self.most:.3g}"
-        good = worst >= -max(self.most * (1.0 + _ROUND_OFF), allowed)
+        good = worst >= -allowed or not self.exceeded_by(worst)
         require(comm, good, f"{name}: the bodies overlap by {-worst:.3g}; {words}")
 
 

@@ -158,7 +158,8 @@ class ContactPair(ContactSurface):
         master_facets: local indices of the facets of the master, where those of the slave are
             given by indices.
         gap: initial gap, UFL or a number; by default that of the geometry. Where Constants and
-            Functions in it change, it may not become negative either, without ``interference``.
+            Functions in it change, it may not become negative either, or less than
+            ``interference`` allows.
         surface: the true shape of the master, an obstacle, where facets are chords of a curve: gap
             and normal are then its at the nodes of the slave, and not off by the sagitta of chords.
         normal: direction from the slave to the master (dim,), along which faces are opposite to
@@ -277,7 +278,8 @@ class ContactPair(ContactSurface):
         #: The opposing points while no function of a node is given away.
         self._apart: Opposite = self.obstacle.opposite
         self._given_gap = ""
-        if not interference and (gap is not None or surface is not None):
+        self._overlap = overlap
+        if np.isfinite(overlap.most) and (gap is not None or surface is not None):
             self._given_gap = "given gap" if surface is None else "gap to the given surface"
         self.check_gaps()
 
@@ -286,10 +288,13 @@ class ContactPair(ContactSurface):
             return
         gaps = self.points.vertex_gaps
         worst = self.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
+        words = "interference=True for a press fit"
+        if self._overlap.presses:
+            words = f"interference allows {self._overlap.most:.3g}"
         require(
             self.comm,
-            not worst < 0,
-            f"{self.name}: the {self._given_gap} is {worst:.3g}; interference=True for a press fit",
+            not self._overlap.exceeded_by(worst),
+            f"{self.name}: the {self._given_gap} is {worst:.3g}; {words}",
         )
 
     def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:

@@ -73,7 +73,8 @@ class SelfContact(ContactSurface):
     from above its upper half, for the default direction. Choose it so that the parts that will meet
     lie apart along it. Facets do not face themselves, those that they share a node with, what looks
     the same way, and what lies behind them through the body: where that is thinner than
-    ``search_distance``, bodies overlap by less than half of its thickness in the mesh.
+    ``search_distance``, bodies overlap by less than half of its thickness T in the mesh, or by
+    (d + T)/2 at facets that start within the body at a depth d.
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1.

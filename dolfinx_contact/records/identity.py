@@ -88,12 +88,15 @@ def _faces(s: ContactSurface) -> list[str]:
 def _sliding_of(s: ContactSurface) -> list[Any]:
     """How a surface slides: whether it follows its obstacle; of faces that slide over others more.
 
-    Of a face that slides over itself the direction, by which it has its slaves.
+    Of these how far they reach, planes of symmetry and the overlap that is taken from gaps, and of
+    a face that slides over itself the direction, by which it has its slaves. Collective.
     """
     if not s.slides:
         return [s.displaced is not None]
     direction = s.obstacle.opposite.direction
-    return ["over a face"] if direction is None else ["over itself", *map(float, direction)]
+    if direction is None:
+        return ["over a face", *s.points.choices]
+    return ["over itself", *map(float, direction), *s.points.choices]
 
 
 def _parts(form: ufl.Form, domain: mesh.Mesh) -> list[str]:

@@ -22,6 +22,7 @@ from dolfinx import fem, la
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._errors import require
 from dolfinx_contact._petsc import logged
+from dolfinx_contact.body.cells import cells_around
 from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.facing import faces_of
 from dolfinx_contact.points.kinematics import rotation
@@ -46,6 +47,7 @@ _STEEP_ITSELF = 0.5  # the same of one face
 _NEAR = 4.0  # facets of one face, within which they are neighbours
 #: Pairs of facets up to which the Jacobian has places for all of them, and the same pattern always.
 _FEW_PAIRS = 20_000
+_BELOW = 1e-3  # of a facet, a depth at which the body is looked for behind it
 _LEAST_COVER = 1e-6  # of a facet, below which it has nothing opposite
 _LEAST_WEIGHT = 1e-9  # of the area of a node, below which it has nothing opposite
 _ROUND_OFF = 4e-15  # of the largest coordinate, a gap that is none
@@ -128,10 +130,12 @@ class SlidingFaces:
         self._direction = direction
         #: Of the local vertices, overlaps of the mesh that are no gaps.
         self.removed: Array = np.zeros(self._map.size_local + self._map.num_ghosts)
+        #: Of facets of one face that start within the body, those with nothing to meet in reach.
+        self.lost: npt.NDArray[np.bool_] = np.zeros(len(self.corners), dtype=bool)
         #: How far the bodies may overlap at each facet: of one face not through the body.
         self._deepest: Array = np.full(len(self.corners), depth)
         if direction is not None:
-            self._deepest = self._half_thickness()
+            self._deepest = self._deepest_of_itself()
         self._found_before: Array  # where the mesh has their corners
 
     # -- nodes -----------------------------------------------------------------------------------
@@ -286,23 +290,53 @@ class SlidingFaces:
         same = self.slave_nodes()[i][:, :, None] == found.nodes[k][:, None]
         return np.asarray(same.any(axis=(1, 2)))
 
-    def _half_thickness(self) -> Array:
-        """Half the way through the body in the mesh behind each facet, or the depth (n,)."""
+    def _deepest_of_itself(self) -> Array:
+        """How far each facet may be overlapped before its face is met through the body (n,).
+
+        Half the thickness T of the body behind it in the mesh, and (d + T)/2 where it starts within
+        the body at the depth d.
+        """
         direction = self._direction
         self._direction = None
         self._search(self._X)
         self._direction = direction
         self.searches = 0
         found = self._found
-        theirs = self.of_master(self._X, found)
-        slave, master = self._faces(found, self._reference, theirs)
-        given = slave, master, found.pairs[~self._shares_node(found)], self._depth
-        behind = cover(*given, farthest=0.0, least=_LEAST_COVER, steep=_STEEP)
-        off = master.x[behind.other].mean(axis=1) - slave.x[behind.facet].mean(axis=1)
+        pairs = found.pairs[~self._shares_node(found)]
+        within = self._within_the_body()
+        start = np.zeros(len(self.corners))
+        nearest, ways = self._behind(pairs[within[pairs[:, 0]]])
+        np.maximum.at(start, nearest[:, 0], ways)
+        self.lost = within & (start == 0.0)
+        number = max(len(found.nodes), 1)
+        used = np.isin(pairs @ [number, 1], nearest @ [number, 1])
+        walls, ways = self._behind(pairs[~used])
         thickness = np.full(len(self.corners), 2 * self._depth)
-        way = np.abs(np.sum(off * slave.normals[behind.facet], axis=1))
-        np.minimum.at(thickness, behind.facet, way)
-        return 0.5 * thickness
+        np.minimum.at(thickness, walls[:, 0], ways)
+        return np.minimum(0.5 * (start + thickness), self._depth)
+
+    def _behind(self, pairs: Nodes) -> tuple[Nodes, Array]:
+        """Which of some pairs of facets lie behind each other in the mesh, and how far."""
+        slave, master = self._faces(
+            self._found, self._reference, self.of_master(self._X, self._found)
+        )
+        common = cover(
+            slave, master, pairs, self._depth, farthest=0.0, least=_LEAST_COVER, steep=_STEEP
+        )
+        off = master.x[common.other].mean(axis=1) - slave.x[common.facet].mean(axis=1)
+        ways = np.abs(np.sum(off * slave.normals[common.facet], axis=1))
+        return np.stack([common.facet, common.other], axis=1), ways
+
+    def _within_the_body(self) -> npt.NDArray[np.bool_]:
+        """Which facets start within the body: a point below their middle lies in two cells (n,)."""
+        x = self._reference
+        below = x.mean(axis=1) - _BELOW * np.ptp(x, axis=1).max(axis=1)[:, None] * _unit(
+            self._area_vectors(x)
+        )
+        parts = self.comm.allgather(below)
+        counts = cells_around(self._V.mesh, np.concatenate(parts))
+        first = sum(len(part) for part in parts[: self.comm.rank])
+        return np.asarray(counts[first : first + len(below)] > 1)
 
     @property
     def candidates(self) -> Candidates:

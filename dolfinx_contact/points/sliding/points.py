@@ -42,6 +42,7 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 
 _OVERLAP = 1e-3  # of a facet, that of chords of curved faces
+_ALONG = 0.1  # of a normal, its part along planes of symmetry, below which it looks across them
 _SHARP = 35.0  # degrees between the normals of a node and of a facet, beyond which it is an edge
 _REACH = 0.25  # of the size of the smaller face, how far rays reach by default
 
@@ -57,9 +58,11 @@ class SlidingOpposite(Opposite):
         direction: of a face opposite to itself, along which slaves lie farther (dim,); None of two
             faces.
         across: local nodes x dim, True across planes of symmetry on which nodes of the slave lie.
+        planes: of symmetry, where they are by their axis.
     """
 
     across: npt.NDArray[np.bool_]
+    planes: Mapping[int, float]
     depth: float = 0.0
     direction: Array | None = None
 
@@ -138,6 +141,7 @@ class SlidingFacets(Obstacle):
             sides=sides,
             master_facets=master,
             across=across_planes(V, slave, planes, name),
+            planes=planes,
             depth=depth,
             direction=direction,
         )
@@ -145,6 +149,7 @@ class SlidingFacets(Obstacle):
         field = fem.Function(W)
         normals = outward_normals(W, slave)[0]
         normals[self.opposite.across] = 0.0
+        _require_ends(comm, np.linalg.norm(normals[sides[0]], axis=1), name)
         field.x.array[:] = normals.reshape(-1)
         self._normal = field / ufl.sqrt(ufl.dot(field, field))
 
@@ -155,6 +160,23 @@ class SlidingFacets(Obstacle):
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
         return fem.Constant(domain, 0.0), self._normal
+
+
+def _require_ends(comm: MPI.Comm, left: Array, name: str) -> None:
+    """Raise ``ValueError`` if nodes have no normal along the planes on which they lie. Collective.
+
+    Args:
+        comm: communicator.
+        left: lengths of the unit normals at nodes without their parts across these planes.
+        name: of the pair.
+    """
+    count = comm.allreduce(int((left < _ALONG).sum()))
+    require(
+        comm,
+        count == 0,
+        f"{name}: the slave lies in a plane of symmetry instead of ending there: its normals look "
+        f"across it at {count} nodes",
+    )
 
 
 def _size(comm: MPI.Comm, x: Array) -> float:
@@ -224,6 +246,14 @@ class SlidingPoints(NodePoints):
         self.faces.removed = overlap
         self._last = None
         self.operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
+
+    @property
+    def choices(self) -> list[float]:
+        """What else says what they meet: depth, planes of symmetry, overlap taken. Collective."""
+        taken = float(np.max(self.faces.removed, initial=0.0))
+        planes = [float(v) for plane in sorted(self._opposite.planes.items()) for v in plane]
+        # Without the digits that depend on the number of ranks.
+        return [self.depth, *planes, float(f"{self.comm.allreduce(taken, op=max):.6g}")]
 
     @property
     def whole_size(self) -> float:
@@ -300,8 +330,7 @@ def check_slave(
         )
     _require_no_edge(points, name)
     assert isinstance(points, SlidingPoints)
-    if np.isfinite(overlap.most):
-        _require_apart(points, name, overlap, itself=itself)
+    _require_apart(points, name, overlap, itself=itself)
     if overlap.removed:
         points.remove_overlap()
 
@@ -331,16 +360,23 @@ def _require_apart(points: SlidingPoints, name: str, overlap: Overlap, *, itself
     allowed = _OVERLAP * points.mean_width
     words = "or remove_overlap for a start without stress"
     overlap.require(points.comm, worst, allowed, name, words)
-    if itself:
-        return
     depth = points.depth
+    if itself:
+        lost = points.comm.allreduce(int(points.faces.lost.sum()))
+        require(
+            points.comm,
+            lost == 0,
+            f"{name}: {lost} facets start in the body, and what they should meet lies farther than "
+            f"the search distance {depth:.3g}",
+        )
+        return
     behind = points.faces.farthest_behind(points.whole_size)
+    words = "take a larger search_distance" if overlap.most else "interference=True for a press fit"
     require(
         points.comm,
         behind <= depth,
         f"{name}: the master lies {behind:.3g} behind the slave, farther than the search distance "
-        f"{depth:.3g}: the bodies overlap, or slave and master do not look at each other; "
-        "interference=True for a press fit",
+        f"{depth:.3g}: the bodies overlap, or slave and master do not look at each other; {words}",
     )
 
 
