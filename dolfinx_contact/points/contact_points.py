@@ -199,6 +199,11 @@ class ContactPoints(ABC):
         """Local multiplier nodes x dim, True across planes of symmetry, where images cancel."""
         return np.zeros((len(self.trace_dofs), self.dim), dtype=bool)
 
+    @property
+    def choices(self) -> list[float]:
+        """What else says what they meet, for records. Collective."""
+        return []
+
     def require_held(self, fixed: npt.NDArray[np.bool_], name: str) -> None:  # noqa: B027
         """Raise ``ValueError`` if nodes on planes of symmetry can leave these. Collective.
 

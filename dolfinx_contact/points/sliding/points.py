@@ -249,7 +249,7 @@ class SlidingPoints(NodePoints):
 
     @property
     def choices(self) -> list[float]:
-        """What else says what they meet: depth, planes of symmetry, overlap taken. Collective."""
+        """Depth, planes of symmetry, and the overlap that is taken from gaps. Collective."""
         taken = float(np.max(self.faces.removed, initial=0.0))
         planes = [float(v) for plane in sorted(self._opposite.planes.items()) for v in plane]
         # Without the digits that depend on the number of ranks.
