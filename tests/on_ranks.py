@@ -70,7 +70,7 @@ ON_TWO = {
     "test_creep": ("creep", "what_is_lacking_is_said"),
     "test_critical_friction": (
         *("hild_triangle", "slice_in_3d", "bad_input", "between_bodies", "double_coefficients"),
-        "stiff_body_beside_a_soft_one",
+        "slips_of_a_stiff_body_beside_a_soft_one",
     ),
     "test_crossing_cracks": ("pairs_without_a_loop_keep_their_multipliers", "what_nobody_can_take"),
     "test_curved_friction": (
