@@ -414,7 +414,13 @@ def unlike(leaning, young):
 
 
 @pytest.mark.parametrize(
-    ("solver", "young"), [("direct", (1.0, 1e11)), ("direct", (1e11, 1.0)), ("amg", (1.0, 1e8))]
+    ("solver", "young"),
+    [
+        ("direct", (1.0, 1e11)),
+        ("direct", (1e11, 1.0)),
+        # Whether multigrid takes such bodies at all depends on how they are shared out.
+        pytest.param("amg", (1.0, 1e8), marks=pytest.mark.skipif(COMM.size > 1, reason="refused")),
+    ],
 )
 @pytest.mark.verifies(
     "critical friction", reference="itself: one of two bodies, 10^8 and 10^11 times as stiff"
