@@ -149,9 +149,9 @@ def critical_friction(
 
     The friction of the law does not matter: all points that slip rub with one F, also those of
     `Frictionless` surfaces, or with a bound given in advance (Tresca). A bulk that is not linear is
-    taken at the displacement in the Functions. With more than 512 points only the coefficients of smallest size are computed,
-    and nothing is known of those beyond `CriticalFriction.known_up_to`: raise ``count``, or take
-    all with ``dense=True``.
+    taken at the displacement in the Functions. With more than 512 points only the coefficients of
+    smallest size are computed, and nothing is known of those beyond `CriticalFriction.known_up_to`:
+    raise ``count``, or take all with ``dense=True``.
 
     Args:
         problem: the contact problem, nodal or mixed.
