@@ -71,6 +71,7 @@ ON_TWO = {
     "test_critical_friction": (
         *("by_multigrid", "slips_of_one_sign_among_equal_coefficients"),
         *("hild_triangle", "slice_in_3d", "bad_input", "between_bodies", "double_coefficients"),
+        "slips_of_a_stiff_body_beside_a_soft_one",
     ),
     "test_crossing_cracks": ("pairs_without_a_loop_keep_their_multipliers", "what_nobody_can_take"),
     "test_curved_friction": (

@@ -400,6 +400,53 @@ def test_slips_of_one_sign_among_equal_coefficients(solver):
     assert abs(found.friction) < found.known_up_to
 
 
+def unlike(leaning, young):
+    """The bodies of `side_by_side` with leanings and stiffnesses of their own."""
+    number = len(young)
+    domain = side_by_side(number).V.mesh
+    x = domain.geometry.x
+    x[:, 0] -= 0.5 * x[:, 1]
+    body = np.clip(np.floor(x[:, 0] / 2 + 1e-9).astype(int), 0, number - 1)
+    moduli = fem.Function(fem.functionspace(domain, ("DG", 0)))
+    moduli.interpolate(lambda x: np.array(young)[(x[0] / 2).astype(int)])
+    x[:, 0] += np.array(leaning)[body] * x[:, 1]
+    return on_box(domain, material=LinearElastic.from_young(moduli, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("solver", "young"),
+    [
+        ("direct", (1.0, 1e11)),
+        ("direct", (1e11, 1.0)),
+        # Whether multigrid takes such bodies at all depends on how they are shared out.
+        pytest.param("amg", (1.0, 1e8), marks=pytest.mark.skipif(COMM.size > 1, reason="refused")),
+    ],
+)
+@pytest.mark.verifies(
+    "critical friction", reference="itself: one of two bodies, 10^8 and 10^11 times as stiff"
+)
+def test_slips_of_a_stiff_body_beside_a_soft_one(solver, young):
+    """What round-off moves the soft body by is no slip, also where the stiff one slips by less."""
+    leaning = (0.7, 0.0) if young[0] > 1.0 else (0.0, 0.7)
+    alone = [critical_friction(unlike([lean], [1.0])) for lean in sorted(leaning)]
+    found = critical_friction(unlike(leaning, young), dense=False, solver=solver, count=4)
+    expected = sorted((F for a in alone for F in a.one_signed), key=abs)
+    np.testing.assert_allclose(np.abs(found.one_signed), np.abs(expected), rtol=1e-9)
+    assert found.friction == pytest.approx(alone[1].friction, rel=1e-9)
+    slips = found.slips if young[1] > 1.0 else found.slips[::-1]
+    np.testing.assert_array_equal(slips[:4], 0.0)
+    assert slips.max() == 1.0
+
+
+@pytest.mark.verifies("critical friction", reference="itself: one of three bodies nearly alike")
+def test_coefficients_that_are_nearly_equal():
+    """Vectors are as good as the distance to the next coefficient lets them be."""
+    leaning = 0.5 + 1e-6 * np.arange(3)
+    expected = sorted(critical_friction(unlike([lean], [1.0])).friction for lean in leaning)
+    found = critical_friction(unlike(leaning, [1.0] * 3), dense=False, count=3)
+    np.testing.assert_allclose(found.one_signed[:3], expected, rtol=1e-10)
+
+
 # -- large bodies ----------------------------------------------------------------------------------
 
 

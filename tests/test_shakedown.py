@@ -102,6 +102,29 @@ def test_one_point(F):
 @serial
 @pytest.mark.verifies(
     "shakedown",
+    reference="closed form: k_t - s^2/k_j of a point joined to one that slides freely",
+    aspects=("2D",),
+    alone=True,
+)
+@pytest.mark.parametrize("F", [0.6, 0.7])
+def test_a_point_without_friction_beside_it(F):
+    """It makes the point softer: its critical friction falls from 2.0/1.8 to 1.2/1.8."""
+    S = np.array([[2.0, -1.8, 1.0], [-1.8, 4.0, 0.0], [1.0, 0.0, 1.25]])
+    steady = np.array([0.0, -1.0, 0.0, -1.0])
+    change = np.array([0.3, 0.1, 0.0, 0.0])
+    loads = steady + np.array([change, -change])
+    found = shakedown_of(points(block_diag(S, 3.0), [F, 0.0]), loads, steady, factor=1.5)
+    assert found.theorem_holds == (F < 1.2 / 1.8)
+    assert not (found.theorem_holds and found.broken)
+    softer = np.array([[1.2, -1.8], [-1.8, 4.0]])
+    alone = shakedown_of(points(softer, [F]), loads[:, :2], steady[:2], factor=1.5)
+    assert alone.theorem_holds == found.theorem_holds
+    np.testing.assert_allclose(found.factor, alone.factor, rtol=1e-9)
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
     reference="closed form: F N over the radius of the circle about three shears",
     aspects=("3D",),
     alone=True,

@@ -58,7 +58,9 @@ _DENSE = {"direct": 512, "amg": 64}
 _LARGEST_DIRECT = {2: 400_000, 3: 60_000}  # unknowns of the body, estimates
 _REAL = 1e-9  # relative imaginary part that is none, and difference of coefficients that are one
 _DEPENDENT = 1e-6  # relative singular value of vectors of one coefficient that are as good as fewer
-_SIGN = 1e-8  # of the largest slip, by which another may have the other sign
+_SIGN = 1e-8  # of the largest slip, at points as soft, by which another may have the other sign
+_BLURRED = 10.0  # by which a vector may be further off than its residual over its gap
+_MOST = 1e-3  # of the largest, what is taken for none however little the vector is known
 _NOTHING = 1e-11  # eigenvalues of T, over the largest, that are none
 _FAR = 1e-6  # relative margin of the size up to which coefficients are known
 _DEFAULTS: dict[str, dict[str, Any]] = {
@@ -145,10 +147,11 @@ def critical_friction(
 ) -> CriticalFriction:
     """Critical coefficients of friction of a body in contact. Collective.
 
-    The friction of the law does not matter. A bulk that is not linear is taken at the displacement
-    in the Functions. With more than 512 points only the coefficients of smallest size are computed,
-    and nothing is known of those beyond `CriticalFriction.known_up_to`: raise ``count``, or take
-    all with ``dense=True``.
+    The friction of the law does not matter: all points that slip rub with one F, also those of
+    `Frictionless` surfaces, or with a bound given in advance (Tresca). A bulk that is not linear is
+    taken at the displacement in the Functions. With more than 512 points only the coefficients of
+    smallest size are computed, and nothing is known of those beyond `CriticalFriction.known_up_to`:
+    raise ``count``, or take all with ``dense=True``.
 
     Args:
         problem: the contact problem, nodal or mixed.
@@ -198,12 +201,14 @@ class _PressureByShear:
         self.comm = eq.comm
         self._slip = slip
         rows = [slip.N, slip.H]
+        K = eq.bulk.stiffness(u)
+        self._softness = _softness(slip.D, K)
         self.solver = solver if solver != "auto" else _by_size(eq, rows)
         self._body: HeldBody | HeldMultigrid
         if self.solver == "amg":
             self._body = HeldMultigrid(eq, u, rows, "analysis_")
         else:
-            K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
+            K = with_dirichlet_rows(K, eq, eq.stiffness_scale)
             self._body = HeldBody(eq.comm, [HeldField(K, rows)], eq.stiffness_scale)
             K.destroy()
         self._u, self._f = slip.D.createVecs()
@@ -236,13 +241,14 @@ class _PressureByShear:
     def all(self) -> _Modes:
         """All eigenvalues of T, and the slips and shears of their vectors."""
         D = self._slip.D
+        softness = np.concatenate(self.comm.allgather(self._softness))
         parts = self.comm.gather(self._body.respond(columns_of(D), D))
 
         def modes() -> _Modes:
             flexibility, T = (np.concatenate(p) for p in zip(*parts, strict=True))
             values, shears = np.linalg.eig(T)
             off = np.linalg.norm(T @ shears - values * shears, axis=0)
-            return _Modes.of(values, flexibility @ shears, shears, np.inf, off)
+            return _Modes.of(values, flexibility @ shears, shears, np.inf, off, softness)
 
         return on_root(self.comm, modes)
 
@@ -281,7 +287,8 @@ class _PressureByShear:
             raise RuntimeError("SLEPc found no critical friction: raise analysis_eps_max_it")
         slip, shear = (np.concatenate(self.comm.allgather(np.array(v).T)) for v in (slips, shears))
         residuals = np.sqrt(self.comm.allreduce(np.array(off)))
-        everything = np.array(values), slip, shear, known, residuals
+        softness = np.concatenate(self.comm.allgather(self._softness))
+        everything = np.array(values), slip, shear, known, residuals, softness
         return on_root(self.comm, lambda: _Modes.of(*everything))
 
     def _known_up_to(self, T: PETSc.Mat, found: list[PETSc.Vec]) -> float:
@@ -322,6 +329,20 @@ class _PressureByShear:
         self._u.destroy(), self._f.destroy()
 
 
+def _softness(D: PETSc.Mat, K: PETSc.Mat) -> Array:
+    """Slip of each point of this rank by a force where all else is held (m,). Collective."""
+    first, columns, values = D.getValuesCSR()
+    squared = PETSc.Mat().createAIJ(D.getSizes(), csr=(first, columns, values**2), comm=D.comm)
+    diagonal, slips = squared.createVecs()
+    K.getDiagonal(diagonal)
+    diagonal.array[:] = 1.0 / np.abs(diagonal.array_r)
+    squared.mult(diagonal, slips)
+    softness = slips.array_r.copy()
+    for thing in (squared, diagonal, slips):
+        thing.destroy()
+    return softness
+
+
 class _Product:
     """The methods of T that PETSc requires."""
 
@@ -336,7 +357,9 @@ class _Product:
 class _Modes:
     """Coefficients F by size (k,), slips and shears of all points, rank by rank (m, k).
 
-    All F below the size `known_up_to` are among them. Residuals (k,) are relative.
+    All F below the size `known_up_to` are among them. Residuals (k,) are relative. Slips are
+    measured by the softness of their points, or the round-off of soft bodies would hide the slips
+    of stiff ones; those that are less than what is known of a vector are 0.
     """
 
     friction: Complex
@@ -347,9 +370,15 @@ class _Modes:
 
     @classmethod
     def of(
-        cls, values: Complex, slips: Complex, shears: Complex, known_up_to: float, off: Array
+        cls,
+        values: Complex,
+        slips: Complex,
+        shears: Complex,
+        known_up_to: float,
+        off: Array,
+        softness: Array,
     ) -> _Modes:
-        """From eigenvalues of T; ``off`` is |T f - f/F| of each."""
+        """From eigenvalues of T; ``off`` is |T f - f/F| of each, ``softness`` that of points."""
         there = np.abs(values) > _NOTHING * max(np.abs(values).max(initial=0.0), _NOTHING)
         F = 1.0 / values[there]
         largest = np.abs(values).max(initial=0.0)
@@ -361,18 +390,39 @@ class _Modes:
         size = np.abs(F)
         order = np.lexsort((-F.imag, -F.real, np.round(size / size.min(initial=np.inf), 9)))
         F = F[order]
+        residuals = residuals[order]
         slips, shears = (v[:, there][:, order] for v in (slips, shears))
-        _with_one_sign(F, slips, shears, same)
+        soft = softness[:, None]
+        slips = slips / soft
+        none = _blur(F, residuals, same, known_up_to)
+        _with_one_sign(F, slips, shears, same, none)
+        sizes = np.abs(slips)
+        slips = np.where(sizes > none * sizes.max(axis=0), slips * soft, 0.0)
         most = slips[np.abs(slips).argmax(axis=0), np.arange(len(order))]
-        return cls(F, slips / most, shears / most, known_up_to, residuals[order])
+        return cls(F, slips / most, shears / most, known_up_to, residuals)
 
     @property
     def one_signed(self) -> npt.NDArray[np.bool_]:
         """Which F are real and have slips of one sign."""
-        return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= -_SIGN))
+        return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= 0.0))
 
 
-def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float) -> None:
+def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Array:
+    """By which the vectors of coefficients may be off, of their size (k,).
+
+    That is the residual over the distance to the next eigenvalue of T (G. W. Stewart and J. Sun,
+    Matrix Perturbation Theory, 1990, ch. V), listed or not.
+    """
+    values = 1.0 / F
+    apart = np.abs(values[:, None] - values)
+    apart[apart <= same * np.abs(values)] = np.inf
+    beyond = np.abs(np.abs(values) - 1.0 / known_up_to if known_up_to > 0 else np.inf)
+    gap = np.minimum(apart.min(axis=1, initial=np.inf), beyond)
+    largest = np.abs(values).max(initial=0.0)
+    return np.clip(_BLURRED * residuals * largest / np.maximum(gap, same * largest), _SIGN, _MOST)
+
+
+def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, none: Array) -> None:
     """Let a slip of one sign be among the vectors of each real coefficient that has one.
 
     Of a coefficient that is there several times all combinations of its vectors are slips, and none
@@ -380,9 +430,10 @@ def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float) -> 
 
     Args:
         F: coefficients (k,).
-        slips: and shears, one a column (m, k); changed.
+        slips: by the softness of points, and shears, one a column (m, k); changed.
         shears: see there.
         same: relative difference of coefficients that are one.
+        none: share of the largest slip that is none (k,).
     """
     real = np.flatnonzero(F.imag == 0)
     real = real[np.argsort(F.real[real], kind="stable")]
@@ -396,17 +447,18 @@ def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float) -> 
         _, sizes, back = np.linalg.svd(u, full_matrices=False)
         kept = (sizes > _DEPENDENT * sizes[0])[: len(group)]
         back = (back[: len(group)] / sizes[: len(group), None])[kept].T
-        weights = back @ _nonnegative(u @ back)
+        weights = back @ _nonnegative(u @ back, float(none[group].max()))
         if weights.any():
             first = group.min()
             slips[:, first], shears[:, first] = u @ weights, f @ weights
 
 
-def _nonnegative(vectors: Array) -> Array:
+def _nonnegative(vectors: Array, none: float) -> Array:
     """Weights (k,) of a combination that is nowhere negative, as large as can be; 0 if none is.
 
     Args:
         vectors: orthonormal, one a column (m, k).
+        none: share of the largest value that is none.
     """
     from scipy.optimize import linprog
 
@@ -414,7 +466,7 @@ def _nonnegative(vectors: Array) -> Array:
     found = linprog(
         -vectors.sum(axis=0),
         A_ub=np.vstack([vectors, -vectors]),
-        b_ub=np.concatenate([np.ones(m), np.zeros(m)]),
+        b_ub=np.concatenate([np.ones(m), np.full(m, 0.5 * none)]),
         bounds=[(None, None)] * k,
         options={"primal_feasibility_tolerance": 1e-9},
     )
@@ -422,7 +474,7 @@ def _nonnegative(vectors: Array) -> Array:
         raise RuntimeError(f"no answer of the linear programme: {found.message}")
     weights = np.asarray(found.x)
     slip = vectors @ weights
-    return weights if slip.min() >= -_SIGN * slip.max() and slip.max() > 0.5 else np.zeros(k)
+    return weights if slip.min() >= -none * slip.max() and slip.max() > 0.5 else np.zeros(k)
 
 
 def _collected(

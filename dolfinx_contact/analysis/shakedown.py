@@ -300,8 +300,15 @@ def _theorem(points: PointProblem) -> tuple[bool, str]:
     if len(coupled) == 0:
         return True, "sufficient, as slips do not change normal forces"
     others = joined & (point[:, None] != point)
+    # Of a point that is alone both rows are in S: what slides freely beside it makes it softer.
     alone = not others[np.isin(point, coupled)].any()
-    if d == 2 and alone and all(_below_critical(points, i) for i in coupled):
+    if (
+        d == 2
+        and alone
+        and all(
+            _below_critical(points.friction[i], S[np.ix_(point == i, point == i)]) for i in coupled
+        )
+    ):
         if m == 1:
             return True, "sufficient, as one point with less than its critical friction k_t/|k|"
         return True, (
@@ -311,10 +318,10 @@ def _theorem(points: PointProblem) -> tuple[bool, str]:
     return False, "necessary, not sufficient from every start, as slips change normal forces"
 
 
-def _below_critical(points: PointProblem, i: int) -> bool:
-    """Whether a point in the plane has less than its critical friction k_t/|k|."""
-    k_t, k = points.S[2 * i, 2 * i : 2 * i + 2]
-    return bool(points.friction[i] * abs(k) < k_t)
+def _below_critical(friction: float, S: Array) -> bool:
+    """Whether a point in the plane has less than its critical friction k_t/|k|, S = [k_t, k]."""
+    k_t, k = S[0]
+    return bool(friction * abs(k) < k_t)
 
 
 def _eliminated(S: Array, free: Flags) -> Array:
