@@ -16,6 +16,7 @@ from dolfinx_contact import (
     ContactPair,
     ContactProblem,
     Frictionless,
+    HalfSpace,
     RigidBody,
     RigidSurface,
     SelfContact,
@@ -172,3 +173,18 @@ def test_a_body_within_a_tool(dim, closed, moves):
         block(obstacle, interference=0.09, **at_rest)
     pushed = block(obstacle, interference=0.1, **at_rest).solve()
     np.testing.assert_allclose(pushed.tables["contact"].un, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.refuses("press fits", aspects=("2D", "3D"))
+def test_a_body_within_a_floor(dim):
+    """It is pushed out unless something else is given, from no farther than is allowed."""
+    floor = HalfSpace([*[0.0] * (dim - 1), 0.1], np.eye(dim)[-1])
+    at_rest = dict(cell="quad" if dim == 2 else "hex", top=[0.0] * dim, sliding="small")
+    for given in ({}, {"interference": True}, {"interference": 0.1}):
+        (contact,) = block(floor, **given, **at_rest).surfaces
+        np.testing.assert_allclose(contact.points.gaps, -0.1, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference allows 0\.09"):
+        block(floor, interference=0.09, **at_rest)
+    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference=True for a press fit"):
+        block(floor, interference=False, **at_rest)

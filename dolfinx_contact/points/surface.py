@@ -75,6 +75,8 @@ def _check(a: Arguments) -> None:
             f"{a.name}: gaps of mixed contact are averages around nodes, and those from a surface "
             "of facets are known at points: take nodal or integral contact"
         )
+    if a.interference is None:  # what penetrates a smooth obstacle is pushed out
+        a.interference = a.obstacle.outline is None
     Overlap.of(a.name, a.interference, None)
     check_revolution(a.name, a.axisymmetric, a.obstacle, a.law)
     a.axisymmetric = bool(a.axisymmetric)
@@ -121,10 +123,10 @@ class ContactSurface(ReadOnly):
             slips along its surface, ``"small"`` for those of the reference configuration
             (`points.displaced`); by default large for bodies that are not linear, unless the
             obstacle is a rigid body that turns.
-        interference: of an obstacle of facets (`RigidSurface`, also as the shape of a `RigidBody`)
-            whether contact points may begin within it, from where they are pushed out, or how far,
-            a length; else that is an error, up to 5 % of a facet of the body. What begins within
-            other obstacles is pushed out.
+        interference: whether contact points may begin within the obstacle, from where they are
+            pushed out, or how far, a length; else that is an error, up to 5 % of a facet of the
+            body. By default they may, unless the obstacle is one of facets (`RigidSurface`, also as
+            the shape of a `RigidBody`).
         axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0, and
             the energy that of the whole circumference (`materials.Axisymmetric`): forces are those
             of the circumference then, and areas those that are swept (`points.revolution`).
@@ -192,7 +194,7 @@ class ContactSurface(ReadOnly):
         multiplier_degree: int = 1,
         quadrature_degree: int | None = None,
         sliding: SlidingKind | None = None,
-        interference: bool | float = False,
+        interference: bool | float | None = None,
         axisymmetric: bool = False,
         name: str = "contact",
     ):
@@ -209,8 +211,9 @@ class ContactSurface(ReadOnly):
         if self.axisymmetric:
             check_section(domain, local, name)
         self._create_points(local, quadrature_degree)
-        if obstacle.outline is not None:
-            self._require_outside(Overlap.of(name, interference, None))
+        overlap = Overlap.of(name, interference, None)
+        if np.isfinite(overlap.most):
+            self._require_outside(overlap)
         self.sliding = sliding
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
@@ -282,7 +285,7 @@ class ContactSurface(ReadOnly):
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
 
     def _require_outside(self, overlap: Overlap) -> None:
-        """Raise ``ValueError`` if points begin too far within an obstacle of facets. Collective."""
+        """Raise ``ValueError`` if points begin too far within the obstacle. Collective."""
         worst = self.comm.allreduce(float(np.min(self.points.gaps, initial=0.0)), op=min)
         allowed = CURVED_OVERLAP * self.points.mean_width
         unless = "if the normals of the obstacle point to the body"
