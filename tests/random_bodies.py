@@ -256,7 +256,7 @@ class Found:
     """A solution in the units and axes of its case, point by point in the order of their places.
 
     Attributes:
-        x, area, n, un, ut, force: of the points.
+        x, area, n, un, ut, force, pressure, shear, bound: of the points, as tables have them.
         u: displacement at the nodes, in the order of `Case.points`; of a whole mesh alone.
         result: as the package has it.
     """
@@ -267,6 +267,9 @@ class Found:
     un: np.ndarray
     ut: np.ndarray
     force: np.ndarray
+    pressure: np.ndarray
+    shear: np.ndarray
+    bound: np.ndarray
     result: object
 
     @cached_property
@@ -456,6 +459,9 @@ class Model:
             all_of("un")[order] / L,
             self.back(all_of("ut"))[order] / L,
             self.back(all_of("force"))[order] / (self.place.stress * area),
+            all_of("pressure")[order] / self.place.stress,
+            self.back(all_of("shear"))[order] / self.place.stress,
+            all_of("bound")[order] / (self.place.stress * area),
             result,
         )
 

@@ -149,6 +149,9 @@ def is_a_solution(model, found):
     most = found.area * case.bound(found.x, found.rn / found.area)
     shear = np.linalg.norm(found.rt, axis=1)
     assert (shear - most).max() <= little
+    np.testing.assert_allclose(found.area * found.pressure, found.rn, atol=little)
+    np.testing.assert_allclose(found.area[:, None] * found.shear, found.rt, atol=little)
+    np.testing.assert_allclose(found.bound, most, atol=little)
     # The most dissipation: the whole bound against the slip.
     slip = np.linalg.norm(found.ut, axis=1)
     work = -np.sum(found.rt * found.ut, axis=1)
