@@ -4,7 +4,8 @@
 A region is closed, in this order, by the solution of all its pieces, where these are few; by the
 proof that no solution is other than one that is known (`check_proof.py`); or by linear programs
 that leave nothing (`probing.py`). Else it is branched at the point that counts most where the
-second fell short. Every leaf is taken by the steps of the checker, or left open.
+second fell short. Every leaf is taken by the steps of the checker, or left open. In leaves that are
+left open Newton's method is started: what it finds is certain, if not all there is.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.candidates import candidates
+from dolfinx_contact.analysis.candidates import candidates, within
 from dolfinx_contact.analysis.check_proof import (
     CLOSED,
     OPENED,
     Certificate,
     InvalidCertificate,
+    OpenCells,
     Proved,
     ReducedProblem,
     StatusRegion,
@@ -46,6 +48,8 @@ Codes = npt.NDArray[np.int8]
 _FEW = 64  # pieces that are all solved
 _NEAR = -0.02  # least eigenvalue, scaled, from which a branch is tried before linear programs
 _TRIES = 12
+_LEAST, _STARTS = 8, 300  # in regions that are left open
+_BATCH = 4e5  # entries of the matrices of all these starts
 _EFFORTS = (15, 80)  # in the search for weights, before and after linear programs
 
 
@@ -84,6 +88,18 @@ class _Search:
                 f"region {count}, {len(waiting)} waiting, {len(self.proved.inside)} solutions"
             )
             waiting += self._treat(node)
+        if self.proved.open_regions:
+            self._look_in_open_regions()
+
+    def _look_in_open_regions(self) -> None:
+        """Add the solutions that starts in the regions that are left find."""
+        regions = [r for r in self.proved.open_regions if not isinstance(r, OpenCells)]
+        number = max(_LEAST, min(_STARTS, int(_BATCH / len(self.problem.p) ** 2)))
+        starts = within(regions, number, self._random)
+        for codes in candidates(self.problem, self.problem.statuses, starts, self._random, 0):
+            piece = solve_piece(self.problem, codes)
+            if piece is not None and piece.verdict == "inside":
+                self.proved.add(piece)
 
     def _step(self, step: dict[str, Any], region: StatusRegion) -> bool:
         """Take a step that closes a region, if the checker takes it."""

@@ -12,7 +12,7 @@ normal force may have any sign, and of one whose friction is decided some status
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ from dolfinx_contact.analysis.check_proof import (
 )
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 
-__all__ = ["candidates"]
+__all__ = ["candidates", "within"]
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
@@ -65,6 +65,21 @@ def candidates(
         found = _newton(problem, allowed, codes, rho)
         if found is not None:
             yield found
+
+
+def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -> Iterator[Codes]:
+    """Statuses that regions allow, in turn, to start from.
+
+    Args:
+        regions: sets of statuses, masks (m,), at least one.
+        number: of starts.
+        random: that draws them.
+    """
+    order = random.permutation(len(regions))
+    for k in range(number):
+        may_be = has_status(regions[order[k % len(order)]])
+        drawn = np.where(may_be, random.random(may_be.shape), -1.0)
+        yield drawn.argmax(axis=1).astype(np.int8)
 
 
 def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:

@@ -5,14 +5,15 @@ A region is closed, in this order, by the proof that it holds no more than one s
 quadratic inequalities (`weights.py`) or, with decided types, from an interval matrix; or by linear
 programs that leave nothing (`probing.py`), which also bound what is left; arcs are halved where few
 are left. Else it is branched at the point where the linear program violates the law most. Every
-leaf is taken by the steps of the checker, or left open with the reason.
+leaf is taken by the steps of the checker, or left open with the reason. When time is over Newton's
+method is started in what is left: what it finds is certain, if not all there is.
 """
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,8 +26,10 @@ from dolfinx_contact.analysis.check_proof import (
     IN_SLIP,
     IN_STICK,
     IS_OPEN,
+    Cells,
     Certificate,
     InvalidCertificate,
+    OpenCells,
     Proved,
     ReducedProblem,
     SpaceRegion,
@@ -108,12 +111,30 @@ class _Search:
                 f"region {count}, {len(waiting)} waiting, {len(self.proved.inside)} solutions"
             )
             waiting += self._treat(node)
+        if self.proved.open_regions:
+            self._look_in_open_regions()
         logger.debug("%d regions, %d linear programs", count, self._probing.programs)
 
-    def _look_for_solutions(self, number: int) -> None:
+    def _look_for_solutions(self, number: int, regions: Sequence[Cells] = ()) -> None:
         most = int(_BATCH / len(self.problem.p) ** 2)
         number = max(8, min(number, most))
-        self._known += many_solutions(self.problem, number, self._random)
+        self._known += many_solutions(self.problem, number, self._random, regions)
+
+    def _look_in_open_regions(self) -> None:
+        """Add the solutions that are known beside the proof, and what starts in regions find."""
+        if self.late():
+            cells = [r.cells for r in self.proved.open_regions if isinstance(r, OpenCells)]
+            self._look_for_solutions(_STARTS, cells)
+        for a, r in self._known:
+            codes = codes_of(self.problem, a, r)
+            z = solved_piece(self.problem, codes, unknowns(self.problem, codes, a, r))
+            piece = None if z is None else solve_in_space(self.problem, codes, z)
+            if piece is None or piece.verdict != "inside":
+                continue
+            try:
+                self.proved.add(piece)
+            except InvalidCertificate as error:
+                logger.debug("a solution is left out: %s", error)
 
     def _step(self, step: dict[str, Any], region: SpaceRegion) -> bool:
         """Take a step that closes a region, if the checker takes it."""

@@ -7,10 +7,18 @@ Curnier, CMAME 92, 1991); semismooth, with steps that are halved. Nothing is pro
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import ReducedProblem
+from dolfinx_contact.analysis.check_proof import (
+    IN_OPEN,
+    IN_SLIP,
+    Cells,
+    ReducedProblem,
+    directions,
+)
 from dolfinx_contact.laws import coulomb
 
 __all__ = ["many_solutions"]
@@ -106,8 +114,45 @@ def _random_forces(problem: ReducedProblem, number: int, random: np.random.Gener
     return r.reshape(number, -1)
 
 
+def _forces_within(
+    problem: ReducedProblem, regions: Sequence[Cells], number: int, random: np.random.Generator
+) -> Array:
+    """Forces of cells of regions, these in turn (number, 3 m)."""
+    m = problem.points
+    scale = max(1.0, float(np.abs(problem.p).max())) * 10 ** random.uniform(-1, 1, (number, 1))
+    order = random.permutation(len(regions))
+    kind = np.zeros((number, m), dtype=np.int64)
+    e = np.zeros((number, m, 2))
+    for k in range(number):
+        cells = regions[order[k % len(order)]]
+        at = _drawn(cells, random)
+        kind[k] = cells.kind[at]
+        e[k] = directions(random.uniform(*cells.ends[at].T))
+    slips = kind == IN_SLIP
+    e[slips] *= -1
+    e[~slips] = directions(random.uniform(0, 4, int((~slips).sum())))
+    part = np.where(slips, 1.0, random.random((number, m)))
+    r = np.zeros((number, m, 3))
+    r[:, :, 2] = np.abs(random.normal(size=(number, m))) * scale * (kind != IN_OPEN)
+    shear = (problem.friction * r[:, :, 2] + problem.g) * part
+    r[:, :, :2] = shear[:, :, None] * e
+    return r.reshape(number, -1)
+
+
+def _drawn(cells: Cells, random: np.random.Generator) -> npt.NDArray[np.int64]:
+    """Number of one cell of every point, of all kinds with the same chance (m,)."""
+    kinds = 4 * cells.node + cells.kind
+    # The largest of u^(1/w) is drawn with a chance in proportion to w.
+    key = random.random(len(cells)) ** np.bincount(kinds)[kinds]
+    order = np.lexsort((key, cells.node))
+    return np.asarray(order[np.append(cells.first[1:], len(cells)) - 1])
+
+
 def many_solutions(
-    problem: ReducedProblem, number: int, random: np.random.Generator
+    problem: ReducedProblem,
+    number: int,
+    random: np.random.Generator,
+    regions: Sequence[Cells] = (),
 ) -> list[tuple[Array, Array]]:
     """Distinct solutions, displacements and forces (m, 3).
 
@@ -115,9 +160,14 @@ def many_solutions(
         problem: scaled.
         number: of starts.
         random: that draws them.
+        regions: in which to start, in turn; by default everywhere.
     """
     batch = _Batch(problem, 10 ** random.uniform(-1, 1, number))
-    r, solved = _newton(batch, _random_forces(problem, number, random))
+    if regions:
+        start = _forces_within(problem, regions, number, random)
+    else:
+        start = _random_forces(problem, number, random)
+    r, solved = _newton(batch, start)
     found: list[tuple[Array, Array]] = []
     for k in np.flatnonzero(solved):
         force = r[k].reshape(-1, 3)
