@@ -16,6 +16,7 @@ from dolfinx_contact.analysis import (
     check,
     prove_solutions,
 )
+from dolfinx_contact.analysis.candidates import candidates, within
 from dolfinx_contact.analysis.check_proof import StatusRegion, differences, solve_piece
 
 serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the same on every rank")
@@ -320,6 +321,55 @@ def test_a_search_that_is_cut_short_says_so():
     assert found.verdict == "open"
     assert len(found.open_regions) == 1
     assert check(found.certificate).verdict == "open"
+
+
+def lifted_by_slips(rng, n):
+    """Points whose slips lift them, pulled that way: there are many solutions."""
+    S = np.zeros((2 * n, 2 * n))
+    p = np.zeros(2 * n)
+    for i in range(n):
+        k = rng.uniform(0.4, 0.9) * rng.choice([-1, 1])
+        S[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[1, k], [k, 1]]
+        p[2 * i] = -np.sign(k) * rng.uniform(0.3, 2.5) + 0.2 * rng.normal()
+        p[2 * i + 1] = -rng.uniform(0.1, 1)
+    G = rng.normal(size=(2 * n, 2 * n))
+    return S + 0.1 * G @ G.T / (2 * n), p, np.full(n, rng.uniform(2, 5))
+
+
+@pytest.mark.verifies(
+    "certificates",
+    reference="enumeration: all statuses of random problems",
+    aspects=("2D",),
+    alone=True,
+)
+def test_solutions_in_regions_that_are_left_open():
+    """Without time for a proof starts find nearly all, where those of a search find a third."""
+    rng = np.random.default_rng(0)
+    counts = np.zeros(3, dtype=int)
+    for _ in range(5):
+        S, p, F = lifted_by_slips(rng, 5)
+        problem = ReducedProblem(S, p, F)
+        known, _ = enumerated(S, p, F)
+        found = prove_solutions(problem, proof_seconds=0.0)
+        assert found.verdict == "open"
+        assert set(statuses(found.solutions)) <= set(known)
+        assert len(set(statuses(found.solutions))) == len(found.solutions)
+        scaled = problem.scaled
+        plain = candidates(scaled, scaled.statuses, [], np.random.default_rng(0), 12)
+        pieces = {tuple(codes): solve_piece(scaled, codes) for codes in plain}
+        inside = sum(q is not None and q.verdict == "inside" for q in pieces.values())
+        counts += [len(known), len(found.solutions), inside]
+    print(counts)
+    assert counts[0] >= counts[1] > counts[2] > 0
+
+
+def test_starts_within_regions():
+    """They have statuses that the regions allow, all of them, and no region is left out."""
+    regions = [np.array([0b0001, 0b1010]), np.array([0b1100, 0b0001]), np.array([0b0010, 0b0100])]
+    drawn = {tuple(map(int, s)) for s in within(regions, 60, np.random.default_rng(0))}
+    assert drawn == {(0, 1), (0, 3), (2, 0), (3, 0), (1, 2)}
+    few = {tuple(map(int, s)) for s in within(regions, 3, np.random.default_rng(0))}
+    assert len(few) == 3
 
 
 def test_the_progress_of_a_proof(capsys):

@@ -44,6 +44,7 @@ from dolfinx_contact.analysis.check_proof import (
 )
 from dolfinx_contact.analysis.space.hull import Hull
 from dolfinx_contact.analysis.space.pieces import codes_of, unknowns
+from dolfinx_contact.analysis.space.starts import forces_within, many_solutions
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
 
@@ -407,6 +408,45 @@ def test_a_search_that_is_cut_short_says_so():
     assert found.seconds < 6.0
     assert "time is over" in str(found)
     assert check(found.certificate).verdict == "open"
+
+
+def test_solutions_in_regions_that_are_left_open():
+    """Without time for a proof starts find all nine, each once, and the laws hold."""
+    problem = two_far_nodes(np.random.default_rng(2))
+    found = prove_solutions(problem, proof_seconds=0.0)
+    assert found.verdict == "open"
+    words = sorted("".join("oks"[c] for c in s.codes) for s in found.solutions)
+    assert words == sorted(a + b for a in "oks" for b in "oks")
+    assert all(is_solved(problem, s.state) for s in found.solutions)
+    assert check(found.certificate).verdict == "open"
+
+
+def test_starts_within_regions():
+    """From cells that hold a solution few starts find it, and from its arcs alone its slips."""
+    seen = total = 0
+    for problem, states, rng in several(12):
+        total += len(states)
+        region = SpaceRegion.whole(problem)
+        for state in states:
+            keep = np.zeros(len(region.cells), dtype=bool)
+            keep[cells_of(region, state)] = True
+            cells = region.cells.kept(keep)
+            r = forces_within(problem, [cells], 20, rng).reshape(20, -1, 3)
+            for i in range(problem.points):
+                kind = cells.kind[cells.node == i]
+                slides = np.hypot(r[:, i, 0], r[:, i, 1])
+                limit = problem.friction[i] * r[:, i, 2]
+                assert ((r[:, i, 2] > 0) == (kind[0] != 0)).all()
+                assert (slides <= limit * (1 + 1e-12)).all()
+                if kind[0] == IN_SLIP:
+                    np.testing.assert_allclose(slides, limit, rtol=1e-12)
+                    first, last = directions(cells.ends[np.flatnonzero(cells.node == i)[0]])
+                    across = -r[:, i, :2] @ np.array([[-first[1], last[1]], [first[0], -last[0]]])
+                    assert (across >= -1e-12 * limit[:, None]).all()
+            near = many_solutions(problem, 20, rng, [cells])
+            seen += any(np.abs(np.hstack(other) - state).max() < 1e-6 for other in near)
+    print(seen, total)
+    assert seen >= 0.9 * total
 
 
 @pytest.mark.verifies(

@@ -58,9 +58,10 @@ class ProvedSolutions:
     Attributes:
         verdict: ``"complete"``: ``solutions`` are all there are. ``"degenerate"``: every other one
             is at the states ``border`` within their errors, or in the pieces ``singular``, where
-            continua may be. ``"open"``: nothing is known of the statuses ``open_regions``.
-            In space continua are in these.
-        solutions: that are certain.
+            continua may be. ``"open"``: it is not known which others have the statuses
+            ``open_regions``. In space continua are in these.
+        solutions: that are certain; those that Newton's method found in open regions, when time was
+            over, are no part of the certificate.
         border: states of pieces at their borders, which may be solutions, or not.
         singular: statuses of pieces that hold one solution, none or a continuum.
         open_regions: sets of statuses, as bit masks (m,); in space cells, with the reason.

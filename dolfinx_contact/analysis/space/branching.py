@@ -40,6 +40,7 @@ from dolfinx_contact.analysis.check_proof import (
 )
 from dolfinx_contact.analysis.space.pieces import (
     codes_of,
+    piece_at,
     relaxed,
     rounded,
     solved_piece,
@@ -126,9 +127,7 @@ class _Search:
             cells = [r.cells for r in self.proved.open_regions if isinstance(r, OpenCells)]
             self._look_for_solutions(_STARTS, cells)
         for a, r in self._known:
-            codes = codes_of(self.problem, a, r)
-            z = solved_piece(self.problem, codes, unknowns(self.problem, codes, a, r))
-            piece = None if z is None else solve_in_space(self.problem, codes, z)
+            piece = piece_at(self.problem, a, r)
             if piece is None or piece.verdict != "inside":
                 continue
             try:

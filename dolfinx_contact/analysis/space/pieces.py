@@ -18,11 +18,13 @@ from dolfinx_contact.analysis.check_proof import (
     IN_STICK,
     IS_OPEN,
     ReducedProblem,
+    SpacePiece,
+    solve_in_space,
     space_jacobian,
     space_state,
 )
 
-__all__ = ["codes_of", "relaxed", "rounded", "solved_piece", "unknowns"]
+__all__ = ["codes_of", "piece_at", "relaxed", "rounded", "solved_piece", "unknowns"]
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
@@ -91,6 +93,19 @@ def codes_of(problem: ReducedProblem, a: Array, r: Array, small: float = 1e-9) -
     codes = np.where(problem.g > 0, np.where(still, 1, 2) + np.where(closed, 0, 3), codes)
     without = (problem.friction == 0) & (problem.g == 0)
     return np.where(without, np.where(closed, 2, 0), codes).astype(np.int8)
+
+
+def piece_at(problem: ReducedProblem, a: Array, r: Array) -> SpacePiece | None:
+    """The piece of a solution, with bounds of its errors; None if that cannot be proved.
+
+    Args:
+        problem: scaled.
+        a: displacements (m, 3).
+        r: forces (m, 3).
+    """
+    codes = codes_of(problem, a, r)
+    z = solved_piece(problem, codes, unknowns(problem, codes, a, r))
+    return None if z is None else solve_in_space(problem, codes, z)
 
 
 def rounded(problem: ReducedProblem, kinds: Kinds, a: Array, r: Array) -> Codes:

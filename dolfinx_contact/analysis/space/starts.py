@@ -21,7 +21,7 @@ from dolfinx_contact.analysis.check_proof import (
 )
 from dolfinx_contact.laws import coulomb
 
-__all__ = ["many_solutions"]
+__all__ = ["forces_within", "many_solutions"]
 
 Array = npt.NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def _random_forces(problem: ReducedProblem, number: int, random: np.random.Gener
     return r.reshape(number, -1)
 
 
-def _forces_within(
+def forces_within(
     problem: ReducedProblem, regions: Sequence[Cells], number: int, random: np.random.Generator
 ) -> Array:
     """Forces of cells of regions, these in turn (number, 3 m)."""
@@ -164,7 +164,7 @@ def many_solutions(
     """
     batch = _Batch(problem, 10 ** random.uniform(-1, 1, number))
     if regions:
-        start = _forces_within(problem, regions, number, random)
+        start = forces_within(problem, regions, number, random)
     else:
         start = _random_forces(problem, number, random)
     r, solved = _newton(batch, start)

@@ -23,7 +23,7 @@ from dolfinx_contact.analysis.check_proof import (
     space_differences,
 )
 from dolfinx_contact.analysis.solutions import ProvedSolution, prove_solutions
-from dolfinx_contact.analysis.space.pieces import codes_of, solved_piece, unknowns
+from dolfinx_contact.analysis.space.pieces import codes_of, piece_at, solved_piece, unknowns
 from dolfinx_contact.analysis.space.starts import many_solutions
 from dolfinx_contact.analysis.space.weights import find_space_weights
 from dolfinx_contact.analysis.uniqueness import OnlySolution
@@ -101,14 +101,12 @@ def _another(
     unit = np.repeat([length, force], 3)
     number = max(4, min(number, int(_BATCH / len(problem.p) ** 2)))
     for a, r in many_solutions(scaled, number, np.random.default_rng(0)):
-        codes = codes_of(scaled, a, r)
-        z = solved_piece(scaled, codes, unknowns(scaled, codes, a, r))
-        piece = None if z is None else solve_in_space(scaled, codes, z)
+        piece = piece_at(scaled, a, r)
         if piece is None or piece.verdict != "inside":
             continue
         found = np.asarray(piece.state * unit, dtype=np.float64)
         if not _is_same(found, state):
-            return codes, found
+            return piece.codes, found
     return None
 
 
