@@ -108,8 +108,8 @@ def prove_solutions(
         reduced: S, p and friction with their errors.
         known: statuses (m,) of solutions that are known, in space states (m, 6); they shorten the
             search.
-        proof_seconds: after which what is not proved is left open; Newton's method is started there,
-            which takes up to some seconds more.
+        proof_seconds: after which what is not proved is left open, and Newton's method is started
+            there, which takes up to some seconds more.
         progress: whether it is shown on the standard error stream where the search is; by default
             once it takes more than some seconds.
 
