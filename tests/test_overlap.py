@@ -128,7 +128,9 @@ def test_refused(dim, sliding):
             surface(u, both, sliding, **options)
 
 
-@pytest.mark.refuses("records of histories", aspects=("2D", "large sliding"))
+@pytest.mark.verifies(
+    "records of histories", reference="itself: the same problem", aspects=("2D", "large sliding")
+)
 def test_other_overlaps_are_other_problems():
     """What is removed, how far is looked for the other face, and planes of symmetry."""
 
