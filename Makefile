@@ -18,8 +18,8 @@ DOCS = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=docs $(RUN)
 # All pages anew: each has the titles of others in its margins.
 SPHINX = python3 -m sphinx -q -W --keep-going -E -a -j auto
 
-.PHONY: help demo test test-pip test-long test-paraview test-browser attacks attacks-sample mutants \
-	packages docs docs-check docs-questions docs-links lint clean
+.PHONY: help demo test test-pip test-long test-paraview test-browser attacks mutants packages docs docs-check \
+	docs-questions docs-links lint clean
 
 help:
 	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
@@ -54,7 +54,9 @@ test: lint
 	$(RUN) $(PYTEST) --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)
-	$(MAKE) --jobs 2 --output-sync=target attacks-sample docs-check test-pip
+	$(RUN) $(ATTACKS) --sample
+	$(MAKE) docs-check
+	$(MAKE) test-pip
 
 # Wheels are for x86_64 alone.
 test-pip:
@@ -68,10 +70,6 @@ mutants:
 
 packages:
 	$(PACKAGES) packaging/check "$$OUTPUT/packages"
-
-# One process for minutes, beside which another core is free.
-attacks-sample:
-	$(RUN) $(ATTACKS) --sample
 
 attacks:
 	$(RUN) $(ATTACKS)
