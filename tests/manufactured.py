@@ -100,11 +100,14 @@ class Exact:
     bound: object
 
 
-def exact(x, law, *, axisymmetric=False, below=False):
-    """What is prescribed for a law; or of the lower body of a pair, with the same tractions."""
+def exact(x, law, *, axisymmetric=False, below=False, way=1.0):
+    """What is prescribed for a law; or of the lower body of a pair, with the same tractions.
+
+    All slips the same way, with ``way`` -1 the opposite one.
+    """
     dim = len(x)
     s = x[0]
-    along = [1.0] if dim == 2 else [0.8, 0.6]
+    along = [way] if dim == 2 else [0.8 * way, 0.6 * way]
     y = x[dim - 1]
     depth = 1.0 if dim == 2 else 1.0 + 0.3 * x[1] ** 2
     friction = 0.3 + 0.2 * s
@@ -203,14 +206,14 @@ def pressures(table):
     return 3.0 * SIZE * np.maximum(x[:, 0] - OPENS, 0.0) ** 2 * depth
 
 
-def statics(n, cell, law, degree=1, method=None):
+def statics(n, cell, law, degree=1, method=None, way=1.0):
     """A block on an obstacle."""
     domain = box(COMM, n, cell)
     dim = domain.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
     u = fem.Function(V)
     v = ufl.TestFunction(V)
-    e = exact(ufl.SpatialCoordinate(domain), law)
+    e = exact(ufl.SpatialCoordinate(domain), law, way=way)
     stress = hooke(ufl.grad(e.u))
     dx = ufl.dx(metadata={"quadrature_degree": 6})
     ds = ufl.ds(metadata={"quadrature_degree": 6})
@@ -692,8 +695,8 @@ CASES = {
     ),
     "Coulomb P2": Manufactured(
         "integral contact",
-        f"{BLOCK}{COULOMB}, degree 2",
-        partial(statics, cell="tri", law="Coulomb", degree=2),
+        f"{BLOCK}{COULOMB}, degree 2; slip to the left",
+        partial(statics, cell="tri", law="Coulomb", degree=2, way=-1.0),
         (8, 16),
         QUADRATIC,
         long=False,
