@@ -36,6 +36,7 @@ from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.circumference import check_circumference, refuse_revolution
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.given_data import mark_of_data
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.points.revolution import axis_condition
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -513,6 +514,7 @@ class ContactProblem(ReadOnly):
         eq = self.equations
         values = x.array_r.copy()
         memory = self.equations.memory
+        mark = mark_of_data(eq)
         known: dict[float, Uniqueness] = {}
 
         def as_solved(ask: Callable[[PETSc.Vec], Answer]) -> Answer:
@@ -527,11 +529,17 @@ class ContactProblem(ReadOnly):
                 eq.remember(now)
                 y.destroy()
 
+        def decided(y: PETSc.Vec, seconds: float) -> Uniqueness:
+            # A state may solve problems of other data too: open points know of no friction.
+            if self.comm.allreduce(mark_of_data(eq) != mark, op=max):
+                return Uniqueness("not proved", OTHER_DATA)
+            return uniqueness(eq, self._linear, y, seconds)
+
         def prove(seconds: float) -> Uniqueness:
             seconds = checked_seconds(self.comm, seconds)
             if seconds in known:
                 return known[seconds]
-            found = as_solved(lambda y: uniqueness(eq, self._linear, y, seconds))
+            found = as_solved(lambda y: decided(y, seconds))
             if found.reason != OTHER_DATA:
                 known[seconds] = found
             return found
