@@ -143,6 +143,7 @@ ON_TWO = {
         *("senses_of_slip_are_those_of_the_table", "looks_that_are_refused"),
     ),
     "test_manufactured": ("orders",),
+    "test_mean_dilatation": ("stress_in_pictures",),
     "test_meshing": (
         *("read", "surface_by_name", "solve_with_names", "cells_by_name"),
         *("both_sides_of_a_crack_have_ds", "unknown_names", "names_that_differ"),

@@ -24,6 +24,7 @@ from dolfinx_contact.materials import (
     circumference,
     lame,
 )
+from dolfinx_contact.plot.pictures import body_seen
 from dolfinx_contact.records.points import compiled
 
 COMM = MPI.COMM_WORLD
@@ -466,6 +467,40 @@ def test_stress_in_files(kind):
     found = np.trace(stress.x.array.reshape(-1, 2**dim, 3, 3), axis1=2, axis2=3)[:n] / 3
     size = np.abs(lmbda * over[:n] / whole[:n]).max(initial=1e-300)
     assert np.abs(found - expected[:, None]).max(initial=0.0) < 1e-9 * size
+
+
+@pytest.mark.verifies(
+    "nearly incompressible bodies",
+    "stresses",
+    "pictures",
+    reference="closed form: means of the divergence over cells",
+    aspects=("2D",),
+)
+def test_stress_in_pictures():
+    """A picture has the pressure and von Mises stress of the cells, at its corners exactly.
+
+    Of u = (x^2 y, 0) the mean divergence of a square cell is 2 x y at its middle.
+    """
+    n = 4
+    domain = box(COMM, n, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    floor = HalfSpace((0.0, -1.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    material = LinearElastic(5000.0, 1.0)
+    problem = ContactProblem(material.mean_dilatation_energy(u), u, [surface])
+    u.interpolate(lambda x: np.stack([x[0] ** 2 * x[1], 0.0 * x[0]]))
+    stress = material.mean_dilatation_stress(u)
+    _, data = body_seen(problem, None, 1.0, None, dict(fields={"mean": ufl.tr(stress) / 3}))
+    _, stressed = body_seen(problem, stress, 1.0, None, {})
+    _, mises = body_fields(u, stress)
+    ends = COMM.allreduce(mises.x.array.max(), MPI.MAX), COMM.allreduce(mises.x.array.min(), MPI.MIN)
+    if COMM.rank:
+        return
+    mean = data["colours"]["mean"]
+    middle = np.array([0.5 / n, 1 - 0.5 / n])
+    assert [mean.min(), mean.max()] == pytest.approx((5000 + 2 / 3) * 2 * middle**2, rel=1e-12)
+    seen = stressed["colours"]["von Mises stress"]
+    assert (seen.max(), seen.min()) == pytest.approx(ends, rel=1e-12)
 
 
 def test_sections_are_not_doubted(caplog):

@@ -32,7 +32,7 @@ from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._collective import collective
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.master import MasterFace
@@ -48,6 +48,7 @@ __all__ = [
     "body_fields",
     "check_stress",
     "faces",
+    "of_cells",
     "state_fields",
     "von_mises",
     "write_fields",
@@ -416,6 +417,26 @@ def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -
         middle = values.mean(axis=1, keepdims=True)
         values = middle + (values - middle) / (1 - _INSIDE)
     f.x.array.reshape(-1, size)[dofs] = values
+
+
+def of_cells(e: Any, domain: mesh.Mesh) -> Any:
+    """What is known at the middles of cells alone, as a Function of these; else the expression.
+
+    Collective.
+
+    Args:
+        e: UFL scalar.
+        domain: its mesh.
+    """
+    if not _is_of_cells(e):
+        return e
+    f = fem.Function(fem.functionspace(domain, ("DG", 0)))
+    dim = domain.topology.dim
+    here = domain.topology.index_map(dim)
+    cells = np.arange(here.size_local + here.num_ghosts, dtype=np.int32)
+    values = compiled_expression(e, np.full((1, dim), 0.5)).eval(domain, cells)
+    f.x.array[f.function_space.dofmap.list[cells, 0]] = values.reshape(-1)
+    return f
 
 
 def _is_of_cells(e: Any) -> bool:
