@@ -25,6 +25,8 @@ from dolfinx_contact._errors import everywhere
 
 __all__ = ["at_middle", "compiled_expression", "compiled_form"]
 
+_PARTS = {"cell": "cells", "exterior_facet": "boundary", "interior_facet": "facets between cells"}
+
 
 def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
     """A form, compiled. Collective.
@@ -32,9 +34,19 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
     Args:
         form: UFL.
         entity_maps: of submeshes that occur in it.
+
+    Raises:
+        ValueError: if integrals of one kind do not have the same tags, which DOLFINx needs.
     """
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
-    (domain,) = form.subdomain_data()
+    ((domain, tags),) = form.subdomain_data().items()
+    for kind, given in tags.items():
+        if any(each is not given[0] for each in given):
+            raise ValueError(
+                f"integrals over the {_PARTS.get(kind, kind)} have tags, and others have none or "
+                "other ones: take one measure, ufl.Measure('dx', domain, subdomain_data=tags), for "
+                "all of them; without a number it is over all"
+            )
     form = _without_one_point_beside_others(form)
     with _compiler_named(domain.ufl_cargo().comm):
         return fem.form(form, jit_options=_folder(form.signature()[:2]), **maps)
