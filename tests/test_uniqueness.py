@@ -240,7 +240,8 @@ def test_other_friction_under_open_points():
 
     system = linear_triangle(8, 2.5, law=law)
     found = find_solutions(system, [system.create_vector()], 1.0)
-    assert found.complete and len(found.found) == 3
+    assert found.complete
+    assert len(found.found) == 3
     (apart,) = [s for s in found.found if not set(system.letters(s.piece)) & set("k+-")]
     system.set_parameter(1.0)
     system.problem.read(apart.x)
