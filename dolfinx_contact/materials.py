@@ -300,8 +300,8 @@ class Material(ReadOnly):
 
         It is that at the middle of each cell, where files, pictures and films take it, one value a
         cell. At other points it is none, so that an integral over it needs the rule of one point,
-        ``dx(metadata={"quadrature_degree": 1})``. (`full_stress` has the pressure of every point for itself, which oscillates without
-        bound as lambda grows.)
+        ``dx(metadata={"quadrature_degree": 1})``. (`full_stress` has the pressure of every point
+        for itself, which oscillates without bound as lambda grows.)
 
         Raises:
             ValueError: as `mean_dilatation_energy`.
