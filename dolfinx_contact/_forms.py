@@ -37,10 +37,15 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
         entity_maps: of submeshes that occur in it.
 
     Raises:
-        ValueError: if integrals of one kind do not have the same tags, which DOLFINx needs, or an
-            integrand is known at the middles of cells alone and taken at other points.
+        ValueError: if something has complex values, integrals of one kind do not have the same
+            tags, which DOLFINx needs, or an integrand is known at the middles of cells alone and
+            taken at other points.
     """
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
+    values = [c.value for c in form.constants() if isinstance(c, fem.Constant)]
+    values += [f.x.array for f in form.coefficients() if isinstance(f, fem.Function)]
+    if any(np.iscomplexobj(v) for v in values):
+        raise ValueError("a Constant or Function has complex values: give real ones")
     ((domain, tags),) = form.subdomain_data().items()
     for kind, given in tags.items():
         if any(each is not given[0] for each in given):

@@ -111,6 +111,13 @@ def test_loads_beside_tags_of_the_bulk():
     ContactProblem(bulk - u[1] * dx, u, held.surfaces, bcs=held.bcs).solve()
 
 
+def test_a_complex_load():
+    held = block(n=2)
+    load = fem.Constant(held.V.mesh, 1.0 + 1.0j)
+    with pytest.raises(ValueError, match="complex values"):
+        ContactProblem(held.energy - load * held.u[1] * ufl.dx, held.u, held.surfaces)
+
+
 # -- pairs ---------------------------------------------------------------------------------------
 
 
