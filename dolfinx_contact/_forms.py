@@ -19,11 +19,14 @@ import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, jit
+from ufl.corealg.traversal import unique_pre_traversal
 from ufl.domain import extract_unique_domain
 
 from dolfinx_contact._errors import everywhere
 
-__all__ = ["at_middle", "compiled_expression", "compiled_form"]
+__all__ = ["at_middle", "compiled_expression", "compiled_form", "is_of_cells"]
+
+_PARTS = {"cell": "cells", "exterior_facet": "boundary", "interior_facet": "facets between cells"}
 
 
 def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
@@ -32,9 +35,30 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
     Args:
         form: UFL.
         entity_maps: of submeshes that occur in it.
+
+    Raises:
+        ValueError: if something has complex values, integrals of one kind do not have the same
+            tags, which DOLFINx needs, or an integrand is known at the middles of cells alone and
+            taken at other points.
     """
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
-    (domain,) = form.subdomain_data()
+    values = [c.value for c in form.constants() if isinstance(c, fem.Constant)]
+    values += [f.x.array for f in form.coefficients() if isinstance(f, fem.Function)]
+    if any(np.iscomplexobj(v) for v in values):
+        raise ValueError("a Constant or Function has complex values: give real ones")
+    ((domain, tags),) = form.subdomain_data().items()
+    for kind, given in tags.items():
+        if any(each is not given[0] for each in given):
+            raise ValueError(
+                f"integrals over the {_PARTS.get(kind, kind)} have tags, and others have none or "
+                "other ones: take one measure, ufl.Measure('dx', domain, subdomain_data=tags), for "
+                "all of them; without a number it is over all"
+            )
+    if any(is_of_cells(i.integrand()) and not _at_middle(i) for i in form.integrals()):
+        raise ValueError(
+            "the stress of a mean dilatation is known at the middles of cells alone, where an "
+            'integral over it has to take it: dx(metadata={"quadrature_degree": 1})'
+        )
     form = _without_one_point_beside_others(form)
     with _compiler_named(domain.ufl_cargo().comm):
         return fem.form(form, jit_options=_folder(form.signature()[:2]), **maps)
@@ -69,6 +93,30 @@ def at_middle(dim: int) -> dict[str, Any]:
         "quadrature_points": ((0.5,) * dim, (0.51,) * dim),
         "quadrature_weights": (1.0, 0.0),
     }
+
+
+def is_of_cells(e: Any) -> bool:
+    """Whether UFL has changes of the volumes of cells (`_cell_volumes`).
+
+    These are known at the middles of cells alone.
+    """
+    kinds = {ufl.classes.CellVertices, ufl.classes.Grad}
+    return any(
+        isinstance(node, ufl.classes.Determinant)
+        and kinds <= {type(part) for part in unique_pre_traversal(node)}
+        for node in unique_pre_traversal(e)
+    )
+
+
+def _at_middle(integral: ufl.Integral) -> bool:
+    """Whether an integral is one over cells, by their middles."""
+    if integral.integral_type() != "cell":
+        return False
+    rule = integral.metadata()
+    if rule.get("quadrature_rule") != "custom":
+        return _has_one_point(integral)
+    weighted = zip(rule["quadrature_points"], rule["quadrature_weights"], strict=True)
+    return all(w == 0 or all(x == 0.5 for x in point) for point, w in weighted)
 
 
 def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:

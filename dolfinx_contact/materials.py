@@ -299,8 +299,9 @@ class Material(ReadOnly):
         """Cauchy stress, 3 x 3, that belongs to `mean_dilatation_energy`.
 
         It is that at the middle of each cell, where files, pictures and films take it, one value a
-        cell. (`full_stress` has the pressure of every point for itself, which oscillates without
-        bound as lambda grows.)
+        cell. At other points it is none, so that an integral over it needs the rule of one point,
+        ``dx(metadata={"quadrature_degree": 1})``. (`full_stress` has the pressure of every point
+        for itself, which oscillates without bound as lambda grows.)
 
         Raises:
             ValueError: as `mean_dilatation_energy`.

@@ -36,6 +36,7 @@ from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.circumference import check_circumference, refuse_revolution
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.given_data import mark_of_data
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.points.revolution import axis_condition
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -382,7 +383,8 @@ class ContactProblem(ReadOnly):
 
         Returns:
             By name: ``displacement``; ``traction``, that of contact on the body, a vector, with its
-            parts ``pressure``, positive in compression, and ``shear``, a vector (units of stress);
+            parts ``pressure``, positive in compression, and ``shear``, a vector (units of stress,
+            nominal: per area of the mesh);
             ``gap``; ``slip``, the tangential displacement, a vector; ``status``, a number of
             `io.STATUS_CODES`; ``support``, the reaction of Dirichlet data on the body over the area
             of a vertex; and the variables of laws, as ``beta``, the intensity of adhesion.
@@ -513,6 +515,7 @@ class ContactProblem(ReadOnly):
         eq = self.equations
         values = x.array_r.copy()
         memory = self.equations.memory
+        mark = mark_of_data(eq)
         known: dict[float, Uniqueness] = {}
 
         def as_solved(ask: Callable[[PETSc.Vec], Answer]) -> Answer:
@@ -527,11 +530,17 @@ class ContactProblem(ReadOnly):
                 eq.remember(now)
                 y.destroy()
 
+        def decided(y: PETSc.Vec, seconds: float) -> Uniqueness:
+            # A state may solve problems of other data too: open points know of no friction.
+            if self.comm.allreduce(mark_of_data(eq) != mark, op=max):
+                return Uniqueness("not proved", OTHER_DATA)
+            return uniqueness(eq, self._linear, y, seconds)
+
         def prove(seconds: float) -> Uniqueness:
             seconds = checked_seconds(self.comm, seconds)
             if seconds in known:
                 return known[seconds]
-            found = as_solved(lambda y: uniqueness(eq, self._linear, y, seconds))
+            found = as_solved(lambda y: decided(y, seconds))
             if found.reason != OTHER_DATA:
                 known[seconds] = found
             return found

@@ -24,9 +24,21 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
-from dolfinx_contact.analysis import critical_friction, renard_criterion, stability_at_rest
+from dolfinx_contact.analysis import (
+    critical_friction,
+    prove_counts,
+    renard_criterion,
+    stability_at_rest,
+)
 from dolfinx_contact.body.rigid import parts
-from dolfinx_contact.continuation import explore, find_solutions, follow, points_at
+from dolfinx_contact.continuation import (
+    Diagram,
+    Edge,
+    explore,
+    find_solutions,
+    follow,
+    points_at,
+)
 from dolfinx_contact.evolution import NSCD, ArcLength, NoContinuation
 from dolfinx_contact.materials import (
     Axisymmetric,
@@ -37,6 +49,7 @@ from dolfinx_contact.materials import (
     circumference,
     lame,
 )
+from dolfinx_contact.records import journal_of
 from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
@@ -774,8 +787,13 @@ def test_points_of_a_branch_of_other_data(route):
     branch = follow(system, x, 1.0, **given)
     assert len(points_at(system, branch, 1.5, **given)) == 1
     friction.value = 0.1
-    with pytest.raises(ValueError, match="changed since the branch was followed"):
-        points_at(system, branch, 1.5, **given)
+    for attempt in (
+        lambda: points_at(system, branch, 1.5, **given),
+        lambda: journal_of(system, [branch]),
+        lambda: prove_counts(system, Diagram([Edge(branch, None, None)])),
+    ):
+        with pytest.raises(ValueError, match="changed since the branch was followed"):
+            attempt()
     friction.value = 0.4
     assert len(points_at(system, branch, 1.5, **given)) == 1
 

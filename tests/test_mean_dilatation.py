@@ -14,7 +14,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.body.circumference import check_circumference
-from dolfinx_contact.io.fields import body_fields
+from dolfinx_contact.io.fields import body_fields, check_stress
 from dolfinx_contact.materials import (
     Axisymmetric,
     CiarletGeymonat,
@@ -24,6 +24,7 @@ from dolfinx_contact.materials import (
     circumference,
     lame,
 )
+from dolfinx_contact.plot.pictures import body_seen
 from dolfinx_contact.records.points import compiled
 
 COMM = MPI.COMM_WORLD
@@ -468,6 +469,69 @@ def test_stress_in_files(kind):
     assert np.abs(found - expected[:, None]).max(initial=0.0) < 1e-9 * size
 
 
+@pytest.mark.verifies(
+    "nearly incompressible bodies",
+    "stresses",
+    "pictures",
+    reference="closed form: means of the divergence over cells",
+    aspects=("2D",),
+)
+def test_stress_in_pictures():
+    """A picture has the pressure and von Mises stress of the cells, at its corners exactly.
+
+    Of u = (x^2 y, 0) the mean divergence of a square cell is 2 x y at its middle.
+    """
+    n = 4
+    domain = box(COMM, n, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    floor = HalfSpace((0.0, -1.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    material = LinearElastic(5000.0, 1.0)
+    problem = ContactProblem(material.mean_dilatation_energy(u), u, [surface])
+    u.interpolate(lambda x: np.stack([x[0] ** 2 * x[1], 0.0 * x[0]]))
+    stress = material.mean_dilatation_stress(u)
+    _, data = body_seen(problem, None, 1.0, None, dict(fields={"mean": ufl.tr(stress) / 3}))
+    _, stressed = body_seen(problem, stress, 1.0, None, {})
+    _, mises = body_fields(u, stress)
+    ends = (
+        COMM.allreduce(mises.x.array.max(), MPI.MAX),
+        COMM.allreduce(mises.x.array.min(), MPI.MIN),
+    )
+    if COMM.rank:
+        return
+    mean = data["colours"]["mean"]
+    middle = np.array([0.5 / n, 1 - 0.5 / n])
+    assert [mean.min(), mean.max()] == pytest.approx((5000 + 2 / 3) * 2 * middle**2, rel=1e-12)
+    seen = stressed["colours"]["von Mises stress"]
+    assert (seen.max(), seen.min()) == pytest.approx(ends, rel=1e-12)
+
+
+@pytest.mark.parametrize("cell", ["quad", "hex"])
+def test_one_stress_of_two_materials(cell, caplog):
+    """A modulus of each cell is seen to be that of the bulk, or not, where cells are distorted."""
+    domain = box(COMM, 2, cell)
+    dim = domain.geometry.dim
+    below = facets(domain, dim - 1, 0.0)
+    domain.geometry.x[:, :dim] += 0.06 * np.sin(7.0 * domain.geometry.x[:, :dim][:, ::-1])
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
+    here = domain.topology.index_map(dim)
+    cells = np.arange(here.size_local + here.num_ghosts, dtype=np.int32)
+    parts = np.where(mesh.compute_midpoints(domain, dim, cells)[:, 0] < 0.5, 1, 2).astype(np.int32)
+    young = fem.Function(fem.functionspace(domain, ("DG", 0)))
+    young.x.array[:] = parts
+    dx = ufl.Measure("dx", domain, subdomain_data=mesh.meshtags(domain, dim, cells, parts))
+    bulk = sum(LinearElastic.from_young(E, 0.499).mean_dilatation_energy(u, dx(E)) for E in (1, 2))
+    floor = HalfSpace(np.full(dim, -1.0), np.eye(dim)[-1])
+    surface = ContactSurface(u, below, obstacle=floor, law=Coulomb(0.3))
+    problem = ContactProblem(bulk, u, [surface])
+    stress = LinearElastic.from_young(young, 0.499).mean_dilatation_stress(u)
+    check_stress(problem, stress)
+    assert not caplog.records
+    young.x.array[:] = 1.0
+    check_stress(problem, stress)
+    assert len(caplog.records) == (COMM.rank == 0)
+
+
 def test_sections_are_not_doubted(caplog):
     """With the weight that it asks for there is no warning of the weight."""
     domain = mesh.create_rectangle(
@@ -510,6 +574,10 @@ def test_what_it_is_not_for():
     three = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
     with pytest.raises(ValueError, match="as many displacements"):
         material.mean_dilatation_energy(three)
+    mean = ufl.tr(material.mean_dilatation_stress(u))
+    with pytest.raises(ValueError, match="known at the middles of cells alone"):
+        compiled_form(mean * ufl.dx)
+    compiled_form(mean * ufl.dx(metadata={"quadrature_degree": 1}))
     jumping = fem.Function(fem.functionspace(domain, ("DG", 1, (2,))))
     with pytest.raises(ValueError, match="is one of Lagrange elements"):
         material.mean_dilatation_energy(jumping)

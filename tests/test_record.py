@@ -543,6 +543,31 @@ def test_a_record_from_rest_by_pivoting(folder):
     )
 
 
+def test_a_record_through_rest_by_pivoting(folder):
+    """A branch that goes back through no load, where its state is round-off of where it began."""
+    domain = box(COMM, 8, "tri")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    gamma = fem.Constant(domain, 1.0)
+    sides = np.concatenate([facets(domain, axis, 1.0) for axis in (0, 1)])
+    held = fem.locate_dofs_topological(u.function_space, 1, sides)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(3.0))
+    energy = LinearElastic(100.0, 82.0).energy(u) + gamma * (26.0 * u[0] + 4.0 * u[1])
+    bcs = [fem.dirichletbc(np.zeros(2), held, u.function_space)]
+    problem = ContactProblem(energy * ufl.dx, u, [surface], bcs=bcs)
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    given = dict(gamma_range=(-1.0, 1.0), direction="decreasing")
+    with BranchRecord(folder, system, {}, every=1) as r:
+        branch = follow(system, x, 1.0, record=r, **given)
+        kept = r.points()
+    assert branch.complete
+    assert [p.gamma for p in kept] == [p.gamma for p in branch.points]
+    assert [p.gamma for p in kept] == pytest.approx([1.0, 0.0, -1.0], abs=1e-12)
+
+
 @pytest.mark.verifies(
     "records of branches",
     reference="itself: the branch that nothing ended",

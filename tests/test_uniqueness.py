@@ -225,6 +225,37 @@ def test_nothing_is_proved_of_bad_friction(value):
             ask()
 
 
+@pytest.mark.verifies(
+    "uniqueness",
+    reference="itself: a proof of all solutions",
+    aspects=("2D", "proofs"),
+)
+def test_other_friction_under_open_points():
+    """Where nothing touches, the state solves the problem of any friction: that is another."""
+    friction = []
+
+    def law(domain):
+        friction.append(fem.Constant(domain, 2.5))
+        return Coulomb(friction[0])
+
+    system = linear_triangle(8, 2.5, law=law)
+    found = find_solutions(system, [system.create_vector()], 1.0)
+    assert found.complete
+    assert len(found.found) == 3
+    (apart,) = [s for s in found.found if not set(system.letters(s.piece)) & set("k+-")]
+    system.set_parameter(1.0)
+    system.problem.read(apart.x)
+    result = system.problem.solve()
+    assert result.counts["stick"] == result.counts["slip"] == 0
+    friction[0].value = 0.1
+    assert result.uniqueness().reason == OTHER_DATA
+    friction[0].value = 2.5
+    assert result.unique == "others exist"
+    friction[0].value = 0.1
+    assert result.unique == "others exist"  # kept
+    assert system.problem.solve().unique == "proved"
+
+
 def test_seconds_that_are_none():
     result = block(n=2).solve()
     assert result.uniqueness(proof_seconds=1.0).verdict == "proved"

@@ -165,6 +165,12 @@ class Branch(Ends):
         """Points where other branches lead out."""
         return [s for s in self.special if s.kind == "bifurcation"]
 
+    def refuse_other_data(self) -> None:
+        """Raise ``ValueError`` if data have changed since it was followed. Collective."""
+        changed = "" if self.changed is None else self.changed()
+        if changed:
+            raise ValueError(f"data have changed since the branch was followed: {changed}")
+
     def summary(self) -> dict[str, Any]:
         """Scalars and lists for `summary.json`."""
         return {

@@ -56,9 +56,7 @@ def points_at(
         RuntimeError: on every rank, if a point that must be there is not found.
     """
     same_everywhere(system.comm, points_of_the_branch=len(branch.points))
-    changed = branch.changed() if branch.changed is not None else ""
-    if changed:
-        raise ValueError(f"data have changed since the branch was followed: {changed}")
+    branch.refuse_other_data()
     system.check_parameter([gamma])
     low, high = gamma_range
     first = branch.points[0]

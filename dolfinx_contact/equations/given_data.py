@@ -6,6 +6,7 @@ With them the law of a surface must be one still, as must the memory be that of 
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, NamedTuple
@@ -21,6 +22,7 @@ from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.obstacles import Measured
@@ -40,6 +42,7 @@ __all__ = [
     "data_of_surface",
     "data_within",
     "given_data",
+    "mark_of_data",
     "not_finite",
     "numbers_of",
     "placed_data",
@@ -86,6 +89,18 @@ def placed_data(eq: ContactEquations, *, conditions: bool = True) -> list[Datum]
 def given_data(eq: ContactEquations) -> list[Any]:
     """What `placed_data` finds, without the places."""
     return [d.value for d in placed_data(eq)]
+
+
+def mark_of_data(eq: ContactEquations) -> int:
+    """A checksum of the values of `given_data` and of the nodes of the mesh. Not collective.
+
+    It is that of this rank. Values that are put back have the mark that they had.
+    """
+    mark = mesh_mark(eq.V.mesh)
+    for f in given_data(eq):
+        # Adding zero makes -0.0 the same as 0.0.
+        mark = zlib.crc32(np.ascontiguousarray(_values(f) + 0.0), mark)
+    return mark
 
 
 def data_of_surface(s: ContactSurface) -> list[Datum]:

@@ -32,7 +32,7 @@ from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._collective import collective
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._forms import compiled_expression, compiled_form, is_of_cells
 from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.master import MasterFace
@@ -48,6 +48,7 @@ __all__ = [
     "body_fields",
     "check_stress",
     "faces",
+    "of_cells",
     "state_fields",
     "von_mises",
     "write_fields",
@@ -319,8 +320,16 @@ def _doubt_forces(problem: ContactProblem, stress: Any, names: str) -> None:
     w = fem.Function(V)
     w.interpolate(lambda x: _ALL_STRAINS[:dim, :dim] @ x[:dim])
     strain = ufl.grad(v)
-    work = sum(stress[i, j] * strain[i, j] for i in range(dim) for j in range(dim))
-    of_stress = ufl.derivative(work * ufl.dx(domain=V.mesh), problem.u, w)
+
+    def work(stress: Any) -> ufl.Form:
+        parts = (stress[i, j] * strain[i, j] for i in range(dim) for j in range(dim))
+        return sum(parts) * ufl.dx(domain=V.mesh)
+
+    if is_of_cells(stress):
+        there, at_rest = (ufl.replace(stress, {problem.u: f}) for f in (w, fem.Function(V)))
+        of_stress = work(of_cells(there, V.mesh) - of_cells(at_rest, V.mesh))
+    else:
+        of_stress = ufl.derivative(work(stress), problem.u, w)
     of_bulk = ufl.derivative(ufl.Form(_strained(problem)), bulk.displacement, w)
     forces = []
     for form in (of_stress, of_bulk):
@@ -397,13 +406,13 @@ def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -
     """Put an expression into a discontinuous Function of degree 1, in some cells or all."""
     W = f.function_space
     points = interpolation_points(W)
-    of_cells = _is_of_cells(e)
-    if not (of_cells or _jumps_by_place(e)):
+    by_cells = is_of_cells(e)
+    if not (by_cells or _jumps_by_place(e)):
         f.interpolate(fem.Expression(e, points), cells0=cells)
         return
     # At a corner between two cells the condition has one answer for both. A little inside each
     # cell it has that of the cell.
-    share = 1.0 if of_cells else _INSIDE
+    share = 1.0 if by_cells else _INSIDE
     inside = points + share * (points.mean(axis=0) - points)
     if cells is None:
         here = W.mesh.topology.index_map(W.mesh.topology.dim)
@@ -412,15 +421,33 @@ def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -
     size = W.dofmap.index_map_bs
     # A rank may have none of the cells.
     values = fem.Expression(e, inside).eval(W.mesh, cells).reshape(*dofs.shape, size)
-    if not of_cells:
+    if not by_cells:
         middle = values.mean(axis=1, keepdims=True)
         values = middle + (values - middle) / (1 - _INSIDE)
     f.x.array.reshape(-1, size)[dofs] = values
 
 
-def _is_of_cells(e: Any) -> bool:
-    """Whether an expression has the volumes of cells: it is known at their middles alone."""
-    return any(isinstance(n, ufl.classes.CellVertices) for n in unique_pre_traversal(e))
+def of_cells(e: Any, domain: mesh.Mesh) -> Any:
+    """What is known at the middles of cells alone, as a Function of these; else the expression.
+
+    Collective.
+
+    Args:
+        e: UFL.
+        domain: its mesh.
+    """
+    if not is_of_cells(e):
+        return e
+    f = fem.Function(fem.functionspace(domain, ("DG", 0, e.ufl_shape)))
+    dim = domain.topology.dim
+    here = domain.topology.index_map(dim)
+    cells = np.arange(here.size_local + here.num_ghosts, dtype=np.int32)
+    values = compiled_expression(e, np.full((1, dim), 0.5)).eval(domain, cells)
+    dofs = f.function_space.dofmap.list[cells, 0]
+    f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)[dofs] = values.reshape(
+        len(cells), -1
+    )
+    return f
 
 
 def _jumps_by_place(e: Any) -> bool:

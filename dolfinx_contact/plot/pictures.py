@@ -35,7 +35,7 @@ from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact._files import hidden_beside
-from dolfinx_contact.io.fields import check_stress, von_mises
+from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
 from dolfinx_contact.io.gathering import Arrays, gather_cells
 from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState
 from dolfinx_contact.laws.status import COLOURS, NAMES
@@ -396,7 +396,8 @@ def _averaged(
     """A field at the local vertices, NaN where it is not finite. Collective.
 
     A stress is the mean around a vertex, weighted by its hat function; a scalar the mean of what it
-    is at the vertex in the cells around it, and so exact where it is continuous.
+    is at the vertex in the cells around it, and so exact where it is continuous. Of a mean
+    dilatation both are those of the cells.
 
     Args:
         V: of the vertices.
@@ -411,11 +412,12 @@ def _averaged(
         rule = {"quadrature_rule": "vertex", "quadrature_degree": 1}
     dx = ufl.Measure("dx", V.mesh, subdomain_data=tags, metadata=rule)
     if scalar is not None:
-        whole = scalar * q * dx
+        whole = of_cells(scalar, V.mesh) * q * dx
     elif tags is None:
-        whole = von_mises(stress) * q * dx
+        whole = of_cells(von_mises(stress), V.mesh) * q * dx
     else:
-        whole = sum(von_mises(stress[tag]) * q * dx(tag) for tag in sorted(stress))
+        parts = {tag: of_cells(von_mises(stress[tag]), V.mesh) for tag in sorted(stress)}
+        whole = sum(size * q * dx(tag) for tag, size in parts.items())
     sums = []
     for form in (whole, q * dx):
         b = la.vector(V.dofmap.index_map, 1)

@@ -63,7 +63,8 @@ __all__ = ["BranchRecord", "resume"]
 
 _SAME_VALUE = 1e-6  # relative, of functionals that are computed once more
 _NOISE = 1e-9  # relative, of unknowns: round-off, and more
-_UNLOADED = 1e-6  # of what a branch moves in a unit of its length
+#: Of what a branch moves in a unit of its length; the tolerance of that, 1e-9 of it, is round-off.
+_UNLOADED = 1e-3
 
 
 class BranchRecord(ProblemRecord[Journal]):

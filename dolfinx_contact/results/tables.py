@@ -50,7 +50,7 @@ class ContactTable:
         increment: that since the last accepted step of an evolution (n, dim); else the same.
         n: normals (n, dim).
         force: contact force on the body (n, dim), 0 where Dirichlet data clamp the point.
-        pressure: contact pressure.
+        pressure: contact pressure, nominal: per area of the mesh, not of the deformed surface.
         shear: tangential traction on the body (n, dim).
         letters: status, one letter a point: o, k, + or - (2D), s (3D); d of one without contact of
             its own: held by Dirichlet data, at the front of a crack, where pairs cross, or
