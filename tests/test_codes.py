@@ -123,3 +123,13 @@ def test_what_is_no_answer_is_refused():
     problem = problems.wedge(6)
     with pytest.raises(ValueError, match="do not fit"):
         figures(problem, np.full((1, *problem.x.shape), np.nan))
+
+
+def test_a_code_without_friction_is_judged_without():
+    problem = problems.cyclic(6, 2)
+    u, _ = answer(replace(problem, mu=0.0))
+    assert {"slip"} <= found(problem, u) <= {"cone", "slip"}
+    arrays = {f.name: getattr(problem, f.name) for f in fields(problem)}
+    report = judge.judged(judge.solved(arrays, {"mu": 0.0}), u)
+    assert max(report[f] for f in judge.FIGURES) < 1e-8
+    assert judge.solved(arrays, {}) is arrays

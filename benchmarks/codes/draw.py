@@ -45,6 +45,8 @@ def draw(records, path):
             if value is None:
                 ax.plot(1.0, at, marker="x", color="0.6")
                 continue
+            if record["record"].get("mu") == 0:
+                mark = "^"
             edge = "tab:blue" if record["record"]["converged"] else "tab:red"
             face = face if face == "none" else edge
             ax.plot(value, at, marker=mark, markerfacecolor=face, markeredgecolor=edge)
@@ -54,7 +56,7 @@ def draw(records, path):
     figure.text(
         0.01, 0.01,
         "hollow: recommended settings; full: tuned; blue: it says it succeeded; red: it says it "
-        "did not; grey cross: no answer",
+        "did not; triangle: solved without friction; grey cross: no answer",
         fontsize=8,
     )  # fmt: skip
     figure.tight_layout(rect=(0, 0.03, 1, 1))

@@ -210,12 +210,19 @@ def judged(problem, u, forces=None):
     return worst
 
 
+def solved(problem, record):
+    """The problem that a code says it has solved: with another friction than asked for, or none."""
+    if "mu" not in record:
+        return problem
+    return dict(problem) | {"mu": record["mu"], "closed": 0.0}
+
+
 def main(problem, answer):
     with np.load(problem) as given, np.load(answer) as found:
         record = {"record": json.loads(str(found["record"]))}
         try:
             forces = found.get("forces")
-            record["figures"] = judged(given, found["u"], forces)
+            record["figures"] = judged(solved(given, record["record"]), found["u"], forces)
         except ValueError as error:
             record["error"] = str(error)
     print(json.dumps(record, indent=1))

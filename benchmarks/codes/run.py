@@ -45,6 +45,7 @@ class Code:
 _MUMPS = ["max_iter", 100, "lsolver", "mumps"]
 _EXAMPLE = {"tangent_factor": 0.025, "advance_ALM_parameters": {"stiffness_factor": 0.1}}
 _STIFFER = {"tangent_factor": 1.0, "advance_ALM_parameters": {"stiffness_factor": 1.0}}
+_IPC = {"stiffness": 0.0, "project": "NONE", "increments": 5}
 _KRATOS = {
     "criterion": "contact_residual_criterion",
     "tolerance": 1e-4,
@@ -138,6 +139,25 @@ CODES = {
         },
         "nothing: no manual came with the wheel; the ratios of CalculiX' manual",
     ),
+    "sfepy": Code(
+        "sfepy with ipctk",
+        "with_sfepy.py",
+        "sfepy",
+        "BSD-3-Clause; MIT",
+        {
+            "recommended": _IPC
+            | {
+                "barrier": 1e-2, "start": 1e-4, "tolerance": 1e-8, "iterations": 30,
+                "newmark": [0.25, 0.5],
+            },
+            "tuned": _IPC
+            | {
+                "barrier": 1e-5, "start": 1e-7, "tolerance": 1e-10, "iterations": 100,
+                "newmark": [0.3025, 0.6],
+            },
+        },
+        "two_bodies_contact.py of sfepy's examples, with contact='ipc'",
+    ),
 }  # fmt: skip
 
 
@@ -225,7 +245,8 @@ def row(record):
     numbers = [f"{figures[f]:.0e}" for f in figures_of(record["problem"])]
     counts = figures.get("statuses")
     places = [f"{counts['open']}/{counts['stick']}/{counts['slip']}"] if counts else []
-    words = [said["says"], str(said["iterations"]), f"{said['seconds']:.2f}", *numbers, *places]
+    says = said["says"] + (", without friction" if said.get("mu") == 0 else "")
+    words = [says, str(said["iterations"]), f"{said['seconds']:.2f}", *numbers, *places]
     return f"{name}| {' | '.join(words)} |"
 
 
