@@ -22,7 +22,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PROBLEMS = ("greco", "dragged16", "dragged64", "three", "cyclic", "wedge", "pair", "bar")
+PROBLEMS = (
+    "greco", "dragged16", "dragged64", "three", "cyclic", "wedge", "pair", "roller", "bar",
+)  # fmt: skip
 MOTION = ("penetration", "path", "rest")
 FIGURES = ("equilibrium", "penetration", "cone", "complementarity", "slip")
 SECONDS = 300  # at most, of a run, but of the larger problem
@@ -255,6 +257,17 @@ def figures_of(problem):
     return MOTION if problem == "bar" else FIGURES
 
 
+def beside(records, title, names, form):
+    """A line of figures that only some problems have."""
+    values = [
+        f"{CODES[r['code']].title} ({r['way']}) "
+        + ", ".join(format(r["figures"][name], form) for name in names)
+        for r in records
+        if names[0] in r.get("figures", {})
+    ]
+    return ["", f"{title}: {'; '.join(values)}."] if values else []
+
+
 def table(records):
     """Markdown of all problems."""
     lines = []
@@ -268,13 +281,11 @@ def table(records):
             "|---" * len(titles) + "|",
         ]
         lines += [row(r) for r in records if r["problem"] == problem]
-        closed = [
-            f"{CODES[r['code']].title} ({r['way']}) {r['figures']['closed']:.0e}"
-            for r in records
-            if r["problem"] == problem and "closed" in r.get("figures", {})
-        ]
-        if closed:
-            lines += ["", f"F/G over its closed form, less 1: {'; '.join(closed)}."]
+        of_it = [r for r in records if r["problem"] == problem]
+        lines += beside(of_it, "F/G over its closed form, less 1", ["closed"], ".0e")
+        lines += beside(
+            of_it, "Half width and peak over Hertz', less 1", ["half_width", "peak"], ".1%"
+        )
         lines.append("")
     lines += [
         "### Versions, licences, settings",

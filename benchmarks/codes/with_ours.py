@@ -50,6 +50,15 @@ class Body:
         """Facets of faces that are given by nodes."""
         return np.array([self._facet[tuple(f)] for f in np.sort(faces, axis=1)], dtype=np.int32)
 
+    def parts(self, p):
+        """Tags of the cells: the places of their materials."""
+        tags = np.empty(len(p.cells), dtype=np.int32)
+        for tag, (_, cells) in enumerate(p.materials):
+            tags[cells] = tag
+        numbers = np.arange(len(tags), dtype=np.int32)
+        tags = tags[self.mesh.topology.original_cell_index]
+        return mesh.meshtags(self.mesh, p.dim, numbers, tags)
+
     def nodal(self, u):
         """Values of a Function at the nodes (n, dim)."""
         return u.x.array.reshape(-1, self.V.dofmap.index_map_bs)[self.dof]
@@ -74,8 +83,12 @@ def conditions(p, body):
 def residual_of(p, body, u):
     """The form of the body and its loads, and the Constants of the tractions."""
     v = ufl.TestFunction(body.V)
-    material = LinearElastic.from_young(p.E, p.nu)
-    residual = ufl.inner(material.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
+    dx = ufl.Measure("dx", body.mesh, subdomain_data=body.parts(p))
+    parts = []
+    for tag, (young, _) in enumerate(p.materials):
+        material = LinearElastic.from_young(young, p.nu)
+        parts.append(ufl.inner(material.stress(u), ufl.sym(ufl.grad(v))) * dx(tag))
+    residual = sum(parts[1:], parts[0])
     if p.body_force.any():
         residual -= ufl.dot(fem.Constant(body.mesh, p.body_force), v) * ufl.dx
     tractions = []
@@ -101,7 +114,7 @@ def made(p, settings):
     facets = body.facets(p.contact_faces)
     if len(p.master_faces):
         master = body.facets(p.master_faces)
-        surface = ContactPair(u, facets, law=Coulomb(p.mu), master_facets=master)
+        surface = ContactPair(u, facets, law=Coulomb(p.mu), master_facets=master, normal=-p.normal)
     else:
         plane = HalfSpace(p.point, p.normal)
         surface = ContactSurface(u, facets, obstacle=plane, law=Coulomb(p.mu))

@@ -85,7 +85,9 @@ class Body:
         self.values = np.zeros(len(p.held))
         self.load = np.zeros_like(p.x)
         self.status = IndexedStruct()
-        self.problem = Problem("job", equations=Equations([self._equation(surfaces, settings)]))
+        self.problem = Problem(
+            "job", equations=Equations([self._equation(surfaces, len(cells), settings)])
+        )
         self.problem.set_bcs(ebcs=Conditions(self._held(plane)))
         tolerance = settings["tolerance"]
         newton = {
@@ -97,14 +99,16 @@ class Body:
         solver = Newton(newton, lin_solver=AutoDirect({}), status=self.status, context=self.problem)
         self.problem.set_solver(solver)
 
-    def region(self, name, nodes, kind="vertex"):
-        select = Functions([Function(name, lambda coors, domain=None: np.asarray(nodes, np.int32))])
-        return self.domain.create_region(name, f"vertices by {name}", kind, functions=select)
+    def region(self, name, numbers, kind="vertex"):
+        """A region of nodes, or of cells, by their numbers."""
+        numbers = np.asarray(numbers, np.int32)
+        select = Functions([Function(name, lambda coors, domain=None: numbers)])
+        by = f"{'cells' if kind == 'cell' else 'vertices'} by {name}"
+        return self.domain.create_region(name, by, kind, functions=select)
 
-    def _equation(self, surfaces, settings):
+    def _equation(self, surfaces, count, settings):
         """Elasticity, barriers, nodal loads, and the mass of a motion."""
         p, size = self.p, size_of(self.p)
-        D = stiffness_from_youngpoisson(p.dim, young=p.E, poisson=p.nu, plane="strain")
         # Barriers adapt to mass; at rest, in sfepy's example, E, the density and L are 1.
         mass = cell_sizes(p.x, p.cells, p.kind).sum() * (p.density or p.E / size**p.dim)
         barrier = {
@@ -112,16 +116,21 @@ class Body:
             ".d": settings["barrier"] * size, ".p": settings["project"],
         }  # fmt: skip
         materials = [
-            Material("solid", D=D), Material("barrier", values=barrier),
-            Material("load", function=self._loads),
+            Material("barrier", values=barrier), Material("load", function=self._loads),
         ]  # fmt: skip
         variables = [self.u, self.v]
         self.region("Contact", surfaces, "facet")
         self.region("Nodes", np.arange(len(p.x)))
         terms = """
-            dw_lin_elastic.2.Omega(solid.D, v, u)
-            + dw_contact_ipc.2.Contact(barrier.m, barrier.k, barrier.d, barrier.p, v, u)
+            dw_contact_ipc.2.Contact(barrier.m, barrier.k, barrier.d, barrier.p, v, u)
             - dw_point_load.2.Nodes(load.val, v)"""
+        for part, (young, some) in enumerate(p.materials):
+            D = stiffness_from_youngpoisson(p.dim, young=young, poisson=p.nu, plane="strain")
+            materials.append(Material(f"solid{part}", D=D))
+            if not part:  # the plane's are of the first
+                some = np.union1d(some, np.arange(len(p.cells), count))
+            self.region(f"Part{part}", some, "cell")
+            terms += f" + dw_lin_elastic.2.Part{part}(solid{part}.D, v, u)"
         if p.density:
             terms += """
             + dw_dot.2.Omega(inertia.rho, v, u) - dw_dot.2.Omega(inertia.rho, v, ahead)"""
