@@ -136,7 +136,7 @@ def test_a_code_without_friction_is_judged_without():
 
 
 @pytest.mark.verifies(
-    "pairs", reference="closed form: Hertz' half width and peak", aspects=("2D", "pairs")
+    "mortar", reference="closed form: Hertz' half width and peak", aspects=("2D", "pairs")
 )
 def test_a_roller_is_judged_by_hertz():
     """NAFEMS CB-1, coarser than in the table: the peak is within 3 %, the half width within 2 %."""

@@ -50,14 +50,13 @@ class Body:
         """Facets of faces that are given by nodes."""
         return np.array([self._facet[tuple(f)] for f in np.sort(faces, axis=1)], dtype=np.int32)
 
-    def parts(self, p):
-        """Tags of the cells: the places of their materials."""
-        tags = np.empty(len(p.cells), dtype=np.int32)
-        for tag, (_, cells) in enumerate(p.materials):
-            tags[cells] = tag
-        numbers = np.arange(len(tags), dtype=np.int32)
-        tags = tags[self.mesh.topology.original_cell_index]
-        return mesh.meshtags(self.mesh, p.dim, numbers, tags)
+    def by_cells(self, values):
+        """A Function that is constant on cells, of values of these (c,)."""
+        constants = fem.functionspace(self.mesh, ("Discontinuous Lagrange", 0))
+        function = fem.Function(constants)
+        cells = constants.dofmap.list[:, 0]
+        function.x.array[cells] = values[self.mesh.topology.original_cell_index]
+        return function
 
     def nodal(self, u):
         """Values of a Function at the nodes (n, dim)."""
@@ -83,12 +82,9 @@ def conditions(p, body):
 def residual_of(p, body, u):
     """The form of the body and its loads, and the Constants of the tractions."""
     v = ufl.TestFunction(body.V)
-    dx = ufl.Measure("dx", body.mesh, subdomain_data=body.parts(p))
-    parts = []
-    for tag, (young, _) in enumerate(p.materials):
-        material = LinearElastic.from_young(young, p.nu)
-        parts.append(ufl.inner(material.stress(u), ufl.sym(ufl.grad(v))) * dx(tag))
-    residual = sum(parts[1:], parts[0])
+    material = LinearElastic.from_young(p.E, p.nu)
+    times = body.by_cells(p.times) if len(p.times) else 1
+    residual = times * ufl.inner(material.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
     if p.body_force.any():
         residual -= ufl.dot(fem.Constant(body.mesh, p.body_force), v) * ufl.dx
     tractions = []
