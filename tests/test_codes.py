@@ -123,3 +123,39 @@ def test_what_is_no_answer_is_refused():
     problem = problems.wedge(6)
     with pytest.raises(ValueError, match="do not fit"):
         figures(problem, np.full((1, *problem.x.shape), np.nan))
+
+
+def test_a_code_without_friction_is_judged_without():
+    problem = problems.cyclic(6, 2)
+    u, _ = answer(replace(problem, mu=0.0))
+    assert {"slip"} <= found(problem, u) <= {"cone", "slip"}
+    arrays = {f.name: getattr(problem, f.name) for f in fields(problem)}
+    report = judge.judged(judge.solved(arrays, {"mu": 0.0}), u)
+    assert max(report[f] for f in judge.FIGURES) < 1e-8
+    assert judge.solved(arrays, {}) is arrays
+
+
+@pytest.mark.verifies(
+    "mortar", reference="closed form: Hertz' half width and peak", aspects=("2D", "pairs")
+)
+def test_a_roller_is_judged_by_hertz():
+    """NAFEMS CB-1, coarser than in the table: the peak is within 3 %, the half width within 2 %."""
+    problem = problems.roller(1.2)
+    assert problem.hertz == pytest.approx([6.21, 3585.37], rel=1e-3)
+    u, forces = answer(problem)
+    report = figures(problem, u, forces)
+    assert report["force"] == pytest.approx([0, 35e3], abs=1e-4)
+    assert report["equilibrium"] < 1e-8
+    assert abs(report["peak"]) < 0.03
+    assert abs(report["half_width"]) < 0.02
+    softer = replace(problem, times=0.5 * problem.times)
+    assert figures(softer, u, forces)["equilibrium"] > 0.1
+
+
+def test_half_width_and_peak_of_an_ellipse():
+    x = np.linspace(-3, 3, 601)
+    pressure = 5 * np.sqrt(np.maximum(1 - (x / 2) ** 2, 0))
+    found = judge.by_hertz(x + 0.7, 0.01 * pressure, np.full_like(x, 0.01), [2.0, 5.0])
+    assert abs(found["half_width"]) < 1e-3
+    assert abs(found["peak"]) < 1e-12
+    assert judge.by_hertz(x, pressure, np.ones_like(x), [1.0, 2.0])["peak"] == pytest.approx(1.5)

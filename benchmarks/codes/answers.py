@@ -10,6 +10,7 @@ contact nodes if the code gives such, and ``record``, JSON with
     converged     whether that is a success
     iterations    of all steps together, as it counts them
     seconds       from arrays in memory to displacements in memory, without imports
+    mu            the coefficient of friction, if it is not the problem's: 0 by a code that has none
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ def worst(record):
 def draw(records, path):
     """Write the picture."""
     names = list(CODES)
-    figure, axes = plt.subplots(2, 4, figsize=(12, 5.4), sharex=True, sharey=True)
+    figure, axes = plt.subplots(3, 3, figsize=(11, 7.6), sharex=True, sharey=True)
     for ax, problem in zip(axes.flat, PROBLEMS, strict=True):
         ax.set_title(problem, fontsize=10)
         ax.set_xscale("log")
@@ -45,16 +45,18 @@ def draw(records, path):
             if value is None:
                 ax.plot(1.0, at, marker="x", color="0.6")
                 continue
+            if record["record"].get("mu") == 0:
+                mark = "^"
             edge = "tab:blue" if record["record"]["converged"] else "tab:red"
             face = face if face == "none" else edge
             ax.plot(value, at, marker=mark, markerfacecolor=face, markeredgecolor=edge)
         ax.set_yticks(range(len(names)), [CODES[n].title.split(" (")[0] for n in names[::-1]])
-    for ax in axes[1]:
+    for ax in axes[-1]:
         ax.set_xlabel("largest figure of the judge")
     figure.text(
         0.01, 0.01,
         "hollow: recommended settings; full: tuned; blue: it says it succeeded; red: it says it "
-        "did not; grey cross: no answer",
+        "did not; triangle: solved without friction; grey cross: no answer",
         fontsize=8,
     )  # fmt: skip
     figure.tight_layout(rect=(0, 0.03, 1, 1))

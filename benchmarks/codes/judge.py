@@ -17,9 +17,11 @@ support or contact,
 each at the worst node and step: 0 for a solution. Of a motion they are, over its largest
 displacement, ``penetration``, ``path``, by which the mean displacement is off its closed form, and
 ``rest``, what is left of displacements at the end, where all are 0. ``closed`` is a problem's ratio
-of forces over its closed form, less 1. The gap between two bodies is that of the nodes of the
-first over the faces of the second, at the place below before anything moves. A point is closed
-with more than 1e-5 F, and slips if it moves by more than 1e-3 L.
+of forces over its closed form, less 1; ``half_width`` and ``peak`` are those over Hertz', less 1:
+twice the root of the second moment of the normal forces, which is the half width of a half
+ellipse, and the largest force by area. The gap between two bodies is that of the nodes of the first
+over the faces of the second, at the place below before anything moves. A point is closed with more
+than 1e-5 F, and slips if it moves by more than 1e-3 L.
 
     python3 benchmarks/codes/judge.py problem.npz answer.npz
 """
@@ -68,14 +70,18 @@ def shapes(kind):
     return values, np.stack(slopes, axis=1), np.ones(len(points))
 
 
-def assembled(x, cells, kind, E, nu, body_force):
-    """Stiffness (n dim, n dim), and the nodal forces of the body force (n, dim)."""
+def assembled(x, cells, kind, E, nu, body_force, times=()):
+    """Stiffness (n dim, n dim), and the nodal forces of the body force (n, dim).
+
+    ``times``: Young's moduli of the cells over E, if they differ (c,).
+    """
     dim = x.shape[1]
     values, slopes, weights = shapes(kind)
     D = elasticity(E, nu, dim)
     c, k = cells.shape
     stiffness = np.zeros((c, dim * k, dim * k))
     force = np.zeros_like(x)
+    factor = np.asarray(times) if len(times) else np.ones(c)
     for value, slope, weight in zip(values, slopes, weights, strict=True):
         J = np.einsum("dk,cke->cde", slope, x[cells])
         size = weight * np.abs(np.linalg.det(J))
@@ -86,7 +92,7 @@ def assembled(x, cells, kind, E, nu, body_force):
         for row, (i, j) in enumerate([(0, 1), (1, 2), (0, 2)][: len(D) - dim], start=dim):
             B[:, row, i::dim] = g[:, j]
             B[:, row, j::dim] = g[:, i]
-        stiffness += np.einsum("cri,rs,csj,c->cij", B, D, B, size, optimize=True)
+        stiffness += np.einsum("cri,rs,csj,c->cij", B, D, B, size * factor, optimize=True)
         np.add.at(force, cells, np.einsum("c,k,d->ckd", size, value, body_force))
     dofs = (dim * cells[:, :, None] + np.arange(dim)).reshape(c, -1)
     rows, columns = (np.broadcast_to(d, stiffness.shape) for d in (dofs[:, :, None], dofs[:, None]))
@@ -158,6 +164,15 @@ def judged_motion(p, u):
     return {name: float(value) for name, value in figures.items()}
 
 
+def by_hertz(x, force, area, hertz):
+    """Half width and peak of normal forces at places along a line, over Hertz', less 1."""
+    force = np.maximum(force, 0)
+    middle = x @ force / force.sum()
+    width = 2 * np.sqrt((x - middle) ** 2 @ force / force.sum())
+    peak = (force / area).max()
+    return {"half_width": float(width / hertz[0] - 1), "peak": float(peak / hertz[1] - 1)}
+
+
 def judged(problem, u, forces=None):
     """The figures of an answer.
 
@@ -176,7 +191,8 @@ def judged(problem, u, forces=None):
     if p["density"]:
         return judged_motion(p, u)
     x, nodes, normal = p["x"], p["contact"], p["normal"]
-    K, weight = assembled(x, p["cells"], str(p["kind"]), p["E"], p["nu"], p["body_force"])
+    kind = str(p["kind"])
+    K, weight = assembled(x, p["cells"], kind, p["E"], p["nu"], p["body_force"], p["times"])
     free = np.ones(x.size, bool)
     free[p["held"]] = False
     for of_contact in (nodes, np.unique(p["master_faces"]).astype(int)):
@@ -205,9 +221,18 @@ def judged(problem, u, forces=None):
     total = force.sum(axis=0)
     worst["statuses"] = {name: int(where.sum()) for name, where in counts.items()}
     worst["force"] = [float(f) for f in total]
+    if len(p["hertz"]):
+        worst |= by_hertz(x[nodes, 0], force @ normal, p["area"], p["hertz"])
     if p["closed"]:
         worst["closed"] = float(-total[0] / total[1] / p["closed"] - 1)
     return worst
+
+
+def solved(problem, record):
+    """The problem that a code says it has solved: with another friction than asked for, or none."""
+    if "mu" not in record:
+        return problem
+    return dict(problem) | {"mu": record["mu"], "closed": 0.0}
 
 
 def main(problem, answer):
@@ -215,7 +240,7 @@ def main(problem, answer):
         record = {"record": json.loads(str(found["record"]))}
         try:
             forces = found.get("forces")
-            record["figures"] = judged(given, found["u"], forces)
+            record["figures"] = judged(solved(given, record["record"]), found["u"], forces)
         except ValueError as error:
             record["error"] = str(error)
     print(json.dumps(record, indent=1))

@@ -51,6 +51,8 @@ class Problem:
         density: mass by volume; 0: the body goes through states of rest. A motion begins at rest.
         dt: length of the steps of a motion, whose ends are the times of ``values``.
         path: mean displacement along the second axis at these, exactly (s,); of a motion.
+        times: Young's moduli of the cells over E (c,); none: all have E.
+        hertz: half width and peak pressure of two plane bodies by Hertz; none: without these.
     """
 
     name: str
@@ -77,6 +79,8 @@ class Problem:
     density: float = 0.0
     dt: float = 0.0
     path: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    times: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    hertz: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self):
         if not self.loads.size:
@@ -89,6 +93,12 @@ class Problem:
     @property
     def steps(self):
         return len(self.values)
+
+    @property
+    def materials(self):
+        """Young's moduli, and the numbers of the cells that have them."""
+        times = self.times if len(self.times) else np.ones(len(self.cells))
+        return [(self.E * float(t), np.flatnonzero(times == t)) for t in np.unique(times)]
 
     @property
     def gaps(self):
@@ -359,6 +369,82 @@ def pair():
     )  # fmt: skip
 
 
+def growing(first, even, last, ratio=1.2):
+    """Places from 0 to ``last``, ``first`` apart up to ``even``, then further by ``ratio``."""
+    steps = [first] * round(even / first)
+    while sum(steps) < last:
+        steps.append(steps[-1] * ratio)
+    places = np.concatenate([[0.0], np.cumsum(steps)])
+    return places * last / places[-1]
+
+
+def half_disc(radius, across, up):
+    """Nodes and cells of the lower half of a disc whose lowest point is 0.
+
+    Coons' patch of its lower arc, of 60 degrees to either side at ``across`` (-1 to 1), two arcs of
+    30 degrees, and its flat top. Over its lowest point nodes are at ``up`` (0 to 1), at the sides,
+    where two arcs meet at nearly 180 degrees, as far from each other everywhere.
+    """
+
+    def arc(degrees):
+        a = np.deg2rad(degrees)
+        return radius * np.stack([np.sin(a), 1 - np.cos(a)], axis=-1)
+
+    even = np.linspace(0, 1, len(up))
+    t = up + across[:, None] ** 2 * (even - up)
+    s = (across[:, None, None] + 1) / 2
+    low, high = arc(60 * across), radius * np.stack([across, np.ones_like(across)], axis=-1)
+    x = (1 - t[..., None]) * low[:, None] + t[..., None] * high[:, None]
+    for end, share in ((-1, 1 - s), (1, s)):
+        chord = (1 - t[..., None]) * arc(60.0 * end) + t[..., None] * arc(90.0 * end)
+        x = x + share * (arc(end * (60 + 30 * t)) - chord)
+    return x.reshape(-1, 2), grid((len(across) - 1, len(up) - 1), (1.0, 1.0))[1]
+
+
+def roller(fine=0.6):
+    """A cylinder of steel that 35 kN/mm press on a block of aluminium: NAFEMS CB-1 (N, mm).
+
+    Its radius is 50, and the block 400 wide and 200 high; no friction. Half the cylinder is there,
+    pressed on its flat top; its axis is held across, and nothing else, so that contact alone bears
+    it. Hertz' half spaces have the half width 6.21 and the peak 3585.
+    """
+    radius, width, load, nu = 50.0, 200.0, 35e3, 0.3
+    steel, aluminium = 210e3, 70e3
+    angle = np.deg2rad(60)
+    across = growing(fine / (radius * angle), 10 / (radius * angle), 1.0)
+    up = growing(fine / radius, 8 / radius, 1.0)
+    upper, above = half_disc(radius, np.concatenate([-across[:0:-1], across]), up)
+    side, down = growing(1.25 * fine, 12, width), growing(1.25 * fine, 8, width)
+    lines = np.concatenate([-side[:0:-1], side]), -down[::-1]
+    lower = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    below = grid((len(lines[0]) - 1, len(lines[1]) - 1), (1.0, 1.0))[1]
+    x, quads = np.concatenate([lower, upper]), np.concatenate([below, above + len(lower)])
+    # Cut from the lower outer corners, where two arcs of the disc meet at nearly 180 degrees.
+    left = x[quads, 0].mean(axis=1) < 0
+    turned = np.where(left[:, None], quads, np.roll(quads, -1, axis=1))
+    cells = np.concatenate([turned[:, [0, 1, 2]], turned[:, [0, 2, 3]]])
+    is_upper = np.arange(len(x)) >= len(lower)
+    base = np.isclose(x[:, 1], -width)
+    axis = is_upper & np.isclose(x[:, 0], 0) & (x[:, 1] > 1e-9)
+    held = [(dofs_of(base, k, 2), np.zeros(1)) for k in (0, 1)]
+    held += [(dofs_of(axis, 0, 2), np.zeros(1))]
+    sides = boundary(cells, "tri3")
+    on_upper = is_upper[sides].all(axis=1)
+    middle = x[sides].mean(axis=1)
+    top = on_upper & np.isclose(middle[:, 1], radius)
+    slave = on_upper & (np.abs(middle[:, 0]) < 12) & (middle[:, 1] < 2)
+    master = ~on_upper & (np.abs(middle[:, 0]) < 16) & np.isclose(middle[:, 1], 0)
+    compliance = (1 - nu**2) * (1 / steel + 1 / aluminium)
+    a = np.sqrt(4 * load * radius * compliance / np.pi)
+    return made(
+        "roller", "tri3", x, cells, held=held, bottom=sides[slave], master_faces=sides[master],
+        mu=0.0, E=steel, nu=nu, faces=sides[top], tags=np.zeros(top.sum(), int),
+        tractions=np.array([[[0, -load / (2 * radius)]]]),
+        hertz=np.array([a, 2 * load / (np.pi * a)]),
+        times=np.where(is_upper[cells].all(axis=1), 1.0, aluminium / steel),
+    )  # fmt: skip
+
+
 def bar(n=25, height=5.0):
     """An elastic bar that falls on a floor, bounces, and comes to rest where it was.
 
@@ -394,6 +480,7 @@ PROBLEMS = {
     "cyclic": cyclic,
     "wedge": wedge,
     "pair": pair,
+    "roller": roller,
     "bar": bar,
 }
 

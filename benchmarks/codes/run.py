@@ -22,7 +22,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PROBLEMS = ("greco", "dragged16", "dragged64", "three", "cyclic", "wedge", "pair", "bar")
+PROBLEMS = (
+    "greco", "dragged16", "dragged64", "three", "cyclic", "wedge", "pair", "roller", "bar",
+)  # fmt: skip
 MOTION = ("penetration", "path", "rest")
 FIGURES = ("equilibrium", "penetration", "cone", "complementarity", "slip")
 SECONDS = 300  # at most, of a run, but of the larger problem
@@ -45,6 +47,7 @@ class Code:
 _MUMPS = ["max_iter", 100, "lsolver", "mumps"]
 _EXAMPLE = {"tangent_factor": 0.025, "advance_ALM_parameters": {"stiffness_factor": 0.1}}
 _STIFFER = {"tangent_factor": 1.0, "advance_ALM_parameters": {"stiffness_factor": 1.0}}
+_IPC = {"stiffness": 0.0, "project": "NONE", "increments": 5}
 _KRATOS = {
     "criterion": "contact_residual_criterion",
     "tolerance": 1e-4,
@@ -138,6 +141,25 @@ CODES = {
         },
         "nothing: no manual came with the wheel; the ratios of CalculiX' manual",
     ),
+    "sfepy": Code(
+        "sfepy with ipctk",
+        "with_sfepy.py",
+        "sfepy",
+        "BSD-3-Clause; MIT",
+        {
+            "recommended": _IPC
+            | {
+                "barrier": 1e-2, "start": 1e-4, "tolerance": 1e-8, "iterations": 30,
+                "newmark": [0.25, 0.5],
+            },
+            "tuned": _IPC
+            | {
+                "barrier": 1e-5, "start": 1e-7, "tolerance": 1e-10, "iterations": 100,
+                "newmark": [0.3025, 0.6],
+            },
+        },
+        "two_bodies_contact.py of sfepy's examples, with contact='ipc'",
+    ),
 }  # fmt: skip
 
 
@@ -225,13 +247,25 @@ def row(record):
     numbers = [f"{figures[f]:.0e}" for f in figures_of(record["problem"])]
     counts = figures.get("statuses")
     places = [f"{counts['open']}/{counts['stick']}/{counts['slip']}"] if counts else []
-    words = [said["says"], str(said["iterations"]), f"{said['seconds']:.2f}", *numbers, *places]
+    says = said["says"] + (", without friction" if said.get("mu") == 0 else "")
+    words = [says, str(said["iterations"]), f"{said['seconds']:.2f}", *numbers, *places]
     return f"{name}| {' | '.join(words)} |"
 
 
 def figures_of(problem):
     """Names of the figures of a problem."""
     return MOTION if problem == "bar" else FIGURES
+
+
+def beside(records, title, names, form):
+    """A line of figures that only some problems have."""
+    values = [
+        f"{CODES[r['code']].title} ({r['way']}) "
+        + ", ".join(format(r["figures"][name], form) for name in names)
+        for r in records
+        if names[0] in r.get("figures", {})
+    ]
+    return ["", f"{title}: {'; '.join(values)}."] if values else []
 
 
 def table(records):
@@ -247,13 +281,11 @@ def table(records):
             "|---" * len(titles) + "|",
         ]
         lines += [row(r) for r in records if r["problem"] == problem]
-        closed = [
-            f"{CODES[r['code']].title} ({r['way']}) {r['figures']['closed']:.0e}"
-            for r in records
-            if r["problem"] == problem and "closed" in r.get("figures", {})
-        ]
-        if closed:
-            lines += ["", f"F/G over its closed form, less 1: {'; '.join(closed)}."]
+        of_it = [r for r in records if r["problem"] == problem]
+        lines += beside(of_it, "F/G over its closed form, less 1", ["closed"], ".0e")
+        lines += beside(
+            of_it, "Half width and peak over Hertz', less 1", ["half_width", "peak"], ".1%"
+        )
         lines.append("")
     lines += [
         "### Versions, licences, settings",

@@ -151,9 +151,12 @@ def deck(p, layer, settings):
         lines += ["*ELEMENT, TYPE=C3D8, ELSET=E", f"{number}, " + ", ".join(map(str, corners))]
         master = [f"{number}, S2"]
         held = ["PLANE, 1, 3"]
-    lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{p.E:.12g}, {p.nu:.12g}"]
-    lines += ["*DENSITY", f"{p.density:.12g}"] if p.density else []
-    lines += ["*SOLID SECTION, ELSET=E, MATERIAL=M"]
+    for part, (young, some) in enumerate(p.materials):
+        numbers = [*(some + 1), *([] if part or len(p.master_faces) else [len(cells) + 1])]
+        lines += [f"*ELSET, ELSET=E{part}", *joined(numbers)]
+        lines += [f"*MATERIAL, NAME=M{part}", "*ELASTIC", f"{young:.12g}, {p.nu:.12g}"]
+        lines += ["*DENSITY", f"{p.density:.12g}"] if p.density else []
+        lines += [f"*SOLID SECTION, ELSET=E{part}, MATERIAL=M{part}"]
     lines += ["*SURFACE, NAME=SLAVE", *layer.surface(p.contact_faces)]
     lines += ["*SURFACE, NAME=MASTER", *master]
     small = ", SMALL SLIDING" if settings["type"] == "NODE TO SURFACE" else ""

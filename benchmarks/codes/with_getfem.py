@@ -90,13 +90,16 @@ def solve(p, settings):
     gf.util("trace level", 0)
     gf.util("warning level", 0)
     begun = time.perf_counter()
-    _mesh, mf, mim, first = spaces(p)
+    mesh, mf, mim, first = spaces(p)
     dofs = first[:, None] + np.arange(p.dim)
     model = gf.Model("real")
     model.add_fem_variable("u", mf)
-    model.add_initialized_data("lmbda", [p.E * p.nu / ((1 + p.nu) * (1 - 2 * p.nu))])
-    model.add_initialized_data("mu", [p.E / (2 * (1 + p.nu))])
-    model.add_isotropic_linearized_elasticity_brick(mim, "u", "lmbda", "mu")
+    for part, (young, cells) in enumerate(p.materials, start=1):
+        lmbda, mu = f"lmbda{part}", f"mu{part}"
+        model.add_initialized_data(lmbda, [young * p.nu / ((1 + p.nu) * (1 - 2 * p.nu))])
+        model.add_initialized_data(mu, [young / (2 * (1 + p.nu))])
+        mesh.set_region(part, np.array([cells, np.full(len(cells), -1)]))
+        model.add_isotropic_linearized_elasticity_brick(mim, "u", lmbda, mu, part)
     selected = gf.Spmat("empty", len(p.held), mf.nbdof())
     for i, dof in enumerate(dofs.reshape(-1)[p.held]):
         selected.add(i, int(dof), 1.0)

@@ -65,7 +65,7 @@ def written(p, path):
         plane = np.arange(len(x), len(x) + len(below))
         x, cells, master = np.vstack([x, below]), [*cells, plane[layer]], plane[master]
     loaded = np.flatnonzero(np.abs(p.loads).sum(axis=(0, 2)))
-    lines = block("Properties 0", []) + block("Properties 1", [])
+    lines = block("Properties 0", []) + block("Properties 1", [])  # of conditions
     rows = [f"{i} " + " ".join(repr(float(v)) for v in (*r, 0)[:3]) for i, r in enumerate(x, 1)]
     lines += block("Nodes", rows)
     count = 0
@@ -76,7 +76,10 @@ def written(p, path):
     faces = np.concatenate([slave, master])
     lines += block(f"Conditions {FACES[p.dim]}", numbered(faces + 1, 1))
     lines += block(f"Conditions {LOADS[p.dim]}", numbered(loaded[:, None] + 1, len(faces) + 1))
-    lines += part("Body", np.arange(len(x)) + 1, range(1, count + 1))
+    for number, (_, some) in enumerate(p.materials, start=1):
+        inside = [*(some + 1), *([] if number > 1 else range(len(p.cells) + 1, count + 1))]
+        nodes = np.concatenate([p.cells[some].reshape(-1), [] if number > 1 else plane]).astype(int)
+        lines += part(f"Body{number}", nodes + 1, inside)
     lines += part("Plane", plane + 1)
     numbers = np.arange(1, len(faces) + 1)
     lines += part("Slave", slave + 1, conditions=numbers[: len(slave)])
@@ -132,13 +135,20 @@ def parameters(p, settings):
             "time_integration_method": "implicit",
             "scheme_type": "bossak",
         }
-    material = {
-        "constitutive_law": {"name": LAWS[p.dim]},
-        "Variables": {"YOUNG_MODULUS": p.E, "POISSON_RATIO": p.nu, "DENSITY": p.density or 1.0},
-        "Tables": {},
-    }
-    body = {"model_part_name": "Structure.Body", "properties_id": 1, "Material": material}
-    return project, {"properties": [body]}
+    bodies = []
+    for number, (young, _) in enumerate(p.materials, start=1):
+        values = {"YOUNG_MODULUS": young, "POISSON_RATIO": p.nu, "DENSITY": p.density or 1.0}
+        material = {
+            "constitutive_law": {"name": LAWS[p.dim]}, "Variables": values, "Tables": {},
+        }  # fmt: skip
+        bodies.append(
+            {
+                "model_part_name": f"Structure.Body{number}",
+                "properties_id": number,
+                "Material": material,
+            }
+        )
+    return project, {"properties": bodies}
 
 
 class Analysis(structural_mechanics_analysis.StructuralMechanicsAnalysis):

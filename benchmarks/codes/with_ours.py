@@ -50,6 +50,14 @@ class Body:
         """Facets of faces that are given by nodes."""
         return np.array([self._facet[tuple(f)] for f in np.sort(faces, axis=1)], dtype=np.int32)
 
+    def by_cells(self, values):
+        """A Function that is constant on cells, of values of these (c,)."""
+        constants = fem.functionspace(self.mesh, ("Discontinuous Lagrange", 0))
+        function = fem.Function(constants)
+        cells = constants.dofmap.list[:, 0]
+        function.x.array[cells] = values[self.mesh.topology.original_cell_index]
+        return function
+
     def nodal(self, u):
         """Values of a Function at the nodes (n, dim)."""
         return u.x.array.reshape(-1, self.V.dofmap.index_map_bs)[self.dof]
@@ -75,7 +83,8 @@ def residual_of(p, body, u):
     """The form of the body and its loads, and the Constants of the tractions."""
     v = ufl.TestFunction(body.V)
     material = LinearElastic.from_young(p.E, p.nu)
-    residual = ufl.inner(material.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
+    times = body.by_cells(p.times) if len(p.times) else 1
+    residual = times * ufl.inner(material.stress(u), ufl.sym(ufl.grad(v))) * ufl.dx
     if p.body_force.any():
         residual -= ufl.dot(fem.Constant(body.mesh, p.body_force), v) * ufl.dx
     tractions = []
@@ -101,7 +110,7 @@ def made(p, settings):
     facets = body.facets(p.contact_faces)
     if len(p.master_faces):
         master = body.facets(p.master_faces)
-        surface = ContactPair(u, facets, law=Coulomb(p.mu), master_facets=master)
+        surface = ContactPair(u, facets, law=Coulomb(p.mu), master_facets=master, normal=-p.normal)
     else:
         plane = HalfSpace(p.point, p.normal)
         surface = ContactSurface(u, facets, obstacle=plane, law=Coulomb(p.mu))

@@ -153,7 +153,7 @@ def solve(p, settings):
     if p.density:
         return moved(lib, p, settings)
     d = p.dim
-    K, _ = assembled(p.x, p.cells, p.kind, p.E, p.nu, p.body_force)
+    K, _ = assembled(p.x, p.cells, p.kind, p.E, p.nu, p.body_force, p.times)
     free = np.setdiff1d(np.arange(p.x.size), p.held)
     factors = splu(K[free][:, free].tocsc())
     pivots = np.abs(factors.U.diagonal())
@@ -163,7 +163,7 @@ def solve(p, settings):
     W = np.asfortranarray(C[:, free] @ factors.solve(C[:, free].T.toarray()))
     mu = np.full(len(p.contact), p.mu)
     gap = np.zeros((len(mu), d))
-    gap[:, 0] = p.gaps if not len(p.master_faces) else 0.0
+    gap[:, 0] = p.gaps
     r = np.zeros(len(W))
     before = np.zeros_like(gap)
     us, forces, infos, seconds, iterations = [], [], [], 0.0, 0
