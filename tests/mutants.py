@@ -67,7 +67,12 @@ ROOMS = {
     ),
 }
 #: Of a room, files of tests that need one module alone, and of pytest no more than its cases.
-ALONE = {"checker": ("test_recorded_proofs", "test_bounds_in_closed_form")}
+ALONE = {
+    "checker": (
+        *("test_recorded_proofs", "test_bounds_in_closed_form"),
+        *("test_differences_of_solutions", "test_checker_in_small"),
+    )
+}
 #: Operators of Cosmic Ray that are tried. The others put something grosser in the same place (a
 #: shift or a power for a sum, which numbers that are no integers refuse anyhow), or what is the
 #: same in Python (`is` for `==` of words and small numbers).

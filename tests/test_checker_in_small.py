@@ -1,0 +1,393 @@
+"""The small parts of the checker of proofs, each where the answer is known beforehand.
+
+What a step may say, arcs and their hulls, rounding that is said to be coarse, words.
+"""
+
+import dataclasses
+import itertools
+from contextlib import contextmanager
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from dolfinx_contact.analysis import Certificate, InvalidCertificate, ReducedProblem, check
+from dolfinx_contact.analysis import check_proof as cp
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
+#: One node with an open state, a stick and a slip to the left.
+THREE = ReducedProblem(np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-2.5, -1.0]), np.array([3.0]))
+#: One in space with an open state, a stick and a slip along -x.
+SPACE = ReducedProblem(
+    np.array([[2.0, 0.0, 1.0], [0.0, 2.0, 0.0], [1.0, 0.0, 2.0]]),
+    np.array([-2.5, 0.1, -1.0]),
+    np.array([3.0]),
+)
+PIECES = {"do": "pieces", "singular": []}
+
+
+def taken(problem, steps, vectors=()):
+    return check(Certificate(problem, steps, [np.array(y, dtype=float) for y in vectors]))
+
+
+@contextmanager
+def coarse(u=2.0**-10):
+    """Arithmetic that is said to be rounded to few bits; what bounds are is then seen."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cp, "_U", u)
+        yield u
+
+
+# -- arcs ------------------------------------------------------------------------------------------
+
+
+def arcs_of(*ends):
+    ends = np.array(ends, dtype=float)
+    return cp.Cells(np.zeros(len(ends), dtype=int), np.full(len(ends), cp.IN_SLIP), ends)
+
+
+def test_hulls_of_arcs():
+    """The arc that is left beside the largest hole."""
+    every = cp.Cells.whole(SPACE)
+    assert every.hull(0) == (11 / 64, 4.0)
+    assert every.kept(every.kind != cp.IN_SLIP).hull(0) is None
+    starts = 11 / 64 + np.arange(8) / 2
+    for first, number in itertools.product(range(8), range(1, 8)):
+        chosen = (first + np.arange(number)) % 8
+        keep = np.isin(np.arange(10), 2 + chosen)
+        assert every.kept(keep).hull(0) == (starts[first], number / 2)
+    assert arcs_of((1, 3), (0, 0.5)).hull(0) == (0.0, 3.0)
+    assert arcs_of((3, 3.5), (0, 0.5), (1, 1.25)).hull(0) == (3.0, 2.25)
+    assert arcs_of((0, 2), (0.5, 1)).hull(0) == (0.0, 2.0)
+    assert arcs_of((0, 1), (1, 3.75)).hull(0) == (0.0, 3.75)
+
+
+def test_arcs_of_one_point_of_two():
+    two = ReducedProblem(np.eye(6), np.ones(6), np.ones(2))
+    cells = cp.Cells.whole(two)
+    halved = cells.halved(1)
+    assert [len(c) for c in (cells, halved)] == [20, 28]
+    assert halved.node.tolist() == [0] * 10 + [1] * 18
+    arcs = halved.ends[12:]
+    np.testing.assert_array_equal(arcs[:, 1] - arcs[:, 0], np.full(16, 0.25))
+    np.testing.assert_array_equal(arcs[1:, 0], arcs[:-1, 1])
+    np.testing.assert_array_equal(halved.ends[:10], cells.ends[:10])
+    assert halved.first.tolist() == [0, 10]
+    one = cells.kept((cells.node == 1) | (cells.kind != cp.IN_SLIP))
+    assert one.hull(0) is None
+    assert one.hull(1) == (11 / 64, 4.0)
+    assert [one.kinds_at(i) for i in (0, 1)] == [{0, 1}, {0, 1, 2}]
+
+
+def test_angles_from_a_direction():
+    """Between the first and the last ray of arcs of up to 3.5, unless the opposite is there."""
+    for angle in np.linspace(-3.0, 3.0, 13):
+        e = np.array([[np.cos(angle), np.sin(angle)]])
+        for q, width in itertools.product(np.arange(16) / 4, (0.25, 1.0, 2.0, 2.5, 3.25, 3.5)):
+            piece = _slipping_along(e)
+            found = cp.angles_of(piece, arcs_of((q, q + width / 2), (q + width / 2, q + width)), 0)
+            inside = np.linspace(q, q + width, 400)
+            x, y = cp.rays(inside).T
+            turned = np.arctan2(e[0, 0] * y - e[0, 1] * x, e[0, 0] * x + e[0, 1] * y)
+            away = np.pi - np.abs(turned).max()
+            if found is None:
+                assert away < 0.05
+                continue
+            assert away >= 0
+            np.testing.assert_allclose(found, [turned[0], turned[-1]], atol=1e-9)
+            assert found[0] < turned.min()
+            assert found[1] > turned.max()
+    piece = _slipping_along(np.array([[1.0, 0.0]]))
+    assert cp.angles_of(piece, cp.Cells.whole(SPACE), 0) is None
+    assert cp.angles_of(piece, arcs_of((2.1, 3.9), (3.9, 5.7)), 0) is None
+
+
+def _slipping_along(e):
+    z = np.array([[0.5, np.arctan2(e[0, 1], e[0, 0]), 0.5]])
+    rest = np.eye(3), np.zeros(3), np.zeros((1, 3))
+    return cp.SpacePiece(SPACE, np.array([2], dtype=np.int8), z, e, *rest)
+
+
+# -- rounding --------------------------------------------------------------------------------------
+
+
+def test_what_is_taken_from_a_diagonal():
+    """At least what the theorem of Rump says, at most twice that of some operations more."""
+    with coarse() as u:
+        for n in (1, 2, 3):
+            Q = np.eye(n)
+            theorem = (n + 1) * u / (1 - (n + 1) * u)
+            least = theorem / (1 - theorem) * n
+            most = 2.02 * (n + 4) * u * n
+            assert cp.positive_definite(Q, np.diag(np.full(n, 1 - most)))
+            assert not cp.positive_definite(Q, np.diag(np.full(n, 1 - least)))
+    assert cp.positive_definite(np.zeros((0, 0)), np.zeros((0, 0)))
+
+
+def test_a_shift_is_rounded():
+    """S - c I is off by what its diagonal is rounded by, which adds to the error of S."""
+    with coarse(2.0**-8) as u:
+        shift = (1 + 0.9) * 5 * u
+        room = 0.1 - 2 * 5 * u * 0.1 - shift
+        assert cp.least_eigenvalue(np.eye(1), np.full((1, 1), room - 2 * u * shift - 1e-3)) == 0.9
+        assert cp.least_eigenvalue(np.eye(1), np.full((1, 1), room + 1e-3)) == 0.0
+
+
+def test_two_numbers_that_are_equal_but_for_rounding():
+    """States that differ by what differences are rounded by may be one; balls hold what they do."""
+
+    def at(z, radius=0.0):
+        z = np.array([[*z]])
+        rest = np.zeros((1, 2)), np.eye(3), np.zeros(3), np.full((1, 3), radius)
+        return cp.SpacePiece(SPACE, np.array([1], dtype=np.int8), z, *rest)
+
+    with coarse() as u:
+        one, other = at((1.0, 2.0, 4.0)), at((1.0, 2.0, 4.0 + 30 * u))
+        assert one.same(other) is None
+        assert one.same(at((1.0, 2.0, 4.0 + 80 * u))) is False
+        # gamma(4) (|z| + |z|) = 16 u |z|, to which the other's radius adds.
+        for share, radius, expected in ((15.5, 0, None), (16.5, 0, True), (16.5, u, None)):
+            one.__dict__["_alone"] = share * u * np.abs(one.z)
+            assert one.same(at((1.0, 2.0, 4.0), radius)) is expected
+
+
+def test_quotients_of_what_is_not_positive():
+    assert [cp._ratio(*v) for v in ((-1.0, 2.0), (1.0, 0.0), (0.0, 1.0), (1.0, -1.0))] == [0.0] * 4
+    assert cp._ratio(1.0, 4.0) == pytest.approx(0.25, rel=2e-9)
+    assert cp._ratio(1.0, 4.0) < 0.25
+
+
+# -- steps -----------------------------------------------------------------------------------------
+
+
+def test_only_numbers_that_are_there():
+    for value, size in ((0, 1), (2, 3)):
+        assert cp._index(value, size) == value
+    for value, size in ((-1, 3), (3, 3), (4, 3), (0, 0), (0.0, 1), ("0", 1), (None, 1)):
+        with pytest.raises(InvalidCertificate, match="there is no number"):
+            cp._index(value, size)
+
+
+#: A step of every kind that holds, of the node in the plane and of the one in space.
+STEPS = [
+    (THREE, {"do": "branch", "point": 0, "parts": [15]}, [PIECES]),
+    (THREE, {"do": "open"}, []),
+    (THREE, PIECES, []),
+    (THREE, {"do": "bound", "y": 0, "slot": 2, "point": 0, "value": 1e6}, [PIECES]),
+    (THREE, {"do": "exclude", "y": 0, "what": []}, [PIECES]),
+    (SPACE, {"do": "halve", "point": 0}, [{"do": "open", "why": ""}]),
+    (SPACE, {"do": "branch", "point": 0, "parts": [list(range(10))]}, [{"do": "open", "why": ""}]),
+    (SPACE, {"do": "open", "why": ""}, []),
+    (SPACE, {"do": "bound", "y": 0, "quantity": 4, "point": 0, "value": 1e6},
+     [{"do": "open", "why": ""}]),
+    (SPACE, {"do": "exclude", "y": 0, "what": []}, [{"do": "open", "why": ""}]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("number", range(len(STEPS)))
+def test_words_that_are_no_steps(number):
+    """A step is known by its whole word: another is refused, whatever else it has."""
+    problem, step, after = STEPS[number]
+    vectors = [np.zeros(len(problem.p))]
+    assert taken(problem, [step, *after], vectors)
+    rest = {"singular": [], "parts": [15], "what": [], "why": ""}
+    for word in ("", "a", step["do"][:-1], step["do"] + "s", "zzz", step["do"].upper()):
+        with pytest.raises(InvalidCertificate):
+            taken(problem, [{**rest, **step, "do": word}, *after], vectors)
+
+
+def test_rest():
+    """Without load nothing but a = 0 is a solution, in space as well."""
+    still = ReducedProblem(SPACE.S, np.zeros(3), SPACE.friction)
+    proved = taken(still, [{"do": "rest"}])
+    assert proved.at_rest
+    assert str(proved) == "1 solution, proved to be all there are"
+    for change in ({"p": np.array([0, 0, -1e-300])}, {"p_error": np.array([0, 1e-300, 0])}):
+        with pytest.raises(InvalidCertificate, match="there is a load"):
+            taken(dataclasses.replace(still, **change), [{"do": "rest"}])
+
+
+@pytest.mark.parametrize("problem", [THREE, SPACE], ids=["plane", "space"])
+def test_vectors_that_do_not_fit(problem):
+    n = len(problem.p)
+    place = {"slot": 2, "quantity": 4}
+    for y in (np.zeros(n - 1), np.zeros(n + 1), np.zeros(1), np.array([*np.zeros(n - 1), np.nan]),
+              np.array([np.inf, *np.zeros(n - 1)])):  # fmt: skip
+        step = {"do": "bound", "y": 0, **place, "point": 0, "value": np.inf}
+        with pytest.raises(InvalidCertificate, match="does not fit"):
+            taken(problem, [step, {"do": "open", "why": ""}], [y])
+
+
+def test_a_bound_is_kept():
+    """The smaller of that which was there and the new one, and not below zero."""
+    scaled = THREE.scaled
+    # Of any vector the bound of a slot is one; the vector 0 proves the one that is there.
+    proof = Certificate(THREE, [], [np.zeros(2)])
+    for value, kept in ((1e6, None), (None, None)):
+        region = cp.StatusRegion.whole(scaled)
+        before = region.ub.copy()
+        step = {"do": "bound", "y": 0, "slot": 2, "point": 0}
+        step["value"] = region.most(np.zeros(2), 2, 0) if value is None else value
+        (after,) = cp.follow(proof, step, region, cp.Proved())
+        np.testing.assert_array_equal(after.ub, before)
+        assert kept is None
+    region = cp.StatusRegion.whole(scaled)
+    region.ub[2, 0] = 2.0**-20
+    step = {"do": "bound", "y": 0, "slot": 2, "point": 0, "value": 2.0**-19}
+    (after,) = cp.follow(proof, step, region, cp.Proved())
+    assert after.ub[2, 0] == 2.0**-20
+    region = cp.StatusRegion(scaled, np.array([1]), cp.StatusRegion.whole(scaled).ub * 0)
+    step["value"] = region.most(np.zeros(2), 2, 0)
+    (after,) = cp.follow(proof, step, region, cp.Proved())
+    assert after.ub[2, 0] == 0.0
+
+
+def test_bounds_of_what_a_status_does_not_use():
+    """Open points have no slacks, points that stick no slip and no gap, slips no slack behind."""
+    problem = ReducedProblem(np.eye(6), -np.ones(6), np.array([0.5, 0, 0]), np.array([0, 0.5, 0]))
+    plane = cp.StatusRegion.whole(problem)
+    plane.ub = np.ones((6, 3))
+    used = {
+        0: {0: [0, 1, 2], 1: [3, 4, 5], 2: [0, 4, 5], 3: [1, 3, 5]},
+        1: {1: [3, 4, 5], 2: [0, 4, 5], 3: [1, 3, 5], 4: [2, 3, 4], 5: [0, 2, 4], 6: [1, 2, 3]},
+        2: {0: [0, 1, 2], 2: [0, 1, 5]},
+    }
+    assert {i: sorted(v) for i, v in used.items()} == dict(enumerate(plane.choices))
+    every = np.array([np.isin(range(6), sum(v.values(), [])) for v in used.values()]).T * 1.0
+    for point, slots in used.items():
+        for statuses in itertools.combinations(slots, 2):
+            part = plane.part(point, sum(1 << s for s in statuses))
+            expected = every.copy()
+            expected[:, point] = np.isin(range(6), [k for s in statuses for k in slots[s]])
+            np.testing.assert_array_equal(part.ub, expected)
+        for status, own in slots.items():
+            part = plane.part(point, 1 << status)
+            np.testing.assert_array_equal(part.ub[:, point], np.isin(range(6), own))
+
+
+def test_weights_that_do_not_fit_in_space():
+    """They are as many as the inequalities, not one for all."""
+    pressed = ReducedProblem(np.diag([2.0, 2.0, 4.0]), np.array([0.05, 0.0, -1.0]), np.array([0.5]))
+    step = {"do": "only", "codes": [1], "z": [[-0.05, 0.0, 1.0]], "mu": 1.0}
+    assert taken(pressed, [{**step, "weights": np.ones((9, 1)).tolist()}]).verdict == "complete"
+    for shape in ((1, 1), (9,), (9, 2), (1,), (8, 1)):
+        with pytest.raises(InvalidCertificate, match="a uniqueness is not proved"):
+            taken(pressed, [{**step, "weights": np.ones(shape).tolist()}])
+    for change in ({"codes": []}, {"codes": [1, 1]}, {"z": []}, {"z": [[0.0, 0.0]]}):
+        with pytest.raises(InvalidCertificate, match="statuses do not fit"):
+            taken(pressed, [{**step, **change}])
+
+
+@pytest.mark.parametrize("problem", [THREE, SPACE], ids=["plane", "space"])
+def test_exclusion_needs_its_margin(problem):
+    """Excluded is what is so by more than the round-off once; at a margin, by so many times."""
+    whole = cp.SpaceRegion.whole if problem.dim == 3 else cp.StatusRegion.whole
+    region = whole(problem.scaled)
+    rng = np.random.default_rng(3)
+    seen = set()
+    for _ in range(200):
+        y = rng.normal(size=len(problem.p))
+        if not region.excluded(y).any() or region.excluded(y).all():
+            continue
+        low, high = 0.0, 1e18
+        for _ in range(80):
+            middle = (low * high) ** 0.5 if low else high / 2
+            gone = region.excluded(y, margin=middle).any()
+            low, high = (middle, high) if gone else (low, middle)
+        with pytest.MonkeyPatch.context() as patch:
+            dual = cp.SpaceDual if problem.dim == 3 else cp.Dual
+            size = dual.round_off
+            for share, gone in ((0.75, True), (1.5, False)):
+                patch.setattr(dual, "round_off", lambda *a, s=share: s * low * size(*a))  # noqa: B023
+                assert region.excluded(y).any() == gone
+                if problem.dim == 3:
+                    of = cp.SpaceDual(region.problem, y)
+                    assert of.impossible(region.cells, region.most).any() == gone
+                seen.add(gone)
+        break
+    assert seen == {True, False}
+    with pytest.raises(TypeError):
+        region.excluded(np.zeros(len(problem.p)), 1.0)
+
+
+# -- what is said ----------------------------------------------------------------------------------
+
+
+def test_how_many_in_words():
+    proved = "2 solutions, proved"
+    for numbers, words in (
+        ((1, 0, 0, 0), "1 solution, proved to be all there are"),
+        ((2, 0, 0, 0), f"{proved} to be all there are"),
+        ((2, 0, 0, 1), f"{proved}; not decided: 1 set of statuses"),
+        ((2, 1, 1, 3), f"{proved}; not decided: 3 sets of statuses"),
+        ((2, 1, 0, 0), f"{proved}; others, if any, are at 1 border of statuses"),
+        ((2, 0, 2, 0), f"{proved}; others, if any, are at 2 singular pieces of statuses"),
+        (
+            (0, 2, 1, 0),
+            "0 solutions, proved; others, if any, are at 2 borders of statuses and in 1 singular"
+            " piece of statuses",
+        ),
+    ):
+        assert cp.in_words(*numbers) == words
+
+
+def test_sums_of_forces_and_their_errors():
+    """A stick carries the load, with its error: of each component its own."""
+    p, dp = np.array([0.25, -3.0]), np.array([0.125, 0.5])
+    for dim in (2, 3):
+        order = [0, 1] if dim == 2 else [0, 0, 1]
+        problem = ReducedProblem(np.eye(dim), p[order], np.array([2.0]), None, None, dp[order])
+        piece = (
+            cp.solve_piece(problem.scaled, np.array([1], dtype=np.int8))
+            if dim == 2
+            else cp.solve_in_space(
+                problem.scaled, np.array([1], dtype=np.int8), -problem.scaled.p[None]
+            )
+        )
+        proved = cp.Proved(inside=[piece])
+        lines = cp.report(Certificate(problem, [{"do": "open"}]), proved)
+        (line,) = [found for found in lines if "sum rn" in found]
+        found = dict(part.split(" = ") for part in line.split("sum ", 1)[1].split(", sum "))
+        assert ("rt" in found) == (dim == 2)
+        for name, value, error in (("rt", -0.25, 0.125), ("rn", 3.0, 0.5)):
+            if name not in found:
+                continue
+            number, off = map(float, found[name].split(" +- "))
+            assert number == pytest.approx(value, rel=1e-9)
+            # In space the ball is twice as wide as it must be.
+            assert error <= off <= (1.05 if dim == 2 else 2.1) * error
+
+
+def test_sets_of_statuses_of_cells():
+    """1 open, 2 stick, 4 slip or, without friction, closed."""
+    problem = ReducedProblem(np.eye(6), np.ones(6), np.array([0.5, 0.0]))
+    cells = cp.Cells.whole(problem)
+    for kinds, masks in (
+        ((0, 1, 2, 3), [7, 5]),
+        ((0,), [1, 1]),
+        ((0, 1, 3), [3, 5]),
+        ((1, 2, 3), [6, 4]),
+    ):
+        kept = cells.kept(np.isin(cells.kind, kinds))
+        assert cp.OpenCells(kept, np.zeros((cp.MOST, 2)), "").statuses.tolist() == masks
+
+
+def test_objects_with_arrays():
+    """They are compared by identity, and their numbers are not exchanged."""
+    may_change = {"Certificate", "Proved", "StatusRegion", "SpaceRegion", "_Row"}
+    by_value = {"Certificate", "_Row", "Interval"}
+    known = {name: v for name, v in vars(cp).items() if dataclasses.is_dataclass(v)}
+    for name, of in known.items():
+        assert of.__dataclass_params__.frozen == (name not in may_change)
+        assert of.__dataclass_params__.eq == (name in by_value | {"_Vector"})
+    assert known.keys() >= may_change | by_value
+
+
+def test_numbers_that_must_not_be():
+    S, p = np.eye(2), np.ones(2)
+    for F, g in (([0.5], [0.25]), ([-0.5], [0.0]), ([0.0], [-0.5]), ([np.nan], [0.0])):
+        with pytest.raises(ValueError, match=r"either|negative|finite"):
+            ReducedProblem(S, p, np.array(F), np.array(g))
+    with pytest.raises(ValueError, match="shape"):
+        ReducedProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
