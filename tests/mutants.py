@@ -70,7 +70,7 @@ ROOMS = {
 ALONE = {
     "checker": (
         *("test_recorded_proofs", "test_bounds_in_closed_form"),
-        *("test_differences_of_solutions", "test_checker_in_small"),
+        *("test_differences_of_solutions", "test_checker_in_small", "test_bounds_of_errors"),
     )
 }
 #: Operators of Cosmic Ray that are tried. The others put something grosser in the same place (a

@@ -254,7 +254,10 @@ def test_bounds_of_what_a_status_does_not_use():
         2: {0: [0, 1, 2], 2: [0, 1, 5]},
     }
     assert {i: sorted(v) for i, v in used.items()} == dict(enumerate(plane.choices))
-    every = np.array([np.isin(range(6), sum(v.values(), [])) for v in used.values()]).T * 1.0
+    every = (
+        np.array([np.isin(range(6), [*itertools.chain(*v.values())]) for v in used.values()]).T
+        * 1.0
+    )
     for point, slots in used.items():
         for statuses in itertools.combinations(slots, 2):
             part = plane.part(point, sum(1 << s for s in statuses))
