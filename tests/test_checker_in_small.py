@@ -78,6 +78,24 @@ def test_arcs_of_one_point_of_two():
     assert one.hull(0) is None
     assert one.hull(1) == (11 / 64, 4.0)
     assert [one.kinds_at(i) for i in (0, 1)] == [{0, 1}, {0, 1, 2}]
+    assert cells.kept(cells.node == 1).first.tolist() == [0]
+
+
+def test_arcs_are_halved_down_to_their_least_width():
+    cells = arcs_of((0.125, 0.125 + 2.0**-18))
+    for _ in range(2):
+        cells = cells.halved(0)
+    assert (cells.ends[:, 1] - cells.ends[:, 0] == 2.0**-20).all()
+    with pytest.raises(InvalidCertificate, match="no arc"):
+        cells.halved(0)
+
+
+def test_rays_of_tables():
+    q = np.arange(12).reshape(2, 3, 2) / 3
+    for found in (cp.rays(q), cp.directions(q)):
+        assert found.shape == (2, 3, 2, 2)
+    np.testing.assert_array_equal(cp.rays(q)[1, 2], cp.rays(q[1, 2]))
+    np.testing.assert_allclose(np.linalg.norm(cp.directions(q), axis=-1), 1.0)
 
 
 def test_angles_from_a_direction():
@@ -132,6 +150,7 @@ def test_a_shift_is_rounded():
         room = 0.1 - 2 * 5 * u * 0.1 - shift
         assert cp.least_eigenvalue(np.eye(1), np.full((1, 1), room - 2 * u * shift - 1e-3)) == 0.9
         assert cp.least_eigenvalue(np.eye(1), np.full((1, 1), room + 1e-3)) == 0.0
+    assert cp.least_eigenvalue(-0.5 * np.eye(2), np.zeros((2, 2))) == 0.0
 
 
 def test_two_numbers_that_are_equal_but_for_rounding():
@@ -394,3 +413,38 @@ def test_numbers_that_must_not_be():
             ReducedProblem(S, p, np.array(F), np.array(g))
     with pytest.raises(ValueError, match="shape"):
         ReducedProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
+    shapes = {"S": (2, 2), "p": (2,), "friction": (1,), "bound": (1,)}
+    shapes |= {"S_error": (2, 2), "p_error": (2,)}
+    for name, shape in shapes.items():
+        for other in ((1, 1), (3, 3), (1,), (3,), (), (2, 3), (0,)):
+            parts = {n: np.eye(2) if n == "S" else np.zeros(s) for n, s in shapes.items()}
+            if other != shape and not (name == "friction" and other in ((1, 1), (1,))):
+                with pytest.raises((ValueError, TypeError), match=r"shape|unsized"):
+                    ReducedProblem(**{**parts, name: np.ones(other)})
+    for name in ("S_error", "p_error"):
+        with pytest.raises(ValueError, match=f"{name} must not be negative"):
+            ReducedProblem(**{**parts, name: -1e-9 * np.ones(shapes[name])})
+
+
+def test_what_a_matrix_is_off_from_its_transpose():
+    """It adds to the errors, with the rounding of the difference, on both sides of the diagonal."""
+    S = np.array([[32.0, 1.0], [1.25, 32.0]])
+    error = np.array([[0.0, 0.125], [0.0, 0.25]])
+    with coarse() as u:
+        found = ReducedProblem(S, np.ones(2), np.ones(1), None, error)
+        np.testing.assert_array_equal(found.S, [[32, 1.125], [1.125, 32]])
+        rounded = 5 * u / (1 - 5 * u)
+        expected = [[0, 0.125 + 0.25 + rounded], [0.125 + 0.25 + 1.25 * rounded, 0.25]]
+        np.testing.assert_allclose(found.dS, expected, rtol=1e-14)
+        same = ReducedProblem(np.eye(2), np.ones(2), np.ones(1))
+        assert not same.dS.any()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_statuses_of_points(dim):
+    F, g = np.array([0.5, 2.0, 0, 0]), np.array([0, 0, 0.5, 0])
+    problem = ReducedProblem(np.eye(4 * dim), np.ones(4 * dim), F, g)
+    found = [set(np.flatnonzero(has).tolist()) for has in cp.has_status(problem.statuses)]
+    senses = {3, 6} if dim == 2 else set()
+    coulomb = {0, 1, 2, 3} - ({3} - senses)
+    assert found == [coulomb, coulomb, {1, 2, 4, 5} | senses, {0, 2}]
