@@ -3,9 +3,10 @@
 What a step may say, arcs and their hulls, rounding that is said to be coarse, words.
 """
 
+import contextlib
 import dataclasses
+import io
 import itertools
-from contextlib import contextmanager
 
 from mpi4py import MPI
 
@@ -31,7 +32,7 @@ def taken(problem, steps, vectors=()):
     return check(Certificate(problem, steps, [np.array(y, dtype=float) for y in vectors]))
 
 
-@contextmanager
+@contextlib.contextmanager
 def coarse(u=2.0**-10):
     """Arithmetic that is said to be rounded to few bits; what bounds are is then seen."""
     with pytest.MonkeyPatch.context() as patch:
@@ -333,6 +334,34 @@ def test_exclusion_needs_its_margin(problem):
         region.excluded(np.zeros(len(problem.p)), 1.0)
 
 
+def test_singular_pieces():
+    """S ut - r = p of a slip to the left with F = S_tt / S_nt has no solution, or many.
+
+    2 ut - 2 rn = p_t and ut - rn = p_n contradict each other unless p_t = 2 p_n, as y = (1, -2)
+    says, with the sign by which y.p < 0.
+    """
+    node = np.array([[2.0, 1.0], [1.0, 2.0]])
+    for m, p_t in itertools.product((1, 2), (-2.5, -1.5)):
+        S, p = np.kron(np.eye(m), node), np.tile([p_t, -1.0], m)
+        problem = ReducedProblem(S, p, np.array([2.0, 0.5][:m]))
+        pieces = [[3, *rest] for rest in itertools.product(range(4), repeat=m - 1)]
+        for sign in (1, -1):
+            y = np.zeros(2 * m)
+            y[:2] = sign * np.array([1.0, -2.0])
+            proved = taken(problem, [{"do": "pieces", "singular": [[c, 0] for c in pieces]}], [y])
+            shown = sign * (p_t + 2) < 0
+            assert proved.verdict == ("complete" if shown else "degenerate")
+            assert [c.tolist() for c in proved.singular] == ([] if shown else pieces)
+            assert [q.codes[0] for q in proved.inside] == [0 if p_t < -2 else 1]
+            proved = taken(problem, [{"do": "pieces", "singular": [[pieces[0], 0]]}], [y])
+            assert [c.tolist() for c in proved.singular] == pieces[int(shown) :]
+        proved = taken(problem, [PIECES])
+        assert [c.tolist() for c in proved.singular] == pieces
+        for number in (1, -1, 0.0):
+            with pytest.raises(InvalidCertificate, match="there is no number"):
+                taken(problem, [{"do": "pieces", "singular": [[pieces[0], number]]}], [y])
+
+
 # -- what is said ----------------------------------------------------------------------------------
 
 
@@ -448,3 +477,108 @@ def test_statuses_of_points(dim):
     senses = {3, 6} if dim == 2 else set()
     coulomb = {0, 1, 2, 3} - ({3} - senses)
     assert found == [coulomb, coulomb, {1, 2, 4, 5} | senses, {0, 2}]
+
+
+# -- files -----------------------------------------------------------------------------------------
+
+
+def stored(folder, **changes):
+    """A file of the three solutions, with other parts; None takes one out."""
+    path = folder / "proof.npz"
+    Certificate(THREE, [PIECES], [np.zeros(2)]).save(path)
+    with np.load(path) as archive:
+        parts = {**archive, **changes}
+    np.savez(path, **{name: value for name, value in parts.items() if value is not None})
+    return path
+
+
+def test_files_that_were_changed(tmp_path):
+    """Refused by their own words; what has neither format nor digests is read as it is."""
+    known = Certificate(THREE, [PIECES], [np.zeros(2)])
+    digests = [known.problem.digest, known.digest]
+    S = THREE.S
+    for changes, words in (
+        ({"S": S.astype(complex)}, "no double"),
+        ({"S": S.astype(int)}, "no double"),
+        ({"S": S.astype(np.longdouble)}, "no double"),
+        ({"vectors": np.zeros((1, 2), dtype=np.float32)}, "no double"),
+        ({"S": S.astype(object)}, "is no proof"),
+        ({"p": None}, "parts are missing"),
+        ({"steps": None}, "parts are missing"),
+        ({"vectors": None}, "parts are missing"),
+        ({"format": np.array("dolfinx_contact proof 0")}, "of the format"),
+        ({"format": np.array("e")}, "of the format"),
+        ({"S": -S}, "not positive definite"),
+        ({"steps": np.array("[")}, "is no proof"),
+        ({"steps": np.array("[" * 100_000)}, "is no proof"),
+        ({"vectors": np.array(1.0)}, "is no proof"),
+        ({"p": np.array([-2.5, -1.25])}, "the data are not"),
+        ({"p": np.array([-2.5, -0.75])}, "the data are not"),
+        ({"steps": np.array("[]")}, "the steps are not"),
+        ({"vectors": np.ones((1, 2))}, "the steps are not"),
+        ({"digests": np.array(["", digests[1]])}, "the data are not"),
+        ({"digests": np.array(["~", digests[1]])}, "the data are not"),
+        ({"digests": np.array([digests[0], ""])}, "the steps are not"),
+        ({"digests": np.array(digests[:1])}, "the steps are not"),
+        ({"digests": None}, "the data are not"),
+        ({"digests": np.zeros(0), "format": None}, "the data are not"),
+    ):
+        path = stored(tmp_path, **changes)
+        with pytest.raises(InvalidCertificate, match=words):
+            Certificate.load(path)
+    for changes in ({}, {"format": None}, {"digests": None, "format": None}):
+        again = Certificate.load(stored(tmp_path, **changes))
+        assert [again.problem.digest, again.digest] == digests
+    for content in (b"", b"PK", b"PK\x05\x06" + bytes(18)):
+        path.write_bytes(content)
+        with pytest.raises(InvalidCertificate, match=r"no certificate|no npz"):
+            Certificate.load(path)
+    with pytest.raises(FileNotFoundError):
+        Certificate.load(tmp_path / "none.npz")
+    with pytest.raises(FileNotFoundError):
+        Certificate.load(tmp_path)
+
+
+def test_what_the_command_returns(tmp_path):
+    """0 that it holds, 1 that it is refused or open, 2 that there is no file; words in place."""
+    path = stored(tmp_path)
+
+    def run(path):
+        out, errors = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+            status = cp.main([str(path)])
+        return status, out.getvalue(), errors.getvalue()
+
+    status, out, errors = run(path)
+    assert (status, errors) == (0, "")
+    assert out.splitlines()[-1] == "the proof holds"
+    assert "data: 1 contact points;" in out
+    letters = {line.split()[0] for line in out.splitlines() if "sum rn" in line}
+    assert letters == {"o", "k", "-"}
+    status, out, errors = run(tmp_path / "none.npz")
+    assert (status, out) == (2, "")
+    assert errors.startswith("refused: there is no file")
+    status, out, errors = run(stored(tmp_path, p=np.zeros(2)))
+    assert (status, out) == (1, "")
+    assert errors.startswith("refused: ")
+    opened = {"do": "open", "why": "time is over"}
+    for problem, words in ((THREE, []), (SPACE, ["  time is over"])):
+        Certificate(problem, [opened], []).save(path)
+        status, out, errors = run(path)
+        assert (status, errors) == (1, "")
+        assert out.splitlines()[-1] == "not decided"
+        assert "not decided: 1 sets of statuses" in out
+        assert [line for line in out.splitlines() if "time" in line] == words
+        assert (" in 3D;" in out) == (problem is SPACE)
+
+
+def test_letters_of_statuses():
+    F, g = np.array([0.5, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])
+    for dim, codes in (
+        (2, {"oko": (0, 1, 0), "k+c": (1, 2, 2), "+-c": (2, 3, 2), "-Ko": (3, 4, 0),
+             "oPo": (0, 5, 0), "oMo": (0, 6, 0)}),
+        (3, {"oko": (0, 1, 0), "ksc": (1, 2, 2), "sKo": (2, 4, 0), "oSo": (0, 5, 0)}),
+    ):  # fmt: skip
+        problem = ReducedProblem(np.eye(3 * dim), np.ones(3 * dim), F, g)
+        for letters, numbers in codes.items():
+            assert cp._letters(problem, np.array(numbers, dtype=np.int8)) == letters
