@@ -131,6 +131,20 @@ def _slipping_along(e):
 # -- rounding --------------------------------------------------------------------------------------
 
 
+def test_what_numbers_are_rounded_by():
+    """Doubles by 2^-53; sums of 10^6 terms, and angles, by what is larger than their round-off."""
+    u = np.finfo(np.float64).eps / 2
+    assert u == cp._U
+    assert cp.gamma(6) == 10 * u / (1 - 10 * u)
+    assert 1e6 * u < cp._SLACK < 1e-8
+    assert 64 * u < cp._ANGLES < 1e-10
+    for x in (0.0, 1.0, 1e-300, 3e200):
+        for bound in (cp.above(x), float(cp.up(np.float64(x)))):
+            assert x < bound <= x * (1 + 1e-8) + 1e-280
+        for bound in (cp.below(x), float(cp.down(np.float64(x)))):
+            assert x * (1 - 1e-8) <= bound < x or bound == x == 0
+
+
 def test_what_is_taken_from_a_diagonal():
     """At least what the theorem of Rump says, at most twice that of some operations more."""
     with coarse() as u:
@@ -176,6 +190,131 @@ def test_quotients_of_what_is_not_positive():
     assert [cp._ratio(*v) for v in ((-1.0, 2.0), (1.0, 0.0), (0.0, 1.0), (1.0, -1.0))] == [0.0] * 4
     assert cp._ratio(1.0, 4.0) == pytest.approx(0.25, rel=2e-9)
     assert cp._ratio(1.0, 4.0) < 0.25
+
+
+# -- pieces ----------------------------------------------------------------------------------------
+
+
+def test_directions_belong_to_the_angles_that_are_given():
+    """However near Newton's method came: e is that of z, and the residual that of both."""
+    slip = np.array([2], dtype=np.int8)
+    off = []
+    for angle in np.pi + np.linspace(-0.9, 0.9, 19):
+        piece = cp.solve_in_space(SPACE, slip, np.array([[0.8, angle, 0.3]]))
+        if piece is None:
+            continue
+        s, q, rn = piece.z[0]
+        e = np.array([np.cos(q), np.sin(q)])
+        np.testing.assert_allclose(piece.e[0], e, atol=1e-15)
+        f = SPACE.S @ [*(s * e), 0.0] - [*(-3.0 * rn * e), rn] - SPACE.p
+        np.testing.assert_array_less(np.abs(piece.inverse @ f), piece.residual)
+        off.append(piece.residual.max())
+    assert len(off) > 10
+    # Some were not through with it.
+    assert min(off) < 1e-13
+    assert max(off) > 1e-9
+
+
+def test_matrices_that_cannot_be_inverted():
+    """Nothing is proved where an inverse is refused, or is none."""
+    slip, z = np.array([2], dtype=np.int8), np.array([[0.5, 3.1, 0.5]])
+    piece = cp.solve_in_space(SPACE, slip, z)
+    region = cp.SpaceRegion.whole(SPACE)
+    kinds = region.cells.kind == cp.IN_SLIP
+    near = region.cells.kept(kinds & np.isin(np.arange(10), (5, 6)))
+    narrow = near.kept(np.arange(2) == 0)
+
+    def singular(A):
+        raise np.linalg.LinAlgError
+
+    def infinite(A):
+        return np.full_like(A, np.inf)
+
+    one = np.ones(1)
+    for wrong in (singular, infinite):
+        with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
+            patch.setattr(np.linalg, "inv", wrong)
+            assert cp.solved(np.eye(1), one, np.zeros((1, 1)), one) is None
+            assert cp.solve_in_space(SPACE, slip, z) is None
+            assert not cp.only_one(piece, narrow, region.most)
+    assert not cp.only_one(piece, region.cells.kept(kinds), region.most)
+    given = ReducedProblem(np.eye(3), np.array([0.1, 0.0, -1.0]), np.zeros(1), np.array([0.5]))
+    held = cp.solve_in_space(given, np.array([1], dtype=np.int8), -given.p[None])
+    whole = cp.SpaceRegion.whole(given)
+    closed = whole.cells.kept(whole.cells.kind == cp.IN_CLOSED)
+    assert not cp.only_one(held, closed, whole.most)
+    smooth = ReducedProblem(np.eye(3), np.array([0.1, 0.0, -1.0]), np.zeros(1))
+    held = cp.solve_in_space(smooth, np.array([2], dtype=np.int8), np.array([[0.1, 0.0, 1.0]]))
+    assert cp.only_one(held, closed, whole.most)
+
+
+def test_matrices_that_contract_have_small_eigenvalues():
+    rng = np.random.default_rng(9)
+    for n, size in itertools.product((2, 3, 5), (0.3, 0.9, 0.99, 1.01, 1.1, 2.0, 20.0)):
+        for _ in range(6):
+            G = rng.random((n, n)) ** rng.integers(1, 9)
+            G *= size / np.abs(np.linalg.eigvals(G)).max()
+            assert cp._contracts(G) == (size < 1)
+            G *= rng.random((n, n)) < 0.8
+            assert not cp._contracts(G) or np.abs(np.linalg.eigvals(G)).max() < 1
+
+
+def test_how_far_arcs_may_be():
+    """Columns of slips up to an angle of 3, A up to 2.8, of nearly pi."""
+    region = cp.SpaceRegion.whole(SPACE)
+    for angle, columns, arcs in ((2.0, True, True), (2.75, True, True), (2.85, True, False),
+                                 (2.95, True, False), (3.05, False, False)):  # fmt: skip
+        q = 1.0 - np.cos(angle) / (np.abs(np.cos(angle)) + np.abs(np.sin(angle)))
+        cells = arcs_of((q - 2.0**-10, q))
+        for sign in (1, -1):
+            piece = _slipping_along(np.array([[1.0, 0.0]]))
+            of = cells if sign > 0 else arcs_of((4 - q, 4 - q + 2.0**-10))
+            assert (cp._columns_of_slip(piece, of, region.most, 0) is not None) == columns
+            assert cp.space_differences(piece, of, region.most).has[6, 0] == arcs
+
+
+def test_the_largest_pressure_is_that_of_the_cells():
+    most = np.zeros((cp.MOST, 1))
+    most[cp.OF_RN + 1], most[cp.OF_RK] = 3.0, 5.0
+    for kinds, expected in (((0,), 0), ((1,), 5), ((2,), 3), ((0, 1), 5), ((0, 2), 3), ((1, 2), 5),
+                            ((0, 3), 3), ((3,), 3)):  # fmt: skip
+        assert cp._largest_pressure(most, 0, frozenset(kinds)) == expected
+    most[cp.OF_RK] = -1.0
+    assert cp._largest_pressure(most, 0, frozenset((1,))) == 0.0
+
+
+def test_lower_ends_are_rounded_down():
+    """A gap of 1 +- 1/2: its lower end is less than 1/2 by round-off of the error."""
+    opened = np.array([0], dtype=np.int8)
+    z, rest = np.array([[0.5, 0.0, 1.0]]), (np.zeros((1, 2)), np.eye(3), np.zeros(3))
+    piece = cp.SpacePiece(SPACE, opened, z, *rest, np.full((1, 3), 0.5))
+    made = cp._Forms(1)
+    most = np.ones((cp.MOST, 1))
+    with coarse() as u:
+        assert cp._normal(piece, most, 0, frozenset((cp.IN_OPEN, cp.IN_SLIP)), made)
+        lower = 1.0 - 0.5 * (1 + 8 * u / (1 - 8 * u))
+    np.testing.assert_allclose(made.factors[1], lower, rtol=1e-8)
+    for gap, fits in ((0.5, False), (0.49, False), (0.51, True)):
+        piece = cp.SpacePiece(SPACE, opened, gap * z, *rest, np.full((1, 3), 0.5))
+        piece.z[0, 2] = gap
+        assert cp._normal(piece, most, 0, frozenset((0, 2)), cp._Forms(1)) == fits
+
+
+def test_uniqueness_with_weights_of_zero():
+    """Inequalities may be left out, and what vanishes may do alone; a row may have no diagonal."""
+    S = np.array([[1.0, 0.5], [0.5, 1.0]])
+    region = cp.StatusRegion.whole(ReducedProblem(S, np.array([0.5, 2.0]), np.array([2.0])))
+    opened = cp.solve_piece(region.problem, np.array([0], dtype=np.int8))
+    found = cp.differences(opened, np.array([0b1001]), region.ub)
+    # S_tt - F S_nt = 0: f = (S_t - F S_n) d = -1.5 dn, and k2 of the gap holds the rest.
+    np.testing.assert_allclose(found.R[0], [0.0, -1.5], atol=1e-12)
+    for weights, mu, holds in (((0.0, 1.0), 1.0, True), ((0.0, 1.0), 0.0, False),
+                               ((0.0, 0.0), 1.0, False), ((5.0, 1.0), 1.0, True)):  # fmt: skip
+        assert found.prove(np.array(weights), np.zeros(2), mu) == holds
+    alone = cp.differences(opened, np.array([1]), region.ub)
+    assert alone.equal.all()
+    for mu, holds in ((1.0, True), (0.0, False), (-1.0, False)):
+        assert alone.prove(np.zeros(2), np.zeros(2), mu) == holds
 
 
 # -- steps -----------------------------------------------------------------------------------------
