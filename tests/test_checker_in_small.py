@@ -317,6 +317,98 @@ def test_uniqueness_with_weights_of_zero():
         assert alone.prove(np.zeros(2), np.zeros(2), mu) == holds
 
 
+def test_an_inverse_that_is_not_exact():
+    """A step with it makes the solution as much better, and the bound knows both."""
+    A, b, none = np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([1.0, 2.0]), np.zeros((2, 2))
+    exact, inverse = np.linalg.solve(A, b), np.linalg.inv(A)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(np.linalg, "inv", lambda M: inverse * (1 + 1e-4))
+        z, off = cp.solved(A, b, none, np.zeros(2))
+    assert (np.abs(z - exact) <= off).all()
+    assert off.max() < 3e-8
+
+
+@pytest.mark.parametrize("problem", [THREE, SPACE], ids=["plane", "space"])
+def test_weights_that_are_refused_whatever_the_form(problem):
+    """Negative ones, and numbers that are none, prove nothing even of a form that is definite."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cp, "positive_definite", lambda Q, error: True)
+        if problem.dim == 2:
+            region = cp.StatusRegion.whole(problem)
+            piece = cp.solve_piece(problem, np.array([0], dtype=np.int8))
+            found = cp.differences(piece, region.allowed, region.ub)
+            theta, one = np.zeros(2), np.ones(2)
+
+            def prove(w, mu):
+                return found.prove(w, theta, mu)
+
+            assert not found.prove(one, np.array([0.0, 0.34]), 0.0)
+            assert found.prove(one, np.array([0.0, 0.33]), 0.0)
+        else:
+            region = cp.SpaceRegion.whole(problem)
+            start = np.linalg.solve(problem.S, problem.p)[None]
+            piece = cp.solve_in_space(problem, np.array([0], dtype=np.int8), start)
+            found = cp.space_differences(piece, region.cells, region.most)
+            one = np.ones((9, 1))
+            prove = found.prove
+        assert prove(one, 0.0)
+        for mu in (-0.5, -1e-300, np.nan):
+            assert not prove(one, mu)
+        for bad in (-0.5, -1e-300):
+            w = one.copy()
+            w.flat[1] = bad
+            assert not prove(w, 0.0)
+
+
+def mirrored(codes):
+    """Statuses where ut and rt have the other sign."""
+    return np.array([0, 1, 3, 2, 4, 6, 5])[codes]
+
+
+def test_what_is_proved_in_a_mirror():
+    """With the other tangent all is as before, with the slots of the other sense."""
+    rng = np.random.default_rng(10)
+    F, g = np.array([0.75, 0.0, 1.5]), np.array([0.0, 0.5, 0.0])
+    sign = np.tile([-1.0, 1.0], 3)
+    swap = [1, 0, 2, 4, 3, 5]
+    D = np.diag(sign)
+    for _ in range(6):
+        A = rng.normal(size=(6, 6))
+        S, p, y = A @ A.T + 3 * np.eye(6), rng.normal(size=6), rng.normal(size=6)
+        errors = 1e-3 * np.ones((6, 6)), 1e-3 * np.ones(6)
+        one = ReducedProblem(S, p, F, g, *errors)
+        other = ReducedProblem(D @ S @ D, D @ p, F, g, *errors)
+        ub = cp.bounded(one)
+        np.testing.assert_allclose(cp.bounded(other)[swap], ub, rtol=1e-9)
+        h = cp.Dual(one, y).least(ub)
+        np.testing.assert_allclose(
+            cp.Dual(other, D @ y).least(ub[swap])[:, mirrored(np.arange(7))], h, atol=1e-9
+        )
+        codes = np.array([rng.choice(4), rng.choice(range(1, 7)), rng.choice(4)], dtype=np.int8)
+        pieces = cp.solve_piece(one, codes), cp.solve_piece(other, mirrored(codes).astype(np.int8))
+        np.testing.assert_allclose(pieces[1].state, pieces[0].state * [-1, 1, -1, 1], atol=1e-9)
+        np.testing.assert_allclose(pieces[1].away, pieces[0].away, rtol=1e-6)
+        assert pieces[0].verdict == pieces[1].verdict
+        for k in range(20):
+            sets = [{int(c)} | set(rng.choice(7, rng.integers(1, 4)).tolist()) for c in codes]
+            masks = [np.array([sum(1 << int(f[s]) for s in part) for part in sets])
+                     for f in (np.arange(7), mirrored(np.arange(7)))]  # fmt: skip
+            found, there = (
+                cp.differences(piece, problem.statuses & mask, bounds)
+                for piece, problem, mask, bounds in zip(
+                    pieces, (one, other), masks, (ub, ub[swap]), strict=True
+                )
+            )
+            assert (found is None) == (there is None), (k, codes, sets)
+            if found is None:
+                continue
+            flip = sign[found.unknown]
+            np.testing.assert_array_equal(there.tilted, found.tilted)
+            np.testing.assert_allclose(there.R, flip[:, None] * found.R * flip, atol=1e-9)
+            np.testing.assert_allclose(there.k1, found.k1, rtol=1e-6)
+            np.testing.assert_allclose(there.k2, found.k2, rtol=1e-6)
+
+
 # -- steps -----------------------------------------------------------------------------------------
 
 

@@ -100,11 +100,11 @@ def test_rows_hold_for_all_pairs(kind, error):
                 if F > 0 and code == 1 and row.unknown == 0 and x not in (-F, F):
                     x = -b[2] / b[3]
                 assert abs(x - row.x) <= row.x_off * (1 + 1e-12)
-                found = max(sides(row, d, e, F, x))
-                assert found <= 1e-8, (code, allowed, other, row, a, b)
+                found = sides(row, d, e, F, x)
+                assert max(found) <= 1e-8, (code, allowed, other, row, a, b)
                 if row.k1 or row.k2:
                     key = code, allowed, row.unknown
-                    nearest[key] = max(nearest.get(key, -np.inf), found)
+                    nearest[key] = max(nearest.get(key, -np.inf), found[0])
     # A point that sticks has neither slip nor more than the slack that bounds it.
     assert error or nearest
     sharp = [v for (_, allowed, _), v in nearest.items() if allowed & 0b10010 and not error]
