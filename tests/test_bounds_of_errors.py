@@ -248,6 +248,40 @@ def test_bounds_by_energy_in_space(error):
                     assert most[cp.OF_S + 1, i] == pytest.approx(largest, rel=1e-6)
 
 
+def test_bounds_of_a_pressure_are_attained():
+    """By the load with its error, and on the ellipsoid by the stiffness with its."""
+    loaded = ReducedProblem(
+        np.eye(3), np.array([0, 0, -1.0]), np.array([0.5]), p_error=np.array([0, 0, 0.25])
+    )
+    assert 1.25 <= cp.bounded_in_space(loaded)[cp.OF_RN + 1, 0] <= 1.12 * 1.25
+    # rho S_nn^(1/2) with rho = (p.S^-1 p)^(1/2) / 2 = 1/2.
+    for p in ([1.0, 0, 0], [0, 1.0, 0]):
+        error = np.diag([0, 0, 0.25])
+        S = np.diag([1.0, 1.0, 4.0])
+        stiff = ReducedProblem(S, np.array(p), np.array([0.5]), S_error=error)
+        found = cp.bounded_in_space(stiff)[cp.OF_RN + 1, 0]
+        assert found == pytest.approx(4.25**0.5 / 2, rel=1e-6)
+
+
+def test_bounds_below_zero_count_as_zero():
+    """Of gaps, slips and pressures, which are not negative."""
+    rng = np.random.default_rng(7)
+    S, _ = stiffness(6, rng)
+    problem = ReducedProblem(S, np.ones(6), np.array([0.5, 0.0]), np.array([0.0, 0.25]))
+    cells = cp.Cells.whole(problem)
+    for quantity in (cp.OF_UN, cp.OF_RK, cp.OF_S + 1, cp.OF_RN + 1):
+        most, zero = np.ones((2, cp.MOST, 2))
+        most[[cp.OF_S, cp.OF_RN]] = zero[[cp.OF_S, cp.OF_RN]] = 0.0
+        most[quantity], zero[quantity] = -0.5, 0.0
+        for y in rng.normal(size=(4, 6)):
+            dual = cp.SpaceDual(problem, y)
+            np.testing.assert_array_equal(dual.least(cells, most), dual.least(cells, zero))
+            if quantity != cp.OF_RK:
+                most[cp.OF_RK] = zero[cp.OF_RK] = -0.5
+            most[:4] = zero[:4] = 0.0
+            assert dual.round_off(most) == dual.round_off(zero)
+
+
 # -- multipliers -----------------------------------------------------------------------------------
 
 
@@ -283,6 +317,22 @@ def test_errors_of_sums():
         expected = reach.reshape(-1) @ problem.dS @ np.abs(y) + problem.dp @ np.abs(y)
         found = cp.SpaceDual(problem, y).round_off(most)
         assert found == pytest.approx(expected, rel=1e-8)
+
+
+def test_round_off_of_forces():
+    """Pressures of slips and of sticks, and the shear that friction lets them have."""
+    F, g = np.array([0.5, 0.0]), np.array([0.0, 0.25])
+    problem = ReducedProblem(np.eye(6), np.zeros(6), F, g)
+    y = np.array([1.0, -2.0, 3.0, -4.0, 5.0, -6.0])
+    for slides, sticks in ((3.0, 2.0), (2.0, 3.0), (2.0, 0.0), (0.0, 2.0)):
+        most = np.zeros((cp.MOST, 2))
+        most[cp.OF_RN + 1], most[cp.OF_RK] = slides, sticks
+        largest = max(slides, sticks)
+        forces = np.array([0.5 * largest, 0.5 * largest, largest, 0.25, 0.25, largest])
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(cp, "_U", 2.0**-20)
+            found = cp.SpaceDual(problem, y).round_off(most)
+            assert found == pytest.approx(2 * cp.gamma(6 + 64) * forces @ np.abs(y), rel=1e-6)
 
 
 @pytest.mark.parametrize("error", [0.0, 0.05])

@@ -62,6 +62,10 @@ def test_hulls_of_arcs():
     assert arcs_of((3, 3.5), (0, 0.5), (1, 1.25)).hull(0) == (3.0, 2.25)
     assert arcs_of((0, 2), (0.5, 1)).hull(0) == (0.0, 2.0)
     assert arcs_of((0, 1), (1, 3.75)).hull(0) == (0.0, 3.75)
+    assert arcs_of((0, 4), (0, 1)).hull(0) == (0.0, 4.0)
+    smooth = cp.Cells.whole(ReducedProblem(np.eye(6), np.ones(6), np.array([0.0, 0.5])))
+    assert smooth.hull(0) is None
+    assert not smooth.ends[smooth.kind != cp.IN_SLIP].any()
 
 
 def test_arcs_of_one_point_of_two():
@@ -87,8 +91,9 @@ def test_arcs_are_halved_down_to_their_least_width():
     for _ in range(2):
         cells = cells.halved(0)
     assert (cells.ends[:, 1] - cells.ends[:, 0] == 2.0**-20).all()
-    with pytest.raises(InvalidCertificate, match="no arc"):
-        cells.halved(0)
+    for narrow in (cells, arcs_of((0.125, 0.125 + 2.0**-21))):
+        with pytest.raises(InvalidCertificate, match="no arc"):
+            narrow.halved(0)
 
 
 def test_rays_of_tables():
@@ -187,7 +192,7 @@ def test_two_numbers_that_are_equal_but_for_rounding():
 
 
 def test_quotients_of_what_is_not_positive():
-    assert [cp._ratio(*v) for v in ((-1.0, 2.0), (1.0, 0.0), (0.0, 1.0), (1.0, -1.0))] == [0.0] * 4
+    assert [cp._ratio(*v) for v in ((-0.5, 2.0), (1.0, 0.0), (0.0, 1.0), (1.0, -0.5))] == [0.0] * 4
     assert cp._ratio(1.0, 4.0) == pytest.approx(0.25, rel=2e-9)
     assert cp._ratio(1.0, 4.0) < 0.25
 
