@@ -269,6 +269,9 @@ def test_bounds_below_zero_count_as_zero():
     S, _ = stiffness(6, rng)
     problem = ReducedProblem(S, np.ones(6), np.array([0.5, 0.0]), np.array([0.0, 0.25]))
     cells = cp.Cells.whole(problem)
+    most = np.zeros((cp.MOST, 1))
+    most[cp.OF_S], most[cp.OF_S + 1] = 0.5, 2.0
+    assert [float(v[0]) for v in cp.ends_of(most, cp.OF_S)] == [0.0, 2.0]
     for quantity in (cp.OF_UN, cp.OF_RK, cp.OF_S + 1, cp.OF_RN + 1):
         most, zero = np.ones((2, cp.MOST, 2))
         most[[cp.OF_S, cp.OF_RN]] = zero[[cp.OF_S, cp.OF_RN]] = 0.0

@@ -173,6 +173,23 @@ def test_a_shift_is_rounded():
     assert cp.least_eigenvalue(-0.5 * np.eye(2), np.zeros((2, 2))) == 0.0
 
 
+def test_arcs_that_may_hold_a_direction():
+    """Where it is not sure that -v is outside an arc the least of v.e is -|v|."""
+    for start in np.pi / 4 * np.arange(8):
+        turned = np.array([start, start + 0.5])
+        first, last = np.stack([np.cos(turned), np.sin(turned)], axis=1)[:, None]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(cp, "_ANGLES", 2.0**-10)
+            for angle, held in ((-0.5, False), (-0.9, False), (0.9, True), (0.0, True)):
+                off = angle * 2.0**-9
+                for to in (start + off, start + 0.5 - off):
+                    v = -2 * np.array([[np.cos(to), np.sin(to)]])
+                    room = 2.0**-10 * np.abs(v).sum() / 2
+                    (found,) = cp._least_along(v, first, last)
+                    expected = 2.0 if held or -off < room else 2 * np.cos(off)
+                    assert found == pytest.approx(-expected, rel=1e-15, abs=1e-15)
+
+
 def test_two_numbers_that_are_equal_but_for_rounding():
     """States that differ by what differences are rounded by may be one; balls hold what they do."""
 
