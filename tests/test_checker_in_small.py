@@ -199,9 +199,9 @@ def test_two_numbers_that_are_equal_but_for_rounding():
         return cp.SpacePiece(SPACE, np.array([1], dtype=np.int8), z, *rest)
 
     with coarse() as u:
-        one, other = at((1.0, 2.0, 4.0)), at((1.0, 2.0, 4.0 + 30 * u))
+        one, other = at((1.0, 2.0, 4.0)), at((1.0, 2.0, 4.0 + 63 * u))
         assert one.same(other) is None
-        assert one.same(at((1.0, 2.0, 4.0 + 80 * u))) is False
+        assert one.same(at((1.0, 2.0, 4.0 + 66 * u))) is False
         # gamma(4) (|z| + |z|) = 16 u |z|, to which the other's radius adds.
         for share, radius, expected in ((15.5, 0, None), (16.5, 0, True), (16.5, u, None)):
             one.__dict__["_alone"] = share * u * np.abs(one.z)
@@ -429,6 +429,29 @@ def test_what_is_proved_in_a_mirror():
             np.testing.assert_allclose(there.R, flip[:, None] * found.R * flip, atol=1e-9)
             np.testing.assert_allclose(there.k1, found.k1, rtol=1e-6)
             np.testing.assert_allclose(there.k2, found.k2, rtol=1e-6)
+
+
+def test_two_slips_that_differ_by_an_angle():
+    """It is at most pi / 2 times the distance of the directions, which is nearly the angle."""
+
+    def at(angle, radius):
+        z, e = np.array([[1.0, 0.0, 1.0]]), np.array([[np.cos(angle), np.sin(angle)]])
+        balls = np.array([[0.0, radius, 0.0]])
+        return cp.SpacePiece(
+            SPACE, np.array([2], dtype=np.int8), z, e, np.eye(3), np.zeros(3), balls
+        )
+
+    turn = 0.015625
+    for ball, expected in ((0.9, None), (1.55, None), (1.65, True)):
+        one = at(0.0, 4 * turn)
+        one.__dict__["_alone"] = np.array([[1.0, ball * turn, 1.0]])
+        assert one.same(at(turn, 0.0)) is expected
+        assert one.same(at(-turn, 0.0)) is expected
+    with coarse() as u:
+        one = at(0.0, 0.0)
+        for ball, expected in ((63.5, None), (64.5, True)):
+            one.__dict__["_alone"] = np.array([[1.0, ball * u, 1.0]])
+            assert one.same(at(0.0, 0.0)) is expected
 
 
 # -- steps -----------------------------------------------------------------------------------------
