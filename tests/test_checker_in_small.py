@@ -217,24 +217,36 @@ def test_quotients_of_what_is_not_positive():
 # -- pieces ----------------------------------------------------------------------------------------
 
 
-def test_directions_belong_to_the_angles_that_are_given():
-    """However near Newton's method came: e is that of z, and the residual that of both."""
+def test_what_is_near_a_start():
+    """However near Newton's method came: e is that of z, the residual that of both, and a solution
+    is in the ball; where that is not sure there is none."""
     slip = np.array([2], dtype=np.int8)
+
+    def equilibrium(z):
+        s, q, rn = z
+        e = np.array([np.cos(q), np.sin(q)])
+        return SPACE.S @ [*(s * e), 0.0] - [*(-3.0 * rn * e), rn] - SPACE.p
+
     off = []
-    for angle in np.pi + np.linspace(-0.9, 0.9, 19):
+    for angle in np.pi + np.linspace(-2.0, 2.0, 41):
         piece = cp.solve_in_space(SPACE, slip, np.array([[0.8, angle, 0.3]]))
+        off.append(np.nan if piece is None else piece.residual.max())
         if piece is None:
             continue
-        s, q, rn = piece.z[0]
-        e = np.array([np.cos(q), np.sin(q)])
-        np.testing.assert_allclose(piece.e[0], e, atol=1e-15)
-        f = SPACE.S @ [*(s * e), 0.0] - [*(-3.0 * rn * e), rn] - SPACE.p
+        (z,) = piece.z
+        np.testing.assert_allclose(piece.e[0], [np.cos(z[1]), np.sin(z[1])], atol=1e-15)
+        f = equilibrium(z)
         np.testing.assert_array_less(np.abs(piece.inverse @ f), piece.residual)
-        off.append(piece.residual.max())
-    assert len(off) > 10
-    # Some were not through with it.
-    assert min(off) < 1e-13
-    assert max(off) > 1e-9
+        true = z
+        for _ in range(20):
+            slopes = [(equilibrium(true + h) - equilibrium(true - h)) / 2e-6
+                      for h in 1e-6 * np.eye(3)]  # fmt: skip
+            true = true - np.linalg.solve(np.array(slopes).T, equilibrium(true))
+        assert (np.abs(true - z) <= piece.radius[0] + 1e-12).all()
+    # Some were through with it, some nearly, some not at all.
+    assert np.nanmin(off) < 1e-13
+    assert np.nanmax(off) > 1e-9
+    assert np.isnan(off).any()
 
 
 def test_matrices_that_cannot_be_inverted():
@@ -374,7 +386,7 @@ def test_weights_that_are_refused_whatever_the_form(problem):
             one = np.ones((9, 1))
             prove = found.prove
         assert prove(one, 0.0)
-        for mu in (-0.5, -1e-300, np.nan):
+        for mu in (-0.5, -1e-300, np.nan, *([np.inf] if problem.dim == 3 else [])):
             assert not prove(one, mu)
         for bad in (-0.5, -1e-300):
             w = one.copy()
