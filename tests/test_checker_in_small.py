@@ -477,6 +477,12 @@ def test_only_numbers_that_are_there():
             cp._index(value, size)
 
 
+#: A decoupled node that sticks, in the plane and in space, and that no other state is one.
+STICKS = ReducedProblem(np.eye(2), np.array([0.1, -1.0]), np.array([0.5]))
+STICKS_IN_SPACE = ReducedProblem(np.eye(3), np.array([0.1, 0.0, -1.0]), np.array([0.5]))
+ONLY = {"do": "only", "codes": [1], "weights": [1.0, 1.0], "theta": [0.0, 0.0], "mu": 0.0}
+ONLY_IN_SPACE = {"do": "only", "codes": [1], "z": [[-0.1, 0.0, 1.0]], "mu": 1.0}
+ONLY_IN_SPACE["weights"] = np.ones((9, 1)).tolist()
 #: A step of every kind that holds, of the node in the plane and of the one in space.
 STEPS = [
     (THREE, {"do": "branch", "point": 0, "parts": [15]}, [PIECES]),
@@ -490,6 +496,8 @@ STEPS = [
     (SPACE, {"do": "bound", "y": 0, "quantity": 4, "point": 0, "value": 1e6},
      [{"do": "open", "why": ""}]),
     (SPACE, {"do": "exclude", "y": 0, "what": []}, [{"do": "open", "why": ""}]),
+    (STICKS, ONLY, []),
+    (STICKS_IN_SPACE, ONLY_IN_SPACE, []),
 ]  # fmt: skip
 
 
@@ -505,6 +513,76 @@ def test_words_that_are_no_steps(number):
             taken(problem, [{**rest, **step, "do": word}, *after], vectors)
 
 
+def test_regions_that_are_empty():
+    """A node that is pressed is not open, as the row of the normal says; by no other word."""
+    for problem, parts, left in (
+        (STICKS, [1, 14], PIECES),
+        (STICKS_IN_SPACE, [[0], list(range(1, 10))], {"do": "open", "why": ""}),
+    ):
+        y = np.zeros(problem.dim)
+        y[-1] = 1.0
+        branch = {"do": "branch", "point": 0, "parts": parts}
+        assert taken(problem, [branch, {"do": "empty", "y": 0}, left], [y])
+        rest = {"singular": [], "parts": parts, "what": [], "why": "", "y": 0}
+        for word in ("", "a", "d", "empt", "emptys", "f", "zzz"):
+            with pytest.raises(InvalidCertificate):
+                taken(problem, [branch, {**rest, "do": word}, left], [y])
+        with pytest.raises(InvalidCertificate, match="not proved empty"):
+            taken(problem, [branch, {"do": "empty", "y": 0}, left], [-y])
+    assert cp.SpaceRegion.whole(STICKS_IN_SPACE).kinds == [frozenset((0, 1, 2))]
+
+
+def test_two_solutions_of_one_piece():
+    """Slips have directions: of one status there may be several."""
+    slip = np.array([2], dtype=np.int8)
+    one = cp.solve_in_space(SPACE, slip, np.array([[0.5, 3.1, 0.5]]))
+    other = dataclasses.replace(one, z=one.z + np.array([0.1, 0.0, 0.0]))
+    proved = cp.Proved()
+    for piece in (one, other, one, other):
+        proved.add(piece)
+    assert len(proved.inside) == 2
+
+
+def test_steps_with_other_shapes():
+    for change in (
+        {"weights": [1.0], "theta": [0.0]},
+        {"weights": [1.0] * 3, "theta": [0.0] * 3},
+        {"weights": [[1.0, 1.0]], "theta": [[0.0, 0.0]]},
+        {"weights": [1.0, 1.0, 1.0]},
+        {"theta": [0.0]},
+    ):
+        with pytest.raises(InvalidCertificate, match="a uniqueness is not proved"):
+            taken(STICKS, [{**ONLY, **change}])
+    bound = {"do": "bound", "y": 0, "slot": 6, "point": 0, "value": 1e6}
+    exclude = {"do": "exclude", "y": 0, "what": [[0, 7]]}
+    for step in (bound, exclude):
+        with pytest.raises(InvalidCertificate, match="there is no number"):
+            taken(STICKS, [step, PIECES], [np.zeros(2)])
+
+
+def test_what_does_not_fit_has_no_differences_in_space():
+    """A stick beyond its friction, slips without a direction, contact that draws."""
+    region = cp.SpaceRegion.whole(SPACE)
+    kind = region.cells.kind
+    rest = np.eye(3), np.zeros(3), np.zeros((1, 3))
+    none = np.zeros((1, 2))
+    for code, z, kinds in (
+        (1, [2.0, 0.0, 0.5], (1, 2)),
+        (1, [0.0, 0.0, -0.5], (1, 2)),
+        (0, [0.0, 0.0, 0.5], (0, 2)),
+        (0, [0.5, 0.0, -0.5], (0, 2)),
+        (0, [0.5, 0.0, 0.5], (1, 2)),
+    ):
+        codes = np.array([code], dtype=np.int8)
+        piece = cp.SpacePiece(SPACE, codes, np.array([z]), none, *rest)
+        cells = region.cells.kept(np.isin(kind, kinds))
+        assert cp.space_differences(piece, cells, region.most) is None
+        if code == 0:
+            fitting = cp.SpacePiece(SPACE, codes, np.array([[0.5, 0.0, 0.5]]), none, *rest)
+            cells = region.cells.kept(np.isin(kind, (0, 2)))
+            assert cp.space_differences(fitting, cells, region.most) is not None
+
+
 def test_rest():
     """Without load nothing but a = 0 is a solution, in space as well."""
     still = ReducedProblem(SPACE.S, np.zeros(3), SPACE.friction)
@@ -514,6 +592,10 @@ def test_rest():
     for change in ({"p": np.array([0, 0, -1e-300])}, {"p_error": np.array([0, 1e-300, 0])}):
         with pytest.raises(InvalidCertificate, match="there is a load"):
             taken(dataclasses.replace(still, **change), [{"do": "rest"}])
+    plane = ReducedProblem(THREE.S, np.zeros(2), THREE.friction)
+    for problem, word in itertools.product((still, plane), ("rests", "res", "s", "zzz")):
+        with pytest.raises(InvalidCertificate):
+            taken(problem, [{"do": word, "y": 0, "why": ""}], [np.zeros(len(problem.p))])
 
 
 @pytest.mark.parametrize("problem", [THREE, SPACE], ids=["plane", "space"])
@@ -549,6 +631,13 @@ def test_a_bound_is_kept():
     step["value"] = region.most(np.zeros(2), 2, 0)
     (after,) = cp.follow(proof, step, region, cp.Proved())
     assert after.ub[2, 0] == 0.0
+    # Where the bound is negative the slot is none.
+    drawn = ReducedProblem(np.eye(2), np.array([-0.5, 1.0]), np.array([0.5]))
+    region = cp.StatusRegion(drawn, np.array([1]), np.array([[1.0], [0], [1], [0], [0], [0]]))
+    proof = Certificate(drawn, [], [np.array([1.0, 0.0])])
+    step = {"do": "bound", "y": 0, "slot": 0, "point": 0, "value": -0.25}
+    (after,) = cp.follow(proof, step, region, cp.Proved())
+    assert after.ub[0, 0] == 0.0
 
 
 def test_bounds_of_what_a_status_does_not_use():
@@ -660,6 +749,12 @@ def test_how_many_in_words():
         ((2, 0, 0, 0), f"{proved} to be all there are"),
         ((2, 0, 0, 1), f"{proved}; not decided: 1 set of statuses"),
         ((2, 1, 1, 3), f"{proved}; not decided: 3 sets of statuses"),
+        ((2, 1, 0, 1), f"{proved}; not decided: 1 set of statuses"),
+        (
+            (2, 1, 1, 0),
+            f"{proved}; others, if any, are at 1 border of statuses and in 1 singular piece of"
+            " statuses",
+        ),
         ((2, 1, 0, 0), f"{proved}; others, if any, are at 1 border of statuses"),
         ((2, 0, 2, 0), f"{proved}; others, if any, are at 2 singular pieces of statuses"),
         (

@@ -122,8 +122,7 @@ IN_SPACE = {
 }
 #: Of every law statuses of b and families (`FAMILIES`) that some pairs satisfy as equations.
 SHARP = {
-    "Coulomb": {(0, 0), (0, 1), (0, 2), (0, 3), (1, 0), (1, 1)}
-    | {(2, family) for family in (0, 1, 2, 4, 6, 7, 8)},
+    "Coulomb": {(0, 0), (0, 1), (1, 0), (1, 1)} | {(2, family) for family in (0, 1, 2, 4, 6, 7, 8)},
     "given": {(1, 1), (2, 0), (2, 1), (4, 1), (5, 0), (5, 1)},
     "free": {(0, 1), (2, 1)},
 }
@@ -169,7 +168,7 @@ def in_a_cell(kind, F, g, angle, rng):
 def piece_in_space(code, F, g, angle, off, obeys, rng):
     """A solution of a status, known up to a radius, and its true (ut, un, rt, rn)."""
     problem = SimpleNamespace(friction=np.array([F]), g=np.array([g]), points=1)
-    first, normal = rng.choice(NUMBERS, 2) * (1 if obeys else rng.choice([-1, 1, 1], 2))
+    first, normal = rng.choice(NUMBERS, 2) * (1 if obeys else rng.choice([-1, 1], 2))
     slips = code in (2, 5) and F + g > 0
     if slips:
         z = np.array([first, angle, normal])
@@ -211,10 +210,10 @@ def test_forms_hold_for_all_pairs(law, off):
     nearest = {}
     possible = sorted(set(codes.values()))
     subsets = [s for k in (1, 2, 3) for s in itertools.combinations(possible, k)]
-    tries = range(8 if law == "Coulomb" else 6)
+    tries = range(16 if law == "Coulomb" else 8)
     for code, kinds, t in itertools.product(codes, subsets, tries):
         for other in kinds:
-            obeys = t % 3 > 0
+            obeys = t % 2 > 0
             # Some slips of b are along an axis, all of a at ends of arcs.
             angle = rng.choice([0.0, np.pi / 2, *rng.uniform(-np.pi, np.pi, 2)])
             piece, b = piece_in_space(code, F, g, angle, off, obeys, rng)
