@@ -532,6 +532,30 @@ def test_regions_that_are_empty():
     assert cp.SpaceRegion.whole(STICKS_IN_SPACE).kinds == [frozenset((0, 1, 2))]
 
 
+def test_leaves_of_one_kind():
+    """A leaf is of the cells of the status, whatever the coefficient; of others it is refused."""
+    slips = ReducedProblem(np.eye(3), np.array([1.0, 0.0, -1.0]), np.array([0.5]))
+    opened = {"do": "open", "why": ""}
+    leaf = {"do": "leaf", "codes": [2], "z": [[0.5, 0.0, 1.0]]}
+    others = list(range(9))
+    branch = {"do": "branch", "point": 0, "parts": [[9], others]}
+    assert len(taken(slips, [branch, leaf, opened]).inside) == 1
+    stick = {"do": "leaf", "codes": [1], "z": [[-0.1, 0.0, 1.0]]}
+    parts = [[0], [1], [9], list(range(2, 9))]
+    branch = {"do": "branch", "point": 0, "parts": parts}
+    assert len(taken(STICKS_IN_SPACE, [branch, opened, stick, opened, opened]).inside) == 1
+    for place in (0, 2, 3):
+        steps = [branch, *[opened] * 4]
+        steps[1 + place] = stick
+        with pytest.raises(InvalidCertificate, match="not those of the cells"):
+            taken(STICKS_IN_SPACE, steps)
+    two = ReducedProblem(np.eye(6), np.ones(6), np.ones(2))
+    for point in (0, 1):
+        cells = list(range(10 * point, 10 * point + 10))
+        branch = {"do": "branch", "point": point, "parts": [cells[:4], cells[4:]]}
+        assert len(taken(two, [branch, opened, opened]).open_regions) == 2
+
+
 def test_two_solutions_of_one_piece():
     """Slips have directions: of one status there may be several."""
     slip = np.array([2], dtype=np.int8)
@@ -553,6 +577,14 @@ def test_steps_with_other_shapes():
     ):
         with pytest.raises(InvalidCertificate, match="a uniqueness is not proved"):
             taken(STICKS, [{**ONLY, **change}])
+    for codes in ([], [1, 1], [-1], [7], [8]):
+        with pytest.raises(InvalidCertificate, match="statuses do not fit"):
+            taken(STICKS, [{**ONLY, "codes": codes}])
+    smooth = ReducedProblem(STICKS.S, STICKS.p, np.zeros(1))
+    for problem, codes in ((STICKS, (4, 5, 6)), (smooth, (1, 3, 4, 5, 6))):
+        for code in codes:
+            with pytest.raises(InvalidCertificate, match="cannot have this status"):
+                taken(problem, [{**ONLY, "codes": [code]}])
     bound = {"do": "bound", "y": 0, "slot": 6, "point": 0, "value": 1e6}
     exclude = {"do": "exclude", "y": 0, "what": [[0, 7]]}
     for step in (bound, exclude):
@@ -589,6 +621,9 @@ def test_rest():
     proved = taken(still, [{"do": "rest"}])
     assert proved.at_rest
     assert str(proved) == "1 solution, proved to be all there are"
+    lines = cp.report(Certificate(still, [{"do": "rest"}]), proved)
+    assert any("there are 1 solution as follows" in line for line in lines)
+    assert "  rest, without forces" in lines
     for change in ({"p": np.array([0, 0, -1e-300])}, {"p_error": np.array([0, 1e-300, 0])}):
         with pytest.raises(InvalidCertificate, match="there is a load"):
             taken(dataclasses.replace(still, **change), [{"do": "rest"}])
@@ -674,7 +709,8 @@ def test_weights_that_do_not_fit_in_space():
     for shape in ((1, 1), (9,), (9, 2), (1,), (8, 1)):
         with pytest.raises(InvalidCertificate, match="a uniqueness is not proved"):
             taken(pressed, [{**step, "weights": np.ones(shape).tolist()}])
-    for change in ({"codes": []}, {"codes": [1, 1]}, {"z": []}, {"z": [[0.0, 0.0]]}):
+    for change in ({"codes": []}, {"codes": [1, 1]}, {"z": []}, {"z": [[0.0] * 2]},
+                   {"z": [[0.0] * 4]}, {"z": [[0.0] * 3] * 2}):  # fmt: skip
         with pytest.raises(InvalidCertificate, match="statuses do not fit"):
             taken(pressed, [{**step, **change}])
 
@@ -771,7 +807,8 @@ def test_sums_of_forces_and_their_errors():
     p, dp = np.array([0.25, -3.0]), np.array([0.125, 0.5])
     for dim in (2, 3):
         order = [0, 1] if dim == 2 else [0, 0, 1]
-        problem = ReducedProblem(np.eye(dim), p[order], np.array([2.0]), None, None, dp[order])
+        S = 4 * np.eye(dim)
+        problem = ReducedProblem(S, p[order], np.array([2.0]), None, None, dp[order])
         piece = (
             cp.solve_piece(problem.scaled, np.array([1], dtype=np.int8))
             if dim == 2
