@@ -102,7 +102,8 @@ def test_rows_hold_for_all_pairs(kind, error):
                 assert abs(x - row.x) <= row.x_off * (1 + 1e-12)
                 found = sides(row, d, e, F, x)
                 assert max(found) <= 1e-8, (code, allowed, other, row, a, b)
-                if row.k1 or row.k2:
+                f = e[row.unknown] + x * e[row.unknown ^ 1]
+                if row.k1 * d[row.unknown] ** 2 + row.k2 * f**2 > 0.01:
                     key = code, allowed, row.unknown
                     nearest[key] = max(nearest.get(key, -np.inf), found[0])
     # A point that sticks has neither slip nor more than the slack that bounds it.
