@@ -30,6 +30,7 @@ TREE = Path(__file__).resolve().parents[1]
 COSMIC_RAY = "cosmic-ray==8.7.0"
 SEED = 20
 SECONDS = 120  # of processor time, after which a mutant has hung
+SECONDS_ALONE = 30  # the same where no more is asked than a module alone
 #: Modules and tests of the rooms, in the order in which they are asked.
 ROOMS = {
     "laws": (
@@ -66,7 +67,12 @@ ROOMS = {
     ),
 }
 #: Of a room, files of tests that need one module alone, and of pytest no more than its cases.
-ALONE = {"checker": ("test_recorded_proofs", "test_bounds_in_closed_form")}
+ALONE = {
+    "checker": (
+        *("test_recorded_proofs", "test_bounds_in_closed_form"),
+        *("test_differences_of_solutions", "test_checker_in_small", "test_bounds_of_errors"),
+    )
+}
 #: Operators of Cosmic Ray that are tried. The others put something grosser in the same place (a
 #: shift or a power for a sum, which numbers that are no integers refuse anyhow), or what is the
 #: same in Python (`is` for `==` of words and small numbers).
@@ -153,19 +159,39 @@ def forget_the_package():
         del sys.modules[name]
 
 
-def ask_alone(files, before, module):
-    """Run tests that see a module by its name, or names that are in it."""
+def ask_alone(asked, before, module, order, tell):
+    """Run tests that see a module by its name, or names that are in it.
+
+    Args:
+        asked: files, tests and their arguments.
+        before: the module that was imported.
+        module: the mutant.
+        order: numbers of the tests.
+        tell: is called with the number of a test before it is run.
+    """
     known = {**vars(before), "cp": before}
-    for file in files:
+    for file in {file for file, _, _ in asked}:
         for name, value in list(vars(file).items()):
             if name in known and value is known[name]:
                 setattr(file, name, module if value is before else getattr(module, name))
-        for name, test in list(vars(file).items()):
-            if name.startswith("test_"):
-                for case in cases(test):
-                    with tempfile.TemporaryDirectory() as folder:
-                        wanted = {"tmp_path": Path(folder)} if "tmp_path" in name_of(test) else {}
-                        test(**case, **wanted)
+    for number in order:
+        file, name, case = asked[number]
+        test = getattr(file, name)
+        tell(number)
+        with tempfile.TemporaryDirectory() as folder:
+            wanted = {"tmp_path": Path(folder)} if "tmp_path" in name_of(test) else {}
+            test(**case, **wanted)
+
+
+def all_alone(files):
+    """Files, tests and arguments of all tests in files."""
+    return [
+        (file, name, case)
+        for file in files
+        for name, test in list(vars(file).items())
+        if name.startswith("test_")
+        for case in cases(test)
+    ]
 
 
 def name_of(test):
@@ -185,34 +211,57 @@ def cases(test):
     return found
 
 
-def seen(mutant, tests, alone=()):
-    """Whether a test fails in a fork, or the mutant hangs.
+def seen(mutant, tests, alone=(), order=()):
+    """Whether a test fails in a fork, or the mutant hangs, and the number of the test alone.
 
     Args:
         mutant: a module with another source.
         tests: arguments of pytest.
-        alone: files of tests of the module by itself, asked before the package is imported anew.
+        alone: tests of the module by itself, asked before the package is imported anew.
+        order: their numbers, in the order in which they are asked.
     """
     import pytest
 
+    ours, theirs = os.pipe()
     child = os.fork()
     if child == 0:
         with open(os.devnull, "w") as nowhere:
             for stream in (1, 2):
                 os.dup2(nowhere.fileno(), stream)
-        signal.setitimer(signal.ITIMER_PROF, SECONDS)
+        signal.setitimer(signal.ITIMER_PROF, SECONDS if tests else SECONDS_ALONE)
         status = 1
         try:
             before = sys.modules.get(mutant.name)
             sys.meta_path.insert(0, mutant)
             if alone:
-                ask_alone(alone, before, mutant.alone())
+                tell = lambda number: os.write(theirs, f"{number} ".encode())  # noqa: E731
+                ask_alone(alone, before, mutant.alone(), order, tell)
+                tell("none")
             forget_the_package()
             status = int(pytest.main(["-x", "-q", *tests])) if tests else 0
         finally:
             os._exit(status)
+    os.close(theirs)
+    with open(ours) as pipe:
+        asked = pipe.read().split()
     _, status = os.waitpid(child, 0)
-    return os.waitstatus_to_exitcode(status) != 0
+    number = int(asked[-1]) if asked and asked[-1] != "none" else None
+    return os.waitstatus_to_exitcode(status) != 0, number
+
+
+class Order:
+    """Of tests: those first that have seen mutants in lines near by."""
+
+    def __init__(self, number):
+        self.lines = [[] for _ in range(number)]
+
+    def near(self, line):
+        """Numbers of the tests for a mutant in a line."""
+
+        def distance(number):
+            return min((abs(line - other) for other in self.lines[number]), default=10**6)
+
+        return sorted(range(len(self.lines)), key=distance)
 
 
 class Mutations:
@@ -284,27 +333,28 @@ def hunt(room, folder, sample, files):
     from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkResult
 
     tests = [f"tests/{t}" for t in ROOMS[room][1][:files]]
-    alone = [importlib.import_module(name) for name in ALONE.get(room, ())]
+    alone = all_alone([importlib.import_module(name) for name in ALONE.get(room, ())])
+    order = Order(len(alone))
     session = folder / f"{room}.sqlite"
     if not session.exists():
         path = TREE / "dolfinx_contact" / ROOMS[room][0][0]
-        if seen(Mutant(path, path.read_text()), tests, alone):
+        if seen(Mutant(path, path.read_text()), tests, alone, order.near(0))[0]:
             raise RuntimeError(f"tests of {room} fail without any mutant")
         start(room, session, sample)
     with use_db(str(session), WorkDB.Mode.open) as db:
         mutations = Mutations(db.work_items)
         for item in sorted(db.pending_work_items, key=lambda i: i.job_id):
             one = item.mutations[0]
+            line = one.start_pos[0]
             path = TREE / one.module_path
-            before = path.read_text()
             source = mutations.source(one)
-            lines = (text.splitlines() for text in (before, source))
-            diff = difflib.unified_diff(*lines, str(one.module_path), lineterm="", n=1)
-            outcome = TestOutcome.KILLED
-            if not seen(Mutant(path, source), tests, alone):
-                outcome = TestOutcome.SURVIVED
+            killed, number = seen(Mutant(path, source), tests, alone, order.near(line))
+            if killed and number is not None:
+                order.lines[number].append(line)
             result = WorkResult(
-                worker_outcome=WorkerOutcome.NORMAL, test_outcome=outcome, diff="\n".join(diff)
+                worker_outcome=WorkerOutcome.NORMAL,
+                test_outcome=TestOutcome.KILLED if killed else TestOutcome.SURVIVED,
+                diff=difference(one.module_path, path.read_text(), source),
             )
             db.set_result(item.job_id, result)
         results = [r for _, r in db.results if r.worker_outcome != WorkerOutcome.SKIPPED]
@@ -312,6 +362,12 @@ def hunt(room, folder, sample, files):
     first = f"{len(results) - len(survived)} of {len(results)} mutants were seen"
     (folder / f"{room}.txt").write_text("\n\n".join([first, *survived]) + "\n")
     return first
+
+
+def difference(name, before, after):
+    """The lines that a mutant changes."""
+    lines = (text.splitlines() for text in (before, after))
+    return "\n".join(difflib.unified_diff(*lines, str(name), lineterm="", n=1))
 
 
 def main(argv=None):

@@ -110,6 +110,13 @@ def test_without_numpy(stored):
     done = alone(CHECKER, stored, modules="")
     assert done.returncode == 2
     assert done.stderr == "check_proof needs numpy, which this Python does not have\n"
+    # What imports it is told by the error itself.
+    imported = ALONE.replace('run_name="__main__"', 'run_name="check_proof"')
+    command = [sys.executable, "-I", "-c", imported, "", str(CHECKER)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "ModuleNotFoundError: No module named 'numpy'" in done.stderr
+    assert "needs numpy" not in done.stderr
 
 
 def run(arguments, monkeypatch, capsys):

@@ -8,7 +8,10 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+import ufl
+
 from dolfinx_contact.laws import (
+    OPEN,
     PLUS,
     RCCM,
     BilinearCohesive,
@@ -22,6 +25,9 @@ from dolfinx_contact.laws import (
     Regularised,
     Tresca,
 )
+from dolfinx_contact.laws.compiled import _Written
+from dolfinx_contact.laws.law import Bond
+from dolfinx_contact.laws.symbols import STEP, Symbols, from_memory
 
 COMM = MPI.COMM_WORLD
 N = 6
@@ -213,3 +219,42 @@ def test_bounds_of_the_disc():
     (g,) = data.fields.values()
     np.testing.assert_array_equal(found.bound, g)
     np.testing.assert_array_equal(found.unit_bound, g)
+
+
+class Timed(Frictionless):
+    """A law with the step of time in one place."""
+
+    place = ""
+
+    def pieces(self, a):
+        passes = ufl.gt(a.step, -1.0)
+        found = dict(super().pieces(a))
+        piece = found[OPEN]
+        border = piece.borders[0]
+        if self.place == "answer":
+            piece = replace(piece, answer=a.step * a.n)
+        if self.place == "distance":
+            border = border._replace(distance=a.step * border.distance)
+        if self.place == "where":
+            border = border._replace(where=passes)
+        if self.place == "exists":
+            piece = replace(piece, exists=passes)
+        return {**found, OPEN: replace(piece, borders=[border, *piece.borders[1:]])}
+
+    def bound(self, a, p):
+        return a.step * p if self.place == "bound" else super().bound(a, p)
+
+    def bond(self, a):
+        if self.place != "bond":
+            return None
+        zero = ufl.as_ufl(0.0)
+        return Bond({}, 0.0 * a.n, a.step, zero, zero)
+
+
+@pytest.mark.parametrize("place", ["", "answer", "distance", "where", "exists", "bound", "bond"])
+def test_where_a_law_has_the_time(place):
+    """What it needs of memory is found wherever that stands."""
+    law = type("OfTime", (Timed,), {"place": place})()
+    symbols = Symbols(2, law.given, [], {}, from_memory(2), local=True)
+    found = symbols.used(_Written(law, symbols).scalars)
+    assert found == ([STEP] if place else [])

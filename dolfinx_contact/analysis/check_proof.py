@@ -540,6 +540,18 @@ class Dual:
         F = self.problem.friction
         return np.divide(self.y[1::2], 2 * F, out=np.zeros_like(F), where=F > 0)
 
+    @property
+    def _counted(self) -> npt.NDArray[np.bool_]:
+        """Slots that L counts, by point (m, 6).
+
+        Where F > 0 rn is (s+ + s-) / 2 F, and where F = 0 s+ and s- are in g.
+        """
+        F = self.problem.friction
+        found = np.ones((len(F), 6), dtype=bool)
+        found[F > 0, 5] = False
+        found[F == 0, 3:5] = False
+        return found
+
     @cached_property
     def _given(self) -> Array:
         """Minima of -yt rt over shears of a bound given in advance, by point and status."""
@@ -557,11 +569,7 @@ class Dual:
         if less is not None:
             c = c.copy()
             c[less] -= 1.0
-        uses = used(self.problem).copy()
-        F = self.problem.friction
-        # rn is (s+ + s-) / 2 F where F > 0, and s+, s- are in g where that is given.
-        uses[F > 0, :, 5] = False
-        uses[F == 0, :, 3:5] = False
+        uses = used(self.problem) & self._counted[:, None, :]
         per_slot = (np.minimum(c, 0) * ub).T
         return np.einsum("msj,mj->ms", uses, per_slot) + self._given
 
@@ -597,7 +605,9 @@ class Dual:
         return np.asarray(has & (rest[:, None] + h > margin * self.round_off(ub)))
 
     def most(self, allowed: Masks, ub: Array, slot: int, point: int) -> float:
-        """An upper bound of a slot: x = x - y.(S a - r - p)."""
+        """An upper bound of a slot: x = x - y.(S a - r - p); inf of one that L does not count."""
+        if not self._counted[point, slot]:
+            return np.inf
         has = has_status(allowed)
         h = np.where(has, self.least(ub, (slot, point)), np.inf).min(axis=1)
         bound = -h.sum() + self.y @ self.problem.p
