@@ -398,6 +398,7 @@ def test_an_aged_hierarchy_is_rebuilt():
     before = solver.builds
     state = problem.state()
     solver.build(state)
+    solver.age(7, 2.0)  # when it is new
     solver.age(1000, 2.0)
     solver.update(state)
     assert solver.builds == before + 1  # the same nodes are closed
@@ -411,6 +412,11 @@ def test_an_aged_hierarchy_is_rebuilt():
     solver.age(10, 2.0)
     solver.update(state)
     assert solver.builds == before + 2  # not yet worth it
+    solver.build(problem.equations.contact(x, [half]))
+    for _ in range(9):
+        solver.age(100, 2.0)
+        solver.update(state)
+    assert solver.builds == before + 3  # a new one takes as many
 
 
 @pytest.mark.parametrize("given", [False, True])

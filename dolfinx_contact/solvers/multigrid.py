@@ -37,6 +37,7 @@ logger = logging.getLogger(__name__)
 #: Cost of a decimal digit with smoothed aggregates, in iterations with plain ones.
 _SMOOTHED_PER_DIGIT = SMOOTHED.iteration * SMOOTHED.per_digit
 _SOFT = 0.15  # softness of a body with Poisson's ratio 0.478
+_SEEN = 0.3  # digits after which a solve shows how many iterations one takes
 _NEGLIGIBLE = 0.01  # share of the residual on the surface that needs no correction
 
 
@@ -107,6 +108,8 @@ class Multigrid(LinearSolver):
         self._glued: _Glued | None = None
         self._excess = 0.0  # iterations that a new hierarchy would have saved,
         self._dearer = 0.0  # and what one with smoothed aggregates would have
+        self._unused = True  # since the hierarchy was built
+        self._measured = 0.0  # iterations for a digit in the first solve with it
         self._assemblies = 0  # of the stiffness, when the hierarchy was built
         self._points = sum(s.points.number_everywhere for s in equations.surfaces)
 
@@ -161,8 +164,21 @@ class Multigrid(LinearSolver):
 
     def age(self, iterations: int, digits: float) -> None:
         """Add what a solve took more than a new hierarchy would; `update` acts on it."""
-        self._excess += max(iterations - self.hierarchy.interpolation.per_digit * digits, 0.0)
+        if self._unused and digits > _SEEN:
+            # The first hierarchy is built from a guess of what will be closed.
+            self._measured = iterations / digits if self.builds > 1 else 0.0
+            self._unused = False
+        self._excess += max(iterations - self._per_digit * digits, 0.0)
         self._dearer = max(self._dearer + iterations - _SMOOTHED_PER_DIGIT * digits, 0.0)
+
+    @property
+    def _per_digit(self) -> float:
+        """Iterations for a decimal digit that another hierarchy may be expected to take.
+
+        No fewer than this one took when it was new: a body that hardly changes its volume takes
+        many with each.
+        """
+        return max(self.hierarchy.interpolation.per_digit, self._measured)
 
     # -- as the linear solver of Newton's method -------------------------------------------------
 
@@ -199,6 +215,7 @@ class Multigrid(LinearSolver):
         self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal, added, half)
         self._assemblies = self._equations.bulk.assemblies
         self._excess = self._dearer = 0.0
+        self._unused = True
         if self.comm.rank == 0:
             logger.info(
                 "multigrid hierarchy %d built: %s", self.hierarchy.builds, self.hierarchy.kind
@@ -272,7 +289,7 @@ class Multigrid(LinearSolver):
         left = max(np.log10(max(step.measures.worst, target) / target), 0.0) + 1
         now = self.hierarchy.interpolation
         smooth = (per_digit - _SMOOTHED_PER_DIGIT) * left > SMOOTHED.set_up and self._smooth()
-        saved = (per_digit - now.per_digit) * left * now.iteration
+        saved = (per_digit - self._per_digit) * left * now.iteration
         if smooth or (saved > now.set_up and self._is_stale(state)):
             self.build(state)
 
