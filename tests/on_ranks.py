@@ -172,7 +172,7 @@ ON_TWO = {
         *("preconditioner_for_other_systems", "options", "choice"),
         *("a_direct_solver_takes_over", "without_hypre", "hierarchy_is_kept"),
         *("smoothers_of_the_user", "nested_iteration", "nested_problems_must_agree", "forcing"),
-        *("a_problem_is_freed_with_its_last_reference",),
+        *("a_problem_is_freed_with_its_last_reference", "contact_rows_are_those_of_the_residual"),
     ),
     "test_nonlocal": (
         *("constant_pressure", "jacobian_by_taylor", "jacobian_between_bodies", "a_branch"),

@@ -398,6 +398,7 @@ def test_an_aged_hierarchy_is_rebuilt():
     before = solver.builds
     state = problem.state()
     solver.build(state)
+    solver.age(7, 2.0)  # when it is new
     solver.age(1000, 2.0)
     solver.update(state)
     assert solver.builds == before + 1  # the same nodes are closed
@@ -411,6 +412,11 @@ def test_an_aged_hierarchy_is_rebuilt():
     solver.age(10, 2.0)
     solver.update(state)
     assert solver.builds == before + 2  # not yet worth it
+    solver.build(problem.equations.contact(x, [half]))
+    for _ in range(9):
+        solver.age(100, 2.0)
+        solver.update(state)
+    assert solver.builds == before + 3  # a new one takes as many
 
 
 @pytest.mark.parametrize("given", [False, True])
@@ -531,6 +537,72 @@ def test_forcing():
     assert forcing.tolerance(0.5, 1e-10, 1.0) < forcing.largest / 10
     forcing.restart(warm=True)
     assert forcing.tolerance(1.0, 1e-10, 1.0) == forcing.warm
+
+
+def test_a_solve_ends_where_its_model_does():
+    """A linear residual below what the linear model misses is not worth reducing."""
+    forcing = Forcing(looks=0.3)
+    forcing.restart(warm=False)
+    assert not forcing.is_due(1e-9)  # a tolerance of the user's own holds
+    forcing.tolerance(1.0, 1e-10, 1.0)
+    assert [forcing.is_due(r) for r in (0.31, 0.29)] == [False, True]
+    assert not forcing.suffices(0.29, 1e-2)
+    assert [forcing.is_due(r) for r in (1.1e-2, 0.9e-2)] == [False, True]
+    assert forcing.suffices(0.9e-2, 1e-2)
+    assert not forcing.suffices(0.1, 0.09)
+    assert [forcing.is_due(r) for r in (0.05, 0.03)] == [False, True]  # not at once again
+    assert forcing.tighten()
+    forcing.tolerance(0.5, 1e-10, 1.0)
+    assert not forcing.is_due(1e-9)  # statuses cycled, perhaps since solves ended too early
+    forcing.restart(warm=True)
+    forcing.tolerance(1.0, 1e-10, 1.0)
+    assert forcing.is_due(0.1)
+
+
+def test_contact_rows_are_those_of_the_residual():
+    """What a model misses is looked up in the rows of the multipliers, without the body."""
+    problem = block(cell="tet", n=4)
+    eq = problem.equations
+    x, b = eq.create_vector(), eq.create_vector()
+    problem.solve()
+    problem.write(x)
+    free = np.concatenate([~eq.fixed[: eq.owned_sizes[0]], np.ones(sum(eq.owned_sizes[1:]), bool)])
+    x.array[free] += 1e-3 * np.random.default_rng(3).standard_normal(int(free.sum()))
+    eq.residual(x, b)
+    rows = b.array_r[eq.owned_sizes[0] :]
+    here = int(np.abs(rows).max(initial=0.0) > 0)
+    assert eq.comm.allreduce(here)
+    found = eq.contact_rows(x)
+    assert len(found) == len(rows)
+    np.testing.assert_allclose(found, rows, rtol=0, atol=1e-14 * eq.stiffness_scale)
+
+
+def test_a_start_far_off_is_no_divergence(monkeypatch):
+    """An application may be 1e5 too large: the solve that begins with it goes on from there."""
+    apply = multigrid.SurfaceFilter.apply
+
+    def too_large(self, pc, r, z):
+        apply(self, pc, r, z)
+        z.scale(1e5)
+
+    monkeypatch.setattr(multigrid.SurfaceFilter, "apply", too_large)
+    problem = block(cell="tet", n=4, options=AMG)
+    assert problem.solve().reason == "full steps"
+    assert problem.linear_solver.name == "amg"
+
+
+def test_solves_that_end_with_their_model_save_iterations():
+    """The same solution in fewer iterations, where the statuses of many points change."""
+    found = []
+    for looks in (0.0, Forcing().looks):
+        problem = block(cell="tet", n=8, options=AMG)
+        problem.linear_solver.forcing = Forcing(looks=looks)
+        found.append(problem.solve())
+    before, after = found
+    same(before.tables["contact"], after.tables["contact"], 1e-6)
+    krylov = [sum(a.krylov_iterations for a in r.attempts) for r in found]
+    assert krylov[1] < krylov[0], krylov
+    assert after.iterations <= before.iterations + 1
 
 
 @pytest.mark.parametrize("solver", ["amg", "direct"])

@@ -260,6 +260,20 @@ class ContactEquations:
         b.array[:] = np.concatenate(rows)
         return State(u, q, contact, rows, reactions, -pushed)
 
+    def contact_rows(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Array:
+        """Rows of H at the multipliers, which need nothing of the body, owned. Collective.
+
+        Args:
+            x: unknowns, with the Dirichlet data.
+            statuses: by which the laws are taken; by default those that the state determines.
+        """
+        found = self.contact(x, statuses).surfaces
+        rows = [
+            self._with_removed(i, s.points.rows(state.off), x)
+            for i, (s, state) in enumerate(zip(self.surfaces, found, strict=True))
+        ]
+        return np.concatenate(rows)
+
     def relative_rate(self, s: ContactSurface, u: Array, q: Array, du: Array, dq: Array) -> Array:
         """The derivative of `relative` along displacements of all, at a state (n, dim).
 

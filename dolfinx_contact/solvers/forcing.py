@@ -7,6 +7,11 @@ points change their status the reduction of the residual shows nothing about the
 step, so that the tolerance stays at its largest value; where the residual finds no new minimum for
 some steps, or statuses cycle, that value shrinks, since it may be the inexactness that makes them
 change; and no step is solved beyond what the tolerance of the whole solve can use.
+
+Within a solve the model is put to the test itself: H after the step so far, in the rows of the
+contact conditions, is what the linear model misses there, as the model takes it for zero. Below
+that the linear residual is not worth reducing (choice 1 of Eisenstat and Walker compares the same
+two, but after the solve).
 """
 
 from __future__ import annotations
@@ -14,6 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 __all__ = ["Forcing"]
+
+_SOON = 1e-3  # factor of the linear residual after which the model is tested again at the latest
+_FURTHER = 3.0  # and at the earliest
 
 
 @dataclass
@@ -32,6 +40,7 @@ class Forcing:
         near: times the target; a step that would end nearer to it is solved to the end.
         many: share of the contact points whose change counts as many.
         patience: steps without a new minimum of the residual before the tolerances shrink.
+        looks: reduction of the linear residual at which the model is tested first.
     """
 
     largest: float = 3e-2
@@ -44,11 +53,14 @@ class Forcing:
     near: float = 100.0
     many: float = 0.02
     patience: int = 8
+    looks: float = 0.3
     _cap: float = field(default=3e-2, init=False)
     _least: float = field(default=float("inf"), init=False)
     _waited: int = field(default=0, init=False)
     _last: float = field(default=0.0, init=False)
     _eta: float = field(default=0.0, init=False)
+    _tested: bool = field(default=False, init=False)
+    _next: float = field(default=0.0, init=False)
 
     @classmethod
     def in_motion(cls) -> Forcing:
@@ -61,6 +73,8 @@ class Forcing:
         self._last = self._eta = 0.0
         self._least = float("inf")
         self._waited = 0
+        self._tested = True
+        self._next = 0.0
 
     def tighten(self) -> bool:
         """Solve more exactly from now on; False if that is done already."""
@@ -68,6 +82,7 @@ class Forcing:
             return False
         self._cap *= 0.03
         self._waited = 0
+        self._tested = False
         return True
 
     def tolerance(self, residual: float, target: float, changed: float) -> float:
@@ -93,4 +108,21 @@ class Forcing:
         if eta * residual <= self.near * target:
             eta = least
         self._last, self._eta = residual, max(min(eta, self._cap), least)
+        self._next = self.looks if self._tested else 0.0
         return self._eta
+
+    def is_due(self, reduction: float) -> bool:
+        """Whether the model is to be tested where the linear residual was reduced so far."""
+        return reduction <= self._next
+
+    def suffices(self, reduction: float, missed: float) -> bool:
+        """Whether a solve may end, and when it is to be asked next if not.
+
+        Args:
+            reduction: linear residual over H at the beginning of the step.
+            missed: what the model misses, over the same.
+        """
+        if missed >= reduction:
+            return True
+        self._next = min(max(missed, _SOON * reduction), reduction / _FURTHER)
+        return False

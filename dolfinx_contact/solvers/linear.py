@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
@@ -46,11 +47,13 @@ class LinearSolver:
         defaults: PETSc options of the KSP.
         corrects: whether `correct` may do anything.
         predicted: seconds of a cold solve, if it was predicted.
+        reduction: of the residual by the last solve, as far as it is known.
     """
 
     name: str
     corrects = False
     predicted = np.inf
+    reduction = 0.0
     matrix: PETSc.Mat
     defaults: dict[str, Any]
 
@@ -59,8 +62,14 @@ class LinearSolver:
         """For systems that contain the Jacobian; None where it is to be factorised."""
         return None
 
-    def attach(self, ksp: PETSc.KSP) -> None:
-        """Prepare a KSP, before it reads its options."""
+    def attach(self, ksp: PETSc.KSP, missed: Callable[[PETSc.Vec], float]) -> None:
+        """Prepare a KSP, before it reads its options.
+
+        Args:
+            ksp: to prepare.
+            missed: called with a correction, gives the norm of H after it in the rows of the
+                contact conditions. Collective.
+        """
 
     def update(self, state: State) -> None:
         """Assemble the Jacobian at a state. Collective."""
@@ -135,7 +144,7 @@ class Direct(LinearSolver):
         """The Jacobian, another matrix where its pattern has changed."""
         return self._jacobian.matrix
 
-    def attach(self, ksp: PETSc.KSP) -> None:
+    def attach(self, ksp: PETSc.KSP, missed: Callable[[PETSc.Vec], float]) -> None:
         ksp.setPostSolve(self._measure)
 
     def _measure(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:

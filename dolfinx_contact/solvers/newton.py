@@ -107,7 +107,7 @@ class Newton:
         self.snes.setJacobian(self._jacobian, self.linear.matrix)
         self.snes.setConvergenceTest(self._test)
         self.snes.setOptionsPrefix(given.prefix)
-        self.linear.attach(self.snes.getKSP())
+        self.linear.attach(self.snes.getKSP(), self._missed)
         if self._full_steps and self.linear.corrects:
             self.snes.setLineSearchPreCheck(self._settle)
         with options_in_database(given.prefix, self.options), as_raised():
@@ -285,11 +285,20 @@ class Newton:
             after.waxpy(-1.0, step, x)  # as the line search will
             self._known = after.array_r.copy(), b.array_r.copy()
 
+    def _missed(self, correction: PETSc.Vec) -> float:
+        """Norm of H after a full step, in the rows of the contact conditions. Collective."""
+        after = self._after[0]
+        after.waxpy(-1.0, correction, self.snes.getSolution())
+        rows = self.equations.contact_rows(after, self.held)
+        first = self.equations.owned_sizes[0]
+        offset = self.offset.array_r[first : first + len(rows)]
+        rows = rows + (self.load - 1.0) * offset
+        return float(np.sqrt(self.comm.allreduce(float(rows @ rows))))
+
     def _is_solved(self, b: PETSc.Vec) -> bool:
         """Whether a full step has led to a solution, H there being ``b``. Collective."""
         tolerance = self.snes.getTolerances()[0]
-        reduced = self.snes.getKSP().getTolerances()[0]
-        if reduced * self.attempt.steps[-1].measures.worst > tolerance:
+        if self.linear.reduction * self.attempt.steps[-1].measures.worst > tolerance:
             return False  # its linear system was not solved to that end
         state = replace(self.state, rows=self.equations.blocks(b))
         measures = copy(self.scales).measure(state)  # which a state on the way does not change
