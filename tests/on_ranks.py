@@ -182,6 +182,7 @@ ON_TWO = {
         *("a_record_comes_first", "an_observer_that_raises_on_one_rank_ends_a_history"),
         *("a_recorded_diagram",),
     ),
+    "test_open_tools": ("slice_leaves_as_the_plane",),
     "test_output": (
         *("von_mises_of_uniaxial_stress", "nodal_fields_are_the_table", "clamped_nodes"),
         *("integral_fields", "files_read_back", "two_surfaces", "unwritable_folder"),
@@ -341,6 +342,7 @@ ON_THREE = {
     "test_mortar": ("patch", "patch_in_space", "a_slave_that_is_held"),
     "test_multigrid": ("same_as_direct", "filter_leaves_nothing_on_the_surface"),
     "test_nonlocal": ("ranks", "a_surface_on_one_rank_alone"),
+    "test_open_tools": ("slice_leaves_as_the_plane",),
     "test_output": ("pressure_as_a_function",),
     "test_pair": ("mirrored_bodies", "one_side_is_clamped"),
     "test_pair_multigrid": ("same_as_direct",),

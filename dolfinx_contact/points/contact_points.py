@@ -16,6 +16,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 from petsc4py import PETSc
@@ -27,6 +28,7 @@ import ufl
 from dolfinx import fem, la
 
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
+from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.materials import circumference
 from dolfinx_contact.points.evaluation import (
@@ -304,6 +306,16 @@ class ContactPoints(ABC):
         """Size of a facet: the root in space, of the mean area of a vertex. Collective."""
         mean = self._vertex_mean(self.vertex_areas / self.circumferences)
         return float(mean ** (1 / (self.dim - 1)))
+
+    @cached_property
+    def facet_widths(self) -> fem.Function:
+        """Sizes of the facets, roots of their areas in space; on the submesh. Collective."""
+        widths = fem.Function(fem.functionspace(self.submesh.mesh, ("DG", 0)))
+        W = widths.function_space
+        fem.assemble_vector(widths.x.array, compiled_form(ufl.TestFunction(W) * ufl.dx))
+        widths.x.array[:] **= 1 / (self.dim - 1)
+        widths.x.scatter_forward()
+        return widths
 
     @property
     def mean_augmentation(self) -> float:

@@ -136,6 +136,7 @@ class DisplacedPoints:
 
     Attributes:
         friction: as given.
+        shape: what the obstacle is to the points, in its frame.
         given: gap and normal at the displaced points in UFL, and the fields of the law, which are
             those of the reference configuration.
         seen: j in UFL.
@@ -146,21 +147,22 @@ class DisplacedPoints:
     ):
         self._points = points
         self._domain = domain
-        self._obstacle = obstacle
+        shape = obstacle.shape if isinstance(obstacle, RigidBody) else obstacle
+        self.shape = shape.ended(lambda: points.facet_widths)
         self.friction = friction
         space = blocked_space(points.space, points.dim)
         self._moved = fem.Function(space)
         self._moved_before = fem.Function(space)
         start = ufl.SpatialCoordinate(domain)
         x = ufl.variable(start + self._moved)
-        gap, normal = obstacle.at(domain, x)
+        gap, normal = self.shape.at(domain, x)
         self.given = Given(gap, normal, points.given.fields)
         expressions = {"gap": gap, "normal": normal}
         if friction:
             from dolfinx_contact.points.arcs import slip_along
 
             there = start + self._moved_before
-            gap_before, normal_before = obstacle.at(domain, there)
+            gap_before, normal_before = self.shape.at(domain, there)
             way = x + gap * normal - there - gap_before * normal_before
             slip = slip_along(way, normal_before, normal)
             expressions["normal_before"] = normal_before
@@ -242,7 +244,7 @@ class DisplacedPoints:
         domain = self._domain
         ds = measure_of(domain, submesh.parent_facets, 1, "vertex")
         moved = fem.Function(blocked_space(W, self._points.dim))
-        at = self._obstacle.at(domain, ufl.SpatialCoordinate(domain) + moved)
+        at = self.shape.at(domain, ufl.SpatialCoordinate(domain) + moved)
         expressions: dict[str, Any] = dict(zip(("gap", "normal"), at, strict=True))
         maps = merge_entity_maps([submesh])
         return moved, PointEvaluator(W, ds, expressions, maps)
@@ -255,12 +257,21 @@ class TrueGaps:
         u: displacement of the body.
         points: of a surface.
         obstacle: that it may touch.
+        shape: what that is to the points, in its frame; by default as it is.
     """
 
-    def __init__(self, u: fem.Function, points: ContactPoints, obstacle: Obstacle):
+    def __init__(
+        self,
+        u: fem.Function,
+        points: ContactPoints,
+        obstacle: Obstacle,
+        shape: Obstacle | None = None,
+    ):
         self._u = u
         self._points = points
-        self._obstacle = obstacle
+        self._body = obstacle if isinstance(obstacle, RigidBody) else None
+        given = obstacle if self._body is None else self._body.shape
+        self._shape = given if shape is None else shape
         self._evaluate: Evaluator | None = None
 
     def __call__(self) -> npt.NDArray[np.float64] | None:
@@ -268,11 +279,12 @@ class TrueGaps:
 
         None if the obstacle does not define it (`obstacles.gap_at`).
         """
-        body = self._obstacle if isinstance(self._obstacle, RigidBody) else None
+        body = self._body
+        shape = self._shape
         if self._evaluate is None:
             domain = self._u.function_space.mesh
             x = ufl.SpatialCoordinate(domain) + self._u
-            at = gap_at(self._obstacle, domain, x) if body is None else body.gap_of(domain, x)
+            at = gap_at(shape, domain, x) if body is None else body.gap_of(shape, domain, x)
             if at is None:
                 return None
             self._evaluate = self._points.evaluator({"gap": at})

@@ -217,8 +217,7 @@ class ContactSurface(ReadOnly):
         self.sliding = sliding
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
-        #: Distances to the obstacle of the contact points where they are now, or None.
-        self.true_gaps = TrueGaps(u, self.points, obstacle)
+        self._true_gaps = TrueGaps(u, self.points, obstacle)
         #: Of two bodies, how they have slid and turned.
         self.motion: PairMotion | None = None
         self._numbers = [c for e in self.given.all for c in extract_constants(e)]
@@ -376,6 +375,11 @@ class ContactSurface(ReadOnly):
         return operator
 
     @property
+    def true_gaps(self) -> TrueGaps:
+        """Distances to the obstacle of the contact points where they are now, or None."""
+        return self._true_gaps
+
+    @property
     def displaced(self) -> DisplacedPoints | None:
         """Gap and normal at displaced points; None where they stay."""
         return self._displaced
@@ -398,6 +402,8 @@ class ContactSurface(ReadOnly):
         """
         given = self.points, self.domain, self.obstacle, self.law_at_points, self.sliding
         self._displaced = displaced_points(*given, linear=linear, name=self.name)
+        shape = None if self._displaced is None else self._displaced.shape
+        self._true_gaps = TrueGaps(self.u, self.points, self.obstacle, shape)
 
     # -- nodes and points ------------------------------------------------------------------------
 
