@@ -27,6 +27,8 @@ class Candidates:
     Attributes:
         nodes: global nodes of the facets of the master, every facet once (n, b).
         senses: 1 or -1, of their area vectors (n,).
+        mirrors: 1, or -1 along axes across which they are images of the facets of the nodes (n,
+            dim).
         pairs: numbers of facets of slave and master (pairs, 2).
         known: their global nodes, every one once (m,).
         places: of the corners of the facets among these (n, b).
@@ -34,13 +36,14 @@ class Candidates:
 
     nodes: Nodes
     senses: Array
+    mirrors: Array
     pairs: Nodes
     known: Nodes
     places: Nodes
 
 
 def candidates(
-    comm: MPI.Comm, slave: Faces, master: Faces, senses: Array, depth: float, skin: float
+    comm: MPI.Comm, slave: Faces, master: Faces, marks: Array, depth: float, skin: float
 ) -> Candidates:
     """Facets that the rays of the slave may meet, here or within a skin. Collective.
 
@@ -50,8 +53,8 @@ def candidates(
     Args:
         comm: communicator.
         slave: facets of this rank.
-        master: facets of this rank.
-        senses: of the master's.
+        master: facets of this rank, and images of these.
+        marks: of the master's, senses first, then mirrors (n, 1 + dim).
         depth: distance along the normal.
         skin: by which facets may be farther.
     """
@@ -67,29 +70,29 @@ def candidates(
     answers = []
     for q in exchanged(comm, sent, (2 * dim + 3,)):
         i, k = _near(q, others, theirs, tree, depth, skin)
-        answers.append(np.column_stack([q[i, -1], senses[k], master.nodes[k]]))
-    width = 2 + master.nodes.shape[1]
+        answers.append(np.column_stack([q[i, -1], marks[k], master.nodes[k]]))
+    width = 2 + dim + master.nodes.shape[1]
     rows = np.concatenate(exchanged(comm, answers, (width,)))
     found = rows[:, 1:].astype(np.int64)
     facets, inverse = np.unique(found, axis=0, return_inverse=True)
     pairs = np.column_stack([rows[:, 0].astype(np.int64), inverse.reshape(-1)])
     # In the order of the facets, whichever rank an answer comes from.
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    return _found(facets, pairs)
+    return _found(facets, pairs, dim)
 
 
-def from_rows(facets: Nodes, number: int) -> Candidates:
-    """All facets of a master (n, 1 + b), senses first, for each facet of the slave."""
+def from_rows(facets: Nodes, number: int, dim: int) -> Candidates:
+    """All facets of a master (n, 1 + dim + b), marks first, for each facet of the slave."""
     facets = np.unique(facets, axis=0)
     pairs = np.indices((number, len(facets))).reshape(2, -1).T
-    return _found(facets, pairs.astype(np.int64))
+    return _found(facets, pairs.astype(np.int64), dim)
 
 
-def _found(facets: Nodes, pairs: Nodes) -> Candidates:
-    nodes = facets[:, 1:]
+def _found(facets: Nodes, pairs: Nodes, dim: int) -> Candidates:
+    marks = facets[:, : 1 + dim].astype(np.float64)
+    nodes = facets[:, 1 + dim :]
     known, corners = np.unique(nodes, return_inverse=True)
-    senses = facets[:, 0].astype(np.float64)
-    return Candidates(nodes, senses, pairs, known, corners.reshape(nodes.shape))
+    return Candidates(nodes, marks[:, 0], marks[:, 1:], pairs, known, corners.reshape(nodes.shape))
 
 
 def _balls(faces: Faces) -> tuple[Array, Array]:
