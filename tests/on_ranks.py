@@ -194,7 +194,10 @@ ON_TWO = {
         *("fields_may_be_negative_where_the_law_allows_it",),
     ),
     "test_packaging": ("ranks_of_one_run_are_not_copies", "the_compiler_that_is_missing_is_named"),
-    "test_overlap": ("two_strips", "refused", "a_body_within_a_tool", "a_body_within_a_floor"),
+    "test_overlap": (
+        *("two_strips", "refused", "a_body_within_a_tool", "a_body_within_a_floor"),
+        *("an_overlap_with_a_tool_is_removed",),
+    ),
     "test_pair": (
         *("a_gap_that_closes", "branches_on_a_held_body", "crack", "bad_pairs"),
         *("faces_of_different_meshes", "a_block_that_tips"),

@@ -136,6 +136,7 @@ def test_rim():
     [
         ("disc", {}),
         ("disc", {"method": "integral"}),
+        ("disc", {"method": "integral", "remove_overlap": 1.0}),
         ("ball", {}),
         ("ball", {"crease": 0.0}),
         ("arc", {}),
@@ -165,7 +166,7 @@ def test_jacobian(kind, given):
     held = ["x", "y", "z"][:dim]
     body = RigidBody(shape, about=[0.4, *[0.5] * (dim - 2), -1.0], motion=motion, held=held)
     cell = "quad" if dim == 2 else "hex"
-    given |= dict(law=Coulomb(0.3), sliding="large", interference=True)
+    given |= dict(law=Coulomb(0.3), sliding="large", interference="remove_overlap" not in given)
     problem = block(body, cell=cell, n=2, **given)
     remembering(problem)
     eq = problem.equations
