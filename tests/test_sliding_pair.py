@@ -188,7 +188,7 @@ def test_candidates(dim, depth):
     nodes = np.arange(150 * dim).reshape(150, dim)
     mine = np.arange(COMM.rank, 150, COMM.size)
     slave, master = (Faces(x[i][mine], normals[i][mine], nodes[mine]) for i in range(2))
-    found = candidates(COMM, slave, master, np.ones((len(mine), 1 + dim)), depth, 0.02)
+    found = candidates(COMM, slave, master, np.ones(len(mine)), depth, 0.02)
     i, k = found.pairs.T
     pairs = np.stack([mine[i], found.nodes[k][:, 0] // dim], axis=1)
     centre = x.mean(axis=2)

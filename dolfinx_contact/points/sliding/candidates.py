@@ -14,7 +14,7 @@ import numpy.typing as npt
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import exchanged, ranks_nearby
 
-__all__ = ["Candidates", "candidates", "from_rows"]
+__all__ = ["Candidates", "candidates", "from_rows", "marks_of"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -54,7 +54,7 @@ def candidates(
         comm: communicator.
         slave: facets of this rank.
         master: facets of this rank, and images of these.
-        marks: of the master's, senses first, then mirrors (n, 1 + dim).
+        marks: of the master's (n,), see `marks_of`.
         depth: distance along the normal.
         skin: by which facets may be farther.
     """
@@ -71,7 +71,7 @@ def candidates(
     for q in exchanged(comm, sent, (2 * dim + 3,)):
         i, k = _near(q, others, theirs, tree, depth, skin)
         answers.append(np.column_stack([q[i, -1], marks[k], master.nodes[k]]))
-    width = 2 + dim + master.nodes.shape[1]
+    width = 2 + master.nodes.shape[1]
     rows = np.concatenate(exchanged(comm, answers, (width,)))
     found = rows[:, 1:].astype(np.int64)
     facets, inverse = np.unique(found, axis=0, return_inverse=True)
@@ -82,17 +82,24 @@ def candidates(
 
 
 def from_rows(facets: Nodes, number: int, dim: int) -> Candidates:
-    """All facets of a master (n, 1 + dim + b), marks first, for each facet of the slave."""
+    """All facets of a master (n, 1 + b), marks first, for each facet of the slave."""
     facets = np.unique(facets, axis=0)
     pairs = np.indices((number, len(facets))).reshape(2, -1).T
     return _found(facets, pairs.astype(np.int64), dim)
 
 
+def marks_of(senses: Array, mirror: Array) -> Array:
+    """Senses (n,) times 1 + a number of the axes across which facets are images (dim,)."""
+    return np.asarray(senses * (1 + (mirror < 0) @ 2 ** np.arange(len(mirror))))
+
+
 def _found(facets: Nodes, pairs: Nodes, dim: int) -> Candidates:
-    marks = facets[:, : 1 + dim].astype(np.float64)
-    nodes = facets[:, 1 + dim :]
+    nodes = facets[:, 1:]
     known, corners = np.unique(nodes, return_inverse=True)
-    return Candidates(nodes, marks[:, 0], marks[:, 1:], pairs, known, corners.reshape(nodes.shape))
+    senses = np.sign(facets[:, 0]).astype(np.float64)
+    across = (np.abs(facets[:, :1]) - 1) >> np.arange(dim) & 1
+    mirrors = 1.0 - 2.0 * across
+    return Candidates(nodes, senses, mirrors, pairs, known, corners.reshape(nodes.shape))
 
 
 def _balls(faces: Faces) -> tuple[Array, Array]:

@@ -29,7 +29,7 @@ from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.facing import faces_of
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.revolution import on_axis
-from dolfinx_contact.points.sliding.candidates import Candidates, candidates, from_rows
+from dolfinx_contact.points.sliding.candidates import Candidates, candidates, from_rows, marks_of
 from dolfinx_contact.points.sliding.facing import Facing, Nodal
 from dolfinx_contact.points.sliding.rays import (
     area_vector_rates,
@@ -290,7 +290,7 @@ class SlidingFaces:
             reach: the length.
 
         Returns:
-            The facets, and their senses and mirrors (m, 1 + dim).
+            The facets, and their marks (m,).
         """
         parts = []
         for mirror in self._mirrors:
@@ -298,10 +298,9 @@ class SlidingFaces:
             near = np.flatnonzero(~far.any(axis=1))
             image = mirror * x[near] + self._behind_planes(mirror)
             senses = np.prod(mirror) * self._master_sense[near]
-            marks = np.column_stack([senses, np.tile(mirror, (len(near), 1))])
-            parts.append((image, self._master_nodes[near], marks))
+            parts.append((image, self._master_nodes[near], marks_of(senses, mirror)))
         places, nodes, marks = (np.concatenate(p) for p in zip(*parts, strict=True))
-        return Faces(places, _unit(marks[:, :1] * area_vectors(places)), nodes), marks
+        return Faces(places, _unit(np.sign(marks)[:, None] * area_vectors(places)), nodes), marks
 
     def _of_itself(self, found: Candidates, direction: Array) -> Candidates:
         """Candidates of one face: those that lie behind along a direction and are no neighbours.
@@ -385,8 +384,7 @@ class SlidingFaces:
         slave, master = self.comm.allreduce(counts)
         if slave * master > _FEW_PAIRS:
             return None
-        itself = np.ones((len(self._master_nodes), self.dim))
-        rows = np.column_stack([self._master_sense, itself, self._master_nodes])
+        rows = np.column_stack([self._master_sense, self._master_nodes])
         parts = self.comm.allgather(rows)
         return from_rows(np.concatenate(parts).astype(np.int64), len(self.corners), self.dim)
 
