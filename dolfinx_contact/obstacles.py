@@ -152,6 +152,14 @@ class Obstacle(ReadOnly):
         """Whether the normal is the same everywhere, so that no displacement is too large."""
         return False
 
+    def ended(self, width: Callable[[], Any]) -> Obstacle:
+        """What it is to a face that slides: what it leaves by degrees where the obstacle ends.
+
+        Args:
+            width: gives the sizes of the facets of the face, in UFL.
+        """
+        return self
+
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         """UFL gap and unit normal (from the body into the obstacle) at a UFL point.
 
@@ -189,9 +197,10 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
         x: a UFL vector, the point.
         measure: takes points (n, dim) and returns g (n,), dg (n, dim), n (n, dim), dn (n, dim,
             dim).
+        width: a UFL scalar, of which it takes the values (n,) too; None for nothing more.
 
     Attributes:
-        x: as given.
+        at: what it takes, a UFL vector.
         gap, normal: in UFL.
     """
 
@@ -199,13 +208,19 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
         made: Measured = object.__new__(cls)
         return made
 
-    def __init__(self, domain: mesh.Mesh, x: Any, measure: Callable[[Any], tuple[Any, ...]]):
+    def __init__(
+        self,
+        domain: mesh.Mesh,
+        x: Any,
+        measure: Callable[..., tuple[Any, ...]],
+        width: Any = None,
+    ):
         dim = domain.geometry.dim
         self._shapes: list[tuple[int, ...]] = [(dim,), (), (dim,), (dim,), (dim, dim)]
-        width = 1 + 3 * dim + dim**2
-        element = basix.ufl.element("DG", domain.basix_cell(), 0, shape=(width,))
+        components = 1 + 3 * dim + dim**2
+        element = basix.ufl.element("DG", domain.basix_cell(), 0, shape=(components,))
         super().__init__(ufl.FunctionSpace(domain.ufl_domain(), element))
-        self.x = x
+        self.at = x if width is None else ufl.as_vector([*(x[i] for i in range(dim)), width])
         self._measure = measure
         self._last: tuple[Any, Any] | None = None
         there, gap, slope, normal, turn = self._parts()
@@ -223,13 +238,15 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
             first += size
         return found
 
-    def values(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The components at points (n, dim). Not collective."""
-        if self._last is None or not np.array_equal(self._last[0], x):
-            parts = [x, *self._measure(x)]
+    def values(self, taken: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The components where `at` has these values (n, components). Not collective."""
+        if self._last is None or not np.array_equal(self._last[0], taken):
+            dim = self._shapes[0][0]
+            x = taken[:, :dim]
+            parts = [x, *self._measure(x, *taken[:, dim:].T)]
             sizes = [int(np.prod(shape, dtype=int)) for shape in self._shapes]
             flat = [np.reshape(p, (len(x), n)) for p, n in zip(parts, sizes, strict=True)]
-            self._last = x.copy(), np.concatenate(flat, axis=1)
+            self._last = taken.copy(), np.concatenate(flat, axis=1)
         return np.asarray(self._last[1])
 
 

@@ -183,6 +183,7 @@ ON_TWO = {
         *("a_record_comes_first", "an_observer_that_raises_on_one_rank_ends_a_history"),
         *("a_recorded_diagram",),
     ),
+    "test_open_tools": ("slice_leaves_as_the_plane",),
     "test_output": (
         *("von_mises_of_uniaxial_stress", "nodal_fields_are_the_table", "clamped_nodes"),
         *("integral_fields", "files_read_back", "two_surfaces", "unwritable_folder"),
@@ -194,7 +195,10 @@ ON_TWO = {
         *("fields_may_be_negative_where_the_law_allows_it",),
     ),
     "test_packaging": ("ranks_of_one_run_are_not_copies", "the_compiler_that_is_missing_is_named"),
-    "test_overlap": ("two_strips", "refused", "a_body_within_a_tool", "a_body_within_a_floor"),
+    "test_overlap": (
+        *("two_strips", "refused", "a_body_within_a_tool", "a_body_within_a_floor"),
+        *("an_overlap_with_a_tool_is_removed",),
+    ),
     "test_pair": (
         *("a_gap_that_closes", "branches_on_a_held_body", "crack", "bad_pairs"),
         *("faces_of_different_meshes", "a_block_that_tips"),
@@ -342,6 +346,7 @@ ON_THREE = {
     "test_mortar": ("patch", "patch_in_space", "a_slave_that_is_held"),
     "test_multigrid": ("same_as_direct", "filter_leaves_nothing_on_the_surface"),
     "test_nonlocal": ("ranks", "a_surface_on_one_rank_alone"),
+    "test_open_tools": ("slice_leaves_as_the_plane",),
     "test_output": ("pressure_as_a_function",),
     "test_pair": ("mirrored_bodies", "one_side_is_clamped"),
     "test_pair_multigrid": ("same_as_direct",),

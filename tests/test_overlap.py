@@ -15,6 +15,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import (
     ContactPair,
     ContactProblem,
+    Coulomb,
     Frictionless,
     HalfSpace,
     RigidBody,
@@ -175,6 +176,78 @@ def test_a_body_within_a_tool(dim, closed, moves):
         block(obstacle, interference=0.09, **at_rest)
     pushed = block(obstacle, interference=0.1, **at_rest).solve()
     np.testing.assert_allclose(pushed.tables["contact"].un, 0.0, atol=1e-12)
+
+
+def on_tool(dim, height, *, law=None, bumps=0.0, moves=False, **given):
+    """A unit block above the top of a tool of facets, which has bumps, pressed and sheared."""
+    x = np.linspace(-1.0, 2.0, 13)
+    z = height + bumps * np.cos(7.0 * x)
+    segments = np.stack([np.arange(1, 13), np.arange(12)], axis=1)
+    points = np.stack([x, z], axis=1)
+    if dim == 3:
+        points = np.concatenate([np.stack([x, np.full(13, y), z], axis=1) for y in (-1.0, 2.0)])
+        a, b = segments[:, 1], segments[:, 0]
+        squares = [[a, b, b + 13], [a, b + 13, a + 13]]
+        segments = np.concatenate([np.stack(corners, axis=1) for corners in squares])
+    obstacle = RigidSurface(points, segments)
+    if moves:
+        names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+        obstacle = RigidBody(obstacle, about=[0.0] * dim, held=names)
+    cell = "quad" if dim == 2 else "hex"
+    return block(obstacle, cell=cell, n=3, law=law or Coulomb(0.3), **given)
+
+
+METHODS = [("nodal", "small"), ("nodal", "large"), ("integral", "large")]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("method", "sliding"), METHODS)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "Coulomb",
+    reference="closed form: no stress; itself: a body that starts on the tool",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_an_overlap_with_a_tool_is_removed(dim, method, sliding):
+    """A body starts in a tool with bumps without stress; in a flat one it is as on it later too."""
+    given = dict(method=method, sliding=sliding)
+    aside = [0.0] * dim
+    inside = on_tool(dim, 0.08, bumps=0.03, remove_overlap=0.2, moves=True, top=aside, **given)
+    result = inside.solve()
+    np.testing.assert_allclose(result.tables["contact"].un, 0.0, atol=1e-12)
+    np.testing.assert_allclose(result.tables["contact"].force, 0.0, atol=1e-9)
+    np.testing.assert_allclose(inside.u.x.array, 0.0, atol=1e-12)
+    pressed = [0.05, *[0.0] * (dim - 2), -0.1]
+    removed = on_tool(dim, 0.08, remove_overlap=0.1, top=pressed, **given).solve()
+    wanted = on_tool(dim, 0.0, top=pressed, **given).solve()
+    found, other = (r.tables["contact"] for r in (removed, wanted))
+    for name in ("un", "ut", "pressure", "shear"):
+        there = getattr(other, name)
+        size = np.abs(there).max() + (name == "un")
+        np.testing.assert_allclose(getattr(found, name), there, atol=1e-8 * size, err_msg=name)
+    assert found.pressure.max() > 50.0
+    assert removed.misfit < 1e-9
+
+
+@pytest.mark.refuses("surfaces of facets", aspects=("2D",))
+def test_overlaps_that_are_not_removed():
+    """Larger ones, and what says two things; what is removed is known to records."""
+    for options, words in (
+        ({"remove_overlap": 0.05}, r"overlap by 0\.08; remove_overlap allows 0\.05"),
+        ({}, r"overlap by 0\.08; .*remove_overlap for a start without stress"),
+        ({"remove_overlap": 0.1, "interference": True}, "and not both"),
+        ({"remove_overlap": -0.1}, "remove_overlap is the largest overlap that is removed"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            on_tool(2, 0.08, **options)
+    floor = HalfSpace((0.0, 0.1), (0.0, 1.0))
+    at_rest = dict(cell="quad", top=[0.0, 0.0], remove_overlap=0.1)
+    with pytest.raises(ValueError, match="from which no overlap with an obstacle is removed"):
+        block(floor, method="mixed", **at_rest)
+    resting = block(floor, **at_rest)
+    np.testing.assert_allclose(resting.solve().tables["contact"].force, 0.0, atol=1e-9)
+    pushed = block(floor, cell="quad", top=[0.0, 0.0])
+    assert "another kind of sliding" in difference(identity(resting), identity(pushed))
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from blocks import CELLS
 from test_pair import displacement
+from test_sliding_pair import errors_with_parts_held, smooth
 
 import ufl
 from dolfinx import fem, mesh
@@ -21,7 +22,7 @@ RUBBER = NeoHookean(*lame(1.0, 0.3))
 SLAVE, MASTER = 1, 2
 
 
-def bodies(dim, *, whole):
+def bodies(dim, *, whole, overlap=0.0):
     """A block with a curved top below a larger one, whole or on one side of each plane."""
     parts = []
     up = dim - 1
@@ -38,21 +39,22 @@ def bodies(dim, *, whole):
         tags = np.full(len(facets), tag, dtype=np.int32)
         if tag == SLAVE:
             x = body.geometry.x
-            x[:, up] -= 0.15 * (x[:, up] + 1.0) * (x[:, :up] ** 2).sum(axis=1)
+            x[:, up] += (x[:, up] + 1.0) * (overlap - 0.15 * (x[:, :up] ** 2).sum(axis=1))
         parts.append((body, mesh.meshtags(body, up, facets, tags)))
     both, tags = zip(*parts, strict=True)
     return join(both, facet_tags=tags)
 
 
-def pressed(dim, *, whole):
+def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, **start):
     """The table of the pair after two steps with friction, and the iterations of each."""
-    body = bodies(dim, whole=whole)
+    body = bodies(dim, whole=whole, overlap=overlap)
     domain = body.mesh
     u = displacement(domain)
     V = u.function_space
     planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
-    given = dict(slave=SLAVE, master=MASTER, sliding="large", search_distance=0.5)
-    pair = ContactPair(u, body.facet_tags, law=Coulomb(0.3), symmetry=planes, **given)
+    given = dict(slave=slave, master=SLAVE + MASTER - slave, search_distance=0.5, **start)
+    given |= dict(law=Coulomb(0.3), sliding="large")
+    pair = ContactPair(u, body.facet_tags, symmetry=planes, **given)
     down = fem.Constant(domain, [0.0] * dim)
 
     def held(value, V, axis, place):
@@ -75,16 +77,26 @@ def pressed(dim, *, whole):
     return steps[-1].result.tables["contact"], [s.result.iterations for s in steps]
 
 
+@pytest.mark.parametrize(
+    "start",
+    [
+        {},
+        {"remove_overlap": 0.1, "overlap": 0.04},
+        {"interference": True, "overlap": 0.04, "slave": MASTER},
+    ],
+)
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: the whole model, of which it is a half",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_half_is_the_whole():
-    """Gaps, slips and tractions of the half are those of the whole, as are Newton's steps."""
+def test_half_is_the_whole(start):
+    """Gaps, slips and tractions of the half are those of the whole, as are Newton's steps; also
+    where the bodies start in each other, and what is opposite lies behind the plane.
+    """
     dim = 2
-    whole, steps = pressed(dim, whole=True)
-    part, same_steps = pressed(dim, whole=False)
+    whole, steps = pressed(dim, whole=True, **start)
+    part, same_steps = pressed(dim, whole=False, **start)
     x = part.x
     match = [int(np.argmin(np.linalg.norm(whole.x - place, axis=1))) for place in x]
     np.testing.assert_allclose(whole.x[match], x, atol=1e-12)
@@ -96,38 +108,55 @@ def test_half_is_the_whole():
     assert same_steps == steps
 
 
-def seen(dim, *, whole):
-    """Positions, normals and jumps of the slave's nodes (n, 3 dim) at a symmetric displacement."""
-    body = bodies(dim, whole=whole)
+def paired(dim, overlap, *, whole, slave=SLAVE):
+    """A displacement of the bodies, and a pair of them."""
+    body = bodies(dim, whole=whole, overlap=overlap)
     u = displacement(body.mesh)
     planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
-    given = dict(slave=SLAVE, master=MASTER, sliding="large", search_distance=0.5)
-    pair = ContactPair(u, body.facet_tags, law=Coulomb(0.3), symmetry=planes, **given)
+    given = dict(sliding="large", search_distance=0.5, law=Coulomb(0.3), symmetry=planes)
+    faces = dict(slave=slave, master=SLAVE + MASTER - slave, interference=True)
+    return u, ContactPair(u, body.facet_tags, **faces, **given)
 
-    def moved(x):
-        values = 0.1 * x[:dim] * (1.0 + x[dim - 1] + x[0] ** 2)
-        values[dim - 1] = 0.1 * x[0] ** 2 - 0.2 * (x[dim - 1] < 1e-9)
-        return values
 
-    u.interpolate(moved)
+def moved(x):
+    """A displacement (dim, n) that is symmetric to both planes, at places of the mesh."""
+    up = len(x) - 1
+    values = 0.1 * x * (1.0 + x[up] + x[0] ** 2)
+    values[up] = -0.3 * x[0] ** 2
+    return values
+
+
+def seen(dim, overlap, *, whole, slave=SLAVE):
+    """At a symmetric displacement positions, normals and jumps of the slave's nodes (n, 3 dim), and
+    positions and forces of all nodes (m, 2 dim) under symmetric tractions.
+    """
+    u, pair = paired(dim, overlap, whole=whole, slave=slave)
+    u.interpolate(lambda x: moved(x[:dim]))
     n = pair.owned_nodes
     now = u.x.array.reshape(-1, dim)[:n]
-    nodal = pair.points.at(now, 0.3 * now).facing.nodal
-    rows = np.hstack([pair.positions, nodal.normal[: len(pair.positions)]])
-    rows = np.hstack([rows, nodal.jump[: len(pair.positions)]])
-    return np.concatenate(COMM.allgather(rows))
+    operator = pair.points.at(now, 0.3 * now)
+    nodal = operator.facing.nodal
+    x = pair.positions
+    number = len(x)
+    rows = np.hstack([x, nodal.normal[:number], nodal.jump[:number]])
+    tractions = np.cos(x)
+    tractions[:, :-1] = np.sin(x[:, :-1])
+    forces = operator.transpose(tractions).reshape(-1, dim)
+    forces = np.hstack([pair.node_positions[:n], forces])
+    return [np.concatenate(COMM.allgather(values)) for values in (rows, forces)]
 
 
 @pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("overlap", "slave"), [(-0.05, SLAVE), (0.1, SLAVE), (0.1, MASTER)])
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: the whole model, of which it is a half or a quarter",
     aspects=("2D", "3D", "pairs", "large sliding"),
 )
-def test_part_sees_what_the_whole_sees(dim):
-    """Normals, gaps and slips at a state in which nothing is in anything else."""
-    whole = seen(dim, whole=True)
-    part = seen(dim, whole=False)
+def test_part_sees_what_the_whole_sees(dim, overlap, slave):
+    """Normals, gaps, slips and forces, apart and where bodies are in each other."""
+    whole, all_forces = seen(dim, overlap, whole=True, slave=slave)
+    part, forces = seen(dim, overlap, whole=False, slave=slave)
     assert len(part) == 3 ** (dim - 1)
     for row in part:
         off = np.linalg.norm(whole[:, :dim] - row[:dim], axis=1)
@@ -135,6 +164,53 @@ def test_part_sees_what_the_whole_sees(dim):
     tilted = np.abs(part[:, dim]).max()
     slip = np.abs(part[:, 2 * dim]).max()
     assert min(tilted, slip) > 0.01
+    for row in forces:
+        off = np.linalg.norm(all_forces[:, :dim] - row[:dim], axis=1)
+        other = all_forces[np.argmin(off), dim:]
+        on = np.abs(row[: dim - 1]) < 1e-9  # planes, across which it is held
+        along = np.append(~on, True)
+        # Half of what comes from both sides.
+        np.testing.assert_allclose(row[dim:][along], other[along] / 2 ** on.sum(), atol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="differences: of the residual",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_jacobian_with_images(dim, monkeypatch):
+    """Of bodies that are in each other beside the planes, with the common parts held."""
+    u, pair = paired(dim, 0.1, whole=False)
+    V = u.function_space
+    X = V.tabulate_dof_coordinates()[: pair.owned_nodes, :dim]
+    bcs = []
+    for axis in range(dim - 1):
+        W = V.sub(axis)
+
+        def here(x, axis=axis):
+            return np.isclose(x[axis], 0.0)
+
+        plane = mesh.locate_entities_boundary(V.mesh, dim - 1, here)
+        dofs = fem.locate_dofs_topological(W, dim - 1, plane)
+        bcs.append(fem.dirichletbc(fem.Constant(V.mesh, 0.0), dofs, W))
+    problem = ContactProblem(RUBBER.energy(u) * ufl.dx, u, [pair], bcs=bcs)
+    eq = problem.equations
+    n = eq.owned_sizes[0]
+    waves = np.outer(pair.points.ids[:, 0], np.arange(1.0, 1.0 + dim))
+    x = problem.create_vector()
+    v = x.duplicate()
+    place = moved(X.T).T + smooth(X, 3, 0.01)
+    for f, field, tractions in ((x, place, 2e-3 * np.sin(waves)), (v, smooth(X, 8, 1.0), waves)):
+        f.array[:n] = field.reshape(-1)
+        f.array[:n][eq.fixed[:n]] = 0.0
+        f.array[n:] = tractions.reshape(-1)
+    v.array[n:] = 0.1 * np.cos(v.array[n:])
+    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
+    assert errors[0] < 1e-5
+    assert errors[1] < 0.02 * errors[0] + 1e-9
+    facing = state.surfaces[0].kinematics.operator.facing
+    assert COMM.allreduce(int((facing.mirrors < 0).any(axis=1).sum())) > 0
 
 
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))

@@ -86,6 +86,7 @@ class _Pieces:
     Attributes:
         facet: of the slave (p,).
         nodes: global, of the master's facets (p, b).
+        mirrors: 1, or -1 along axes across which these are images of them (p, dim).
         coupling: of forces with multipliers, on the slave first (p, a + b, a).
         on_master: of forces by u of the slave, m, and u of the master (p, b, dim, c, dim).
         of_law: of contact rows by these (p, a, dim, c, dim).
@@ -94,6 +95,7 @@ class _Pieces:
 
     facet: Indices
     nodes: Indices
+    mirrors: Array
     coupling: Array
     on_master: Array
     of_law: Array
@@ -111,7 +113,7 @@ class _Pieces:
         first = np.concatenate([[0], 1 + np.flatnonzero(other)])
         values = self.coupling, self.on_master, self.of_law, self.means
         sums = (np.add.reduceat(v, first, axis=0) for v in values)
-        return _Pieces(self.facet[first], self.nodes[first], *sums)
+        return _Pieces(self.facet[first], self.nodes[first], self.mirrors[first], *sums)
 
 
 class SlidingTerms:
@@ -227,7 +229,15 @@ class SlidingTerms:
         around = nodal.around[:n]
         by_around = np.divide(areas - counts, around, out=np.zeros_like(areas), where=around > 0)
         means = -faces.ghosted(by_around)[at][:, :, None] * facing.mass * alive[:, None]
-        parts = facing.facet, facing.master_nodes, coupling, on_master, of_law, means
+        parts = (
+            facing.facet,
+            facing.master_nodes,
+            facing.mirrors,
+            coupling,
+            on_master,
+            of_law,
+            means,
+        )
         pieces = _Pieces(*parts).of_pairs(facing.master)
         return pieces, of_traction[:, None, :, None], of_normal[:, None, :, None]
 
@@ -261,18 +271,27 @@ class SlidingTerms:
         turned = slice(k, 2 * k)
         identity = np.eye(self._dim)
         coupling = self._unit * np.einsum("pca,ij->pciaj", at.coupling, identity)
+        on_master, of_law = at.on_master, at.of_law
+        if (at.mirrors < 0).any():  # rows and columns of what images are of
+            theirs = at.mirrors[:, None].repeat(at.nodes.shape[1], axis=1)
+            mine = np.ones((len(theirs), k, self._dim))
+            bodies = np.concatenate([mine, theirs], axis=1)
+            columns = np.concatenate([mine, bodies], axis=1)[:, None, None]
+            coupling = bodies[..., None, None] * coupling
+            on_master = theirs[..., None, None] * on_master * columns
+            of_law = of_law * columns
         kept = self._faces.kept[self._faces.corners[at.facet]]
         means = self._unit * np.einsum("pca,ij,pci->pciaj", at.means, identity, kept)
         by_unknowns = [
             coupling,
-            at.on_master[:, :, :, moved],
-            at.of_law[:, :, :, moved],
+            on_master[:, :, :, moved],
+            of_law[:, :, :, moved],
             self._unit * of_traction,
             means,
         ]
         return by_unknowns, [
-            at.on_master[:, :, :, turned],
-            at.of_law[:, :, :, turned],
+            on_master[:, :, :, turned],
+            of_law[:, :, :, turned],
             of_normal,
         ]
 

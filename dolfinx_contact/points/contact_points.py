@@ -16,6 +16,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 from petsc4py import PETSc
@@ -27,6 +28,7 @@ import ufl
 from dolfinx import fem, la
 
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
+from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.materials import circumference
 from dolfinx_contact.points.evaluation import (
@@ -114,6 +116,9 @@ class ContactPoints(ABC):
     vertex_normals: Array
     vertex_ids: npt.NDArray[np.int64]
     operator: Operator
+    #: Overlaps with an obstacle that are taken from gaps, at points and vertices; None of none.
+    taken: fem.Function | None = None
+    taken_at_vertices: fem.Function | None = None
 
     def __init__(
         self,
@@ -202,7 +207,11 @@ class ContactPoints(ABC):
     @property
     def choices(self) -> list[float]:
         """What else says what they meet, for records. Collective."""
-        return []
+        if self.taken is None:
+            return []
+        largest = self.comm.allreduce(float(np.max(self.taken.x.array, initial=0.0)), op=max)
+        # Without the digits that depend on the number of ranks.
+        return [float(f"{largest:.6g}")]
 
     def require_held(self, fixed: npt.NDArray[np.bool_], name: str) -> None:  # noqa: B027
         """Raise ``ValueError`` if nodes on planes of symmetry can leave these. Collective.
@@ -237,6 +246,14 @@ class ContactPoints(ABC):
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         """What evaluates UFL on the body at the points."""
 
+    def take_overlap(self) -> None:
+        """Take what points lie in the obstacle by from all gaps to come. Collective."""
+        taken, at_vertices = fem.Function(self.space), fem.Function(self.vertices)
+        taken.x.array[:] = self.with_ghosts(np.maximum(-self.gaps, 0.0))
+        at_vertices.x.array[:] = np.maximum(-self.vertex_gaps, 0.0)
+        self.taken, self.taken_at_vertices = taken, at_vertices
+        self.update()
+
     def update(self) -> None:
         """Evaluate what is given anew. Collective."""
         values = self._evaluate()
@@ -246,6 +263,9 @@ class ContactPoints(ABC):
         mine = {name: v[: self.number] for name, v in values.items()}
         normal = mine["normal"]
         gap = mine["gap"]
+        if self.taken is not None and self.taken_at_vertices is not None:
+            gap = gap + self.taken.x.array[: self.number]
+            self.vertex_gaps = self.vertex_gaps + self.taken_at_vertices.x.array
         self.positions = mine["x"]
         self.gaps = gap
         self.aside = np.zeros_like(normal)
@@ -304,6 +324,16 @@ class ContactPoints(ABC):
         """Size of a facet: the root in space, of the mean area of a vertex. Collective."""
         mean = self._vertex_mean(self.vertex_areas / self.circumferences)
         return float(mean ** (1 / (self.dim - 1)))
+
+    @cached_property
+    def facet_widths(self) -> fem.Function:
+        """Sizes of the facets, roots of their areas in space; on the submesh. Collective."""
+        widths = fem.Function(fem.functionspace(self.submesh.mesh, ("DG", 0)))
+        W = widths.function_space
+        fem.assemble_vector(widths.x.array, compiled_form(ufl.TestFunction(W) * ufl.dx))
+        widths.x.array[:] **= 1 / (self.dim - 1)
+        widths.x.scatter_forward()
+        return widths
 
     @property
     def mean_augmentation(self) -> float:

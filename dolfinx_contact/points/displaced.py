@@ -27,6 +27,9 @@ where the body was.
 
 Derivatives by x are exact, those of the gap, the normal and the slip.
 
+An overlap o of the reference configuration that is removed is no part of the gap, g(x) + o in j;
+places y on the surface are as they are.
+
 Whatever a law is given, `TrueGaps` has how far the points are from the obstacle where they are now.
 """
 
@@ -55,6 +58,7 @@ from dolfinx_contact.points.rigid_body import RigidBody
 __all__ = ["DisplacedPoints", "SlidingKind", "TrueGaps", "check_sliding", "displaced_points"]
 
 Array = npt.NDArray[np.float64]
+_ROUND_OFF = 1e-14  # of the largest coordinate, a gap that is none
 #: How far points are expected to slide: small beside the curvature of the obstacle, or any way.
 SlidingKind: TypeAlias = Literal["small", "large"]
 
@@ -136,6 +140,7 @@ class DisplacedPoints:
 
     Attributes:
         friction: as given.
+        shape: what the obstacle is to the points, in its frame.
         given: gap and normal at the displaced points in UFL, and the fields of the law, which are
             those of the reference configuration.
         seen: j in UFL.
@@ -146,31 +151,35 @@ class DisplacedPoints:
     ):
         self._points = points
         self._domain = domain
-        self._obstacle = obstacle
+        shape = obstacle.shape if isinstance(obstacle, RigidBody) else obstacle
+        self.shape = shape.ended(lambda: points.facet_widths)
         self.friction = friction
         space = blocked_space(points.space, points.dim)
         self._moved = fem.Function(space)
         self._moved_before = fem.Function(space)
         start = ufl.SpatialCoordinate(domain)
         x = ufl.variable(start + self._moved)
-        gap, normal = obstacle.at(domain, x)
-        self.given = Given(gap, normal, points.given.fields)
-        expressions = {"gap": gap, "normal": normal}
+        gap, normal = self.shape.at(domain, x)
+        left = _without(gap, points.taken)
+        self.given = Given(left, normal, points.given.fields)
+        expressions = {"gap": left, "normal": normal}
         if friction:
             from dolfinx_contact.points.arcs import slip_along
 
             there = start + self._moved_before
-            gap_before, normal_before = obstacle.at(domain, there)
+            gap_before, normal_before = self.shape.at(domain, there)
             way = x + gap * normal - there - gap_before * normal_before
             slip = slip_along(way, normal_before, normal)
             expressions["normal_before"] = normal_before
         else:
             slip = x - start - ufl.dot(x - start, normal) * normal
-        self.seen = slip - gap * normal
+        self.seen = slip - left * normal
         expressions |= {"seen": self.seen, "turn": ufl.diff(normal, x)}
         expressions["moved"] = ufl.diff(self.seen, x)
         self._evaluate = points.evaluator(expressions)
         self._at_vertices: tuple[fem.Function, Evaluator] | None = None
+        largest = float(np.max(np.abs(points.positions), initial=0.0))
+        self._no_gap = _ROUND_OFF * points.comm.allreduce(largest, op=max)
 
     def _place(self, place: Array, before: Array | None) -> None:
         """Let the points be, and have been, where these displacements (n, dim) bring them."""
@@ -196,6 +205,11 @@ class DisplacedPoints:
             slipped = memory.reference(before)
             reference = np.einsum("nij,nj->ni", rotation(before, found["normal"]), slipped)
         normal, seen = found["normal"], found["seen"]
+        if self._points.taken is not None:
+            # What lies on the obstacle does not touch yet, whatever the sign of round-off.
+            gap = -np.sum(seen * normal, axis=1)
+            none_yet = np.where(np.abs(gap) <= self._no_gap, gap, 0.0)
+            seen = seen + none_yet[:, None] * normal
         turn, moved = found["turn"], found["moved"]
         if frame is not None:
             normal, seen, reference = (v @ frame.T for v in (normal, seen, reference))
@@ -242,10 +256,16 @@ class DisplacedPoints:
         domain = self._domain
         ds = measure_of(domain, submesh.parent_facets, 1, "vertex")
         moved = fem.Function(blocked_space(W, self._points.dim))
-        at = self._obstacle.at(domain, ufl.SpatialCoordinate(domain) + moved)
-        expressions: dict[str, Any] = dict(zip(("gap", "normal"), at, strict=True))
+        gap, normal = self.shape.at(domain, ufl.SpatialCoordinate(domain) + moved)
+        gap = _without(gap, self._points.taken_at_vertices)
+        expressions: dict[str, Any] = {"gap": gap, "normal": normal}
         maps = merge_entity_maps([submesh])
         return moved, PointEvaluator(W, ds, expressions, maps)
+
+
+def _without(gap: Any, taken: fem.Function | None) -> Any:
+    """A gap in UFL without the overlap that is taken from it."""
+    return gap if taken is None else gap + taken
 
 
 class TrueGaps:
@@ -255,12 +275,21 @@ class TrueGaps:
         u: displacement of the body.
         points: of a surface.
         obstacle: that it may touch.
+        shape: what that is to the points, in its frame; by default as it is.
     """
 
-    def __init__(self, u: fem.Function, points: ContactPoints, obstacle: Obstacle):
+    def __init__(
+        self,
+        u: fem.Function,
+        points: ContactPoints,
+        obstacle: Obstacle,
+        shape: Obstacle | None = None,
+    ):
         self._u = u
         self._points = points
-        self._obstacle = obstacle
+        self._body = obstacle if isinstance(obstacle, RigidBody) else None
+        given = obstacle if self._body is None else self._body.shape
+        self._shape = given if shape is None else shape
         self._evaluate: Evaluator | None = None
 
     def __call__(self) -> npt.NDArray[np.float64] | None:
@@ -268,14 +297,15 @@ class TrueGaps:
 
         None if the obstacle does not define it (`obstacles.gap_at`).
         """
-        body = self._obstacle if isinstance(self._obstacle, RigidBody) else None
+        body = self._body
+        shape = self._shape
         if self._evaluate is None:
             domain = self._u.function_space.mesh
             x = ufl.SpatialCoordinate(domain) + self._u
-            at = gap_at(self._obstacle, domain, x) if body is None else body.gap_of(domain, x)
+            at = gap_at(shape, domain, x) if body is None else body.gap_of(shape, domain, x)
             if at is None:
                 return None
-            self._evaluate = self._points.evaluator({"gap": at})
+            self._evaluate = self._points.evaluator({"gap": _without(at, self._points.taken)})
         if body is not None:
             body.place()
         return self._evaluate()["gap"][: self._points.number]

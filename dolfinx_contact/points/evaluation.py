@@ -73,7 +73,7 @@ class PointEvaluator:
     ):
         self._measured = measured_in(expressions)
         if self._measured:
-            places = {str(i): m.x for i, m in enumerate(self._measured)}
+            places = {str(i): m.at for i, m in enumerate(self._measured)}
             self._places_of = PointEvaluator(W, ds, places, maps, weight)
             expressions = self._with_functions(W, expressions)
         one = fem.Constant(ds.ufl_domain(), 1.0) if weight is None else weight

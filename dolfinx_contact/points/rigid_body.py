@@ -199,14 +199,19 @@ class RigidBody(Obstacle):
         for component, e in self.given.items():
             refuse_other_mesh(e, domain, f"{self.name}: what is given for {component}")
 
-    def gap_of(self, domain: mesh.Mesh, x: Any) -> Any | None:
+    def gap_of(self, shape: Obstacle, domain: mesh.Mesh, x: Any) -> Any | None:
         """UFL gap at a UFL point where the body is since `place`; None if the shape has none.
 
         The rotation is that of a finite angle.
+
+        Args:
+            shape: of the body, as it is to what is at the point.
+            domain: mesh of the deformable body.
+            x: the point.
         """
         shift, turn = (fem.Constant(domain, m) for m in (np.zeros(self.dim), np.eye(self.dim)))
         about = ufl.as_vector(self.about.tolist())
-        gap = gap_at(self.shape, domain, about + turn * (x - about - shift))
+        gap = gap_at(shape, domain, about + turn * (x - about - shift))
         if gap is not None:
             self._places.append((shift, turn))
         return gap

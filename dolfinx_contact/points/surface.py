@@ -76,8 +76,12 @@ def _check(a: Arguments) -> None:
             "of facets are known at points: take nodal or integral contact"
         )
     if a.interference is None:  # what penetrates a smooth obstacle is pushed out
-        a.interference = a.obstacle.outline is None
-    Overlap.of(a.name, a.interference, None)
+        a.interference = a.remove_overlap is None and a.obstacle.outline is None
+    if Overlap.of(a.name, a.interference, a.remove_overlap).removed and a.method == "mixed":
+        raise ValueError(
+            f"{a.name}: gaps of mixed contact are averages around nodes, from which no overlap "
+            "with an obstacle is removed: take nodal or integral contact"
+        )
     check_revolution(a.name, a.axisymmetric, a.obstacle, a.law)
     a.axisymmetric = bool(a.axisymmetric)
     a.quadrature_degree = check_quadrature(
@@ -127,6 +131,9 @@ class ContactSurface(ReadOnly):
             pushed out, or how far, a length; else that is an error, up to 5 % of a facet of the
             body. By default they may, unless the obstacle is one of facets (`RigidSurface`, also as
             the shape of a `RigidBody`).
+        remove_overlap: a length: what contact points begin within the obstacle by, of this or less,
+            is taken from their gaps for good, so that they touch it at the start, without stress.
+            A larger overlap is an error.
         axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0, and
             the energy that of the whole circumference (`materials.Axisymmetric`): forces are those
             of the circumference then, and areas those that are swept (`points.revolution`).
@@ -195,6 +202,7 @@ class ContactSurface(ReadOnly):
         quadrature_degree: int | None = None,
         sliding: SlidingKind | None = None,
         interference: bool | float | None = None,
+        remove_overlap: float | None = None,
         axisymmetric: bool = False,
         name: str = "contact",
     ):
@@ -211,14 +219,15 @@ class ContactSurface(ReadOnly):
         if self.axisymmetric:
             check_section(domain, local, name)
         self._create_points(local, quadrature_degree)
-        overlap = Overlap.of(name, interference, None)
+        overlap = Overlap.of(name, interference, remove_overlap)
         if np.isfinite(overlap.most):
             self._require_outside(overlap)
+        if overlap.removed:
+            self.points.take_overlap()
         self.sliding = sliding
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
-        #: Distances to the obstacle of the contact points where they are now, or None.
-        self.true_gaps = TrueGaps(u, self.points, obstacle)
+        self._true_gaps = TrueGaps(u, self.points, obstacle)
         #: Of two bodies, how they have slid and turned.
         self.motion: PairMotion | None = None
         self._numbers = [c for e in self.given.all for c in extract_constants(e)]
@@ -288,7 +297,10 @@ class ContactSurface(ReadOnly):
         """Raise ``ValueError`` if points begin too far within the obstacle. Collective."""
         worst = self.comm.allreduce(float(np.min(self.points.gaps, initial=0.0)), op=min)
         allowed = CURVED_OVERLAP * self.points.mean_width
-        unless = "if the normals of the obstacle point to the body"
+        unless = (
+            "or remove_overlap for a start without stress, if the normals of the obstacle point to "
+            "the body"
+        )
         overlap.require(self.comm, worst, allowed, self.name, unless)
 
     def _scatter(self) -> None:
@@ -376,6 +388,11 @@ class ContactSurface(ReadOnly):
         return operator
 
     @property
+    def true_gaps(self) -> TrueGaps:
+        """Distances to the obstacle of the contact points where they are now, or None."""
+        return self._true_gaps
+
+    @property
     def displaced(self) -> DisplacedPoints | None:
         """Gap and normal at displaced points; None where they stay."""
         return self._displaced
@@ -398,6 +415,8 @@ class ContactSurface(ReadOnly):
         """
         given = self.points, self.domain, self.obstacle, self.law_at_points, self.sliding
         self._displaced = displaced_points(*given, linear=linear, name=self.name)
+        shape = None if self._displaced is None else self._displaced.shape
+        self._true_gaps = TrueGaps(self.u, self.points, self.obstacle, shape)
 
     # -- nodes and points ------------------------------------------------------------------------
 

@@ -92,7 +92,7 @@ def _sliding_of(s: ContactSurface) -> list[Any]:
     a face that slides over itself the direction, by which it has its slaves. Collective.
     """
     if not s.slides:
-        return [s.displaced is not None]
+        return [s.displaced is not None, *s.points.choices]
     direction = s.obstacle.opposite.direction
     if direction is None:
         return ["over a face", *s.points.choices]

@@ -124,13 +124,15 @@ def _shape(s: ContactSurface) -> Obstacle:
 
 
 def _past(s: ContactSurface, shape: RigidSurface, u: Array) -> int:
-    """Nodes that this rank owns past the rim of an open surface."""
+    """Nodes that this rank owns past the rim of an open surface, where they have left it."""
     n = s.points.vertices.dofmap.index_map.size_local
     nodes = s.points.vertex_trace_dofs[:n]
     body = s.rigid_body
     x = s.node_positions
     seen = (x + s.relative(u[: len(x)], None if body is None else body.values))[nodes]
-    return int(shape.distances(seen).past.sum())
+    found = shape.distances(seen)
+    within = 0.0 if s.displaced is None else s.points.mean_width
+    return int((found.past & (found.distance > within)).sum())
 
 
 def _shown(x: npt.ArrayLike) -> str:

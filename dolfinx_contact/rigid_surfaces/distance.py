@@ -12,6 +12,15 @@ between the normals at the corners of the facet with the barycentric coordinates
 linear in x while c stays in a facet, or on an edge.
 
 At the rim of an open surface the distance is positive on both sides: what goes past it leaves.
+That is a jump for what is past the rim and below it, and comes back. A face that slides leaves an
+open surface by degrees instead, within one of its facets, of the size b: with the mean normal m at
+the closest point c, the height z = m.(x - c) and the way a = |x - c - z m| past the rim the gap is
+
+    g = z + b - sqrt(b^2 - a^2)    for a < b and z > -b,
+
+as if the surface turned down there by a quarter of a circle, and its normal stays m. So forces fall
+to zero as points move off, and are not turned: across the surface of a sharper end they would push
+points off it, from where there is no equilibrium nearby. Where facets become small the end does.
 """
 
 from __future__ import annotations
@@ -56,8 +65,18 @@ class Distances:
     past: Bools
 
 
-def distances_from(surface: Triangulation, closest: ClosestFacets, x: Array) -> Distances:
-    """The distances of points (n, dim), on this rank alone; of those that are not finite NaN."""
+def distances_from(
+    surface: Triangulation, closest: ClosestFacets, x: Array, ends: Array | None = None
+) -> Distances:
+    """The distances of points, on this rank alone; of those that are not finite NaN.
+
+    Args:
+        surface: from which.
+        closest: the search for its facets.
+        x: points (n, dim).
+        ends: the sizes b of the facets at these (n,), within which they leave an open surface by
+            degrees; zero or None: at once.
+    """
     finite: Bools = np.asarray(np.isfinite(x).all(axis=1))
     facets, parts = closest(np.where(finite[:, None], x, surface.points[0]))
     corners = surface.points[surface.cells[facets]]
@@ -81,6 +100,14 @@ def distances_from(surface: Triangulation, closest: ClosestFacets, x: Array) -> 
     normal = np.where(sharp[:, None], slope, mean)
     turn = np.where(sharp[:, None, None], bent, mean_turn)
     past = on.rim & (outside < -_ON * surface.size)
+    if ends is not None:
+        rim = np.flatnonzero(on.rim & ~inside_facet)
+        m = np.where(on.crease[:, None], on.side, mean)[rim]
+        turning = np.where(on.crease[:, None, None], 0.0, mean_turn)[rim]
+        within, gap, rise = _ended(away[rim], m, turning, on.along[rim], ends[rim])
+        there = rim[within]
+        distance[there], slope[there] = gap[within], rise[within]
+        normal[there], turn[there] = m[within], turning[within]
     if not finite.all():
         for values in (distance, slope, normal, turn):
             values[~finite] = np.nan
@@ -125,6 +152,29 @@ class _Places:
 
     def _take(self, where: Ints, sides: Array) -> None:
         self.side[where] = sides / np.maximum(np.linalg.norm(sides, axis=1), 1e-300)[:, None]
+
+
+def _ended(
+    away: Array, m: Array, turn: Array, along: Array, b: Array
+) -> tuple[Bools, Array, Array]:
+    """Which points leave by degrees past a rim, their gaps and the gradients of these.
+
+    Args:
+        away: from the closest points (n, dim).
+        m: normals there (n, dim).
+        turn: their derivatives (n, dim, dim).
+        along: direction of the edge on which the closest point moves, else zero (n, dim).
+        b: within which they leave (n,).
+    """
+    z = np.einsum("ni,ni->n", away, m)
+    past = away - z[:, None] * m
+    square = b**2 - np.einsum("ni,ni->n", past, past)
+    within: Bools = (square > 0.0) & (z > -b)
+    root = np.sqrt(np.where(within, square, 1.0))
+    rise = m - np.einsum("ni,ni->n", m, along)[:, None] * along
+    rise += np.einsum("ni,nij->nj", away, turn)
+    slope = (1.0 - z / root)[:, None] * rise + away / root[:, None]
+    return within, z + b - root, slope
 
 
 def _interpolated(

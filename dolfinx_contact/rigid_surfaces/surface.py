@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -18,6 +18,7 @@ from dolfinx import mesh
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
+from dolfinx_contact._frozen import copy_with
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.obstacles import Measured, Obstacle, Outline
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
@@ -56,6 +57,8 @@ class RigidSurface(Obstacle):
     surface, makes edges that stick out round, and their normals continuous.
 
     *Rims.* An open surface ends at its rim: what goes past it leaves, and has no contact behind it.
+    A face that slides leaves by degrees, within one of its facets, so that forces fall to zero;
+    with a larger ``rounding`` around that.
 
     The law holds at contact points. A corner or edge of the surface between them enters the facet
     of the body (`Sliding.entered` of `Result.slidings`), and nodes beside a sharp edge are pushed
@@ -126,6 +129,7 @@ class RigidSurface(Obstacle):
             found = triangulated(x, turned, np.radians(crease), name, inward=True)
         self._surface = found
         self._closest = ClosestFacets(found.points, found.cells)
+        self._width: Any = None  # of facets of a face that leaves it, in UFL
         self.points = found.points
         self.cells = found.cells
         self.closed = found.closed
@@ -197,12 +201,17 @@ class RigidSurface(Obstacle):
             raise ValueError(
                 f"{self.name} is {what}, for a {dim}D mesh; the mesh is {domain.geometry.dim}D"
             )
-        measured = Measured(domain, x, self._measure)
+        measured = Measured(domain, x, self._measure, self._width)
         return measured.gap, measured.normal
 
-    def _measure(self, x: Array) -> tuple[Array, Array, Array, Array]:
+    def ended(self, width: Callable[[], Any]) -> RigidSurface:
+        return self if self.closed else copy_with(self, _width=width())
+
+    def _measure(self, x: Array, width: Array | None = None) -> tuple[Array, Array, Array, Array]:
         """Gaps, their gradients, normals into the obstacle and their derivatives."""
-        found = self.distances(x)
+        # An end that is given is round as it is given.
+        ends = None if width is None else np.where(width > self.rounding, width, 0.0)
+        found = distances_from(self._surface, self._closest, x, ends)
         return found.distance - self.rounding, found.slope, -found.normal, -found.turn
 
 

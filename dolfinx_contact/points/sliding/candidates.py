@@ -14,7 +14,7 @@ import numpy.typing as npt
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import exchanged, ranks_nearby
 
-__all__ = ["Candidates", "candidates", "from_rows"]
+__all__ = ["Candidates", "candidates", "from_rows", "marks_of"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -27,6 +27,8 @@ class Candidates:
     Attributes:
         nodes: global nodes of the facets of the master, every facet once (n, b).
         senses: 1 or -1, of their area vectors (n,).
+        mirrors: 1, or -1 along axes across which they are images of the facets of the nodes (n,
+            dim).
         pairs: numbers of facets of slave and master (pairs, 2).
         known: their global nodes, every one once (m,).
         places: of the corners of the facets among these (n, b).
@@ -34,13 +36,14 @@ class Candidates:
 
     nodes: Nodes
     senses: Array
+    mirrors: Array
     pairs: Nodes
     known: Nodes
     places: Nodes
 
 
 def candidates(
-    comm: MPI.Comm, slave: Faces, master: Faces, senses: Array, depth: float, skin: float
+    comm: MPI.Comm, slave: Faces, master: Faces, marks: Array, depth: float, skin: float
 ) -> Candidates:
     """Facets that the rays of the slave may meet, here or within a skin. Collective.
 
@@ -50,8 +53,8 @@ def candidates(
     Args:
         comm: communicator.
         slave: facets of this rank.
-        master: facets of this rank.
-        senses: of the master's.
+        master: facets of this rank, and images of these.
+        marks: of the master's (n,), see `marks_of`.
         depth: distance along the normal.
         skin: by which facets may be farther.
     """
@@ -67,7 +70,7 @@ def candidates(
     answers = []
     for q in exchanged(comm, sent, (2 * dim + 3,)):
         i, k = _near(q, others, theirs, tree, depth, skin)
-        answers.append(np.column_stack([q[i, -1], senses[k], master.nodes[k]]))
+        answers.append(np.column_stack([q[i, -1], marks[k], master.nodes[k]]))
     width = 2 + master.nodes.shape[1]
     rows = np.concatenate(exchanged(comm, answers, (width,)))
     found = rows[:, 1:].astype(np.int64)
@@ -75,21 +78,28 @@ def candidates(
     pairs = np.column_stack([rows[:, 0].astype(np.int64), inverse.reshape(-1)])
     # In the order of the facets, whichever rank an answer comes from.
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    return _found(facets, pairs)
+    return _found(facets, pairs, dim)
 
 
-def from_rows(facets: Nodes, number: int) -> Candidates:
-    """All facets of a master (n, 1 + b), senses first, for each facet of the slave."""
+def from_rows(facets: Nodes, number: int, dim: int) -> Candidates:
+    """All facets of a master (n, 1 + b), marks first, for each facet of the slave."""
     facets = np.unique(facets, axis=0)
     pairs = np.indices((number, len(facets))).reshape(2, -1).T
-    return _found(facets, pairs.astype(np.int64))
+    return _found(facets, pairs.astype(np.int64), dim)
 
 
-def _found(facets: Nodes, pairs: Nodes) -> Candidates:
+def marks_of(senses: Array, mirror: Array) -> Array:
+    """Senses (n,) times 1 + a number of the axes across which facets are images (dim,)."""
+    return np.asarray(senses * (1 + (mirror < 0) @ 2 ** np.arange(len(mirror))))
+
+
+def _found(facets: Nodes, pairs: Nodes, dim: int) -> Candidates:
     nodes = facets[:, 1:]
     known, corners = np.unique(nodes, return_inverse=True)
-    senses = facets[:, 0].astype(np.float64)
-    return Candidates(nodes, senses, pairs, known, corners.reshape(nodes.shape))
+    senses = np.sign(facets[:, 0]).astype(np.float64)
+    across = (np.abs(facets[:, :1]) - 1) >> np.arange(dim) & 1
+    mirrors = 1.0 - 2.0 * across
+    return Candidates(nodes, senses, mirrors, pairs, known, corners.reshape(nodes.shape))
 
 
 def _balls(faces: Faces) -> tuple[Array, Array]:

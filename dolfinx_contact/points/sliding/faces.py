@@ -8,8 +8,10 @@ that others may be (`candidates`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
+from itertools import product
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -27,7 +29,7 @@ from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.facing import faces_of
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.revolution import on_axis
-from dolfinx_contact.points.sliding.candidates import Candidates, candidates, from_rows
+from dolfinx_contact.points.sliding.candidates import Candidates, candidates, from_rows, marks_of
 from dolfinx_contact.points.sliding.facing import Facing, Nodal
 from dolfinx_contact.points.sliding.rays import (
     area_vector_rates,
@@ -69,6 +71,8 @@ class SlidingFaces:
         depth: how far rays reach, before the slave and behind it.
         across: local nodes of `V` x dim, True across planes of symmetry, on which normals and slips
             are means with their mirror images.
+        planes: of symmetry, where they are by their axis: what lies behind them, or beyond the axis
+            of bodies of revolution, is the image of the master, but for a face opposite to itself.
         direction: of a face that is slave and master, along which slaves lie farther in the mesh
             (dim,); None of two faces.
         axisymmetric: whether these are faces of bodies of revolution.
@@ -88,6 +92,7 @@ class SlidingFaces:
         depth: float,
         *,
         across: npt.NDArray[np.bool_],
+        planes: Mapping[int, float],
         direction: Array | None = None,
         axisymmetric: bool = False,
     ):
@@ -114,6 +119,11 @@ class SlidingFaces:
         mine = facet_normals(domain, submesh.parent_facets[:owned])
         self._sense = np.sign(np.sum(area_vectors(self._of_slave(self._X)) * mine, axis=1))
         self._reference = self._of_slave(self._X)
+        across_axis = {0: 0.0} if axisymmetric else {}
+        behind = across_axis | dict(planes) if direction is None else {}
+        #: Images in planes of symmetry and in several of these, itself first (m, dim).
+        self._mirrors = _mirrors(behind, self.dim)
+        self._planes: Array = np.array([behind.get(i, 0.0) for i in range(self.dim)])
         facets = master[master < domain.topology.index_map(self.dim - 1).size_local]
         theirs = faces_of(V, facets)
         self._master = V.dofmap.index_map.global_to_local(theirs.nodes.reshape(-1)).reshape(
@@ -200,10 +210,19 @@ class SlidingFaces:
         return self.images * self.sums(self._all, np.repeat(of_facets[:, None], k, axis=1))
 
     def of_master(self, values: Array, found: Candidates) -> Array:
-        """Values of the owned nodes (n, dim) at the corners of candidates (m, b, dim)."""
+        """Vectors of the owned nodes (n, dim) at the corners of candidates (m, b, dim)."""
         n = self._V.dofmap.index_map.size_local
         at = at_global_places(self.comm, np.ascontiguousarray(values[:n]), found.known)
-        return np.asarray(at[found.places])
+        return np.asarray(at[found.places] * found.mirrors[:, None])
+
+    def _before(self, found: Candidates) -> Array:
+        """Where the mesh has the corners of candidates (m, b, dim)."""
+        behind = self._behind_planes(found.mirrors)
+        return np.asarray(self.of_master(self._X, found) + behind[:, None])
+
+    def _behind_planes(self, mirrors: Array) -> Array:
+        """By how much images are farther than vectors to what they are of say (m, dim)."""
+        return np.where(mirrors < 0, 2.0 * self._planes, 0.0)
 
     def forces(self, facing: Facing, mine: Array, theirs: Array) -> Array:
         """Forces at the owned displacement dofs, flat.
@@ -211,8 +230,9 @@ class SlidingFaces:
         Args:
             facing: whose pieces they act on.
             mine: at the corners of the slave's facets (p, k, dim).
-            theirs: at the nodes of the master's (p, b, dim).
+            theirs: at the nodes of the master's, or of images of these (p, b, dim).
         """
+        theirs = theirs * facing.mirrors[:, None]
         nodes = np.concatenate(
             [self.slave_nodes()[facing.facet].reshape(-1), facing.master_nodes.reshape(-1)]
         )
@@ -235,8 +255,8 @@ class SlidingFaces:
         Args:
             x: positions of the local nodes.
         """
-        slave, master = self._of_mesh(x)
-        mine, normals, theirs = slave.x, slave.normals, master.x
+        slave = self._slave_at(x)
+        mine, normals, theirs = slave.x, slave.normals, x[self._master]
         if self.searches:
             then, before, others = self._then
             moved = [_largest(mine - then), _largest(theirs - others)]
@@ -248,26 +268,39 @@ class SlidingFaces:
         require(self.comm, finite, "positions of a contact pair are not finite")
         self._then = mine, normals, theirs
         with logged("ContactSearch"):
-            senses, depth, skin = self._master_sense, self._depth, self._skin
-            self._found = candidates(self.comm, slave, master, senses, depth, skin)
+            depth, skin = self._depth, self._skin
+            sought = self._masters(theirs, depth + skin)
+            self._found = candidates(self.comm, slave, *sought, depth, skin)
             if self._direction is not None:
                 self._found = self._of_itself(self._found, self._direction)
-            self._found_before = self.of_master(self._X, self._found)
+            self._found_before = self._before(self._found)
         self.searches += 1
 
-    def _of_mesh(self, x: Array) -> tuple[Faces, Faces]:
-        """Slave and master of this rank at positions of the local nodes."""
+    def _slave_at(self, x: Array) -> Faces:
+        """The slave of this rank at positions of the local nodes."""
         mine = self._of_slave(x)
-        theirs = x[self._master]
         none = np.zeros((len(mine), 0), dtype=np.int64)
-        return (
-            Faces(mine, _unit(self._area_vectors(mine)), none),
-            Faces(
-                theirs,
-                _unit(self._master_sense[:, None] * area_vectors(theirs)),
-                self._master_nodes,
-            ),
-        )
+        return Faces(mine, _unit(self._area_vectors(mine)), none)
+
+    def _masters(self, x: Array, reach: float) -> tuple[Faces, Array]:
+        """The master of this rank, and its images that reach behind planes by less than a length.
+
+        Args:
+            x: positions of its corners (n, b, dim).
+            reach: the length.
+
+        Returns:
+            The facets, and their marks (m,).
+        """
+        parts = []
+        for mirror in self._mirrors:
+            far = np.abs(x - self._planes).min(axis=1)[:, mirror < 0] > reach
+            near = np.flatnonzero(~far.any(axis=1))
+            image = mirror * x[near] + self._behind_planes(mirror)
+            senses = np.prod(mirror) * self._master_sense[near]
+            parts.append((image, self._master_nodes[near], marks_of(senses, mirror)))
+        places, nodes, marks = (np.concatenate(p) for p in zip(*parts, strict=True))
+        return Faces(places, _unit(np.sign(marks)[:, None] * area_vectors(places)), nodes), marks
 
     def _of_itself(self, found: Candidates, direction: Array) -> Candidates:
         """Candidates of one face: those that lie behind along a direction and are no neighbours.
@@ -275,7 +308,7 @@ class SlidingFaces:
         Neighbours share a node, or are near in the mesh and do not face each other there.
         """
         i, k = found.pairs.T
-        corners = self.of_master(self._X, found)
+        corners = self._before(found)
         slave, master = self._faces(found, self._reference, corners)
         mine = self._reference.mean(axis=1)[i]
         theirs = corners.mean(axis=1)[k]
@@ -317,9 +350,7 @@ class SlidingFaces:
 
     def _behind(self, pairs: Nodes) -> tuple[Nodes, Array]:
         """Which of some pairs of facets lie behind each other in the mesh, and how far."""
-        slave, master = self._faces(
-            self._found, self._reference, self.of_master(self._X, self._found)
-        )
+        slave, master = self._faces(self._found, self._reference, self._before(self._found))
         common = cover(
             slave, master, pairs, self._depth, farthest=0.0, least=_LEAST_COVER, steep=_STEEP
         )
@@ -345,13 +376,17 @@ class SlidingFaces:
 
     @cached_property
     def whole(self) -> Candidates | None:
-        """Every facet of the master for every one of the slave; None where these are too many."""
+        """Every facet of the master for every one of the slave; None where these are too many.
+
+        Images have the nodes of what they are images of.
+        """
         counts = np.array([len(self.corners), len(self._master_nodes)])
         slave, master = self.comm.allreduce(counts)
         if slave * master > _FEW_PAIRS:
             return None
-        parts = self.comm.allgather(np.column_stack([self._master_sense, self._master_nodes]))
-        return from_rows(np.concatenate(parts).astype(np.int64), len(self.corners))
+        rows = np.column_stack([self._master_sense, self._master_nodes])
+        parts = self.comm.allgather(rows)
+        return from_rows(np.concatenate(parts).astype(np.int64), len(self.corners), self.dim)
 
     def slave_nodes(self) -> Nodes:
         """Global nodes of the displacement at the corners of the facets of the slave (n, k)."""
@@ -393,8 +428,9 @@ class SlidingFaces:
         Args:
             far: a length, beyond which nothing is looked for.
         """
-        found = candidates(self.comm, *self._of_mesh(self._X), self._master_sense, far, 0.0)
-        slave, master = self._faces(found, self._reference, self.of_master(self._X, found))
+        sought = self._masters(self._X[self._master], far)
+        found = candidates(self.comm, self._slave_at(self._X), *sought, far, 0.0)
+        slave, master = self._faces(found, self._reference, self._before(found))
         common = cover(slave, master, found.pairs, far, farthest=far, least=_LEAST_COVER)
         off = master.x[common.other].mean(axis=1) - slave.x[common.facet].mean(axis=1)
         behind = -np.sum(off * slave.normals[common.facet], axis=1)
@@ -508,6 +544,12 @@ class SlidingFaces:
         others = self.sums(facet, around)
         share = np.where(others > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
         return Nodal(weight, share, others, gaps, slips, m / length[:, None], length, before)
+
+
+def _mirrors(planes: Mapping[int, float], dim: int) -> Array:
+    """1, or -1 along axes across planes: of nothing, of each plane, and of several (m, dim)."""
+    signs = [[1.0, -1.0] if axis in planes else [1.0] for axis in range(dim)]
+    return np.array(list(product(*signs)))
 
 
 def _unit(v: Array) -> Array:

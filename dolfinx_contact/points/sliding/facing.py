@@ -149,6 +149,11 @@ class Facing:
         return self.found.nodes[self.master]
 
     @property
+    def mirrors(self) -> Array:
+        """1, or -1 along axes across which these are images of the facets of the nodes (p, dim)."""
+        return self.found.mirrors[self.master]
+
+    @property
     def weighted(self) -> Array:
         """W N_a (p, q, a)."""
         return self.areas[..., None] * self.basis

@@ -213,6 +213,7 @@ class SlidingPoints(NodePoints):
             opposite.master_facets,
             opposite.depth,
             across=opposite.across,
+            planes=opposite.planes,
             direction=opposite.direction,
             axisymmetric=self._weight is not None,
         )
