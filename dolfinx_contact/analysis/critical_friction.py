@@ -46,6 +46,7 @@ from dolfinx_contact.analysis.rows import Problem, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
+from dolfinx_contact.solvers.davidson import Davidson
 from dolfinx_contact.solvers.held_multigrid import HeldMultigrid, have_own_nodes
 
 __all__ = ["CriticalFriction", "critical_friction"]
@@ -62,6 +63,9 @@ _SIGN = 1e-8  # of the largest slip, at points as soft, by which another may hav
 _BLURRED = 10.0  # by which a vector may be further off than its residual over its gap
 _MOST = 1e-3  # of the largest, what is taken for none however little the vector is known
 _NOTHING = 1e-11  # eigenvalues of T, over the largest, that are none
+_TIGHT = 1e-10  # residual of the vectors that multigrid finds, over their eigenvalues
+_ROUGH = 1e-2  # that of the one beyond
+_WIDEST = 16  # times as many eigenvalues where none of the first is of one sign
 _FAR = 1e-6  # relative margin of the size up to which coefficients are known
 _DEFAULTS: dict[str, dict[str, Any]] = {
     "direct": {"eps_type": "krylovschur", "eps_tol": 1e-12, "eps_max_it": 500},
@@ -212,12 +216,18 @@ class _PressureByShear:
             self._body = HeldBody(eq.comm, [HeldField(K, rows)], eq.stiffness_scale)
             K.destroy()
         self._u, self._f = slip.D.createVecs()
+        self._cycles = 0
 
-    def solve(self, shear: Array) -> tuple[Array, Array]:
-        """Displacement and pressures, owned, for the shears of this rank."""
+    def solve(self, shear: Array, *start: Array) -> tuple[Array, Array]:
+        """Displacement and pressures, owned, for the shears of this rank.
+
+        Args:
+            shear: f.
+            start: of multigrid, if there is one.
+        """
         self._f.array[:] = shear
         self._slip.D.multTranspose(self._f, self._u)
-        u, pressure, _ = self._body.solve(self._u.array_r)
+        u, pressure, _ = self._body.solve(self._u.array_r, *start)
         return u, pressure
 
     def _answer(self, shear: PETSc.Vec) -> tuple[Array, Array]:
@@ -228,9 +238,11 @@ class _PressureByShear:
 
     @property
     def work(self) -> tuple[int, int]:
-        """Solves by multigrid, and iterations of these."""
+        """Solves by multigrid, and cycles in these and in the search for eigenvalues."""
         body = self._body
-        return (body.solves, body.iterations) if isinstance(body, HeldMultigrid) else (0, 0)
+        if isinstance(body, HeldMultigrid):
+            return body.solves, body.iterations + self._cycles
+        return 0, 0
 
     def slips(self, u: Array) -> Array:
         """D u."""
@@ -254,12 +266,62 @@ class _PressureByShear:
 
     def smallest(self, count: int) -> _Modes:
         """The smallest F, and more of them if none is of one sign."""
+        if isinstance(self._body, HeldMultigrid) and self._body.symmetric:
+            return self._by_davidson(self._body, count)
         for more in (1, 4, 16):
             modes = self._by_slepc(more * count)
             first = np.abs(modes.friction[modes.one_signed]).min(initial=np.inf)
             if first <= modes.known_up_to or more * count >= self._slip.number:
                 break
         return modes
+
+    def _by_davidson(self, body: HeldMultigrid, count: int) -> _Modes:
+        """Eigenvalues of T of largest size, one after the other, without products with T.
+
+        With those that are kept the search for the next shows how far they are known, roughly at
+        first. T on the shears f that are kept says what their eigenvalues are: from f, the slips
+        E f and T f these are those of (f^T E f)^-1 f^T E T f.
+        """
+        search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
+        seen: list[tuple[Array, Array, Array]] = []
+        try:
+            while True:
+                known = self._known_beyond(search)
+                if search.number >= min(count, self._slip.number):
+                    modes = self._on_shears(seen, known)
+                    first = np.abs(modes.friction[modes.one_signed]).min(initial=np.inf)
+                    enough = min(_WIDEST * count, self._slip.number)
+                    if first <= known or search.number >= enough:
+                        return modes
+                search.converge(_TIGHT)
+                for shear, start in search.keep():
+                    u, pressure = self.solve(shear, start)
+                    seen.append((shear, self.slips(u), pressure))
+        finally:
+            self._cycles += search.cycles
+            search.destroy()
+
+    def _known_beyond(self, search: Davidson) -> float:
+        """Size of the smallest F that the next search may find."""
+        if search.number >= self._slip.number:
+            return np.inf
+        search.begin()
+        search.converge(_ROUGH)
+        largest = search.size + search.off
+        return (1.0 - _FAR) / largest if search.size > 0 else np.inf
+
+    def _on_shears(self, seen: list[tuple[Array, Array, Array]], known: float) -> _Modes:
+        """Eigenvalues of T on a subspace: shears, the slips they bring, and pressures."""
+        parts = [np.stack(columns, axis=1) for columns in zip(*seen, strict=True)]
+        gathered = self.comm.gather([*parts, self._softness])
+
+        def modes() -> _Modes:
+            f, slips, pressures, softness = map(np.concatenate, zip(*gathered, strict=True))
+            values, y = np.linalg.eig(np.linalg.solve(f.T @ slips, slips.T @ pressures))
+            off = np.linalg.norm(pressures @ y - values * (f @ y), axis=0)
+            return _Modes.of(values, slips @ y, f @ y, known, off, softness)
+
+        return on_root(self.comm, modes)
 
     def _by_slepc(self, count: int) -> _Modes:
         """Eigenvalues of T of largest size; SLEPc applies T alone."""

@@ -32,6 +32,7 @@ import numpy.typing as npt
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import with_dirichlet_rows
+from dolfinx_contact.solvers.davidson import Davidson
 from dolfinx_contact.solvers.hierarchy import Hierarchy
 from dolfinx_contact.solvers.linear import reasons_of
 
@@ -115,6 +116,7 @@ class HeldMultigrid:
     Attributes:
         solves: so far.
         iterations: of conjugate gradients, in all of them.
+        symmetric: whether the stiffness is; without an energy GMRES takes the place of these.
 
     Raises:
         ValueError: on every rank, if a row has no node of its own.
@@ -139,20 +141,24 @@ class HeldMultigrid:
         different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         self._A.axpy(eq.stiffness_scale, held, different)
         held.destroy()
-        symmetric = eq.bulk.energy is not None
-        self._hierarchy = Hierarchy(eq.V, prefix, symmetric=symmetric)
+        self.symmetric = eq.bulk.energy is not None
+        self._hierarchy = Hierarchy(eq.V, prefix, symmetric=self.symmetric)
         fixed = np.flatnonzero(eq.fixed[: self._A.getLocalSize()[0]]).astype(np.int32)
         self._ksp = PETSc.KSP().create(self.comm)
         self._ksp.setOptionsPrefix(prefix + "held_")
-        self._ksp.setType("cg" if symmetric else "gmres")
+        self._ksp.setType("cg" if self.symmetric else "gmres")
         with options_in_database(prefix + "held_", _DEFAULTS):
             self._ksp.setFromOptions()
         self._ksp.setOperators(self._A)
         self._ksp.setPC(self._hierarchy.build(self._A, fixed, eq.stiffness_scale))
         self._b, self._x = self._A.createVecs()
 
-    def solve(self, load: Array) -> list[Array]:
+    def solve(self, load: Array, start: Array | None = None) -> list[Array]:
         """Displacement and multipliers, forces, block by block, for the owned part of b.
+
+        Args:
+            load: b.
+            start: w at which the solve begins, by default 0.
 
         Raises:
             RuntimeError: on every rank, if conjugate gradients do not converge.
@@ -162,6 +168,8 @@ class HeldMultigrid:
         rest = b.duplicate()
         b.array[:] = load
         self._Z.multTranspose(b, rest)
+        x.array[:] = 0.0 if start is None else start
+        self._ksp.setInitialGuessNonzero(start is not None)
         self._ksp.solve(rest, x)
         self.solves += 1
         self.iterations += self._ksp.getIterationNumber()
@@ -206,6 +214,26 @@ class HeldMultigrid:
             motions[:, k] = y.array_r
         x.destroy(), y.destroy()
         return motions, forces
+
+    def eigenvalues(self, D: PETSc.Mat, loads: Array) -> Davidson:
+        """The search for those of f -> p, the first block of multipliers for b = D^T f. Collective.
+
+        With u = Z w they are those of (D Z)^T G w = mu (Z^T K Z + k R_o^T R_o) w where G w = p; the
+        body must be `symmetric`. To be destroyed before this.
+
+        Args:
+            D: rows at the displacement, as many as the first block has, orthogonal to R_o.
+            loads: see `Davidson`.
+        """
+        first = self._own.getOwnershipRange()[0]
+        rows = PETSc.IS().createStride(self._sizes[0], first, 1, comm=self.comm)
+        own = self._own.createSubMatrix(rows)
+        forces = own.matMult(self._K)
+        E, G = (A.matMult(self._Z) for A in (D, forces))
+        G.scale(-1.0)
+        for thing in (rows, own, forces):
+            thing.destroy()
+        return Davidson(self._A, self._ksp.getPC(), E, G, loads)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
