@@ -64,7 +64,9 @@ _BLURRED = 10.0  # by which a vector may be further off than its residual over i
 _MOST = 1e-3  # of the largest, what is taken for none however little the vector is known
 _NOTHING = 1e-11  # eigenvalues of T, over the largest, that are none
 _TIGHT = 1e-10  # residual of the vectors that multigrid finds, over their eigenvalues
-_ROUGH = 1e-2  # that of the one beyond
+_ROUGH = 1e-2  # relative error of the one beyond,
+_SAFE = 2.0  # and by how much it may be underestimated
+_SMALL = 1e-3  # of the largest, eigenvalues that it does not look for
 _WIDEST = 16  # times as many eigenvalues where none of the first is of one sign
 _FAR = 1e-6  # relative margin of the size up to which coefficients are known
 _DEFAULTS: dict[str, dict[str, Any]] = {
@@ -284,17 +286,18 @@ class _PressureByShear:
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
         seen: list[tuple[Array, Array, Array]] = []
+        most = min(_WIDEST * count, self._slip.number)
         try:
             while True:
                 known = self._known_beyond(search)
-                if search.number >= min(count, self._slip.number):
+                most = search.number if search.size <= _SMALL * search.largest else most
+                if search.number >= min(count, most):
                     modes = self._on_shears(seen, known)
                     first = np.abs(modes.friction[modes.one_signed]).min(initial=np.inf)
-                    enough = min(_WIDEST * count, self._slip.number)
-                    if first <= known or search.number >= enough:
+                    if first <= known or search.number >= most:
                         return modes
                 search.converge(_TIGHT)
-                for shear, start in search.keep():
+                for shear, start in zip(*(columns.T for columns in search.keep()), strict=True):
                     u, pressure = self.solve(shear, start)
                     seen.append((shear, self.slips(u), pressure))
         finally:
@@ -307,7 +310,7 @@ class _PressureByShear:
             return np.inf
         search.begin()
         search.converge(_ROUGH)
-        largest = search.size + search.off
+        largest = search.size + _SAFE * search.error
         return (1.0 - _FAR) / largest if search.size > 0 else np.inf
 
     def _on_shears(self, seen: list[tuple[Array, Array, Array]], known: float) -> _Modes:

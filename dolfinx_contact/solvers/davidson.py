@@ -11,7 +11,9 @@ Comput. 7, 1986). With M = A^-1 these are the steps of Arnoldi's method for A^-1
 which takes a solve there, and they are hardly fewer.
 
 A search begins with a random vector and leaves out what is kept of earlier ones, so that it meets
-what they have missed, also of eigenvalues that are there several times.
+what they have missed, also of eigenvalues that are there several times. Its first vectors follow
+from one another, r = E^T G w_k less what the basis has of it: the residual of one eigenvector would
+forget what is large elsewhere in the random vector, as where bodies do not touch.
 """
 
 from __future__ import annotations
@@ -29,10 +31,10 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 _ROOM = 40  # vectors of a search
+_FIRST = 20  # that follow from the random one
 _RESTART = 10  # eigenvectors with which it goes on when there is no more room
-_STEPS = 10  # from a random vector before a rough answer is believed
-_MOST_STEPS = 2000
-_TIGHT = 1e-10  # residual, over the largest size known, that is none
+_MOST = 2000  # cycles
+_NONE = 1e-12  # residual, over the largest size known, that is round-off
 _NOTHING = 1e-11  # size that is none
 _DEPENDENT = 1e-10  # share of a vector outside of the basis that adds nothing to it
 
@@ -50,8 +52,12 @@ class Davidson:
     Attributes:
         cycles: M r so far.
         number: of vectors that are kept.
+        largest: |mu| of these.
         size: |mu| of the search.
-        off: size of its residual, (r^T M r)^(1/2) for w^T A w = 1.
+        off: size of its residual, (r^T M r)^(1/2) where w^T A w = 1.
+        error: estimate of that of mu: the residual by the condition of the eigenvalue, 1 / |z^T w|
+            with the left eigenvector z (G. W. Stewart and J. Sun, Matrix Perturbation Theory, 1990,
+            ch. IV), on the basis.
     """
 
     def __init__(self, A: PETSc.Mat, cycle: PETSc.PC, E: PETSc.Mat, G: PETSc.Mat, loads: Array):
@@ -60,6 +66,7 @@ class Davidson:
         self.number = 0
         self.size = 0.0
         self.off = np.inf
+        self.error = np.inf
         self._A = A
         self._cycle = cycle
         self._E = E
@@ -72,8 +79,7 @@ class Davidson:
         rows = 2 * self._w.getLocalSize() + 2 * len(loads)
         self._columns = np.empty((rows, 0), order="F")
         self._used = 0
-        self._steps = 0
-        self._largest = 0.0
+        self.largest = 0.0
         self._leading: tuple[complex, Complex] = (0.0, np.zeros(0, dtype=complex))
 
     def begin(self) -> None:
@@ -84,80 +90,83 @@ class Davidson:
             self._columns = np.empty((len(kept), room), order="F")
             self._columns[:, : self.number] = kept
         self._used = self.number
-        self._steps = 0
         self._add(self._random())
+        for _ in range(_FIRST):
+            last = self._parts(self._used - 1)[3][:, 0]
+            if not self._add(self._improvement(self._residual(last))):
+                break
 
     def converge(self, tolerance: float) -> None:
-        """Go on until the residual is small.
+        """Go on until the error is small, or there is no residual any more.
 
         Args:
-            tolerance: of the residual, over `size`.
+            tolerance: of the error, over `size`.
 
         Raises:
             RuntimeError: on every rank, if it takes too long, or A is not positive definite.
         """
+        begun = self.cycles
         while True:
-            values, vectors = self._ritz()
-            self._leading = (complex(values[0]), vectors[:, 0])
-            self.size = abs(self._leading[0])
-            residuals = self._residuals()
+            values, vectors, condition = self._ritz()
+            value, y = values[0], vectors[:, 0]
+            force = self._parts(self.number)[3] @ y
+            residuals = [self._residual(f) for f in _real_parts(value, force)]
             better = [self._improvement(r) for r in residuals]
-            products = [r @ t for r, t in zip(residuals, better, strict=True)]
-            self.off = self._root(self._sum(np.array(products)).sum())
-            none = max(_TIGHT * max(self.size, self._largest), _NOTHING)
-            if self.off <= none or (self.off <= tolerance * self.size and self._steps >= _STEPS):
+            products = sum(float(r @ t) for r, t in zip(residuals, better, strict=True))
+            self.size = abs(value)
+            self.off = self._root(self._sum(products))
+            self.error = condition * self.off
+            self._leading = value, y
+            none = max(_NONE * max(self.size, self.largest), _NOTHING)
+            if self.off <= none or self.error <= tolerance * self.size:
                 return
-            if self._steps >= _MOST_STEPS:
+            if self.cycles - begun > _MOST:
                 raise RuntimeError(
-                    f"multigrid found no eigenvalue in {_MOST_STEPS} cycles (residual "
-                    f"{self.off / self.size:.0e}); take solver='direct' if memory allows"
+                    f"multigrid found no eigenvalue in {_MOST} cycles (size {self.size:.3e}, "
+                    f"residual {self.off:.0e}); take solver='direct' if memory allows"
                 )
             if self._used - self.number >= _ROOM:
                 self._restart(vectors)
-            if not any([self._add(t) for t in better]):
+            added = sum(self._add(t) for t in better)
+            if not added:
                 self._add(self._random())
-            self._steps += 1
 
-    def keep(self) -> list[tuple[Array, Array]]:
+    def keep(self) -> tuple[Array, Array]:
         """Keep the vector of the search, or the two of a complex pair.
 
         Returns:
-            Of each the forces f = G w, and A^-1 E^T f as far as the search knows it.
+            Of these the f = G w (m, 1 or 2), and A^-1 E^T f as far as the search knows them.
         """
-        value, y = self._leading
-        parts = np.stack([y.real, y.imag], axis=1)[:, : 2 if value.imag else 1]
         first = self.number
-        self._combine(np.linalg.qr(parts)[0])
+        parts = _real_parts(*self._leading)
+        self._combine(np.linalg.qr(np.stack(parts, axis=1))[0])
         self.number = self._used
-        self._largest = max(self._largest, self.size)
+        self.largest = max(self.largest, self.size)
         w, _, e, g = self._parts(0)
-        answers = w @ self._sum(e.T @ g[:, first:])
-        return [(f.copy(), x) for f, x in zip(g[:, first:].T, answers.T, strict=True)]
+        f = g[:, first:].copy()
+        return f, w @ self._sum(e.T @ f)
 
-    def _ritz(self) -> tuple[Complex, Complex]:
-        """Eigenvalues on the basis of the search by falling size, and their vectors."""
+    def _ritz(self) -> tuple[Complex, Complex, float]:
+        """Eigenvalues on the basis of the search by falling size, vectors, condition of the first.
+
+        Vectors are of length 1.
+        """
         _, _, e, g = self._parts(self.number)
         H = self._sum(e.T @ g)
 
-        def by_size() -> tuple[Complex, Complex]:
+        def by_size() -> tuple[Complex, Complex, float]:
             values, vectors = np.linalg.eig(H)
             order = np.argsort(-np.abs(values), kind="stable")
-            return values[order].astype(complex), vectors[:, order].astype(complex)
+            vectors = vectors[:, order].astype(complex)
+            left = np.linalg.pinv(vectors)[0]
+            return values[order].astype(complex), vectors, float(np.linalg.norm(left))
 
         return on_root(self.comm, by_size)
 
-    def _residuals(self) -> list[Array]:
-        """E^T G w - mu A w without what is kept, its real part and, if there is one, the other."""
-        value, y = self._leading
-        _, Aw, _, g = self._parts(self.number)
-        kept, A_kept = (part[:, : self.number] for part in self._parts(0)[:2])
-        forces = g @ y
-        rest = Aw @ (value * y)
-        found = []
-        for part in (np.real, np.imag)[: 2 if value.imag else 1]:
-            r = self._load(part(forces)) - part(rest)
-            found.append(r - A_kept @ self._sum(kept.T @ r))
-        return found
+    def _residual(self, force: Array) -> Array:
+        """E^T f less what the basis has of it; with f = G w that is r, for eigenvectors w."""
+        _, Aw, e, _ = self._parts(0)
+        return self._load(force) - Aw @ self._sum(e.T @ force)
 
     def _load(self, force: Array) -> Array:
         """E^T f."""
@@ -214,7 +223,7 @@ class Davidson:
         cuts = [n, 2 * n, 2 * n + len(self._loads)]
         return np.split(self._columns[:, first : self._used], cuts)
 
-    def _sum(self, mine: Array) -> Array:
+    def _sum(self, mine: npt.ArrayLike) -> Array:
         """Over all ranks."""
         return np.asarray(self.comm.allreduce(mine))
 
@@ -228,3 +237,8 @@ class Davidson:
         """Free the PETSc objects."""
         for thing in (self._E, self._G, self._w, self._Aw, self._e, self._g):
             thing.destroy()
+
+
+def _real_parts(value: complex, vector: Complex) -> list[Array]:
+    """The real vectors that an eigenvector stands for: one, or two of a complex pair."""
+    return [vector.real, vector.imag] if value.imag else [vector.real]
