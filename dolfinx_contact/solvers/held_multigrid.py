@@ -13,7 +13,7 @@ R R_o^T = 1 (on a rigid obstacle R_o = R; between bodies the node is one of eith
 
 projects onto the motions with R u = 0 and is sparse: u = Z w with
 
-    (Z^T K Z + k R_o^T R_o) w = Z^T b,    p = R_o (b - K u)
+    (Z^T K Z + k R_o^T R_o) w = Z^T b,    p = R_o b - R_o K u
 
 for any k > 0. This matrix is positive definite where the body is held, and is solved by conjugate
 gradients with one hierarchy of multigrid, which knows what is held.
@@ -133,25 +133,25 @@ class HeldMultigrid:
             R.destroy()
             raise ValueError("multigrid needs contact points that are nodes: take solver='direct'")
         self._own = own
-        self._K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
         self._Z = _projection(R, own)
         R.destroy()
-        self._A = self._K.ptap(self._Z)
+        K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
+        self._forces = own.matMult(K)
+        A = K.ptap(self._Z)
         held = own.transposeMatMult(own)
-        different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
-        self._A.axpy(eq.stiffness_scale, held, different)
-        held.destroy()
+        A.axpy(eq.stiffness_scale, held, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         self.symmetric = eq.bulk.energy is not None
         self._hierarchy = Hierarchy(eq.V, prefix, symmetric=self.symmetric)
-        fixed = np.flatnonzero(eq.fixed[: self._A.getLocalSize()[0]]).astype(np.int32)
+        fixed = np.flatnonzero(eq.fixed[: A.getLocalSize()[0]]).astype(np.int32)
         self._ksp = PETSc.KSP().create(self.comm)
         self._ksp.setOptionsPrefix(prefix + "held_")
         self._ksp.setType("cg" if self.symmetric else "gmres")
         with options_in_database(prefix + "held_", _DEFAULTS):
             self._ksp.setFromOptions()
-        self._ksp.setOperators(self._A)
-        self._ksp.setPC(self._hierarchy.build(self._A, fixed, eq.stiffness_scale))
-        self._b, self._x = self._A.createVecs()
+        self._ksp.setPC(self._hierarchy.build(A, fixed, eq.stiffness_scale))
+        self._b, self._x = A.createVecs()
+        for thing in (K, A, held):
+            thing.destroy()
 
     def solve(self, load: Array, start: Array | None = None) -> list[Array]:
         """Displacement and multipliers, forces, block by block, for the owned part of b.
@@ -179,14 +179,15 @@ class HeldMultigrid:
                 f"multigrid did not solve the held body ({reasons_of(self._ksp)}); take "
                 "solver='direct' if memory allows"
             )
-        u = b.duplicate()
+        u = rest
         self._Z.mult(x, u)
-        self._K.mult(u, rest)
-        rest.aypx(-1.0, b)
         p = self._own.createVecLeft()
-        self._own.mult(rest, p)
+        moving = p.duplicate()
+        self._own.mult(b, p)
+        self._forces.mult(u, moving)
+        p.axpy(-1.0, moving)
         found = [u.array_r.copy(), *np.split(p.array_r.copy(), np.cumsum(self._sizes)[:-1])]
-        for thing in (rest, u, p):
+        for thing in (u, p, moving):
             thing.destroy()
         return found
 
@@ -225,20 +226,20 @@ class HeldMultigrid:
             D: rows at the displacement, as many as the first block has, orthogonal to R_o.
             loads: see `Davidson`.
         """
-        first = self._own.getOwnershipRange()[0]
+        first = self._forces.getOwnershipRange()[0]
         rows = PETSc.IS().createStride(self._sizes[0], first, 1, comm=self.comm)
-        own = self._own.createSubMatrix(rows)
-        forces = own.matMult(self._K)
+        forces = self._forces.createSubMatrix(rows)
         E, G = (A.matMult(self._Z) for A in (D, forces))
         G.scale(-1.0)
-        for thing in (rows, own, forces):
+        for thing in (rows, forces):
             thing.destroy()
-        return Davidson(self._A, self._ksp.getPC(), E, G, loads)
+        pc = self._ksp.getPC()
+        return Davidson(pc.getOperators()[0], pc, E, G, loads)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
         self._hierarchy.release()
-        for thing in (self._ksp, self._own, self._K, self._Z, self._A, self._b, self._x):
+        for thing in (self._ksp, self._own, self._Z, self._forces, self._b, self._x):
             thing.destroy()
 
 
