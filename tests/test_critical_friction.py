@@ -17,7 +17,15 @@ from demo_critical_friction import main as demo
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    Sphere,
+    Tresca,
+)
 from dolfinx_contact.analysis import critical_friction
 from dolfinx_contact.laws import MINUS, PLUS
 from dolfinx_contact.materials import LinearElastic
@@ -272,6 +280,68 @@ def some_slip(problem, x):
     values, vectors = scipy.linalg.eig(S[:m, :m], S[m:, :m])
     one = (np.abs(values.imag) < 1e-9) & (np.abs(np.sign(vectors.real).sum(axis=0)) == m)
     return min(values[one].real, key=abs)
+
+
+def beside(where, law, comm=COMM):
+    """An upright body on a floor with friction, and beside it another surface: wall or floor."""
+    V = leaning(6, offset=0.0, comm=comm).V
+    u = fem.Function(V)
+    top, floor, wall = (
+        mesh.locate_entities_boundary(V.mesh, 1, marker)
+        for marker in (
+            lambda x: np.isclose(x[1], 2.0),
+            lambda x: np.isclose(x[1], 0.0) & (x[0] < (0.4 if where == "floor" else 2.0)),
+            lambda x: np.isclose(x[0], 1.0) & (x[1] > 0.3),
+        )
+    )
+    other = mesh.locate_entities_boundary(V.mesh, 1, lambda x: np.isclose(x[1], 0.0) & (x[0] > 0.6))
+    down, right = (HalfSpace((1.0, 0.0), n) for n in ((0.0, 1.0), (-1.0, 0.0)))
+    facets, obstacle = (other, down) if where == "floor" else (wall, right)
+    surfaces = [
+        ContactSurface(u, floor, obstacle=down, law=Coulomb(0.3), name="rough"),
+        ContactSurface(u, facets, obstacle=obstacle, law=law, name="smooth"),
+    ]
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    young = fem.Function(fem.functionspace(V.mesh, ("DG", 0)))
+    young.interpolate(lambda x: 1.0 + 3.0 * x[0])  # no symmetry
+    energy = LinearElastic.from_young(young, 0.3).energy(u) * ufl.dx
+    return ContactProblem(energy, u, surfaces, bcs=[clamped])
+
+
+def beside_by_hand(where):
+    """All its coefficients: normals held, and the tangents of the other surface left free."""
+    problem = beside(where, Frictionless(), MPI.COMM_SELF)
+    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
+    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
+    x = problem.V.tabulate_dof_coordinates()
+    below = np.isclose(x[:, 1], 0.0)
+    rough = np.flatnonzero(below & (x[:, 0] < (0.4 if where == "floor" else 2.0)))
+    smooth = 2 * np.flatnonzero(below & (x[:, 0] > 0.6)) + 1
+    if where == "wall":
+        smooth = 2 * np.flatnonzero(np.isclose(x[:, 0], 1.0) & (x[:, 1] > 0.3) & (x[:, 1] < 1.99))
+    t, n = 2 * rough, 2 * rough + 1
+    free = np.setdiff1d(np.flatnonzero(~problem.equations.fixed), [*t, *n, *smooth])
+    within = np.linalg.solve(K[np.ix_(free, free)], K[np.ix_(free, t)])
+    S_tt, S_nt = (K[np.ix_(rows, t)] - K[np.ix_(rows, free)] @ within for rows in (t, n))
+    return scipy.linalg.eig(S_tt, S_nt)[0]
+
+
+@pytest.mark.parametrize(
+    ("where", "law"), [("wall", Frictionless()), ("floor", Frictionless()), ("floor", Tresca(0.1))]
+)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="independent code: a dense condensation in numpy",
+    aspects=("2D", "multigrid"),
+)
+def test_what_does_not_rub(where, law):
+    """Points without friction, or with a bound given in advance, stay closed and slip freely."""
+    expected = beside_by_hand(where)
+    for solver, dense in (("direct", True), ("amg", False)):
+        found = critical_friction(beside(where, law), (1.0, 0.0), solver=solver, dense=dense)
+        nearest = min([*found.one_signed, *found.others], key=abs)
+        assert np.abs(nearest - expected).min() < 1e-8 * abs(nearest)
+        assert abs(nearest) == pytest.approx(np.abs(expected).min(), rel=1e-8)
 
 
 def test_bad_input():

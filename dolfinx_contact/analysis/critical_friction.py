@@ -153,8 +153,9 @@ def critical_friction(
 ) -> CriticalFriction:
     """Critical coefficients of friction of a body in contact. Collective.
 
-    The friction of the law does not matter: all points that slip rub with one F, also those of
-    `Frictionless` surfaces, or with a bound given in advance (Tresca). A bulk that is not linear is
+    The friction of the law does not matter: all points that slip rub with one F. Those of
+    `Frictionless` surfaces do not, nor those that slip with a bound given in advance (Tresca): they
+    stay closed, and move along the surface as they like. A bulk that is not linear is
     taken at the displacement in the Functions. With more than 512 points only the coefficients of
     smallest size are computed, and nothing is known of those beyond `CriticalFriction.known_up_to`:
     raise ``count``, or take all with ``dense=True``.
@@ -180,7 +181,7 @@ def critical_friction(
     """
     eq = static_equations(problem)
     state = problem.state()
-    slip = Slip(eq, SlipPattern.of(eq, direction, state), hold_across=True)
+    slip = Slip(eq, SlipPattern.of(eq, direction, state, by_law=True), hold_across=True)
     slip.require_held()
     operator = _PressureByShear(eq, slip, state.u, _wanted(solver))
     try:

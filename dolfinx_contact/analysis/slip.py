@@ -7,7 +7,8 @@ parts,
 
     N u = n.j,    D u = d.j    at the points that slip,    H u = 0    at those that are held:
 
-along n and all tangents where a point sticks, and across d in 3D where such slip is held too.
+along n and all tangents where a point sticks, across d in 3D where such slip is held too, and along
+n alone where a change of pressure leaves the shear as it is.
 What Dirichlet data fix is left out: a point whose slip they prescribe is held, one whose normal
 motion they prescribe is not in contact.
 """
@@ -32,6 +33,7 @@ from dolfinx_contact.body import rigid
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.laws.friction import Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 
 __all__ = ["Direction", "Slip", "SlipPattern"]
@@ -52,31 +54,52 @@ class SlipPattern:
     Attributes:
         closed: which are in contact (n,).
         directions: unit tangents along which points slip, 0 where they stick (n, dim).
+        loose: which have no friction, or slip under a bound given in advance, and count as such
+            (n,).
     """
 
     closed: Flags
     directions: Array
+    loose: Flags
 
     @classmethod
-    def of(cls, eq: ContactEquations, direction: Direction, state: State | None) -> SlipPattern:
+    def of(
+        cls,
+        eq: ContactEquations,
+        direction: Direction,
+        state: State | None,
+        *,
+        by_law: bool = False,
+    ) -> SlipPattern:
         """All points slip along one direction, or as in a state. Collective.
 
         Args:
             eq: the contact problem.
             direction: of the slip.
             state: the solution that ``direction="solution"`` means.
+            by_law: whether points are loose whose law says so; by default none is.
 
         Raises:
             ValueError: on every rank, if the direction is none, or normal to a surface somewhere.
         """
+        n = point_normals(eq)
+        smooth, given = _laws(eq) if by_law else np.zeros((2, len(n)), dtype=bool)
         if isinstance(direction, str):
             require(eq.comm, direction == "solution", _unknown(direction))
             assert state is not None
-            return cls._of_state(eq, state)
+            touching, along = cls._of_state(eq, state)
+        else:
+            touching = np.ones(len(n), dtype=bool)
+            along = cls._along(eq, direction, smooth)
+        return cls(touching, along, touching & (smooth | (given & along.any(axis=1))))
+
+    @staticmethod
+    def _along(eq: ContactEquations, direction: Direction, smooth: Flags) -> Array:
+        """Unit tangents along a direction, which only points without friction need not have."""
         n = point_normals(eq)
         if direction is None:
             require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")
-            return cls(np.ones(len(n), dtype=bool), np.stack([-n[:, 1], n[:, 0]], axis=1))
+            return np.stack([-n[:, 1], n[:, 0]], axis=1)
         try:
             given = np.asarray(direction, dtype=np.float64)
         except (TypeError, ValueError):
@@ -87,11 +110,11 @@ class SlipPattern:
         tangential = along - (n @ along)[:, None] * n
         size = np.linalg.norm(tangential, axis=1, keepdims=True)
         message = f"the direction of slip {given.tolist()} is normal to the contact surface"
-        require(eq.comm, bool((size > _TOLERANCE).all()), message)
-        return cls(np.ones(len(n), dtype=bool), tangential / size)
+        require(eq.comm, bool((size[~smooth] > _TOLERANCE).all()), message)
+        return np.where(size > _TOLERANCE, tangential / np.maximum(size, _TOLERANCE), 0.0)
 
-    @classmethod
-    def _of_state(cls, eq: ContactEquations, state: State) -> SlipPattern:
+    @staticmethod
+    def _of_state(eq: ContactEquations, state: State) -> tuple[Flags, Array]:
         n = point_normals(eq)
         codes = np.concatenate([c for c in state.statuses])
         touching = closed(codes)
@@ -105,7 +128,15 @@ class SlipPattern:
             size = np.linalg.norm(along, axis=1)
             slips = (sense == PLUS) & (size > 0)
             along = np.where(slips[:, None], along / np.where(slips, size, 1.0)[:, None], 0.0)
-        return cls(touching, np.where(touching[:, None], along, 0.0))
+        return touching, np.where(touching[:, None], along, 0.0)
+
+
+def _laws(eq: ContactEquations) -> tuple[Flags, Flags]:
+    """Points of laws without friction, and of those with a bound given in advance (n,)."""
+    flags = [(isinstance(s.law, Frictionless), s.law.bound_kind == "given") for s in eq.surfaces]
+    numbers = [s.points.number for s in eq.surfaces]
+    smooth, given = np.repeat(np.array(flags, dtype=bool), numbers, axis=0).T
+    return smooth, given
 
 
 def _unknown(direction: Any) -> str:
@@ -137,22 +168,23 @@ class Slip:
         d = pattern.directions
         free = free_components(eq)
         touching = pattern.closed & (np.linalg.norm(n * free, axis=1) > 1 - _TOLERANCE)
-        slips = touching & (np.linalg.norm(d * free, axis=1) > 1 - _TOLERANCE)
+        loose = touching & pattern.loose
+        slips = touching & ~loose & (np.linalg.norm(d * free, axis=1) > 1 - _TOLERANCE)
         self.places = np.flatnonzero(slips)
         self.number = int(eq.comm.allreduce(len(self.places)))
-        require(eq.comm, self.number > 0, "no contact point can slip")
+        require(eq.comm, self.number > 0, "no contact point can slip with friction")
         self.normals = n[slips]
         self.directions = d[slips]
-        stuck = np.flatnonzero(touching & ~slips)
+        pressed = np.flatnonzero(touching & ~slips)
         # The tangents that are held, as far as Dirichlet data leave them free.
         across = np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n)
         across -= np.einsum("ni,nj->nij", d, d) * slips[:, None, None]
-        across *= (touching & (~slips | hold_across))[:, None, None]
+        across *= (touching & ~loose & (~slips | hold_across))[:, None, None]
         point, axes = free_axes(eq, across)
-        held = np.concatenate([n[stuck], axes])
+        held = np.concatenate([n[pressed], axes])
         self.N = component_rows(eq, self.places, self.normals)
         self.D = component_rows(eq, self.places, self.directions)
-        self.H = component_rows(eq, np.concatenate([stuck, point]), held)
+        self.H = component_rows(eq, np.concatenate([pressed, point]), held)
 
     def require_held(self) -> None:
         """Raise ``ValueError`` if rigid motions are held by nothing but friction. Collective."""
