@@ -52,11 +52,12 @@ from dolfinx_contact.solvers.held_multigrid import HeldMultigrid, have_own_nodes
 
 __all__ = [
     "CriticalFriction",
+    "check_request",
     "critical_friction",
     "held_body",
     "softness_of",
+    "solver_of_body",
     "takes_all",
-    "wanted_solver",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -131,20 +132,21 @@ class CriticalFriction:
         return sorted(others, key=lambda F: (float(f"{abs(F):.9e}"), -F.real, -F.imag))
 
 
-def _check(a: Arguments) -> None:
+def check_request(a: Arguments) -> None:
+    """Raise ``ValueError`` for a ``count`` or a ``solver`` that is none."""
     if not is_count(a.count):
         raise ValueError(f"the number of eigenvalues must be 1 or more, got {a.count!r}")
-    kind = wanted_solver(a.solver)
+    kind = _wanted(a.solver)
     if kind not in _SOLVERS:
         raise ValueError(f"unknown solver of the body {kind!r}; known: {', '.join(_SOLVERS)}")
 
 
-def wanted_solver(solver: str) -> str:
+def _wanted(solver: str) -> str:
     """The required solver: PETSc's options win."""
     return str(PETSc.Options().getString("analysis_linear_solver", solver))
 
 
-@collective("critical friction", _check)
+@collective("critical friction", check_request)
 @staged("ContactCriticalFriction")
 def critical_friction(
     problem: Problem,
@@ -186,9 +188,9 @@ def critical_friction(
     state = problem.state()
     slip = Slip(eq, SlipPattern.of(eq, direction, state, by_law=True), hold_across=True)
     slip.require_held()
-    operator = _PressureByShear(eq, slip, state.u, wanted_solver(solver))
+    operator = _PressureByShear(eq, slip, state.u, solver)
     try:
-        complete = takes_all(dense, slip.number, operator.body)
+        complete = takes_all(dense, slip.number, operator.solver)
         modes = operator.all() if complete else operator.smallest(int(count))
         return _collected(problem, operator, slip, modes, complete)
     finally:
@@ -196,17 +198,23 @@ def critical_friction(
         slip.destroy()
 
 
-def held_body(
-    eq: ContactEquations, u: Array, rows: list[PETSc.Mat], solver: str
-) -> HeldBody | HeldMultigrid:
-    """The body with rows held, as `critical_friction` solves it. Collective.
+def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> str:
+    """``direct`` or ``amg``: PETSc's options win, then what is asked for, then size. Collective.
 
-    By default by multigrid if it is large and each row has a node of its own.
+    By itself multigrid is for large bodies where each row has a node of its own.
     """
-    if solver == "auto":
-        large = sum(eq.global_sizes) > _LARGEST_DIRECT[eq.dim]
-        solver = "amg" if large and have_own_nodes(rows, eq.dim) else "direct"
-    if solver == "amg":
+    kind = _wanted(solver)
+    if kind != "auto":
+        return kind
+    large = sum(eq.global_sizes) > _LARGEST_DIRECT[eq.dim]
+    return "amg" if large and have_own_nodes(rows, eq.dim) else "direct"
+
+
+def held_body(
+    eq: ContactEquations, u: Array, rows: list[PETSc.Mat], kind: str
+) -> HeldBody | HeldMultigrid:
+    """The body with rows held, by a solver of `solver_of_body`. Collective."""
+    if kind == "amg":
         return HeldMultigrid(eq, u, rows, "analysis_")
     K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
     body = HeldBody(eq.comm, [HeldField(K, rows)], eq.stiffness_scale)
@@ -214,10 +222,9 @@ def held_body(
     return body
 
 
-def takes_all(dense: bool | None, number: int, body: HeldBody | HeldMultigrid) -> bool:
+def takes_all(dense: bool | None, number: int, kind: str) -> bool:
     """Whether all coefficients of so many points are computed."""
-    few = _DENSE["amg" if isinstance(body, HeldMultigrid) else "direct"]
-    return number <= few if dense is None else bool(dense)
+    return number <= _DENSE[kind] if dense is None else bool(dense)
 
 
 class _PressureByShear:
@@ -227,7 +234,9 @@ class _PressureByShear:
         self.comm = eq.comm
         self._slip = slip
         self._softness = softness_of(slip.D, eq.bulk.stiffness(u))
-        self.body = held_body(eq, u, [slip.N, slip.H], solver)
+        rows = [slip.N, slip.H]
+        self.solver = solver_of_body(eq, rows, solver)
+        self._body = held_body(eq, u, rows, self.solver)
         self._u, self._f = slip.D.createVecs()
         self._cycles = 0
 
@@ -240,7 +249,7 @@ class _PressureByShear:
         """
         self._f.array[:] = shear
         self._slip.D.multTranspose(self._f, self._u)
-        u, pressure, _ = self.body.solve(self._u.array_r, *start)
+        u, pressure, _ = self._body.solve(self._u.array_r, *start)
         return u, pressure
 
     def _answer(self, shear: PETSc.Vec) -> tuple[Array, Array]:
@@ -250,14 +259,9 @@ class _PressureByShear:
         return np.zeros(self._u.getLocalSize()), np.zeros(shear.getLocalSize())
 
     @property
-    def solver(self) -> str:
-        """How the body is solved."""
-        return "amg" if isinstance(self.body, HeldMultigrid) else "direct"
-
-    @property
     def work(self) -> tuple[int, int]:
         """Solves by multigrid, and cycles in these and in the search for eigenvalues."""
-        body = self.body
+        body = self._body
         if isinstance(body, HeldMultigrid):
             return body.solves, body.iterations + self._cycles
         return 0, 0
@@ -272,7 +276,7 @@ class _PressureByShear:
         """All eigenvalues of T, and the slips and shears of their vectors."""
         D = self._slip.D
         softness = np.concatenate(self.comm.allgather(self._softness))
-        parts = self.comm.gather(self.body.respond(columns_of(D), D))
+        parts = self.comm.gather(self._body.respond(columns_of(D), D))
 
         def modes() -> SlipModes:
             flexibility, T = (np.concatenate(p) for p in zip(*parts, strict=True))
@@ -282,8 +286,8 @@ class _PressureByShear:
 
     def smallest(self, count: int) -> SlipModes:
         """The smallest F, and more of them if none is of one sign."""
-        if isinstance(self.body, HeldMultigrid) and self.body.symmetric:
-            return self._by_davidson(self.body, count)
+        if isinstance(self._body, HeldMultigrid) and self._body.symmetric:
+            return self._by_davidson(self._body, count)
         for more in (1, 4, 16):
             modes = self._by_slepc(more * count)
             first = np.abs(modes.friction[modes.one_signed]).min(initial=np.inf)
@@ -406,7 +410,7 @@ class _PressureByShear:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        self.body.destroy()
+        self._body.destroy()
         self._u.destroy(), self._f.destroy()
 
 

@@ -15,8 +15,11 @@ motion they prescribe is not in contact.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
+
+from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
@@ -36,7 +39,7 @@ from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws.friction import Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 
-__all__ = ["Direction", "Slip", "SlipPattern"]
+__all__ = ["TOLERANCE", "Direction", "Slip", "SlipPattern", "free_motions"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -44,7 +47,7 @@ Flags = npt.NDArray[np.bool_]
 #: the Functions; or None, in 2D along t = (-n_y, n_x).
 Direction = npt.ArrayLike | Literal["solution"] | None
 
-_TOLERANCE = 1e-6  # of a direction cosine
+TOLERANCE = 1e-6  # of a direction cosine
 
 
 @dataclass(frozen=True)
@@ -110,8 +113,8 @@ class SlipPattern:
         tangential = along - (n @ along)[:, None] * n
         size = np.linalg.norm(tangential, axis=1, keepdims=True)
         message = f"the direction of slip {given.tolist()} is normal to the contact surface"
-        require(eq.comm, bool((size[~smooth] > _TOLERANCE).all()), message)
-        return np.where(size > _TOLERANCE, tangential / np.maximum(size, _TOLERANCE), 0.0)
+        require(eq.comm, bool((size[~smooth] > TOLERANCE).all()), message)
+        return np.where(size > TOLERANCE, tangential / np.maximum(size, TOLERANCE), 0.0)
 
     @staticmethod
     def _of_state(eq: ContactEquations, state: State) -> tuple[Flags, Array]:
@@ -167,9 +170,9 @@ class Slip:
         n = point_normals(eq)
         d = pattern.directions
         free = free_components(eq)
-        touching = pattern.closed & (np.linalg.norm(n * free, axis=1) > 1 - _TOLERANCE)
+        touching = pattern.closed & (np.linalg.norm(n * free, axis=1) > 1 - TOLERANCE)
         loose = touching & pattern.loose
-        slips = touching & ~loose & (np.linalg.norm(d * free, axis=1) > 1 - _TOLERANCE)
+        slips = touching & ~loose & (np.linalg.norm(d * free, axis=1) > 1 - TOLERANCE)
         self.places = np.flatnonzero(slips)
         self.number = int(eq.comm.allreduce(len(self.places)))
         require(eq.comm, self.number > 0, "no contact point can slip with friction")
@@ -189,21 +192,7 @@ class Slip:
     def require_held(self) -> None:
         """Raise ``ValueError`` if rigid motions are held by nothing but friction. Collective."""
         eq = self._eq
-        motions = self._eq.scaling.loose.of_body
-        if len(motions) == 0:
-            return
-        u = self.N.createVecRight()
-        held = []
-        for motion in motions:
-            u.array[:] = motion[: eq.V.dofmap.index_map.size_local].reshape(-1)
-            parts = [(rows, rows.createVecLeft()) for rows in (self.N, self.H)]
-            for rows, seen in parts:
-                rows.mult(u, seen)
-            held.append(np.concatenate([seen.array_r.copy() for _, seen in parts]))
-            for _, seen in parts:
-                seen.destroy()
-        u.destroy()
-        loose = rigid.combine(self.comm.allreduce(np.array(held) @ np.array(held).T), motions)
+        loose = free_motions(eq, [self.N, self.H])
         if len(loose):
             words = rigid.describe(loose, eq.V, axisymmetric=eq.axisymmetric)
             raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
@@ -224,3 +213,22 @@ class Slip:
         """Free the matrices."""
         for rows in (self.N, self.D, self.H):
             rows.destroy()
+
+
+def free_motions(eq: ContactEquations, blocks: Sequence[PETSc.Mat]) -> Array:
+    """Rigid motions that neither Dirichlet data nor rows at the displacement hold. Collective."""
+    motions = eq.scaling.loose.of_body
+    if len(motions) == 0:
+        return motions
+    u = blocks[0].createVecRight()
+    held = []
+    for motion in motions:
+        u.array[:] = motion[: eq.V.dofmap.index_map.size_local].reshape(-1)
+        parts = [(rows, rows.createVecLeft()) for rows in blocks]
+        for rows, seen in parts:
+            rows.mult(u, seen)
+        held.append(np.concatenate([seen.array_r.copy() for _, seen in parts]))
+        for _, seen in parts:
+            seen.destroy()
+    u.destroy()
+    return rigid.combine(eq.comm.allreduce(np.array(held) @ np.array(held).T), motions)
