@@ -568,6 +568,67 @@ def test_by_multigrid(body):
         assert found.residual < 1e-7
 
 
+CLOSE = {
+    "nearly equal": lambda: unlike(0.5 + 1e-3 * np.arange(3), [1.0] * 3),
+    "one in a million": lambda: unlike(0.5 + 1e-6 * np.arange(3), [1.0] * 3),
+    "soft beside stiff": lambda: unlike((0.0, 0.7), (1.0, 1e-4)),
+    "mirrored pairs": lambda: leaning(8, offset=0.0),
+    "complex first": lambda: linear_triangle(32, 0.3, lame=(0.0, 1.0)).problem,
+}
+
+
+@pytest.mark.parametrize("body", CLOSE)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="itself: all eigenvalues, by a factorisation",
+    aspects=("2D", "multigrid"),
+)
+def test_how_far_multigrid_knows_them(body):
+    """What is listed is right, and nothing below `known_up_to` is missing."""
+    whole = critical_friction(CLOSE[body](), dense=True, solver="direct")
+    every = np.sort(np.abs([*whole.one_signed, *whole.others]))
+    found = critical_friction(CLOSE[body](), dense=False, solver="amg")
+    listed = np.sort(np.abs([*found.one_signed, *found.others]))
+    np.testing.assert_allclose(listed, every[: len(listed)], rtol=1e-8)
+    assert (listed < found.known_up_to).sum() == (every < found.known_up_to).sum() > 0
+    assert found.friction == (whole.friction and pytest.approx(whole.friction, rel=1e-8))
+    assert found.known_up_to > 0.9 * every[len(listed)]
+
+
+def without_coupling():
+    """Components that do not see one another: no pressure by any shear."""
+    V = leaning(4).V
+    u = fem.Function(V)
+    bottom, top = (
+        mesh.locate_entities_boundary(V.mesh, 1, lambda x, y=y: np.isclose(x[1], y))
+        for y in (0.0, 2.0)
+    )
+    floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(1.0))
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    energy = 0.5 * ufl.inner(ufl.grad(u), ufl.grad(u)) * ufl.dx
+    return ContactProblem(energy, u, [floor], bcs=[clamped])
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_no_pressure_by_shear():
+    """T is 0, and what the search sees of it, by vectors that are not exact, is taken for that."""
+    found = critical_friction(without_coupling(), dense=False, solver="amg")
+    assert (found.friction, found.one_signed, found.others) == (None, [], [])
+    assert found.known_up_to > 1e4
+
+
+def test_multigrid_without_an_energy():
+    """A residual need not be symmetric: SLEPc and GMRES take the place of Davidson and CG."""
+    problem = leaning(6)
+    bulk = LinearElastic.from_young(1.0, 0.3).energy(problem.u) * ufl.dx
+    floor = problem.surfaces[0]
+    given = ufl.derivative(bulk, problem.u)
+    other = ContactProblem(given, problem.u, [floor], bcs=problem.bcs)
+    found, whole = (critical_friction(p, dense=False, solver="amg") for p in (other, problem))
+    assert found.friction == pytest.approx(whole.friction, rel=1e-8)
+    assert found.solves > 10 > whole.solves
+
+
 def test_which_solver(monkeypatch):
     """By size; an argument, and before it PETSc's options."""
     problem = leaning(3)

@@ -22,7 +22,9 @@ load come in continua there too. A complex pair brings none.
 With the shear f = S_tt v as the unknown this is T f = f/F, where T f is the pressure that a shear f
 brings about at contact points that stay closed: one solve with the stiffness of the body held so,
 and the largest eigenvalues of T are the smallest coefficients. Where only these are computed, a
-second search, from another start and among what the first has left, shows how far it has come.
+second search, from another start and among what the first has left, shows how far it has come. A
+factorised body is searched by SLEPc. By multigrid T is only applied to what is found: the search is
+Davidson's (`solvers.davidson`), which takes a cycle where SLEPc takes a solve of twenty.
 """
 
 from __future__ import annotations
@@ -100,14 +102,15 @@ class CriticalFriction:
             have slipped, under load.
         unreal: complex ones, by size: they bring no continua.
         known_up_to: size below which all F are among these; infinite if all were computed. A finite
-            one is where a second search found the next, which is a check and no proof.
+            one is where a second search found the next, which is a check and no proof; by multigrid
+            it is roughly found, and the size is less by twice what its error is estimated to be.
         complete: whether all F were computed; else those of smallest size were.
         displacement: of the body with `slips`.
         residual: the largest |T f - f/F| |F_1|/|f| of all that are listed, F_1 the smallest, T as
             the solver has it: 1/F is known no better.
         solver: ``direct`` or ``amg``.
         solves: with the body, as far as they are counted: by multigrid alone.
-        iterations: of conjugate gradients in these.
+        iterations: cycles of multigrid, in these and in the search for eigenvalues.
     """
 
     friction: float | None
@@ -172,7 +175,8 @@ def critical_friction(
             that slip in the solution in the Functions, as they do; others are stuck or open.
         count: of eigenvalues that are computed where there are too many points for all; if none of
             them is real and of one sign, up to 16 times as many. Beyond the first they often lie
-            close together, and take long. How far they reach is `CriticalFriction.known_up_to`.
+            close together, and take long. How far they reach is `CriticalFriction.known_up_to`. By
+            multigrid those above a thousand times the first are not looked for.
         dense: whether all are computed; by default with up to 512 points, 64 by multigrid.
         solver: of the body, ``direct`` or ``amg``: multigrid, for contact at nodes. By default,
             multigrid above 4 10^5 unknowns in 2D and 6 10^4 in 3D. ``-analysis_linear_solver``
@@ -182,7 +186,8 @@ def critical_friction(
         ValueError: on every rank, for a direction that is none, integral contact, or if no point
             can slip, or the body slides freely; for an unknown solver, and multigrid where a point
             has no node of its own.
-        RuntimeError: if SLEPc, or multigrid, does not converge.
+        RuntimeError: if SLEPc, or multigrid, does not converge, or by multigrid the body is not
+            stable with its contact points held.
     """
     eq = static_equations(problem)
     state = problem.state()
@@ -308,7 +313,8 @@ class _PressureByShear:
         try:
             while True:
                 known = self._known_beyond(search)
-                if search.size <= max(_SMALL * search.largest, _NOTHING):
+                small = search.size <= max(_SMALL * search.largest, _NOTHING)
+                if small or search.error > _ROUGH * search.size:  # no residual, and yet unknown
                     most = search.number
                 if search.number >= min(count, most):
                     modes = self._on_shears(seen, known)
