@@ -204,7 +204,7 @@ def critical_friction(
 
 
 def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> str:
-    """``direct`` or ``amg``: PETSc's options win, then what is asked for, then size. Collective.
+    """``direct`` or ``amg``: PETSc's options win, then the given one, then size. Collective.
 
     By itself multigrid is for large bodies where each row has a node of its own.
     """

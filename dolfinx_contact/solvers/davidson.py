@@ -240,5 +240,5 @@ class Davidson:
 
 
 def _real_parts(value: complex, vector: Complex) -> list[Array]:
-    """The real vectors that an eigenvector stands for: one, or two of a complex pair."""
+    """The real vectors of an eigenvector: one, or two of a complex pair."""
     return [vector.real, vector.imag] if value.imag else [vector.real]
