@@ -341,7 +341,7 @@ class _PressureByShear:
     def _on_shears(self, seen: list[tuple[Array, Array, Array]], known: float) -> SlipModes:
         """Eigenvalues of T on a subspace: shears, the slips they bring, and pressures."""
         m = len(self._softness)
-        parts = [np.array([row[i] for row in seen]).reshape(-1, m).T for i in range(3)]
+        parts = [np.array([row[i] for row in seen]).reshape(len(seen), m).T for i in range(3)]
         gathered = self.comm.gather([*parts, self._softness])
 
         def modes() -> SlipModes:
