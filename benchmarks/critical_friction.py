@@ -3,8 +3,8 @@
 
 A cube of n^3 hexahedra that leans by half its width, clamped at its top, all of its bottom slipping
 along x. For each n and solver: the coefficient, the relative residual of what is listed, how far
-coefficients are known, solves and iterations of conjugate gradients, seconds, and gigabytes of all
-ranks at their peak (each size after the smaller ones, so that the last is its own).
+coefficients are known, solves and cycles of multigrid, seconds, and gigabytes of all ranks
+at their peak (each size after the smaller ones, so that the last is its own).
 
     docker/run mpirun -n 2 python3 benchmarks/critical_friction.py --n 9 20 43
 """

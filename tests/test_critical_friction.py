@@ -17,7 +17,15 @@ from demo_critical_friction import main as demo
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    Sphere,
+    Tresca,
+)
 from dolfinx_contact.analysis import critical_friction
 from dolfinx_contact.laws import MINUS, PLUS
 from dolfinx_contact.materials import LinearElastic
@@ -274,6 +282,68 @@ def some_slip(problem, x):
     return min(values[one].real, key=abs)
 
 
+def beside(where, law, comm=COMM):
+    """An upright body on a floor with friction, and beside it another surface: wall or floor."""
+    V = leaning(6, offset=0.0, comm=comm).V
+    u = fem.Function(V)
+    top, floor, wall = (
+        mesh.locate_entities_boundary(V.mesh, 1, marker)
+        for marker in (
+            lambda x: np.isclose(x[1], 2.0),
+            lambda x: np.isclose(x[1], 0.0) & (x[0] < (0.4 if where == "floor" else 2.0)),
+            lambda x: np.isclose(x[0], 1.0) & (x[1] > 0.3),
+        )
+    )
+    other = mesh.locate_entities_boundary(V.mesh, 1, lambda x: np.isclose(x[1], 0.0) & (x[0] > 0.6))
+    down, right = (HalfSpace((1.0, 0.0), n) for n in ((0.0, 1.0), (-1.0, 0.0)))
+    facets, obstacle = (other, down) if where == "floor" else (wall, right)
+    surfaces = [
+        ContactSurface(u, floor, obstacle=down, law=Coulomb(0.3), name="rough"),
+        ContactSurface(u, facets, obstacle=obstacle, law=law, name="smooth"),
+    ]
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    young = fem.Function(fem.functionspace(V.mesh, ("DG", 0)))
+    young.interpolate(lambda x: 1.0 + 3.0 * x[0])  # no symmetry
+    energy = LinearElastic.from_young(young, 0.3).energy(u) * ufl.dx
+    return ContactProblem(energy, u, surfaces, bcs=[clamped])
+
+
+def beside_by_hand(where):
+    """All its coefficients: normals held, and the tangents of the other surface left free."""
+    problem = beside(where, Frictionless(), MPI.COMM_SELF)
+    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
+    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
+    x = problem.V.tabulate_dof_coordinates()
+    below = np.isclose(x[:, 1], 0.0)
+    rough = np.flatnonzero(below & (x[:, 0] < (0.4 if where == "floor" else 2.0)))
+    smooth = 2 * np.flatnonzero(below & (x[:, 0] > 0.6)) + 1
+    if where == "wall":
+        smooth = 2 * np.flatnonzero(np.isclose(x[:, 0], 1.0) & (x[:, 1] > 0.3) & (x[:, 1] < 1.99))
+    t, n = 2 * rough, 2 * rough + 1
+    free = np.setdiff1d(np.flatnonzero(~problem.equations.fixed), [*t, *n, *smooth])
+    within = np.linalg.solve(K[np.ix_(free, free)], K[np.ix_(free, t)])
+    S_tt, S_nt = (K[np.ix_(rows, t)] - K[np.ix_(rows, free)] @ within for rows in (t, n))
+    return scipy.linalg.eig(S_tt, S_nt)[0]
+
+
+@pytest.mark.parametrize(
+    ("where", "law"), [("wall", Frictionless()), ("floor", Frictionless()), ("floor", Tresca(0.1))]
+)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="independent code: a dense condensation in numpy",
+    aspects=("2D", "multigrid"),
+)
+def test_what_does_not_rub(where, law):
+    """Points without friction, or with a bound given in advance, stay closed and slip freely."""
+    expected = beside_by_hand(where)
+    for solver, dense in (("direct", True), ("amg", False)):
+        found = critical_friction(beside(where, law), (1.0, 0.0), solver=solver, dense=dense)
+        nearest = min([*found.one_signed, *found.others], key=abs)
+        assert np.abs(nearest - expected).min() < 1e-8 * abs(nearest)
+        assert abs(nearest) == pytest.approx(np.abs(expected).min(), rel=1e-8)
+
+
 def test_bad_input():
     problem = leaning(2)
     for direction, words in (
@@ -487,15 +557,77 @@ def test_by_multigrid(body):
     make, direction = LARGE[body]
     whole = critical_friction(make(), direction, dense=True, solver="direct")
     assert (whole.solver, whole.solves, whole.iterations) == ("direct", 0, 0)
-    expected = min([*whole.one_signed, *whole.others], key=abs)
+    expected = np.abs([*whole.one_signed, *whole.others]).min()  # of a mirrored pair either
     for dense in (False, True):
         found = critical_friction(make(), direction, dense=dense, solver="amg")
-        assert min([*found.one_signed, *found.others], key=abs) == pytest.approx(expected, rel=1e-8)
+        sizes = np.abs([*found.one_signed, *found.others])
+        assert sizes.min() == pytest.approx(expected, rel=1e-8)
         assert found.friction == (whole.friction and pytest.approx(whole.friction, rel=1e-8))
         np.testing.assert_allclose(found.slips, whole.slips, atol=1e-7)
         assert (found.solver, found.complete) == ("amg", dense)
         assert 0 < found.solves < found.iterations
         assert found.residual < 1e-7
+
+
+CLOSE = {
+    "nearly equal": lambda: unlike(0.5 + 1e-3 * np.arange(3), [1.0] * 3),
+    "one in a million": lambda: unlike(0.5 + 1e-6 * np.arange(3), [1.0] * 3),
+    "soft beside stiff": lambda: unlike((0.0, 0.7), (1.0, 1e-4)),
+    "mirrored pairs": lambda: leaning(8, offset=0.0),
+    "complex first": lambda: linear_triangle(32, 0.3, lame=(0.0, 1.0)).problem,
+}
+
+
+@pytest.mark.parametrize("body", CLOSE)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="itself: all eigenvalues, by a factorisation",
+    aspects=("2D", "multigrid"),
+)
+def test_how_far_multigrid_knows_them(body):
+    """What is listed is right, and nothing below `known_up_to` is missing."""
+    whole = critical_friction(CLOSE[body](), dense=True, solver="direct")
+    every = np.sort(np.abs([*whole.one_signed, *whole.others]))
+    found = critical_friction(CLOSE[body](), dense=False, solver="amg")
+    listed = np.sort(np.abs([*found.one_signed, *found.others]))
+    np.testing.assert_allclose(listed, every[: len(listed)], rtol=1e-8)
+    assert (listed < found.known_up_to).sum() == (every < found.known_up_to).sum() > 0
+    assert found.friction == (whole.friction and pytest.approx(whole.friction, rel=1e-8))
+    assert found.known_up_to > 0.9 * every[len(listed)]
+
+
+def without_coupling():
+    """Components that do not see one another: no pressure by any shear."""
+    V = leaning(4).V
+    u = fem.Function(V)
+    bottom, top = (
+        mesh.locate_entities_boundary(V.mesh, 1, lambda x, y=y: np.isclose(x[1], y))
+        for y in (0.0, 2.0)
+    )
+    floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(1.0))
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    energy = 0.5 * ufl.inner(ufl.grad(u), ufl.grad(u)) * ufl.dx
+    return ContactProblem(energy, u, [floor], bcs=[clamped])
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_no_pressure_by_shear():
+    """T is 0, and what the search sees of it, by vectors that are not exact, is taken for that."""
+    found = critical_friction(without_coupling(), dense=False, solver="amg")
+    assert (found.friction, found.one_signed, found.others) == (None, [], [])
+    assert found.known_up_to > 1e4
+
+
+def test_multigrid_without_an_energy():
+    """A residual need not be symmetric: SLEPc and GMRES take the place of Davidson and CG."""
+    problem = leaning(6)
+    bulk = LinearElastic.from_young(1.0, 0.3).energy(problem.u) * ufl.dx
+    floor = problem.surfaces[0]
+    given = ufl.derivative(bulk, problem.u)
+    other = ContactProblem(given, problem.u, [floor], bcs=problem.bcs)
+    found, whole = (critical_friction(p, dense=False, solver="amg") for p in (other, problem))
+    assert found.friction == pytest.approx(whole.friction, rel=1e-8)
+    assert found.solves > 10 > whole.solves
 
 
 def test_which_solver(monkeypatch):

@@ -22,7 +22,9 @@ load come in continua there too. A complex pair brings none.
 With the shear f = S_tt v as the unknown this is T f = f/F, where T f is the pressure that a shear f
 brings about at contact points that stay closed: one solve with the stiffness of the body held so,
 and the largest eigenvalues of T are the smallest coefficients. Where only these are computed, a
-second search, from another start and among what the first has left, shows how far it has come.
+second search, from another start and among what the first has left, shows how far it has come. A
+factorised body is searched by SLEPc. By multigrid T is only applied to what is found: the search is
+Davidson's (`solvers.davidson`), which takes a cycle where SLEPc takes a solve of twenty.
 """
 
 from __future__ import annotations
@@ -44,11 +46,21 @@ from dolfinx_contact._optional import slepc
 from dolfinx_contact._petsc import as_raised, options_in_database, staged
 from dolfinx_contact.analysis.rows import Problem, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
+from dolfinx_contact.analysis.slip_modes import SlipModes
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
+from dolfinx_contact.solvers.davidson import Davidson
 from dolfinx_contact.solvers.held_multigrid import HeldMultigrid, have_own_nodes
 
-__all__ = ["CriticalFriction", "critical_friction"]
+__all__ = [
+    "CriticalFriction",
+    "check_request",
+    "critical_friction",
+    "held_body",
+    "softness_of",
+    "solver_of_body",
+    "takes_all",
+]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -56,12 +68,12 @@ Complex = npt.NDArray[np.complex128]
 #: Points up to which all eigenvalues are computed; by multigrid that takes one solve a point.
 _DENSE = {"direct": 512, "amg": 64}
 _LARGEST_DIRECT = {2: 400_000, 3: 60_000}  # unknowns of the body, estimates
-_REAL = 1e-9  # relative imaginary part that is none, and difference of coefficients that are one
-_DEPENDENT = 1e-6  # relative singular value of vectors of one coefficient that are as good as fewer
-_SIGN = 1e-8  # of the largest slip, at points as soft, by which another may have the other sign
-_BLURRED = 10.0  # by which a vector may be further off than its residual over its gap
-_MOST = 1e-3  # of the largest, what is taken for none however little the vector is known
-_NOTHING = 1e-11  # eigenvalues of T, over the largest, that are none
+_TIGHT = 1e-10  # residual of the vectors that multigrid finds, over their eigenvalues
+_ROUGH = 1e-2  # relative error of the one beyond,
+_SAFE = 2.0  # and by how much it may be underestimated
+_SMALL = 1e-3  # of the largest, eigenvalues that it does not look for
+_NOTHING = 1e-11  # that is none at all
+_WIDEST = 16  # times as many eigenvalues where none of the first is of one sign
 _FAR = 1e-6  # relative margin of the size up to which coefficients are known
 _DEFAULTS: dict[str, dict[str, Any]] = {
     "direct": {"eps_type": "krylovschur", "eps_tol": 1e-12, "eps_max_it": 500},
@@ -90,14 +102,15 @@ class CriticalFriction:
             have slipped, under load.
         unreal: complex ones, by size: they bring no continua.
         known_up_to: size below which all F are among these; infinite if all were computed. A finite
-            one is where a second search found the next, which is a check and no proof.
+            one is where a second search found the next, which is a check and no proof; by multigrid
+            it is roughly found, and the size is less by twice what its error is estimated to be.
         complete: whether all F were computed; else those of smallest size were.
         displacement: of the body with `slips`.
         residual: the largest |T f - f/F| |F_1|/|f| of all that are listed, F_1 the smallest, T as
             the solver has it: 1/F is known no better.
         solver: ``direct`` or ``amg``.
         solves: with the body, as far as they are counted: by multigrid alone.
-        iterations: of conjugate gradients in these.
+        iterations: cycles of multigrid, in these and in the search for eigenvalues.
     """
 
     friction: float | None
@@ -122,7 +135,8 @@ class CriticalFriction:
         return sorted(others, key=lambda F: (float(f"{abs(F):.9e}"), -F.real, -F.imag))
 
 
-def _check(a: Arguments) -> None:
+def check_request(a: Arguments) -> None:
+    """Raise ``ValueError`` for a ``count`` or a ``solver`` that is none."""
     if not is_count(a.count):
         raise ValueError(f"the number of eigenvalues must be 1 or more, got {a.count!r}")
     kind = _wanted(a.solver)
@@ -135,7 +149,7 @@ def _wanted(solver: str) -> str:
     return str(PETSc.Options().getString("analysis_linear_solver", solver))
 
 
-@collective("critical friction", _check)
+@collective("critical friction", check_request)
 @staged("ContactCriticalFriction")
 def critical_friction(
     problem: Problem,
@@ -147,8 +161,9 @@ def critical_friction(
 ) -> CriticalFriction:
     """Critical coefficients of friction of a body in contact. Collective.
 
-    The friction of the law does not matter: all points that slip rub with one F, also those of
-    `Frictionless` surfaces, or with a bound given in advance (Tresca). A bulk that is not linear is
+    The friction of the law does not matter: all points that slip rub with one F. Those of
+    `Frictionless` surfaces do not, nor those that slip with a bound given in advance (Tresca): they
+    stay closed, and move along the surface as they like. A bulk that is not linear is
     taken at the displacement in the Functions. With more than 512 points only the coefficients of
     smallest size are computed, and nothing is known of those beyond `CriticalFriction.known_up_to`:
     raise ``count``, or take all with ``dense=True``.
@@ -160,7 +175,8 @@ def critical_friction(
             that slip in the solution in the Functions, as they do; others are stuck or open.
         count: of eigenvalues that are computed where there are too many points for all; if none of
             them is real and of one sign, up to 16 times as many. Beyond the first they often lie
-            close together, and take long. How far they reach is `CriticalFriction.known_up_to`.
+            close together, and take long. How far they reach is `CriticalFriction.known_up_to`. By
+            multigrid those above a thousand times the first are not looked for.
         dense: whether all are computed; by default with up to 512 points, 64 by multigrid.
         solver: of the body, ``direct`` or ``amg``: multigrid, for contact at nodes. By default,
             multigrid above 4 10^5 unknowns in 2D and 6 10^4 in 3D. ``-analysis_linear_solver``
@@ -170,16 +186,16 @@ def critical_friction(
         ValueError: on every rank, for a direction that is none, integral contact, or if no point
             can slip, or the body slides freely; for an unknown solver, and multigrid where a point
             has no node of its own.
-        RuntimeError: if SLEPc, or multigrid, does not converge.
+        RuntimeError: if SLEPc, or multigrid, does not converge, or by multigrid the body is not
+            stable with its contact points held.
     """
     eq = static_equations(problem)
     state = problem.state()
-    slip = Slip(eq, SlipPattern.of(eq, direction, state), hold_across=True)
+    slip = Slip(eq, SlipPattern.of(eq, direction, state, by_law=True), hold_across=True)
     slip.require_held()
-    operator = _PressureByShear(eq, slip, state.u, _wanted(solver))
+    operator = _PressureByShear(eq, slip, state.u, solver)
     try:
-        few = slip.number <= _DENSE[operator.solver]
-        complete = few if dense is None else bool(dense)
+        complete = takes_all(dense, slip.number, operator.solver)
         modes = operator.all() if complete else operator.smallest(int(count))
         return _collected(problem, operator, slip, modes, complete)
     finally:
@@ -187,11 +203,33 @@ def critical_friction(
         slip.destroy()
 
 
-def _by_size(eq: ContactEquations, rows: list[PETSc.Mat]) -> str:
-    """Multigrid for large bodies, where each row has a node of its own. Collective."""
-    if sum(eq.global_sizes) <= _LARGEST_DIRECT[eq.dim]:
-        return "direct"
-    return "amg" if have_own_nodes(rows, eq.dim) else "direct"
+def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> str:
+    """``direct`` or ``amg``: PETSc's options win, then the given one, then size. Collective.
+
+    By itself multigrid is for large bodies where each row has a node of its own.
+    """
+    kind = _wanted(solver)
+    if kind != "auto":
+        return kind
+    large = sum(eq.global_sizes) > _LARGEST_DIRECT[eq.dim]
+    return "amg" if large and have_own_nodes(rows, eq.dim) else "direct"
+
+
+def held_body(
+    eq: ContactEquations, u: Array, rows: list[PETSc.Mat], kind: str
+) -> HeldBody | HeldMultigrid:
+    """The body with rows held, by a solver of `solver_of_body`. Collective."""
+    if kind == "amg":
+        return HeldMultigrid(eq, u, rows, "analysis_")
+    K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
+    body = HeldBody(eq.comm, [HeldField(K, rows)], eq.stiffness_scale)
+    K.destroy()
+    return body
+
+
+def takes_all(dense: bool | None, number: int, kind: str) -> bool:
+    """Whether all coefficients of so many points are computed."""
+    return number <= _DENSE[kind] if dense is None else bool(dense)
 
 
 class _PressureByShear:
@@ -200,24 +238,23 @@ class _PressureByShear:
     def __init__(self, eq: ContactEquations, slip: Slip, u: Array, solver: str):
         self.comm = eq.comm
         self._slip = slip
+        self._softness = softness_of(slip.D, eq.bulk.stiffness(u))
         rows = [slip.N, slip.H]
-        K = eq.bulk.stiffness(u)
-        self._softness = _softness(slip.D, K)
-        self.solver = solver if solver != "auto" else _by_size(eq, rows)
-        self._body: HeldBody | HeldMultigrid
-        if self.solver == "amg":
-            self._body = HeldMultigrid(eq, u, rows, "analysis_")
-        else:
-            K = with_dirichlet_rows(K, eq, eq.stiffness_scale)
-            self._body = HeldBody(eq.comm, [HeldField(K, rows)], eq.stiffness_scale)
-            K.destroy()
+        self.solver = solver_of_body(eq, rows, solver)
+        self._body = held_body(eq, u, rows, self.solver)
         self._u, self._f = slip.D.createVecs()
+        self._cycles = 0
 
-    def solve(self, shear: Array) -> tuple[Array, Array]:
-        """Displacement and pressures, owned, for the shears of this rank."""
+    def solve(self, shear: Array, *start: Array) -> tuple[Array, Array]:
+        """Displacement and pressures, owned, for the shears of this rank.
+
+        Args:
+            shear: f.
+            start: of multigrid, if there is one.
+        """
         self._f.array[:] = shear
         self._slip.D.multTranspose(self._f, self._u)
-        u, pressure, _ = self._body.solve(self._u.array_r)
+        u, pressure, _ = self._body.solve(self._u.array_r, *start)
         return u, pressure
 
     def _answer(self, shear: PETSc.Vec) -> tuple[Array, Array]:
@@ -228,9 +265,11 @@ class _PressureByShear:
 
     @property
     def work(self) -> tuple[int, int]:
-        """Solves by multigrid, and iterations of these."""
+        """Solves by multigrid, and cycles in these and in the search for eigenvalues."""
         body = self._body
-        return (body.solves, body.iterations) if isinstance(body, HeldMultigrid) else (0, 0)
+        if isinstance(body, HeldMultigrid):
+            return body.solves, body.iterations + self._cycles
+        return 0, 0
 
     def slips(self, u: Array) -> Array:
         """D u."""
@@ -238,22 +277,22 @@ class _PressureByShear:
         self._slip.D.mult(self._u, self._f)
         return self._f.array_r.copy()
 
-    def all(self) -> _Modes:
+    def all(self) -> SlipModes:
         """All eigenvalues of T, and the slips and shears of their vectors."""
         D = self._slip.D
         softness = np.concatenate(self.comm.allgather(self._softness))
         parts = self.comm.gather(self._body.respond(columns_of(D), D))
 
-        def modes() -> _Modes:
+        def modes() -> SlipModes:
             flexibility, T = (np.concatenate(p) for p in zip(*parts, strict=True))
-            values, shears = np.linalg.eig(T)
-            off = np.linalg.norm(T @ shears - values * shears, axis=0)
-            return _Modes.of(values, flexibility @ shears, shears, np.inf, off, softness)
+            return SlipModes.of_matrix(T, flexibility, softness)
 
         return on_root(self.comm, modes)
 
-    def smallest(self, count: int) -> _Modes:
+    def smallest(self, count: int) -> SlipModes:
         """The smallest F, and more of them if none is of one sign."""
+        if isinstance(self._body, HeldMultigrid) and self._body.symmetric:
+            return self._by_davidson(self._body, count)
         for more in (1, 4, 16):
             modes = self._by_slepc(more * count)
             first = np.abs(modes.friction[modes.one_signed]).min(initial=np.inf)
@@ -261,7 +300,59 @@ class _PressureByShear:
                 break
         return modes
 
-    def _by_slepc(self, count: int) -> _Modes:
+    def _by_davidson(self, body: HeldMultigrid, count: int) -> SlipModes:
+        """Eigenvalues of T of largest size, one after the other, without products with T.
+
+        With those that are kept the search for the next shows how far they are known, roughly at
+        first. T on the shears f that are kept says what their eigenvalues are: from f, the slips
+        E f and T f these are those of (f^T E f)^-1 f^T E T f.
+        """
+        search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
+        seen: list[tuple[Array, Array, Array]] = []
+        most = min(_WIDEST * count, self._slip.number)
+        try:
+            while True:
+                known = self._known_beyond(search)
+                small = search.size <= max(_SMALL * search.largest, _NOTHING)
+                if small or search.error > _ROUGH * search.size:  # no residual, and yet unknown
+                    most = search.number
+                if search.number >= min(count, most):
+                    modes = self._on_shears(seen, known)
+                    first = np.abs(modes.friction[modes.one_signed]).min(initial=np.inf)
+                    if first <= known or search.number >= most:
+                        return modes
+                search.converge(_TIGHT)
+                for shear, start in zip(*(columns.T for columns in search.keep()), strict=True):
+                    u, pressure = self.solve(shear, start)
+                    seen.append((shear, self.slips(u), pressure))
+        finally:
+            self._cycles += search.cycles
+            search.destroy()
+
+    def _known_beyond(self, search: Davidson) -> float:
+        """Size of the smallest F that the next search may find."""
+        if search.number >= self._slip.number:
+            return np.inf
+        search.begin()
+        search.converge(_ROUGH)
+        largest = search.size + _SAFE * search.error
+        return (1.0 - _FAR) / largest if search.size > 0 else np.inf
+
+    def _on_shears(self, seen: list[tuple[Array, Array, Array]], known: float) -> SlipModes:
+        """Eigenvalues of T on a subspace: shears, the slips they bring, and pressures."""
+        m = len(self._softness)
+        parts = [np.array([row[i] for row in seen]).reshape(len(seen), m).T for i in range(3)]
+        gathered = self.comm.gather([*parts, self._softness])
+
+        def modes() -> SlipModes:
+            f, slips, pressures, softness = map(np.concatenate, zip(*gathered, strict=True))
+            values, y = np.linalg.eig(np.linalg.solve(f.T @ slips, slips.T @ pressures))
+            off = np.linalg.norm(pressures @ y - values * (f @ y), axis=0)
+            return SlipModes.of(values, slips @ y, f @ y, known, off, softness)
+
+        return on_root(self.comm, modes)
+
+    def _by_slepc(self, count: int) -> SlipModes:
         """Eigenvalues of T of largest size; SLEPc applies T alone."""
         size = (len(self._slip.places), None)
         T = PETSc.Mat().createPython((size, size), _Product(self), comm=self.comm)
@@ -289,7 +380,7 @@ class _PressureByShear:
         residuals = np.sqrt(self.comm.allreduce(np.array(off)))
         softness = np.concatenate(self.comm.allgather(self._softness))
         everything = np.array(values), slip, shear, known, residuals, softness
-        return on_root(self.comm, lambda: _Modes.of(*everything))
+        return on_root(self.comm, lambda: SlipModes.of(*everything))
 
     def _known_up_to(self, T: PETSc.Mat, found: list[PETSc.Vec]) -> float:
         """Size of the smallest F that belongs to none of the vectors found; 0 if it is not found.
@@ -329,7 +420,7 @@ class _PressureByShear:
         self._u.destroy(), self._f.destroy()
 
 
-def _softness(D: PETSc.Mat, K: PETSc.Mat) -> Array:
+def softness_of(D: PETSc.Mat, K: PETSc.Mat) -> Array:
     """Slip of each point of this rank by a force where all else is held (m,). Collective."""
     first, columns, values = D.getValuesCSR()
     squared = PETSc.Mat().createAIJ(D.getSizes(), csr=(first, columns, values**2), comm=D.comm)
@@ -353,132 +444,8 @@ class _Product:
         y.array[:] = self._operator.solve(x.array_r)[1]
 
 
-@dataclass(frozen=True)
-class _Modes:
-    """Coefficients F by size (k,), slips and shears of all points, rank by rank (m, k).
-
-    All F below the size `known_up_to` are among them. Residuals (k,) are relative. Slips are
-    measured by the softness of their points, or the round-off of soft bodies would hide the slips
-    of stiff ones; those that are less than what is known of a vector are 0.
-    """
-
-    friction: Complex
-    slips: Complex
-    shears: Complex
-    known_up_to: float
-    residuals: Array
-
-    @classmethod
-    def of(
-        cls,
-        values: Complex,
-        slips: Complex,
-        shears: Complex,
-        known_up_to: float,
-        off: Array,
-        softness: Array,
-    ) -> _Modes:
-        """From eigenvalues of T; ``off`` is |T f - f/F| of each, ``softness`` that of points."""
-        there = np.abs(values) > _NOTHING * max(np.abs(values).max(initial=0.0), _NOTHING)
-        F = 1.0 / values[there]
-        largest = np.abs(values).max(initial=0.0)
-        residuals = off[there] / (largest * np.linalg.norm(shears[:, there], axis=0))
-        # What differs by less than it is known is one.
-        same = max(_REAL, float(residuals.max(initial=0.0)))
-        F = np.where(np.abs(F.imag) <= same * np.abs(F), F.real, F)
-        # Of two that mirror each other the positive one comes first, whatever the round-off.
-        size = np.abs(F)
-        order = np.lexsort((-F.imag, -F.real, np.round(size / size.min(initial=np.inf), 9)))
-        F = F[order]
-        residuals = residuals[order]
-        slips, shears = (v[:, there][:, order] for v in (slips, shears))
-        soft = softness[:, None]
-        slips = slips / soft
-        none = _blur(F, residuals, same, known_up_to)
-        _with_one_sign(F, slips, shears, same, none)
-        sizes = np.abs(slips)
-        slips = np.where(sizes > none * sizes.max(axis=0), slips * soft, 0.0)
-        most = slips[np.abs(slips).argmax(axis=0), np.arange(len(order))]
-        return cls(F, slips / most, shears / most, known_up_to, residuals)
-
-    @property
-    def one_signed(self) -> npt.NDArray[np.bool_]:
-        """Which F are real and have slips of one sign."""
-        return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= 0.0))
-
-
-def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Array:
-    """By which the vectors of coefficients may be off, of their size (k,).
-
-    That is the residual over the distance to the next eigenvalue of T (G. W. Stewart and J. Sun,
-    Matrix Perturbation Theory, 1990, ch. V), listed or not.
-    """
-    values = 1.0 / F
-    apart = np.abs(values[:, None] - values)
-    apart[apart <= same * np.abs(values)] = np.inf
-    beyond = np.abs(np.abs(values) - 1.0 / known_up_to if known_up_to > 0 else np.inf)
-    gap = np.minimum(apart.min(axis=1, initial=np.inf), beyond)
-    largest = np.abs(values).max(initial=0.0)
-    return np.clip(_BLURRED * residuals * largest / np.maximum(gap, same * largest), _SIGN, _MOST)
-
-
-def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, none: Array) -> None:
-    """Let a slip of one sign be among the vectors of each real coefficient that has one.
-
-    Of a coefficient that is there several times all combinations of its vectors are slips, and none
-    of those that an eigensolver takes need have one sign. The first of them is replaced.
-
-    Args:
-        F: coefficients (k,).
-        slips: by the softness of points, and shears, one a column (m, k); changed.
-        shears: see there.
-        same: relative difference of coefficients that are one.
-        none: share of the largest slip that is none (k,).
-    """
-    real = np.flatnonzero(F.imag == 0)
-    real = real[np.argsort(F.real[real], kind="stable")]
-    values = F.real[real]
-    apart = np.flatnonzero(np.diff(values) > same * np.abs(values[1:]))
-    for group in np.split(real, apart + 1):
-        if len(group) < 2:
-            continue
-        # Round-off may have made a pair of two that are equal.
-        u, f = (np.hstack([v[:, group].real, v[:, group].imag]) for v in (slips, shears))
-        _, sizes, back = np.linalg.svd(u, full_matrices=False)
-        kept = (sizes > _DEPENDENT * sizes[0])[: len(group)]
-        back = (back[: len(group)] / sizes[: len(group), None])[kept].T
-        weights = back @ _nonnegative(u @ back, float(none[group].max()))
-        if weights.any():
-            first = group.min()
-            slips[:, first], shears[:, first] = u @ weights, f @ weights
-
-
-def _nonnegative(vectors: Array, none: float) -> Array:
-    """Weights (k,) of a combination that is nowhere negative, as large as can be; 0 if none is.
-
-    Args:
-        vectors: orthonormal, one a column (m, k).
-        none: share of the largest value that is none.
-    """
-    from scipy.optimize import linprog
-
-    m, k = vectors.shape
-    found = linprog(
-        -vectors.sum(axis=0),
-        A_ub=np.vstack([vectors, -vectors]),
-        b_ub=np.concatenate([np.ones(m), np.full(m, 0.5 * none)]),
-        bounds=[(None, None)] * k,
-        options={"primal_feasibility_tolerance": 1e-9},
-    )
-    if found.status != 0:
-        raise RuntimeError(f"no answer of the linear programme: {found.message}")
-    weights = np.asarray(found.x)
-    slip = vectors @ weights
-    return weights if slip.min() >= -none * slip.max() and slip.max() > 0.5 else np.zeros(k)
-
-
 def _collected(
-    problem: Problem, operator: _PressureByShear, slip: Slip, modes: _Modes, complete: bool
+    problem: Problem, operator: _PressureByShear, slip: Slip, modes: SlipModes, complete: bool
 ) -> CriticalFriction:
     friction = modes.friction
     chosen = np.flatnonzero(modes.one_signed)

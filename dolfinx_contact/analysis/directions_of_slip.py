@@ -13,12 +13,32 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import require
+from dolfinx_contact._errors import on_root, require
 from dolfinx_contact._numbers import is_count
-from dolfinx_contact.analysis.critical_friction import BodySolverKind, critical_friction
-from dolfinx_contact.analysis.rows import Problem, point_normals, static_equations
+from dolfinx_contact.analysis.critical_friction import (
+    BodySolverKind,
+    check_request,
+    critical_friction,
+    held_body,
+    softness_of,
+    solver_of_body,
+    takes_all,
+)
+from dolfinx_contact.analysis.rows import (
+    Problem,
+    component_rows,
+    free_axes,
+    free_components,
+    point_normals,
+    require_nodes,
+    static_equations,
+)
+from dolfinx_contact.analysis.slip import TOLERANCE, Slip, SlipPattern, free_motions
+from dolfinx_contact.analysis.slip_modes import SlipModes
+from dolfinx_contact.reduced.held_body import columns_of
 
 __all__ = ["FrictionByDirection", "critical_friction_by_direction"]
 
@@ -71,6 +91,7 @@ class FrictionByDirection:
 def _check(a: Arguments) -> None:
     if not (is_count(a.number) and a.number >= 2 and a.number % 2 == 0):
         raise ValueError(f"the number of directions must be even, 2 or more, got {a.number!r}")
+    check_request(a)
 
 
 @collective("critical friction by direction", _check)
@@ -84,8 +105,9 @@ def critical_friction_by_direction(
 ) -> FrictionByDirection:
     """Critical coefficients of friction over the direction of sliding, in 3D. Collective.
 
-    The plane of contact is that across the mean of all normals. Every second direction takes a
-    factorisation of the body, or a hierarchy of multigrid.
+    The plane of contact is that across the mean of all normals. Where all coefficients are computed
+    one factorisation of the body, or one hierarchy of multigrid, serves all directions; otherwise
+    every second direction takes one, since what is held there is another.
 
     Args:
         problem: as of `critical_friction`.
@@ -111,14 +133,101 @@ def critical_friction_by_direction(
     directions = np.cos(angles)[:, None] * basis[0] + np.sin(angles)[:, None] * basis[1]
     friction = np.full(number, np.inf)
     known = np.full(number, np.inf)
-    for i in range(half):
-        found = critical_friction(problem, directions[i], count=count, dense=dense, solver=solver)
-        values = np.array(found.one_signed)
-        # Slip along d has F < 0, slip along -d has F > 0.
-        friction[i] = np.abs(values[values < 0]).min(initial=np.inf)
-        friction[i + half] = values[values > 0].min(initial=np.inf)
-        known[[i, i + half]] = found.known_up_to
+    points = _AllTangents(problem, solver)
+    try:
+        few = points.held and takes_all(dense, points.number, points.solver)
+        for i in range(half):
+            if few:
+                values = points.coefficients(directions[i])
+            else:
+                found = critical_friction(
+                    problem, directions[i], count=count, dense=dense, solver=solver
+                )
+                values = np.array(found.one_signed)
+                known[[i, i + half]] = found.known_up_to
+            # Slip along d has F < 0, slip along -d has F > 0.
+            friction[i] = np.abs(values[values < 0]).min(initial=np.inf)
+            friction[i + half] = values[values > 0].min(initial=np.inf)
+    finally:
+        points.destroy()
     return FrictionByDirection(angles, directions, friction, known, basis)
+
+
+class _AllTangents:
+    """What forces along all tangents do to the contact points, from one solver of the body.
+
+    With all normals held let C be the slips that unit forces along the tangents bring, and P the
+    pressures. Where slip along d is free and all other slip is held the stiffness is
+    S_dd = d^T C^-1 d, and the pressure S_nd = P C^-1 d. Collective, as all methods are.
+
+    Args:
+        problem: the contact problem.
+        solver: of the body.
+
+    Attributes:
+        number: of points in contact.
+        held: whether the normals of these hold the body.
+        solver: of the body, ``direct`` or ``amg``.
+    """
+
+    def __init__(self, problem: Problem, solver: BodySolverKind):
+        self._eq = eq = static_equations(problem)
+        require_nodes(eq)
+        self._u = problem.state().u
+        n = point_normals(eq)
+        touching = np.linalg.norm(n * free_components(eq), axis=1) > 1 - TOLERANCE
+        across = np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n)
+        self._places = np.flatnonzero(touching)
+        self._point, self._axes = free_axes(eq, across * touching[:, None, None])
+        self._N = component_rows(eq, self._places, n[touching])
+        self._tangents = component_rows(eq, self._point, self._axes)
+        self.held = len(free_motions(eq, [self._N])) == 0
+        self.number = int(eq.comm.allreduce(len(self._places)))
+        self.solver = solver_of_body(eq, [self._N], solver)
+        self._answers: tuple[Array, Array] | None = None
+
+    def coefficients(self, direction: Array) -> Array:
+        """All F with real slips of one sign for slip along a direction."""
+        eq = self._eq
+        pattern = SlipPattern.of(eq, direction, None, by_law=True)
+        slip = Slip(eq, pattern, hold_across=True)
+        try:
+            slip.require_held()
+            softness = softness_of(slip.D, eq.bulk.stiffness(self._u))
+        finally:
+            slip.destroy()
+        C, P = self._answered()
+        held = ~pattern.loose[self._point]
+        along = self._point[:, None] == slip.places
+        slips = np.where(along, self._axes @ slip.directions.T, 0.0)
+        pressed = np.searchsorted(self._places, slip.places)
+        parts = eq.comm.gather((C, P[pressed], held, slips[held], softness))
+
+        def real_ones() -> Array:
+            C, P, held, slips, softness = zip(*parts, strict=True)
+            kept = np.concatenate(held)
+            d = block_diag(*slips)
+            forces = np.linalg.solve(np.concatenate(C)[np.ix_(kept, kept)], d)
+            flexibility = np.linalg.inv(d.T @ forces)
+            T = np.concatenate(P)[:, kept] @ forces @ flexibility
+            modes = SlipModes.of_matrix(T, flexibility, np.concatenate(softness))
+            return np.asarray(modes.friction[modes.one_signed].real)
+
+        return on_root(eq.comm, real_ones)
+
+    def _answered(self) -> tuple[Array, Array]:
+        """C and P, the rows of this rank."""
+        if self._answers is None:
+            body = held_body(self._eq, self._u, [self._N], self.solver)
+            try:
+                self._answers = body.respond(columns_of(self._tangents), self._tangents)
+            finally:
+                body.destroy()
+        return self._answers
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self._N.destroy(), self._tangents.destroy()
 
 
 def plane_across(normal: Array) -> Array:

@@ -7,15 +7,19 @@ parts,
 
     N u = n.j,    D u = d.j    at the points that slip,    H u = 0    at those that are held:
 
-along n and all tangents where a point sticks, and across d in 3D where such slip is held too.
+along n and all tangents where a point sticks, across d in 3D where such slip is held too, and along
+n alone where a change of pressure leaves the shear as it is.
 What Dirichlet data fix is left out: a point whose slip they prescribe is held, one whose normal
 motion they prescribe is not in contact.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
+
+from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
@@ -32,9 +36,10 @@ from dolfinx_contact.body import rigid
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.laws.friction import Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 
-__all__ = ["Direction", "Slip", "SlipPattern"]
+__all__ = ["TOLERANCE", "Direction", "Slip", "SlipPattern", "free_motions"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -42,7 +47,7 @@ Flags = npt.NDArray[np.bool_]
 #: the Functions; or None, in 2D along t = (-n_y, n_x).
 Direction = npt.ArrayLike | Literal["solution"] | None
 
-_TOLERANCE = 1e-6  # of a direction cosine
+TOLERANCE = 1e-6  # of a direction cosine
 
 
 @dataclass(frozen=True)
@@ -52,31 +57,52 @@ class SlipPattern:
     Attributes:
         closed: which are in contact (n,).
         directions: unit tangents along which points slip, 0 where they stick (n, dim).
+        loose: which have no friction, or slip under a bound given in advance, and count as such
+            (n,).
     """
 
     closed: Flags
     directions: Array
+    loose: Flags
 
     @classmethod
-    def of(cls, eq: ContactEquations, direction: Direction, state: State | None) -> SlipPattern:
+    def of(
+        cls,
+        eq: ContactEquations,
+        direction: Direction,
+        state: State | None,
+        *,
+        by_law: bool = False,
+    ) -> SlipPattern:
         """All points slip along one direction, or as in a state. Collective.
 
         Args:
             eq: the contact problem.
             direction: of the slip.
             state: the solution that ``direction="solution"`` means.
+            by_law: whether points are loose whose law says so; by default none is.
 
         Raises:
             ValueError: on every rank, if the direction is none, or normal to a surface somewhere.
         """
+        n = point_normals(eq)
+        smooth, given = _laws(eq) if by_law else np.zeros((2, len(n)), dtype=bool)
         if isinstance(direction, str):
             require(eq.comm, direction == "solution", _unknown(direction))
             assert state is not None
-            return cls._of_state(eq, state)
+            touching, along = cls._of_state(eq, state)
+        else:
+            touching = np.ones(len(n), dtype=bool)
+            along = cls._along(eq, direction, smooth)
+        return cls(touching, along, touching & (smooth | (given & along.any(axis=1))))
+
+    @staticmethod
+    def _along(eq: ContactEquations, direction: Direction, smooth: Flags) -> Array:
+        """Unit tangents along a direction, which only points without friction need not have."""
         n = point_normals(eq)
         if direction is None:
             require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")
-            return cls(np.ones(len(n), dtype=bool), np.stack([-n[:, 1], n[:, 0]], axis=1))
+            return np.stack([-n[:, 1], n[:, 0]], axis=1)
         try:
             given = np.asarray(direction, dtype=np.float64)
         except (TypeError, ValueError):
@@ -87,11 +113,11 @@ class SlipPattern:
         tangential = along - (n @ along)[:, None] * n
         size = np.linalg.norm(tangential, axis=1, keepdims=True)
         message = f"the direction of slip {given.tolist()} is normal to the contact surface"
-        require(eq.comm, bool((size > _TOLERANCE).all()), message)
-        return cls(np.ones(len(n), dtype=bool), tangential / size)
+        require(eq.comm, bool((size[~smooth] > TOLERANCE).all()), message)
+        return np.where(size > TOLERANCE, tangential / np.maximum(size, TOLERANCE), 0.0)
 
-    @classmethod
-    def _of_state(cls, eq: ContactEquations, state: State) -> SlipPattern:
+    @staticmethod
+    def _of_state(eq: ContactEquations, state: State) -> tuple[Flags, Array]:
         n = point_normals(eq)
         codes = np.concatenate([c for c in state.statuses])
         touching = closed(codes)
@@ -105,7 +131,15 @@ class SlipPattern:
             size = np.linalg.norm(along, axis=1)
             slips = (sense == PLUS) & (size > 0)
             along = np.where(slips[:, None], along / np.where(slips, size, 1.0)[:, None], 0.0)
-        return cls(touching, np.where(touching[:, None], along, 0.0))
+        return touching, np.where(touching[:, None], along, 0.0)
+
+
+def _laws(eq: ContactEquations) -> tuple[Flags, Flags]:
+    """Points of laws without friction, and of those with a bound given in advance (n,)."""
+    flags = [(isinstance(s.law, Frictionless), s.law.bound_kind == "given") for s in eq.surfaces]
+    numbers = [s.points.number for s in eq.surfaces]
+    smooth, given = np.repeat(np.array(flags, dtype=bool), numbers, axis=0).T
+    return smooth, given
 
 
 def _unknown(direction: Any) -> str:
@@ -136,42 +170,29 @@ class Slip:
         n = point_normals(eq)
         d = pattern.directions
         free = free_components(eq)
-        touching = pattern.closed & (np.linalg.norm(n * free, axis=1) > 1 - _TOLERANCE)
-        slips = touching & (np.linalg.norm(d * free, axis=1) > 1 - _TOLERANCE)
+        touching = pattern.closed & (np.linalg.norm(n * free, axis=1) > 1 - TOLERANCE)
+        loose = touching & pattern.loose
+        slips = touching & ~loose & (np.linalg.norm(d * free, axis=1) > 1 - TOLERANCE)
         self.places = np.flatnonzero(slips)
         self.number = int(eq.comm.allreduce(len(self.places)))
-        require(eq.comm, self.number > 0, "no contact point can slip")
+        require(eq.comm, self.number > 0, "no contact point can slip with friction")
         self.normals = n[slips]
         self.directions = d[slips]
-        stuck = np.flatnonzero(touching & ~slips)
+        pressed = np.flatnonzero(touching & ~slips)
         # The tangents that are held, as far as Dirichlet data leave them free.
         across = np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n)
         across -= np.einsum("ni,nj->nij", d, d) * slips[:, None, None]
-        across *= (touching & (~slips | hold_across))[:, None, None]
+        across *= (touching & ~loose & (~slips | hold_across))[:, None, None]
         point, axes = free_axes(eq, across)
-        held = np.concatenate([n[stuck], axes])
+        held = np.concatenate([n[pressed], axes])
         self.N = component_rows(eq, self.places, self.normals)
         self.D = component_rows(eq, self.places, self.directions)
-        self.H = component_rows(eq, np.concatenate([stuck, point]), held)
+        self.H = component_rows(eq, np.concatenate([pressed, point]), held)
 
     def require_held(self) -> None:
         """Raise ``ValueError`` if rigid motions are held by nothing but friction. Collective."""
         eq = self._eq
-        motions = self._eq.scaling.loose.of_body
-        if len(motions) == 0:
-            return
-        u = self.N.createVecRight()
-        held = []
-        for motion in motions:
-            u.array[:] = motion[: eq.V.dofmap.index_map.size_local].reshape(-1)
-            parts = [(rows, rows.createVecLeft()) for rows in (self.N, self.H)]
-            for rows, seen in parts:
-                rows.mult(u, seen)
-            held.append(np.concatenate([seen.array_r.copy() for _, seen in parts]))
-            for _, seen in parts:
-                seen.destroy()
-        u.destroy()
-        loose = rigid.combine(self.comm.allreduce(np.array(held) @ np.array(held).T), motions)
+        loose = free_motions(eq, [self.N, self.H])
         if len(loose):
             words = rigid.describe(loose, eq.V, axisymmetric=eq.axisymmetric)
             raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
@@ -192,3 +213,22 @@ class Slip:
         """Free the matrices."""
         for rows in (self.N, self.D, self.H):
             rows.destroy()
+
+
+def free_motions(eq: ContactEquations, blocks: Sequence[PETSc.Mat]) -> Array:
+    """Rigid motions that neither Dirichlet data nor rows at the displacement hold. Collective."""
+    motions = eq.scaling.loose.of_body
+    if len(motions) == 0:
+        return motions
+    u = blocks[0].createVecRight()
+    held = []
+    for motion in motions:
+        u.array[:] = motion[: eq.V.dofmap.index_map.size_local].reshape(-1)
+        parts = [(rows, rows.createVecLeft()) for rows in blocks]
+        for rows, seen in parts:
+            rows.mult(u, seen)
+        held.append(np.concatenate([seen.array_r.copy() for _, seen in parts]))
+        for _, seen in parts:
+            seen.destroy()
+    u.destroy()
+    return rigid.combine(eq.comm.allreduce(np.array(held) @ np.array(held).T), motions)

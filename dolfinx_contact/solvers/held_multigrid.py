@@ -13,7 +13,7 @@ R R_o^T = 1 (on a rigid obstacle R_o = R; between bodies the node is one of eith
 
 projects onto the motions with R u = 0 and is sparse: u = Z w with
 
-    (Z^T K Z + k R_o^T R_o) w = Z^T b,    p = R_o (b - K u)
+    (Z^T K Z + k R_o^T R_o) w = Z^T b,    p = R_o b - R_o K u
 
 for any k > 0. This matrix is positive definite where the body is held, and is solved by conjugate
 gradients with one hierarchy of multigrid, which knows what is held.
@@ -32,6 +32,7 @@ import numpy.typing as npt
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import with_dirichlet_rows
+from dolfinx_contact.solvers.davidson import Davidson
 from dolfinx_contact.solvers.hierarchy import Hierarchy
 from dolfinx_contact.solvers.linear import reasons_of
 
@@ -115,6 +116,7 @@ class HeldMultigrid:
     Attributes:
         solves: so far.
         iterations: of conjugate gradients, in all of them.
+        symmetric: whether the stiffness is; without an energy GMRES takes the place of these.
 
     Raises:
         ValueError: on every rank, if a row has no node of its own.
@@ -131,28 +133,32 @@ class HeldMultigrid:
             R.destroy()
             raise ValueError("multigrid needs contact points that are nodes: take solver='direct'")
         self._own = own
-        self._K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
         self._Z = _projection(R, own)
         R.destroy()
-        self._A = self._K.ptap(self._Z)
+        K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
+        self._forces = own.matMult(K)
+        A = K.ptap(self._Z)
         held = own.transposeMatMult(own)
-        different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
-        self._A.axpy(eq.stiffness_scale, held, different)
-        held.destroy()
-        symmetric = eq.bulk.energy is not None
-        self._hierarchy = Hierarchy(eq.V, prefix, symmetric=symmetric)
-        fixed = np.flatnonzero(eq.fixed[: self._A.getLocalSize()[0]]).astype(np.int32)
+        A.axpy(eq.stiffness_scale, held, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        self.symmetric = eq.bulk.energy is not None
+        self._hierarchy = Hierarchy(eq.V, prefix, symmetric=self.symmetric)
+        fixed = np.flatnonzero(eq.fixed[: A.getLocalSize()[0]]).astype(np.int32)
         self._ksp = PETSc.KSP().create(self.comm)
         self._ksp.setOptionsPrefix(prefix + "held_")
-        self._ksp.setType("cg" if symmetric else "gmres")
+        self._ksp.setType("cg" if self.symmetric else "gmres")
         with options_in_database(prefix + "held_", _DEFAULTS):
             self._ksp.setFromOptions()
-        self._ksp.setOperators(self._A)
-        self._ksp.setPC(self._hierarchy.build(self._A, fixed, eq.stiffness_scale))
-        self._b, self._x = self._A.createVecs()
+        self._ksp.setPC(self._hierarchy.build(A, fixed, eq.stiffness_scale))
+        self._b, self._x = A.createVecs()
+        for thing in (K, A, held):
+            thing.destroy()
 
-    def solve(self, load: Array) -> list[Array]:
+    def solve(self, load: Array, start: Array | None = None) -> list[Array]:
         """Displacement and multipliers, forces, block by block, for the owned part of b.
+
+        Args:
+            load: b.
+            start: w at which the solve begins, by default 0.
 
         Raises:
             RuntimeError: on every rank, if conjugate gradients do not converge.
@@ -162,6 +168,8 @@ class HeldMultigrid:
         rest = b.duplicate()
         b.array[:] = load
         self._Z.multTranspose(b, rest)
+        x.array[:] = 0.0 if start is None else start
+        self._ksp.setInitialGuessNonzero(start is not None)
         self._ksp.solve(rest, x)
         self.solves += 1
         self.iterations += self._ksp.getIterationNumber()
@@ -171,14 +179,15 @@ class HeldMultigrid:
                 f"multigrid did not solve the held body ({reasons_of(self._ksp)}); take "
                 "solver='direct' if memory allows"
             )
-        u = b.duplicate()
+        u = rest
         self._Z.mult(x, u)
-        self._K.mult(u, rest)
-        rest.aypx(-1.0, b)
         p = self._own.createVecLeft()
-        self._own.mult(rest, p)
+        moving = p.duplicate()
+        self._own.mult(b, p)
+        self._forces.mult(u, moving)
+        p.axpy(-1.0, moving)
         found = [u.array_r.copy(), *np.split(p.array_r.copy(), np.cumsum(self._sizes)[:-1])]
-        for thing in (rest, u, p):
+        for thing in (u, p, moving):
             thing.destroy()
         return found
 
@@ -207,10 +216,30 @@ class HeldMultigrid:
         x.destroy(), y.destroy()
         return motions, forces
 
+    def eigenvalues(self, D: PETSc.Mat, loads: Array) -> Davidson:
+        """The search for those of f -> p, the first block of multipliers for b = D^T f. Collective.
+
+        With u = Z w they are those of (D Z)^T G w = mu (Z^T K Z + k R_o^T R_o) w where G w = p; the
+        body must be `symmetric`. To be destroyed before this.
+
+        Args:
+            D: rows at the displacement, as many as the first block has, orthogonal to R_o.
+            loads: see `Davidson`.
+        """
+        first = self._forces.getOwnershipRange()[0]
+        rows = PETSc.IS().createStride(self._sizes[0], first, 1, comm=self.comm)
+        forces = self._forces.createSubMatrix(rows)
+        E, G = (A.matMult(self._Z) for A in (D, forces))
+        G.scale(-1.0)
+        for thing in (rows, forces):
+            thing.destroy()
+        pc = self._ksp.getPC()
+        return Davidson(pc.getOperators()[0], pc, E, G, loads)
+
     def destroy(self) -> None:
         """Free the PETSc objects."""
         self._hierarchy.release()
-        for thing in (self._ksp, self._own, self._K, self._Z, self._A, self._b, self._x):
+        for thing in (self._ksp, self._own, self._Z, self._forces, self._b, self._x):
             thing.destroy()
 
 

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Coefficients of critical friction and their slips, from eigenvalues of T f = f/F.
+
+Which of them have slips of one sign, also of coefficients that are there several times, and what of
+a slip is no more than is known of its vector.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["SlipModes"]
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+_REAL = 1e-9  # relative imaginary part that is none, and difference of coefficients that are one
+_DEPENDENT = 1e-6  # relative singular value of vectors of one coefficient that are as good as fewer
+_SIGN = 1e-8  # of the largest slip, at points as soft, by which another may have the other sign
+_BLURRED = 10.0  # by which a vector may be further off than its residual over its gap
+_MOST = 1e-3  # of the largest, what is taken for none however little the vector is known
+_NOTHING = 1e-11  # eigenvalues of T, over the largest, that are none
+
+
+@dataclass(frozen=True)
+class SlipModes:
+    """Coefficients F by size (k,), slips and shears of all points, rank by rank (m, k).
+
+    All F below the size `known_up_to` are among them. Residuals (k,) are relative. Slips are
+    measured by the softness of their points, or the round-off of soft bodies would hide the slips
+    of stiff ones; those that are less than what is known of a vector are 0.
+    """
+
+    friction: Complex
+    slips: Complex
+    shears: Complex
+    known_up_to: float
+    residuals: Array
+
+    @classmethod
+    def of(
+        cls,
+        values: Complex,
+        slips: Complex,
+        shears: Complex,
+        known_up_to: float,
+        off: Array,
+        softness: Array,
+    ) -> SlipModes:
+        """From eigenvalues of T; ``off`` is |T f - f/F| of each, ``softness`` that of points."""
+        there = np.abs(values) > _NOTHING * max(np.abs(values).max(initial=0.0), _NOTHING)
+        F = 1.0 / values[there]
+        largest = np.abs(values).max(initial=0.0)
+        residuals = off[there] / (largest * np.linalg.norm(shears[:, there], axis=0))
+        # What differs by less than it is known is one.
+        same = max(_REAL, float(residuals.max(initial=0.0)))
+        F = np.where(np.abs(F.imag) <= same * np.abs(F), F.real, F)
+        # Of two that mirror each other the positive one comes first, whatever the round-off.
+        size = np.abs(F)
+        order = np.lexsort((-F.imag, -F.real, np.round(size / size.min(initial=np.inf), 9)))
+        F = F[order]
+        residuals = residuals[order]
+        slips, shears = (v[:, there][:, order] for v in (slips, shears))
+        soft = softness[:, None]
+        slips = slips / soft
+        none = _blur(F, residuals, same, known_up_to)
+        _with_one_sign(F, slips, shears, same, none)
+        sizes = np.abs(slips)
+        slips = np.where(sizes > none * sizes.max(axis=0), slips * soft, 0.0)
+        most = slips[np.abs(slips).argmax(axis=0), np.arange(len(order))]
+        return cls(F, slips / most, shears / most, known_up_to, residuals)
+
+    @classmethod
+    def of_matrix(cls, T: Array, flexibility: Array, softness: Array) -> SlipModes:
+        """All of them, from T and the slips that shears bring, dense (m, m)."""
+        values, shears = np.linalg.eig(T)
+        off = np.linalg.norm(T @ shears - values * shears, axis=0)
+        return cls.of(values, flexibility @ shears, shears, np.inf, off, softness)
+
+    @property
+    def one_signed(self) -> npt.NDArray[np.bool_]:
+        """Which F are real and have slips of one sign."""
+        return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= 0.0))
+
+
+def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Array:
+    """By which the vectors of coefficients may be off, of their size (k,).
+
+    That is the residual over the distance to the next eigenvalue of T (G. W. Stewart and J. Sun,
+    Matrix Perturbation Theory, 1990, ch. V), listed or not.
+    """
+    values = 1.0 / F
+    apart = np.abs(values[:, None] - values)
+    apart[apart <= same * np.abs(values)] = np.inf
+    beyond = np.abs(np.abs(values) - 1.0 / known_up_to if known_up_to > 0 else np.inf)
+    gap = np.minimum(apart.min(axis=1, initial=np.inf), beyond)
+    largest = np.abs(values).max(initial=0.0)
+    return np.clip(_BLURRED * residuals * largest / np.maximum(gap, same * largest), _SIGN, _MOST)
+
+
+def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, none: Array) -> None:
+    """Let a slip of one sign be among the vectors of each real coefficient that has one.
+
+    Of a coefficient that is there several times all combinations of its vectors are slips, and none
+    of those that an eigensolver takes need have one sign. The first of them is replaced.
+
+    Args:
+        F: coefficients (k,).
+        slips: by the softness of points, and shears, one a column (m, k); changed.
+        shears: see there.
+        same: relative difference of coefficients that are one.
+        none: share of the largest slip that is none (k,).
+    """
+    real = np.flatnonzero(F.imag == 0)
+    real = real[np.argsort(F.real[real], kind="stable")]
+    values = F.real[real]
+    apart = np.flatnonzero(np.diff(values) > same * np.abs(values[1:]))
+    for group in np.split(real, apart + 1):
+        if len(group) < 2:
+            continue
+        # Round-off may have made a pair of two that are equal.
+        u, f = (np.hstack([v[:, group].real, v[:, group].imag]) for v in (slips, shears))
+        _, sizes, back = np.linalg.svd(u, full_matrices=False)
+        kept = (sizes > _DEPENDENT * sizes[0])[: len(group)]
+        back = (back[: len(group)] / sizes[: len(group), None])[kept].T
+        weights = back @ _nonnegative(u @ back, float(none[group].max()))
+        if weights.any():
+            first = group.min()
+            slips[:, first], shears[:, first] = u @ weights, f @ weights
+
+
+def _nonnegative(vectors: Array, none: float) -> Array:
+    """Weights (k,) of a combination that is nowhere negative, as large as can be; 0 if none is.
+
+    Args:
+        vectors: orthonormal, one a column (m, k).
+        none: share of the largest value that is none.
+    """
+    from scipy.optimize import linprog
+
+    m, k = vectors.shape
+    found = linprog(
+        -vectors.sum(axis=0),
+        A_ub=np.vstack([vectors, -vectors]),
+        b_ub=np.concatenate([np.ones(m), np.full(m, 0.5 * none)]),
+        bounds=[(None, None)] * k,
+        options={"primal_feasibility_tolerance": 1e-9},
+    )
+    if found.status != 0:
+        raise RuntimeError(f"no answer of the linear programme: {found.message}")
+    weights = np.asarray(found.x)
+    slip = vectors @ weights
+    return weights if slip.min() >= -none * slip.max() and slip.max() > 0.5 else np.zeros(k)

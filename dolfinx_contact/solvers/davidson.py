@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Eigenvalues of largest size by Davidson's method, a cycle of multigrid a step.
+
+    E^T G w = mu A w
+
+with A symmetric and positive definite, and rows E and G that see little of w; A^-1 is never
+applied. On a basis W with W^T A W = 1 the eigenvalues are those of (E W)^T (G W). The residual r of
+the one of largest size gives the next vector of the basis, M r with a cycle M of multigrid for A^-1
+(E. R. Davidson, J. Comput. Phys. 17, 1975; R. B. Morgan and D. S. Scott, SIAM J. Sci. Stat.
+Comput. 7, 1986). With M = A^-1 these are the steps of Arnoldi's method for A^-1 E^T G, each of
+which takes a solve there, and they are hardly fewer.
+
+A search begins with a random vector and leaves out what is kept of earlier ones, so that it meets
+what they have missed, also of eigenvalues that are there several times. Its first vectors follow
+from one another, r = E^T G w_k less what the basis has of it: the residual of one eigenvector would
+forget what is large elsewhere in the random vector, as where bodies do not touch.
+"""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._errors import on_root
+
+__all__ = ["Davidson"]
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+_ROOM = 40  # vectors of a search
+_FIRST = 20  # that follow from the random one
+_RESTART = 10  # eigenvectors with which it goes on when there is no more room
+_MOST = 2000  # cycles
+_NONE = 1e-12  # residual, over the largest size known, that is round-off
+_NOTHING = 1e-11  # size that is none
+_DEPENDENT = 1e-10  # share of a vector outside of the basis that adds nothing to it
+
+
+class Davidson:
+    """See the module. Collective, as all its methods are.
+
+    Args:
+        A: the matrix, symmetric and positive definite.
+        cycle: M, symmetric and positive definite as well.
+        E: rows at w, consumed.
+        G: as many rows, consumed.
+        loads: sizes of the entries of a random f (m,); a search begins with M E^T f.
+
+    Attributes:
+        cycles: M r so far.
+        number: of vectors that are kept.
+        largest: |mu| of these.
+        size: |mu| of the search.
+        off: size of its residual, (r^T M r)^(1/2) where w^T A w = 1.
+        error: estimate of that of mu: the residual by the condition of the eigenvalue, 1 / |z^T w|
+            with the left eigenvector z (G. W. Stewart and J. Sun, Matrix Perturbation Theory, 1990,
+            ch. IV), on the basis.
+    """
+
+    def __init__(self, A: PETSc.Mat, cycle: PETSc.PC, E: PETSc.Mat, G: PETSc.Mat, loads: Array):
+        self.comm = A.comm.tompi4py()
+        self.cycles = 0
+        self.number = 0
+        self.size = 0.0
+        self.off = np.inf
+        self.error = np.inf
+        self._A = A
+        self._cycle = cycle
+        self._E = E
+        self._G = G
+        self._loads = loads
+        self._rng = np.random.default_rng(self.comm.rank)
+        self._w, self._Aw = A.createVecs()
+        self._e, self._g = (rows.createVecLeft() for rows in (E, G))
+        #: W, A W, E W and G W, one below the other, of the first `_used` columns.
+        rows = 2 * self._w.getLocalSize() + 2 * len(loads)
+        self._columns = np.empty((rows, 0), order="F")
+        self._used = 0
+        self.largest = 0.0
+        self._leading: tuple[complex, Complex] = (0.0, np.zeros(0, dtype=complex))
+
+    def begin(self) -> None:
+        """Begin a search for what is largest outside of what is kept."""
+        room = self.number + _ROOM + 2
+        if room > self._columns.shape[1]:
+            kept = self._columns[:, : self.number]
+            self._columns = np.empty((len(kept), room), order="F")
+            self._columns[:, : self.number] = kept
+        self._used = self.number
+        self._add(self._random())
+        for _ in range(_FIRST):
+            last = self._parts(self._used - 1)[3][:, 0]
+            if not self._add(self._improvement(self._residual(last))):
+                break
+
+    def converge(self, tolerance: float) -> None:
+        """Go on until the error is small, or there is no residual any more.
+
+        Args:
+            tolerance: of the error, over `size`.
+
+        Raises:
+            RuntimeError: on every rank, if it takes too long, or A is not positive definite.
+        """
+        begun = self.cycles
+        while True:
+            values, vectors, condition = self._ritz()
+            value, y = values[0], vectors[:, 0]
+            force = self._parts(self.number)[3] @ y
+            residuals = [self._residual(f) for f in _real_parts(value, force)]
+            better = [self._improvement(r) for r in residuals]
+            products = sum(float(r @ t) for r, t in zip(residuals, better, strict=True))
+            self.size = abs(value)
+            self.off = self._root(self._sum(products))
+            self.error = condition * self.off
+            self._leading = value, y
+            none = max(_NONE * max(self.size, self.largest), _NOTHING)
+            if self.off <= none or self.error <= tolerance * self.size:
+                return
+            if self.cycles - begun > _MOST:
+                raise RuntimeError(
+                    f"multigrid found no eigenvalue in {_MOST} cycles (size {self.size:.3e}, "
+                    f"residual {self.off:.0e}); take solver='direct' if memory allows"
+                )
+            if self._used - self.number >= _ROOM:
+                self._restart(vectors)
+            added = sum(self._add(t) for t in better)
+            if not added:
+                self._add(self._random())
+
+    def keep(self) -> tuple[Array, Array]:
+        """Keep the vector of the search, or the two of a complex pair.
+
+        Returns:
+            Of these the f = G w (m, 1 or 2), and A^-1 E^T f as far as the search knows them.
+        """
+        first = self.number
+        parts = _real_parts(*self._leading)
+        self._combine(np.linalg.qr(np.stack(parts, axis=1))[0])
+        self.number = self._used
+        self.largest = max(self.largest, self.size)
+        w, _, e, g = self._parts(0)
+        f = g[:, first:].copy()
+        return f, w @ self._sum(e.T @ f)
+
+    def _ritz(self) -> tuple[Complex, Complex, float]:
+        """Eigenvalues on the basis of the search by falling size, vectors, condition of the first.
+
+        Vectors are of length 1.
+        """
+        _, _, e, g = self._parts(self.number)
+        H = self._sum(e.T @ g)
+
+        def by_size() -> tuple[Complex, Complex, float]:
+            values, vectors = np.linalg.eig(H)
+            order = np.argsort(-np.abs(values), kind="stable")
+            vectors = vectors[:, order].astype(complex)
+            left = np.linalg.pinv(vectors)[0]
+            return values[order].astype(complex), vectors, float(np.linalg.norm(left))
+
+        return on_root(self.comm, by_size)
+
+    def _residual(self, force: Array) -> Array:
+        """E^T f less what the basis has of it; with f = G w that is r, for eigenvectors w."""
+        _, Aw, e, _ = self._parts(0)
+        return self._load(force) - Aw @ self._sum(e.T @ force)
+
+    def _load(self, force: Array) -> Array:
+        """E^T f."""
+        self._e.array[:] = force
+        self._E.multTranspose(self._e, self._w)
+        return self._w.array_r.copy()
+
+    def _improvement(self, r: Array) -> Array:
+        """M r."""
+        self._Aw.array[:] = r
+        self._cycle.apply(self._Aw, self._w)
+        self.cycles += 1
+        return self._w.array_r.copy()
+
+    def _random(self) -> Array:
+        noise = self._rng.standard_normal(len(self._loads))
+        return self._improvement(self._load(self._loads * noise))
+
+    def _add(self, w: Array) -> bool:
+        """Let a vector be one of the basis, and return whether it adds anything."""
+        self._w.array[:] = w
+        self._A.mult(self._w, self._Aw)
+        self._E.mult(self._w, self._e)
+        self._G.mult(self._w, self._g)
+        x = np.concatenate([v.array_r for v in (self._w, self._Aw, self._e, self._g)])
+        n = len(w)
+        before = self._root(self._sum(x[:n] @ x[n : 2 * n]))
+        basis = self._columns[:, : self._used]
+        for _ in range(2):
+            x -= basis @ self._sum(basis[n : 2 * n].T @ x[:n])
+        after = self._root(self._sum(x[:n] @ x[n : 2 * n]))
+        if after <= _DEPENDENT * before:
+            return False
+        self._columns[:, self._used] = x / after
+        self._used += 1
+        return True
+
+    def _restart(self, vectors: Complex) -> None:
+        """Go on with the leading eigenvectors alone."""
+        leading = vectors[:, :_RESTART]
+        left, sizes, _ = np.linalg.svd(np.hstack([leading.real, leading.imag]), full_matrices=False)
+        self._combine(left[:, sizes > _DEPENDENT * sizes[0]])
+
+    def _combine(self, weights: Array) -> None:
+        """Let combinations of the basis of the search replace it."""
+        first = self.number
+        new = self._columns[:, first : self._used] @ weights
+        self._used = first + weights.shape[1]
+        self._columns[:, first : self._used] = new
+
+    def _parts(self, first: int) -> list[Array]:
+        """W, A W, E W and G W from a column on."""
+        n = self._w.getLocalSize()
+        cuts = [n, 2 * n, 2 * n + len(self._loads)]
+        return np.split(self._columns[:, first : self._used], cuts)
+
+    def _sum(self, mine: npt.ArrayLike) -> Array:
+        """Over all ranks."""
+        return np.asarray(self.comm.allreduce(mine))
+
+    @staticmethod
+    def _root(squared: Array) -> float:
+        if squared < 0:
+            raise RuntimeError("the body is not stable where contact points stay closed")
+        return float(np.sqrt(squared))
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for thing in (self._E, self._G, self._w, self._Aw, self._e, self._g):
+            thing.destroy()
+
+
+def _real_parts(value: complex, vector: Complex) -> list[Array]:
+    """The real vectors of an eigenvector: one, or two of a complex pair."""
+    return [vector.real, vector.imag] if value.imag else [vector.real]
