@@ -263,3 +263,7 @@ def test_a_body_within_a_floor(dim):
         block(floor, interference=0.09, **at_rest)
     with pytest.raises(ValueError, match=r"overlap by 0\.1; interference=True for a press fit"):
         block(floor, interference=False, **at_rest)
+    near = HalfSpace([*[0.0] * (dim - 1), 0.002], np.eye(dim)[-1])  # 1 % of a facet
+    for given in ("interference", "remove_overlap"):
+        with pytest.raises(ValueError, match=rf"overlap by 0\.002; {given} allows 0\.001"):
+            block(near, **{given: 0.001}, **at_rest)

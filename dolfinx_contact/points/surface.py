@@ -128,9 +128,9 @@ class ContactSurface(ReadOnly):
             (`points.displaced`); by default large for bodies that are not linear, unless the
             obstacle is a rigid body that turns.
         interference: whether contact points may begin within the obstacle, from where they are
-            pushed out, or how far, a length; else that is an error, up to 5 % of a facet of the
-            body. By default they may, unless the obstacle is one of facets (`RigidSurface`, also as
-            the shape of a `RigidBody`).
+            pushed out, or how far, a length; if they may not, it is an error from 5 % of a facet
+            of the body. By default they may, unless the obstacle is one of facets (`RigidSurface`,
+            also as the shape of a `RigidBody`).
         remove_overlap: a length: what contact points begin within the obstacle by, of this or less,
             is taken from their gaps for good, so that they touch it at the start, without stress.
             A larger overlap is an error.
@@ -296,7 +296,8 @@ class ContactSurface(ReadOnly):
     def _require_outside(self, overlap: Overlap) -> None:
         """Raise ``ValueError`` if points begin too far within the obstacle. Collective."""
         worst = self.comm.allreduce(float(np.min(self.points.gaps, initial=0.0)), op=min)
-        allowed = CURVED_OVERLAP * self.points.mean_width
+        # A length that is given is meant as it is.
+        allowed = 0.0 if overlap.most > 0.0 else CURVED_OVERLAP * self.points.mean_width
         unless = (
             "or remove_overlap for a start without stress, if the normals of the obstacle point to "
             "the body"
