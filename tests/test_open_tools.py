@@ -142,3 +142,27 @@ def test_slice_leaves_as_the_plane(friction):
     wanted = off_surface(2, "quad", friction, n=n)[0]
     np.testing.assert_allclose(found[:, [0, 2]], wanted, atol=1e-7 * wanted[0, 1])
     assert wanted[0, 1] > 40.0
+
+
+@pytest.mark.refuses("surfaces of facets", aspects=("2D", "large sliding"))
+def test_starts_below_a_rim():
+    """What begins below a rim, and within a facet past it, is refused or starts without stress."""
+    body = create_grid(COMM, [np.linspace(0.0, 1.0, 9)] * 2, CELLS["quad"])
+    u = displacement(body)
+    top = fem.locate_dofs_topological(u.function_space, 1, facets(body, 1, 1.0))
+    held = fem.dirichletbc(np.zeros(2), top, u.function_space)
+    energy = RUBBER.energy(u) * ufl.dx(metadata={"quadrature_degree": 2})
+
+    def at_rest(end, **given):
+        tool = RigidSurface([[-3.0, 0.02], [end, 0.02]], [[1, 0]])
+        face = ContactSurface(u, facets(body, 1, 0.0), obstacle=tool, law=Frictionless(), **given)
+        return ContactProblem(energy, u, [face], bcs=[held])
+
+    with pytest.raises(ValueError, match=r"past the rim.* overlap by 0\.0196; interference=True"):
+        at_rest(-0.01)
+    pushed = at_rest(-0.01, interference=True).solve()
+    assert pushed.resultants["contact"][1] > 1.0
+    for end in (-0.01, 0.74):
+        result = at_rest(end, remove_overlap=0.03).solve()
+        np.testing.assert_allclose(result.resultants["contact"], 0.0, atol=1e-9)
+        np.testing.assert_allclose(u.x.array, 0.0, atol=1e-12)
