@@ -184,7 +184,7 @@ class DisplacedPoints:
         self._no_gap = _ROUND_OFF * points.comm.allreduce(largest, op=max)
 
     def start_gaps(self) -> tuple[Array, Array]:
-        """Gaps of the undeformed body at the points of this rank (n,), and at the local vertices."""
+        """Gaps of the undeformed body, at the points of this rank (n,) and the local vertices."""
         self._place(np.zeros_like(self._points.positions), None)
         at_vertices = np.zeros((len(self._points.vertex_gaps), self._points.dim))
         return self._evaluate()["gap"][: self._points.number], self.at_vertices(at_vertices)[0]

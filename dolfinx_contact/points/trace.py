@@ -238,6 +238,7 @@ def across_planes(
     dim = V.mesh.geometry.dim
     comm = V.mesh.comm
     x = V.tabulate_dof_coordinates()[:, :dim]
+    owned = V.dofmap.index_map.size_local
     across: npt.NDArray[np.bool_] = np.zeros(x.shape, dtype=bool)
     size = comm.allreduce(float(np.max(np.abs(x), initial=0.0)), op=max)
     for axis, place in planes.items():
@@ -245,7 +246,7 @@ def across_planes(
         near = np.abs(off) <= _ON_PLANE * size
         across[:, axis] = near & (slave | master)
         sides = [near, ~near & (off < 0), ~near & (off > 0)]
-        counts = np.array([int((on & c).sum()) for on in (slave, master) for c in sides])
+        counts = np.array([int((on & c)[:owned].sum()) for on in (slave, master) for c in sides])
         there, below, above, _, under, over = comm.allreduce(counts)
         where = f"the plane of symmetry {'xyz'[axis]} = {place:g}"
         require(
