@@ -28,7 +28,7 @@ def law_of(friction):
 
 
 def led_off(u, surface, held, top, *, at_sides=()):
-    """The results of a block that is pressed by 0.05 and led off the tool, whose forces are V."""
+    """The steps of a block that is pressed by 0.05 and led off the tool."""
     dim = len(u)
     domain = u.function_space.mesh
     way = fem.Constant(domain, [0.0] * dim)
@@ -41,11 +41,14 @@ def led_off(u, surface, held, top, *, at_sides=()):
         way.value[dim - 1] = -0.05 * min(t, 1.0)
 
     history = QuasiStatic(problem, load).run(TIMES, rays=False, sudden=np.inf, shortest=0.02)
-    return [step.result for step in history.steps if step.time in TIMES]
+    return [step for step in history.steps if step.time in TIMES]
 
 
 def off_surface(dim, cell, friction, *, method="nodal", n=8):
-    """Forces on a block that leaves an open rigid surface; in space the block is a slice."""
+    """Forces on a block that leaves an open rigid surface, and the work of its loads.
+
+    In space the block is a slice.
+    """
     ends = np.linspace(0.0, 1.0, n + 1)
     body = create_grid(COMM, [ends, *[[0.0, 1.0 / n]] * (dim - 2), ends], CELLS[cell])
     u = displacement(body)
@@ -65,8 +68,9 @@ def off_surface(dim, cell, friction, *, method="nodal", n=8):
         planes = np.union1d(facets(body, 1, 0.0), facets(body, 1, 1.0 / n))
         dofs = fem.locate_dofs_topological(W, 2, planes)
         sides = [fem.dirichletbc(fem.Constant(body, 0.0), dofs, W)]
-    results = led_off(u, face, [], top, at_sides=sides)
-    return np.array([r.resultants["contact"] for r in results])
+    steps = led_off(u, face, [], top, at_sides=sides)
+    forces = np.array([step.result.resultants["contact"] for step in steps])
+    return forces, [step.energies.external for step in steps]
 
 
 def off_pair(cell, friction, n=8):
@@ -84,8 +88,8 @@ def off_pair(cell, friction, n=8):
     tool = np.unique(V.dofmap.list[both.cell_tags.find(2)]).astype(np.int32)
     held = [fem.dirichletbc(np.zeros(2), tool, V)]
     top = fem.locate_dofs_topological(V, 1, both.facet_tags.find(2))
-    results = led_off(u, pair, held, top)
-    return -np.array([r.pairs["contact"].slave for r in results])
+    steps = led_off(u, pair, held, top)
+    return -np.array([step.result.pairs["contact"].slave for step in steps])
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
@@ -99,8 +103,11 @@ def off_pair(cell, friction, n=8):
     aspects=("2D", "pairs", "large sliding"),
 )
 def test_as_from_a_meshed_tool(friction, cell, method):
-    """Forces fall with what is left on the tool, as between a pair, down to zero."""
-    found = off_surface(2, cell, friction, method=method)
+    """Forces fall with what is left on the tool, as between a pair, down to zero.
+
+    Across a force that is not turned nothing is put in, whatever is lost.
+    """
+    found, work = off_surface(2, cell, friction, method=method)
     wanted = off_pair(cell, friction)
     whole = wanted[0, 1]
     # The face leaves the mesh of the tool at its very end, the surface within a facet of the face.
@@ -112,6 +119,12 @@ def test_as_from_a_meshed_tool(friction, cell, method):
     sliding = found[2:]
     np.testing.assert_allclose(sliding[:, 0], -friction * sliding[:, 1], atol=1e-8 * whole)
     assert np.abs(found[-1]).max() < 1e-9 * whole
+    dragged = friction * np.cumsum((found[1:, 1] + found[:-1, 1]) / 2 * np.diff(TIMES[1:]))
+    start = 1 if friction else 0  # it slides from the second step on
+    np.testing.assert_allclose(
+        np.diff(work)[start:], np.diff(dragged, prepend=0.0)[start:], atol=1e-8 * whole
+    )
+    assert work[0] > 0.02 * whole
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
@@ -125,7 +138,31 @@ def test_as_from_a_meshed_tool(friction, cell, method):
 def test_slice_leaves_as_the_plane(friction):
     """A slice of hexahedra over a surface of triangles, as quadrilaterals over one segment."""
     n = 4
-    found = n * off_surface(3, "hex", friction, n=n)
-    wanted = off_surface(2, "quad", friction, n=n)
+    found = n * off_surface(3, "hex", friction, n=n)[0]
+    wanted = off_surface(2, "quad", friction, n=n)[0]
     np.testing.assert_allclose(found[:, [0, 2]], wanted, atol=1e-7 * wanted[0, 1])
     assert wanted[0, 1] > 40.0
+
+
+@pytest.mark.refuses("surfaces of facets", aspects=("2D", "large sliding"))
+def test_starts_below_a_rim():
+    """What begins below a rim, and within a facet past it, is refused or starts without stress."""
+    body = create_grid(COMM, [np.linspace(0.0, 1.0, 9)] * 2, CELLS["quad"])
+    u = displacement(body)
+    top = fem.locate_dofs_topological(u.function_space, 1, facets(body, 1, 1.0))
+    held = fem.dirichletbc(np.zeros(2), top, u.function_space)
+    energy = RUBBER.energy(u) * ufl.dx(metadata={"quadrature_degree": 2})
+
+    def at_rest(end, **given):
+        tool = RigidSurface([[-3.0, 0.02], [end, 0.02]], [[1, 0]])
+        face = ContactSurface(u, facets(body, 1, 0.0), obstacle=tool, law=Frictionless(), **given)
+        return ContactProblem(energy, u, [face], bcs=[held])
+
+    with pytest.raises(ValueError, match=r"past the rim.* overlap by 0\.0196; interference=True"):
+        at_rest(-0.01)
+    pushed = at_rest(-0.01, interference=True).solve()
+    assert pushed.resultants["contact"][1] > 1.0
+    for end in (-0.01, 0.74):
+        result = at_rest(end, remove_overlap=0.03).solve()
+        np.testing.assert_allclose(result.resultants["contact"], 0.0, atol=1e-9)
+        np.testing.assert_allclose(u.x.array, 0.0, atol=1e-12)

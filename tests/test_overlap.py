@@ -227,6 +227,7 @@ def test_an_overlap_with_a_tool_is_removed(dim, method, sliding):
         np.testing.assert_allclose(getattr(found, name), there, atol=1e-8 * size, err_msg=name)
     assert found.pressure.max() > 50.0
     assert removed.misfit < 1e-9
+    assert removed.slidings["contact"].entered < 1e-9
 
 
 @pytest.mark.refuses("surfaces of facets", aspects=("2D",))
@@ -263,3 +264,7 @@ def test_a_body_within_a_floor(dim):
         block(floor, interference=0.09, **at_rest)
     with pytest.raises(ValueError, match=r"overlap by 0\.1; interference=True for a press fit"):
         block(floor, interference=False, **at_rest)
+    near = HalfSpace([*[0.0] * (dim - 1), 0.002], np.eye(dim)[-1])  # 1 % of a facet
+    for given in ("interference", "remove_overlap"):
+        with pytest.raises(ValueError, match=rf"overlap by 0\.002; {given} allows 0\.001"):
+            block(near, **{given: 0.001}, **at_rest)

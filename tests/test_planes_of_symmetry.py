@@ -23,11 +23,12 @@ SLAVE, MASTER = 1, 2
 
 
 def bodies(dim, *, whole, overlap=0.0):
-    """A block with a curved top below a larger one, whole or on one side of each plane."""
+    """A block with a curved top below a larger one, whole, or but for one on a side of planes."""
     parts = []
     up = dim - 1
     for width, cells, low, tag in ((1.0, 2, -1.0, SLAVE), (1.5, 2, 0.0, MASTER)):
-        start, number = (-width, 2 * cells) if whole else (0.0, cells)
+        both_sides = whole is True or whole == tag
+        start, number = (-width, 2 * cells) if both_sides else (0.0, cells)
         aside = [np.linspace(start, width, number + 1)] * up
         kind = "quad" if dim == 2 else "hex"
         body = create_grid(COMM, [*aside, np.linspace(low, low + 1.0, 3)], CELLS[kind])
@@ -74,7 +75,9 @@ def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, **start):
         down.value[dim - 1] = -t
 
     steps = QuasiStatic(problem, load).run([0.0, 0.1, 0.2], rays=False, sudden=np.inf).steps
-    return steps[-1].result.tables["contact"], [s.result.iterations for s in steps]
+    last = steps[-1].result
+    assert last.imbalance < 1e-9  # along planes, where all forces are those of the model
+    return last.tables["contact"], [s.result.iterations for s in steps]
 
 
 @pytest.mark.parametrize(
@@ -215,7 +218,7 @@ def test_jacobian_with_images(dim, monkeypatch):
 
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
 def test_refused():
-    """Planes that are none, do not end the face, or that nodes can leave."""
+    """Planes that are none, do not end the face, have a master behind, or that nodes can leave."""
     body = bodies(2, whole=False)
     u = displacement(body.mesh)
     given = dict(law=Coulomb(0.3), slave=SLAVE, master=MASTER, sliding="large")
@@ -227,6 +230,10 @@ def test_refused():
     ):
         with pytest.raises(ValueError, match=words):
             ContactPair(u, body.facet_tags, symmetry=symmetry, **given)
+    crossed = bodies(2, whole=MASTER)
+    words = "both faces lie on one side of it; below are 0 nodes of the slave and 2 of the master"
+    with pytest.raises(ValueError, match=words):
+        ContactPair(displacement(crossed.mesh), crossed.facet_tags, symmetry={0: 0.0}, **given)
     bottom = mesh.locate_entities_boundary(body.mesh, 1, lambda x: np.isclose(x[1], -1.0))
     with pytest.raises(ValueError, match="lies in a plane of symmetry instead of ending there"):
         SelfContact(u, bottom, law=Coulomb(0.3), symmetry={1: -1.0})
@@ -234,9 +241,9 @@ def test_refused():
     with pytest.raises(ValueError, match="planes of symmetry are for sliding='large'"):
         ContactPair(u, body.facet_tags, **small)
     top = body.facet_tags.find(SLAVE)
-    for surface in (
-        ContactPair(u, body.facet_tags, symmetry={0: 0.0}, **given),
-        SelfContact(u, top, law=Coulomb(0.3), symmetry={0: 0.0}),
+    for number, surface in (
+        (2, ContactPair(u, body.facet_tags, symmetry={0: 0.0}, **given)),  # one of each face
+        (1, SelfContact(u, top, law=Coulomb(0.3), symmetry={0: 0.0})),
     ):
-        with pytest.raises(ValueError, match="let 1 nodes leave the plane of symmetry"):
+        with pytest.raises(ValueError, match=f"let {number} nodes leave the plane of symmetry"):
             ContactProblem(RUBBER.energy(u) * ufl.dx, u, [surface])

@@ -6,7 +6,8 @@ bodies and contact pressures p over areas W,
 
     external work  (f_n + f_n+1)/2 . du + (S_n + S_n+1)/2 . du - (P_n + P_n+1)/2 . dq
                    - sum W (p_n + p_n+1)/2 (d u_N + (n_n + n_n+1)/2 . dj)
-                   (obstacles that move: by how much the gap u_N changes where points j stay)
+                   (obstacles that move: by how much the gap u_N changes where points j stay; none
+                   of those of facets, whose gap falls less than points do where they leave a rim)
     dissipated     - sum W t_n+1 . (increment of the jump along the surface), without adhesion
     damage         what breaking bonds has cost (`laws.Bond.spent`)
     stored         the energy of the body without the potential of its loads, that of bonds, and
@@ -82,7 +83,7 @@ class Energies:
         for p, q in zip(before.surfaces, after.surfaces, strict=True):
             force = (p.force + q.force) / 2
             moved = np.sum((p.n + q.n) / 2 * (q.jump - p.jump), axis=1)
-            if not p.slides:  # else nothing but the bodies moves
+            if not p.at_rest:  # else nothing but the bodies moves
                 outer -= np.dot(force, q.un - p.un + moved)
             pressed += float(np.sum(q.bonds - p.bonds))
             spent += float(np.sum(q.spent))
@@ -111,7 +112,8 @@ class SurfaceForces:
         springs: forces of a compliant surface, without adhesion; 0 of others (n,).
         bonds: energies that bonds hold (n,).
         spent: energies that bonds have lost since the state before (n,).
-        slides: whether it slides over another face.
+        at_rest: whether what may be touched has no motion of its own: another face, or a surface of
+            facets.
     """
 
     force: Array
@@ -121,7 +123,7 @@ class SurfaceForces:
     springs: Array
     bonds: Array
     spent: Array
-    slides: bool = False
+    at_rest: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +180,8 @@ def forces_at(eq: ContactEquations, state: State) -> Forces:
         if s.slides:  # what has nothing opposite does not move against anything
             jump = _covered(s, found)[:, None] * jump
         known = force, un, normal.copy(), jump, springs, stored, spent
-        surfaces.append(SurfaceForces(*known, slides=s.slides))
+        at_rest = s.slides or s.obstacle.outline is not None
+        surfaces.append(SurfaceForces(*known, at_rest=at_rest))
     return Forces(
         eq,
         u,

@@ -246,12 +246,20 @@ class ContactPoints(ABC):
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         """What evaluates UFL on the body at the points."""
 
-    def take_overlap(self) -> None:
-        """Take what points lie in the obstacle by from all gaps to come. Collective."""
-        taken, at_vertices = fem.Function(self.space), fem.Function(self.vertices)
-        taken.x.array[:] = self.with_ghosts(np.maximum(-self.gaps, 0.0))
-        at_vertices.x.array[:] = np.maximum(-self.vertex_gaps, 0.0)
-        self.taken, self.taken_at_vertices = taken, at_vertices
+    def take_overlap(self, gaps: Array, vertex_gaps: Array) -> None:
+        """Take overlaps from all gaps to come, beside what was taken before. Collective.
+
+        Args:
+            gaps: at the points of this rank, of which what is below zero is taken (n,).
+            vertex_gaps: likewise, at the local vertices.
+        """
+        if self.taken is None or self.taken_at_vertices is None:
+            self.taken, self.taken_at_vertices = (
+                fem.Function(self.space),
+                fem.Function(self.vertices),
+            )
+        self.taken.x.array[:] += self.with_ghosts(np.maximum(-gaps, 0.0))
+        self.taken_at_vertices.x.array[:] += np.maximum(-vertex_gaps, 0.0)
         self.update()
 
     def update(self) -> None:

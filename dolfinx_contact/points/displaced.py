@@ -141,6 +141,7 @@ class DisplacedPoints:
     Attributes:
         friction: as given.
         shape: what the obstacle is to the points, in its frame.
+        ended: whether that is more than the obstacle itself, past its rim.
         given: gap and normal at the displaced points in UFL, and the fields of the law, which are
             those of the reference configuration.
         seen: j in UFL.
@@ -153,6 +154,7 @@ class DisplacedPoints:
         self._domain = domain
         shape = obstacle.shape if isinstance(obstacle, RigidBody) else obstacle
         self.shape = shape.ended(lambda: points.facet_widths)
+        self.ended = self.shape is not shape
         self.friction = friction
         space = blocked_space(points.space, points.dim)
         self._moved = fem.Function(space)
@@ -180,6 +182,12 @@ class DisplacedPoints:
         self._at_vertices: tuple[fem.Function, Evaluator] | None = None
         largest = float(np.max(np.abs(points.positions), initial=0.0))
         self._no_gap = _ROUND_OFF * points.comm.allreduce(largest, op=max)
+
+    def start_gaps(self) -> tuple[Array, Array]:
+        """Gaps of the undeformed body, at the points of this rank (n,) and the local vertices."""
+        self._place(np.zeros_like(self._points.positions), None)
+        at_vertices = np.zeros((len(self._points.vertex_gaps), self._points.dim))
+        return self._evaluate()["gap"][: self._points.number], self.at_vertices(at_vertices)[0]
 
     def _place(self, place: Array, before: Array | None) -> None:
         """Let the points be, and have been, where these displacements (n, dim) bring them."""

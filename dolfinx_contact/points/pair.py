@@ -181,7 +181,8 @@ class ContactPair(ContactSurface):
             larger than what bodies come closer in a step, and smaller than they are thick.
         symmetry: with large sliding, the planes of symmetry at which the slave ends, where they
             are by their axis: ``{0: 0.0}`` for x = 0. Normals and slips of nodes there are means
-            with their mirror images, which Dirichlet data have to hold across it.
+            with their mirror images, and behind them are images of the master, which lies on the
+            same side. Dirichlet data have to hold the nodes of both on a plane across it.
         axisymmetric: as for `ContactSurface`.
         name: used in messages and tables.
 

@@ -128,9 +128,9 @@ class ContactSurface(ReadOnly):
             (`points.displaced`); by default large for bodies that are not linear, unless the
             obstacle is a rigid body that turns.
         interference: whether contact points may begin within the obstacle, from where they are
-            pushed out, or how far, a length; else that is an error, up to 5 % of a facet of the
-            body. By default they may, unless the obstacle is one of facets (`RigidSurface`, also as
-            the shape of a `RigidBody`).
+            pushed out, or how far, a length; if they may not, it is an error from 5 % of a facet
+            of the body. By default they may, unless the obstacle is one of facets (`RigidSurface`,
+            also as the shape of a `RigidBody`).
         remove_overlap: a length: what contact points begin within the obstacle by, of this or less,
             is taken from their gaps for good, so that they touch it at the start, without stress.
             A larger overlap is an error.
@@ -220,10 +220,8 @@ class ContactSurface(ReadOnly):
             check_section(domain, local, name)
         self._create_points(local, quadrature_degree)
         overlap = Overlap.of(name, interference, remove_overlap)
-        if np.isfinite(overlap.most):
-            self._require_outside(overlap)
-        if overlap.removed:
-            self.points.take_overlap()
+        self._overlap = overlap
+        self._settle_overlap(self.points.gaps, self.points.vertex_gaps)
         self.sliding = sliding
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
@@ -293,15 +291,29 @@ class ContactSurface(ReadOnly):
         self.multiplier = fem.Function(self.points.Q, name=f"{self.name}_traction")
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
 
-    def _require_outside(self, overlap: Overlap) -> None:
-        """Raise ``ValueError`` if points begin too far within the obstacle. Collective."""
-        worst = self.comm.allreduce(float(np.min(self.points.gaps, initial=0.0)), op=min)
-        allowed = CURVED_OVERLAP * self.points.mean_width
-        unless = (
-            "or remove_overlap for a start without stress, if the normals of the obstacle point to "
-            "the body"
-        )
-        overlap.require(self.comm, worst, allowed, self.name, unless)
+    def _settle_overlap(self, gaps: Array, vertex_gaps: Array, where: str = "") -> None:
+        """Refuse a start too far within the obstacle, or take the overlap away. Collective.
+
+        Args:
+            gaps: at the points of this rank (n,).
+            vertex_gaps: at the local vertices.
+            where: part of the message, where that is.
+
+        Raises:
+            ValueError: if points begin too far within the obstacle.
+        """
+        overlap = self._overlap
+        if np.isfinite(overlap.most):
+            worst = self.comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
+            # A length that is given is meant as it is.
+            allowed = 0.0 if overlap.most > 0.0 else CURVED_OVERLAP * self.points.mean_width
+            unless = (
+                "or remove_overlap for a start without stress, if the normals of the obstacle "
+                "point to the body"
+            )
+            overlap.require(self.comm, worst, allowed, f"{self.name}{where}", unless)
+        if overlap.removed:
+            self.points.take_overlap(gaps, vertex_gaps)
 
     def _scatter(self) -> None:
         for f in self._functions:
@@ -411,11 +423,16 @@ class ContactSurface(ReadOnly):
         """Store whether the body is linear; then sliding is small by default. Collective.
 
         Raises:
-            ValueError: if sliding cannot be large where it has to.
+            ValueError: if sliding cannot be large where it has to, or if points begin within what
+                holds them past the rim of an open surface.
         """
         given = self.points, self.domain, self.obstacle, self.law_at_points, self.sliding
         self._displaced = displaced_points(*given, linear=linear, name=self.name)
         shape = None if self._displaced is None else self._displaced.shape
+        if self._displaced is not None and self._displaced.ended:
+            # What begins below a rim, and within a facet past it, is held as what slid there.
+            past = ", also past the rim, which holds a face that slides up to a facet"
+            self._settle_overlap(*self._displaced.start_gaps(), past)
         self._true_gaps = TrueGaps(self.u, self.points, self.obstacle, shape)
 
     # -- nodes and points ------------------------------------------------------------------------

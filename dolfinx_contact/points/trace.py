@@ -217,7 +217,8 @@ def checked_planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:
 
 def across_planes(
     V: fem.FunctionSpace,
-    facets: npt.NDArray[np.int32],
+    slave: npt.NDArray[np.bool_],
+    master: npt.NDArray[np.bool_],
     planes: Mapping[int, float],
     name: str,
 ) -> npt.NDArray[np.bool_]:
@@ -225,31 +226,41 @@ def across_planes(
 
     Args:
         V: a Lagrange space.
-        facets: local exterior facets, ghosts included.
+        slave: which local nodes lie on the face that ends at the planes.
+        master: which lie on the other face, which has images behind them.
         planes: of symmetry, where they are by their axis.
         name: of the surface.
 
     Raises:
-        ValueError: on every rank, if no node of the facets lies on a plane, or some lie on either
-            side of it.
+        ValueError: on every rank, if no node of the slave lies on a plane, or some of the slave, or
+            of both faces, lie on either side of it.
     """
     dim = V.mesh.geometry.dim
     comm = V.mesh.comm
     x = V.tabulate_dof_coordinates()[:, :dim]
-    on = nodes_on(V, facets)
+    owned = V.dofmap.index_map.size_local
     across: npt.NDArray[np.bool_] = np.zeros(x.shape, dtype=bool)
     size = comm.allreduce(float(np.max(np.abs(x), initial=0.0)), op=max)
     for axis, place in planes.items():
         off = x[:, axis] - place
         near = np.abs(off) <= _ON_PLANE * size
-        across[:, axis] = on & near
-        counts = [across[:, axis], on & ~near & (off < 0), on & ~near & (off > 0)]
-        there, below, above = comm.allreduce(np.array([int(c.sum()) for c in counts]))
+        across[:, axis] = near & (slave | master)
+        sides = [near, ~near & (off < 0), ~near & (off > 0)]
+        counts = np.array([int((on & c)[:owned].sum()) for on in (slave, master) for c in sides])
+        there, below, above, _, under, over = comm.allreduce(counts)
+        where = f"the plane of symmetry {'xyz'[axis]} = {place:g}"
         require(
             comm,
             there > 0 and not (below and above),
-            f"{name}: the plane of symmetry {'xyz'[axis]} = {place:g} does not end the face: "
-            f"{there} of its nodes lie on it, {below} below and {above} above",
+            f"{name}: {where} does not end the face: {there} of its nodes lie on it, {below} "
+            f"below and {above} above",
+        )
+        require(
+            comm,
+            not (below + under and above + over),
+            f"{name}: images of the master lie behind {where}, so that both faces lie on one side "
+            f"of it; below are {below} nodes of the slave and {under} of the master, above "
+            f"{above} and {over}",
         )
     return across
 

@@ -57,7 +57,8 @@ class Balance:
     Attributes:
         support: of the reactions of all Dirichlet data (dim,).
         external: of all else that acts in the bulk form (dim,).
-        imbalance: |contact + support + external| over the sum of the sizes of all forces.
+        imbalance: |contact + support + external| over the sum of the sizes of all forces, but for
+            what is across planes of symmetry with images behind them.
     """
 
     support: npt.NDArray[np.float64]
@@ -92,7 +93,9 @@ def balance(eq: ContactEquations, state: State, tables: Iterable[ContactForces])
     nothing = _NO_STRAIN * eq.stiffness_scale * eq.body_size
     moved = comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
     size = max(size, nothing, eq.round_off_force(moved))
-    imbalance = float(np.linalg.norm(contact + support + external)) / size
+    left = contact + support + external
+    left[_mirrored_axes(eq)] = 0.0
+    imbalance = float(np.linalg.norm(left)) / size
     if not imbalance <= _LARGEST_IMBALANCE and comm.rank == 0:
         logger.warning(
             "the forces on the body are out of balance by %.1e of their size: contact %s, support "
@@ -103,6 +106,11 @@ def balance(eq: ContactEquations, state: State, tables: Iterable[ContactForces])
             external,
         )
     return Balance(support, external, imbalance)
+
+
+def _mirrored_axes(eq: ContactEquations) -> list[int]:
+    """Axes across planes of symmetry that have images behind them."""
+    return sorted({axis for s in eq.surfaces if s.slides for axis in s.obstacle.opposite.planes})
 
 
 def support_at_nodes(eq: ContactEquations, state: State) -> npt.NDArray[np.float64]:

@@ -57,7 +57,7 @@ class SlidingOpposite(Opposite):
         depth: how far rays reach.
         direction: of a face opposite to itself, along which slaves lie farther (dim,); None of two
             faces.
-        across: local nodes x dim, True across planes of symmetry on which nodes of the slave lie.
+        across: local nodes x dim, True across planes of symmetry on which nodes of both faces lie.
         planes: of symmetry, where they are by their axis.
     """
 
@@ -140,7 +140,7 @@ class SlidingFacets(Obstacle):
             areas=None,
             sides=sides,
             master_facets=master,
-            across=across_planes(V, slave, planes, name),
+            across=across_planes(V, *sides, planes, name),
             planes=planes,
             depth=depth,
             direction=direction,
