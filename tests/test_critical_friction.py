@@ -344,6 +344,48 @@ def test_what_does_not_rub(where, law):
         assert abs(nearest) == pytest.approx(np.abs(expected).min(), rel=1e-8)
 
 
+def corner(*laws):
+    """A body between a floor and a wall that hold its corner both."""
+    V = leaning(4, offset=0.0).V
+    u = fem.Function(V)
+    top, floor, wall, other = (
+        mesh.locate_entities_boundary(V.mesh, 1, marker)
+        for marker in (
+            lambda x: np.isclose(x[1], 2.0),
+            lambda x: np.isclose(x[1], 0.0),
+            lambda x: np.isclose(x[0], 1.0),
+            lambda x: np.isclose(x[0], 0.0) & (x[1] > 0.4),
+        )
+    )
+    normals = (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0)
+    places = (1.0, 0.0), (1.0, 0.0), (0.0, 0.0)
+    surfaces = [
+        ContactSurface(u, facets, obstacle=HalfSpace(x, n), law=law, name=name)
+        for facets, x, n, law, name in zip(
+            (floor, wall, other),
+            places,
+            normals,
+            (*laws, Coulomb(0.3)),
+            ("floor", "wall", "other"),
+            strict=True,
+        )
+    ]
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+    return ContactProblem(energy, u, surfaces, bcs=[clamped])
+
+
+@pytest.mark.parametrize("solver", ["direct", "amg"])
+def test_nodes_that_two_surfaces_hold(solver):
+    """A corner that one of two obstacles rubs at is refused, and one that both let slip is not."""
+    for laws in ((Coulomb(0.3), Coulomb(0.3)), (Coulomb(0.3), Frictionless())):
+        with pytest.raises(ValueError, match="floor and wall hold nodes in common"):
+            critical_friction(corner(*laws), solver=solver)
+    found = critical_friction(corner(Frictionless(), Frictionless()), solver=solver)
+    np.testing.assert_array_equal(found.positions[:, 0], 0.0)  # the corner does not rub
+    assert len(found.others) + len(found.one_signed) == len(found.positions)
+
+
 def test_bad_input():
     problem = leaning(2)
     for direction, words in (

@@ -160,7 +160,8 @@ class Slip:
         N, D, H: rows at the displacement, without columns of Dirichlet data.
 
     Raises:
-        ValueError: on every rank, if a surface is integral, or no point can slip.
+        ValueError: on every rank, if a surface is integral, surfaces hold a node more than once, or
+            no point can slip.
     """
 
     def __init__(self, eq: ContactEquations, pattern: SlipPattern, *, hold_across: bool):
@@ -172,6 +173,7 @@ class Slip:
         free = free_components(eq)
         touching = pattern.closed & (np.linalg.norm(n * free, axis=1) > 1 - TOLERANCE)
         loose = touching & pattern.loose
+        _require_nodes_of_one(eq, touching, loose)
         slips = touching & ~loose & (np.linalg.norm(d * free, axis=1) > 1 - TOLERANCE)
         self.places = np.flatnonzero(slips)
         self.number = int(eq.comm.allreduce(len(self.places)))
@@ -213,6 +215,34 @@ class Slip:
         """Free the matrices."""
         for rows in (self.N, self.D, self.H):
             rows.destroy()
+
+
+def _require_nodes_of_one(eq: ContactEquations, touching: Flags, loose: Flags) -> None:
+    """Raise ``ValueError`` where rigid obstacles hold a motion of a node twice. Collective.
+
+    Of a node on several all are loose, and their normals independent: a point that is not loose
+    holds or moves its node in all directions.
+
+    Args:
+        eq: the contact problem.
+        touching: points of this rank in contact (n,).
+        loose: those of them without friction (n,).
+    """
+    on_obstacle = [i for i, s in enumerate(eq.surfaces) if not s.between_bodies]
+    if len(on_obstacle) < 2:
+        return
+    to_global = eq.V.dofmap.index_map.local_to_global
+    nodes = [to_global(s.points.trace_dofs[: s.points.number]) for s in eq.surfaces]
+    surface = np.repeat(np.arange(len(nodes)), [len(part) for part in nodes])
+    mine = touching & np.isin(surface, on_obstacle)
+    parts = [v[mine] for v in (np.concatenate(nodes), surface, loose, point_normals(eq))]
+    node, surface, loose, n = map(np.concatenate, zip(*eq.comm.allgather(parts), strict=True))
+    order = np.argsort(node, kind="stable")
+    for at in np.split(order, np.flatnonzero(np.diff(node[order])) + 1):
+        if len(at) > 1 and not (loose[at].all() and np.linalg.matrix_rank(n[at]) == len(at)):
+            names = " and ".join(eq.surfaces[i].name for i in np.unique(surface[at]))
+            message = f"surfaces {names} hold nodes in common: leave a facet out between them"
+            raise ValueError(message)
 
 
 def free_motions(eq: ContactEquations, blocks: Sequence[PETSc.Mat]) -> Array:
