@@ -18,6 +18,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import (
+    ContactPair,
     ContactProblem,
     ContactSurface,
     Coulomb,
@@ -27,10 +28,13 @@ from dolfinx_contact import (
     Tresca,
 )
 from dolfinx_contact.analysis import critical_friction
+from dolfinx_contact.grids import create_grid
 from dolfinx_contact.laws import MINUS, PLUS
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import join
 
 COMM = MPI.COMM_WORLD
+QUADRILATERAL = mesh.CellType.quadrilateral
 LAME = {(1.0, 1.0): (2.0, 1.83333333, 1.78580249, 1.7666602)}
 LAME[(100.0, 82.0)] = (1.9010989, 1.73663256, 1.68791278, 1.66953114)
 
@@ -580,12 +584,50 @@ def unlike_pair():
     return two_blocks(["--n=4", "--ratio=2", *upper, *lower])
 
 
+def two_on_a_floor(left, right, lowest=-1.0):
+    """Two bodies that touch above a height, their nodes not opposite, with a floor below the left.
+
+    With the first height slave and floor share a corner; the clamped end of the slave weakens the
+    row of the node beside it.
+    """
+    grids = [
+        create_grid(COMM, (np.linspace(i, i + 1, 5), np.linspace(0, 2, n + 1)), QUADRILATERAL)
+        for i, n in enumerate((left, right))
+    ]
+    both = join(grids)
+    domain = both.mesh
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    markers = (
+        lambda x: np.isclose(x[0], 1.0) & (x[1] > lowest),
+        lambda x: np.isclose(x[1], 0.0) & (x[0] < 1.0 + 1e-9),
+        lambda x: np.isclose(x[1], 2.0),
+    )
+    face, floor, top = (mesh.locate_entities_boundary(domain, 1, marker) for marker in markers)
+    to_cells = domain.topology.connectivity(1, 2)
+    on_left = np.isin(to_cells.array[to_cells.offsets[face]], both.cell_tags.find(1))
+    clamped = fem.locate_dofs_topological(u.function_space, 1, top)
+    dx = ufl.Measure("dx", domain, subdomain_data=both.cell_tags)
+    energy = sum(
+        LinearElastic.from_young(E, 0.3).energy(u) * dx(i) for i, E in ((1, 1.0), (2, 3.0))
+    )
+    contact = [
+        ContactSurface(
+            u, floor, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.3), name="floor"
+        ),
+        ContactPair(u, face[on_left], master_facets=face[~on_left], law=Coulomb(0.3), name="pair"),
+    ]
+    bcs = [fem.dirichletbc(np.zeros(2), clamped, u.function_space)]
+    return ContactProblem(energy, u, contact, bcs=bcs)
+
+
 LARGE = {
     "plane": (lambda: leaning(8), None),
     "in space": (lambda: block(4), (1.0, 0.4, 0.0)),
     "stiff inside": (stiff_inside, (1.0, 0.0, 0.0)),
     "on a curve": (on_a_curve, None),
     "pair": (unlike_pair, None),
+    "pair with a node on a floor": (lambda: two_on_a_floor(8, 4), None),
+    "pair with a clamped end": (lambda: two_on_a_floor(4, 8, 0.3), None),
 }
 
 
@@ -611,9 +653,17 @@ def test_by_multigrid(body):
         assert found.residual < 1e-7
 
 
+def twelve():
+    """Their coefficients are up to 4 % apart, and a search may meet a larger one first."""
+    random = np.random.default_rng(1)
+    leaning = 0.5 + 0.01 * random.permutation(12)
+    return unlike(leaning, 10 ** random.uniform(-4, 4, 12))
+
+
 CLOSE = {
     "nearly equal": lambda: unlike(0.5 + 1e-3 * np.arange(3), [1.0] * 3),
     "one in a million": lambda: unlike(0.5 + 1e-6 * np.arange(3), [1.0] * 3),
+    "twelve of all stiffnesses": twelve,
     "soft beside stiff": lambda: unlike((0.0, 0.7), (1.0, 1e-4)),
     "mirrored pairs": lambda: leaning(8, offset=0.0),
     "complex first": lambda: linear_triangle(32, 0.3, lame=(0.0, 1.0)).problem,

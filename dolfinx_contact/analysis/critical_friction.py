@@ -69,8 +69,8 @@ Complex = npt.NDArray[np.complex128]
 _DENSE = {"direct": 512, "amg": 64}
 _LARGEST_DIRECT = {2: 400_000, 3: 60_000}  # unknowns of the body, estimates
 _TIGHT = 1e-10  # residual of the vectors that multigrid finds, over their eigenvalues
-_ROUGH = 1e-2  # relative error of the one beyond,
-_SAFE = 2.0  # and by how much it may be underestimated
+_ROUGH = 3e-3  # relative error of the one beyond,
+_UNSEEN = 2e-2  # and by how much one that the search takes for it may be smaller
 _SMALL = 1e-3  # of the largest, eigenvalues that it does not look for
 _NOTHING = 1e-11  # that is none at all
 _WIDEST = 16  # times as many eigenvalues where none of the first is of one sign
@@ -103,7 +103,7 @@ class CriticalFriction:
         unreal: complex ones, by size: they bring no continua.
         known_up_to: size below which all F are among these; infinite if all were computed. A finite
             one is where a second search found the next, which is a check and no proof; by multigrid
-            it is roughly found, and the size is less by twice what its error is estimated to be.
+            it is roughly found, and the size is two per cent less.
         complete: whether all F were computed; else those of smallest size were.
         displacement: of the body with `slips`.
         residual: the largest |T f - f/F| |F_1|/|f| of all that are listed, F_1 the smallest, T as
@@ -291,8 +291,9 @@ class _PressureByShear:
 
     def smallest(self, count: int) -> SlipModes:
         """The smallest F, and more of them if none is of one sign."""
-        if isinstance(self._body, HeldMultigrid) and self._body.symmetric:
-            return self._by_davidson(self._body, count)
+        body = self._body
+        if isinstance(body, HeldMultigrid) and body.symmetric and body.leaves_alone(self._slip.D):
+            return self._by_davidson(body, count)
         for more in (1, 4, 16):
             modes = self._by_slepc(more * count)
             first = np.abs(modes.friction[modes.one_signed]).min(initial=np.inf)
@@ -304,8 +305,9 @@ class _PressureByShear:
         """Eigenvalues of T of largest size, one after the other, without products with T.
 
         With those that are kept the search for the next shows how far they are known, roughly at
-        first. T on the shears f that are kept says what their eigenvalues are: from f, the slips
-        E f and T f these are those of (f^T E f)^-1 f^T E T f.
+        first: among eigenvalues that are close together it may see one that is not the largest. T
+        on the shears f that are kept says what their eigenvalues are: from f, the slips E f and T f
+        these are those of (f^T E f)^-1 f^T E T f.
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
         seen: list[tuple[Array, Array, Array]] = []
@@ -335,7 +337,7 @@ class _PressureByShear:
             return np.inf
         search.begin()
         search.converge(_ROUGH)
-        largest = search.size + _SAFE * search.error
+        largest = search.size + max(search.error, _UNSEEN * search.size)
         return (1.0 - _FAR) / largest if search.size > 0 else np.inf
 
     def _on_shears(self, seen: list[tuple[Array, Array, Array]], known: float) -> SlipModes:

@@ -6,8 +6,9 @@ The system of `reduced.held_body`, for bodies that are too large to factorise,
     [ K   R^T ] [ u ]   [ b ]
     [ R    0  ] [ p ] = [ 0 ]
 
-with rows R that each have a node of their own. Let R_o be R there and 0 elsewhere, so that
-R R_o^T = 1 (on a rigid obstacle R_o = R; between bodies the node is one of either). Then
+with rows R that each have a node of their own. Let R_o be R there, over the square of its size, and
+0 elsewhere, so that R R_o^T = 1 (on a rigid obstacle R_o = R; between bodies the node is one of
+either; beside a clamped one R is less than 1 there). Then
 
     Z = 1 - R_o^T R
 
@@ -44,6 +45,7 @@ __all__ = ["HeldMultigrid", "have_own_nodes"]
 Array = npt.NDArray[np.float64]
 _DEFAULTS = {"ksp_rtol": 1e-11, "ksp_max_it": 1000, "ksp_norm_type": "unpreconditioned"}
 _OWN = 1e-10  # by which R R_o^T may differ from 1
+_LEAST = 1e-2  # square of what a row has at a node of its own
 
 
 def have_own_nodes(rows: Sequence[PETSc.Mat], dim: int) -> bool:
@@ -81,13 +83,19 @@ def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
     entry = entry.reshape(-1)
     sizes = np.zeros(pairs.shape[1])
     np.add.at(sizes, entry, values**2)
-    # Of like nodes all rows of a point take the first, whatever the round-off.
-    order = np.lexsort((pairs[1], -np.round(sizes, 9), pairs[0]))
+    # A node that other rows see less; of like ones all rows of a point take the first, whatever
+    # the round-off.
+    at = np.zeros((len(sizes), dim))
+    at[entry, columns % dim] = values
+    seen = _seen_by_all(rows, at, entry)
+    share = np.where(sizes > _LEAST, sizes**2 / np.maximum(seen, _LEAST**2), 0.0)
+    order = np.lexsort((pairs[1], -np.round(sizes, 9), -np.round(share, 9), pairs[0]))
     first = np.unique(pairs[0][order], return_index=True)[1]
     chosen = np.zeros(len(sizes), dtype=bool)
     chosen[order[first]] = True
     own = rows.copy()
-    own.setValuesCSR(starts, columns, np.where(chosen[entry], values, 0.0))
+    sizes[~chosen] = np.inf
+    own.setValuesCSR(starts, columns, values / sizes[entry])
     own.assemble()
     transposed = own.transpose(PETSc.Mat())
     product = rows.matMult(transposed)
@@ -101,6 +109,30 @@ def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
         own.destroy()
         return None
     return own
+
+
+def _seen_by_all(rows: PETSc.Mat, at: Array, entry: npt.NDArray[np.intp]) -> Array:
+    """Sum of (v.w)^2 over the w of all rows at the node of a v (k,). Collective.
+
+    Args:
+        rows: R.
+        at: what a row has at a node, v (k, dim).
+        entry: the v of each entry of this rank.
+    """
+    starts, columns, values = rows.getValuesCSR()
+    products = rows.copy()
+    sums, ones = products.createVecs()
+    ones.set(1.0)
+    seen = np.zeros(len(at))
+    for component in at.T:
+        products.setValuesCSR(starts, columns, values * component[entry])
+        products.assemble()
+        products.multTranspose(ones, sums)
+        products.diagonalScale(None, sums)
+        np.add.at(seen, entry, products.getValuesCSR()[2])
+    for thing in (products, sums, ones):
+        thing.destroy()
+    return seen
 
 
 class HeldMultigrid:
@@ -216,6 +248,14 @@ class HeldMultigrid:
         x.destroy(), y.destroy()
         return motions, forces
 
+    def leaves_alone(self, D: PETSc.Mat) -> bool:
+        """Whether R_o D^T = 0, so that forces D^T f act on what is not held alone. Collective."""
+        transposed = D.transpose(PETSc.Mat())
+        product = self._own.matMult(transposed)
+        off = product.norm(PETSc.NormType.NORM_INFINITY)
+        transposed.destroy(), product.destroy()
+        return bool(off <= _OWN)
+
     def eigenvalues(self, D: PETSc.Mat, loads: Array) -> Davidson:
         """The search for those of f -> p, the first block of multipliers for b = D^T f. Collective.
 
@@ -223,7 +263,7 @@ class HeldMultigrid:
         body must be `symmetric`. To be destroyed before this.
 
         Args:
-            D: rows at the displacement, as many as the first block has, orthogonal to R_o.
+            D: rows at the displacement, as many as the first block has, that this `leaves_alone`.
             loads: see `Davidson`.
         """
         first = self._forces.getOwnershipRange()[0]
