@@ -72,7 +72,7 @@ ON_TWO = {
         *("by_multigrid", "slips_of_one_sign_among_equal_coefficients"),
         *("hild_triangle", "slice_in_3d", "bad_input", "between_bodies", "double_coefficients"),
         *("slips_of_a_stiff_body_beside_a_soft_one", "how_far_multigrid_knows_them"),
-        "what_does_not_rub",
+        *("what_does_not_rub", "nodes_that_two_surfaces_hold"),
     ),
     "test_crossing_cracks": ("pairs_without_a_loop_keep_their_multipliers", "what_nobody_can_take"),
     "test_curved_friction": (

@@ -34,6 +34,7 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 
 COMM = MPI.COMM_WORLD
+SOLVERS = ("direct", "amg")
 QUADRILATERAL = mesh.CellType.quadrilateral
 LAME = {(1.0, 1.0): (2.0, 1.83333333, 1.78580249, 1.7666602)}
 LAME[(100.0, 82.0)] = (1.9010989, 1.73663256, 1.68791278, 1.66953114)
@@ -686,6 +687,14 @@ def test_how_far_multigrid_knows_them(body):
     assert (listed < found.known_up_to).sum() == (every < found.known_up_to).sum() > 0
     assert found.friction == (whole.friction and pytest.approx(whole.friction, rel=1e-8))
     assert found.known_up_to > 0.9 * every[len(listed)]
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_a_body_smaller_than_the_search():
+    """What a full basis leaves of a vector is round-off, no instability."""
+    domain = mesh.create_rectangle(COMM, [[0.0, 0.0], [1.0, 1.0]], [1, 2])
+    whole, found = (critical_friction(on_box(domain), solver=s, dense=False) for s in SOLVERS)
+    assert found.friction == pytest.approx(whole.friction, rel=1e-10)
 
 
 def without_coupling():

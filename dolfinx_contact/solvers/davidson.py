@@ -197,10 +197,11 @@ class Davidson:
         basis = self._columns[:, : self._used]
         for _ in range(2):
             x -= basis @ self._sum(basis[n : 2 * n].T @ x[:n])
-        after = self._root(self._sum(x[:n] @ x[n : 2 * n]))
-        if after <= _DEPENDENT * before:
+        squared = float(self._sum(x[:n] @ x[n : 2 * n]))
+        # Of a full basis round-off is left, of either sign.
+        if abs(squared) <= (_DEPENDENT * before) ** 2:
             return False
-        self._columns[:, self._used] = x / after
+        self._columns[:, self._used] = x / self._root(squared)
         self._used += 1
         return True
 
