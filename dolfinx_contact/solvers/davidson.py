@@ -229,7 +229,7 @@ class Davidson:
         return np.asarray(self.comm.allreduce(mine))
 
     @staticmethod
-    def _root(squared: Array) -> float:
+    def _root(squared: float | Array) -> float:
         if squared < 0:
             raise RuntimeError("the body is not stable where contact points stay closed")
         return float(np.sqrt(squared))
