@@ -117,8 +117,8 @@ class ContactPoints(ABC):
     vertex_ids: npt.NDArray[np.int64]
     operator: Operator
     #: Overlaps with an obstacle that are taken from gaps, at points and vertices; None of none.
-    taken: fem.Function | None = None
-    taken_at_vertices: fem.Function | None = None
+    removed_overlap: fem.Function | None = None
+    removed_at_vertices: fem.Function | None = None
 
     def __init__(
         self,
@@ -207,9 +207,11 @@ class ContactPoints(ABC):
     @property
     def choices(self) -> list[float]:
         """What else says what they meet, for records. Collective."""
-        if self.taken is None:
+        if self.removed_overlap is None:
             return []
-        largest = self.comm.allreduce(float(np.max(self.taken.x.array, initial=0.0)), op=max)
+        largest = self.comm.allreduce(
+            float(np.max(self.removed_overlap.x.array, initial=0.0)), op=max
+        )
         # Without the digits that depend on the number of ranks.
         return [float(f"{largest:.6g}")]
 
@@ -246,20 +248,20 @@ class ContactPoints(ABC):
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         """What evaluates UFL on the body at the points."""
 
-    def take_overlap(self, gaps: Array, vertex_gaps: Array) -> None:
+    def remove_overlap(self, gaps: Array, vertex_gaps: Array) -> None:
         """Take overlaps from all gaps to come, beside what was taken before. Collective.
 
         Args:
             gaps: at the points of this rank, of which what is below zero is taken (n,).
             vertex_gaps: likewise, at the local vertices.
         """
-        if self.taken is None or self.taken_at_vertices is None:
-            self.taken, self.taken_at_vertices = (
+        if self.removed_overlap is None or self.removed_at_vertices is None:
+            self.removed_overlap, self.removed_at_vertices = (
                 fem.Function(self.space),
                 fem.Function(self.vertices),
             )
-        self.taken.x.array[:] += self.with_ghosts(np.maximum(-gaps, 0.0))
-        self.taken_at_vertices.x.array[:] += np.maximum(-vertex_gaps, 0.0)
+        self.removed_overlap.x.array[:] += self.with_ghosts(np.maximum(-gaps, 0.0))
+        self.removed_at_vertices.x.array[:] += np.maximum(-vertex_gaps, 0.0)
         self.update()
 
     def update(self) -> None:
@@ -271,9 +273,9 @@ class ContactPoints(ABC):
         mine = {name: v[: self.number] for name, v in values.items()}
         normal = mine["normal"]
         gap = mine["gap"]
-        if self.taken is not None and self.taken_at_vertices is not None:
-            gap = gap + self.taken.x.array[: self.number]
-            self.vertex_gaps = self.vertex_gaps + self.taken_at_vertices.x.array
+        if self.removed_overlap is not None and self.removed_at_vertices is not None:
+            gap = gap + self.removed_overlap.x.array[: self.number]
+            self.vertex_gaps = self.vertex_gaps + self.removed_at_vertices.x.array
         self.positions = mine["x"]
         self.gaps = gap
         self.aside = np.zeros_like(normal)

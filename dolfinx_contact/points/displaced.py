@@ -162,7 +162,7 @@ class DisplacedPoints:
         start = ufl.SpatialCoordinate(domain)
         x = ufl.variable(start + self._moved)
         gap, normal = self.shape.at(domain, x)
-        left = _without(gap, points.taken)
+        left = _without(gap, points.removed_overlap)
         self.given = Given(left, normal, points.given.fields)
         expressions = {"gap": left, "normal": normal}
         if friction:
@@ -213,7 +213,7 @@ class DisplacedPoints:
             slipped = memory.reference(before)
             reference = np.einsum("nij,nj->ni", rotation(before, found["normal"]), slipped)
         normal, seen = found["normal"], found["seen"]
-        if self._points.taken is not None:
+        if self._points.removed_overlap is not None:
             # What lies on the obstacle does not touch yet, whatever the sign of round-off.
             gap = -np.sum(seen * normal, axis=1)
             none_yet = np.where(np.abs(gap) <= self._no_gap, gap, 0.0)
@@ -265,7 +265,7 @@ class DisplacedPoints:
         ds = measure_of(domain, submesh.parent_facets, 1, "vertex")
         moved = fem.Function(blocked_space(W, self._points.dim))
         gap, normal = self.shape.at(domain, ufl.SpatialCoordinate(domain) + moved)
-        gap = _without(gap, self._points.taken_at_vertices)
+        gap = _without(gap, self._points.removed_at_vertices)
         expressions: dict[str, Any] = {"gap": gap, "normal": normal}
         maps = merge_entity_maps([submesh])
         return moved, PointEvaluator(W, ds, expressions, maps)
@@ -313,7 +313,9 @@ class TrueGaps:
             at = gap_at(shape, domain, x) if body is None else body.gap_of(shape, domain, x)
             if at is None:
                 return None
-            self._evaluate = self._points.evaluator({"gap": _without(at, self._points.taken)})
+            self._evaluate = self._points.evaluator(
+                {"gap": _without(at, self._points.removed_overlap)}
+            )
         if body is not None:
             body.place()
         return self._evaluate()["gap"][: self._points.number]

@@ -313,7 +313,7 @@ class ContactSurface(ReadOnly):
             )
             overlap.require(self.comm, worst, allowed, f"{self.name}{where}", unless)
         if overlap.removed:
-            self.points.take_overlap(gaps, vertex_gaps)
+            self.points.remove_overlap(gaps, vertex_gaps)
 
     def _scatter(self) -> None:
         for f in self._functions:

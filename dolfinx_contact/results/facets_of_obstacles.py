@@ -195,7 +195,7 @@ def _deepest(s: ContactSurface, shape: RigidSurface, u: Array) -> tuple[float, f
     # What is beside the face, or on the other side of the body, is not in a facet.
     beside = depth < _ACROSS * np.linalg.norm(corners - feet, axis=1)
     depth = np.where(beside | (depth > _NEAR * sizes[found]), 0.0, depth)
-    taken = s.points.taken_at_vertices
+    taken = s.points.removed_at_vertices
     if taken is not None:  # an overlap that is removed is none
         depth = np.maximum(depth - np.sum(parts * taken.x.array[cells[found]], axis=1), 0.0)
     i = int(np.argmax(depth / sizes[found]))

@@ -9,9 +9,9 @@ some steps, or statuses cycle, that value shrinks, since it may be the inexactne
 change; and no step is solved beyond what the tolerance of the whole solve can use.
 
 Within a solve the model is put to the test itself: H after the step so far, in the rows of the
-contact conditions, is what the linear model misses there, as the model takes it for zero. Below
-that the linear residual is not worth reducing (choice 1 of Eisenstat and Walker compares the same
-two, but after the solve).
+contact conditions, is the remainder of the linear model there, which takes it for zero. Below that
+the linear residual is not worth reducing (choice 1 of Eisenstat and Walker compares the same two,
+but after the solve).
 """
 
 from __future__ import annotations
@@ -115,14 +115,14 @@ class Forcing:
         """Whether the model is to be tested where the linear residual was reduced so far."""
         return reduction <= self._next
 
-    def suffices(self, reduction: float, missed: float) -> bool:
+    def suffices(self, reduction: float, remainder: float) -> bool:
         """Whether a solve may end, and when it is to be asked next if not.
 
         Args:
             reduction: linear residual over H at the beginning of the step.
-            missed: what the model misses, over the same.
+            remainder: of the linear model, over the same.
         """
-        if missed >= reduction:
+        if remainder >= reduction:
             return True
-        self._next = min(max(missed, _SOON * reduction), reduction / _FURTHER)
+        self._next = min(max(remainder, _SOON * reduction), reduction / _FURTHER)
         return False

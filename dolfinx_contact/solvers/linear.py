@@ -62,12 +62,12 @@ class LinearSolver:
         """For systems that contain the Jacobian; None where it is to be factorised."""
         return None
 
-    def attach(self, ksp: PETSc.KSP, missed: Callable[[PETSc.Vec], float]) -> None:
+    def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
         """Prepare a KSP, before it reads its options.
 
         Args:
             ksp: to prepare.
-            missed: called with a correction, gives the norm of H after it in the rows of the
+            remainder: called with a correction, gives the norm of H after it in the rows of the
                 contact conditions. Collective.
         """
 
@@ -144,7 +144,7 @@ class Direct(LinearSolver):
         """The Jacobian, another matrix where its pattern has changed."""
         return self._jacobian.matrix
 
-    def attach(self, ksp: PETSc.KSP, missed: Callable[[PETSc.Vec], float]) -> None:
+    def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
         ksp.setPostSolve(self._measure)
 
     def _measure(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:

@@ -113,7 +113,7 @@ class Multigrid(LinearSolver):
         self._assemblies = 0  # of the stiffness, when the hierarchy was built
         self._points = sum(s.points.number_everywhere for s in equations.surfaces)
 
-    def attach(self, ksp: PETSc.KSP, missed: Callable[[PETSc.Vec], float]) -> None:
+    def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
         event = PETSc.Log.Event("ContactKrylov")
         start = 0.0
 
@@ -133,7 +133,7 @@ class Multigrid(LinearSolver):
             if not (due and _knows_residual(ksp)):
                 return 0
             correction = ksp.buildSolution(self._correction)
-            enough = self.forcing.suffices(norm / start, missed(correction) / start)
+            enough = self.forcing.suffices(norm / start, remainder(correction) / start)
             return int(PETSc.KSP.ConvergedReason.CONVERGED_ITS) if enough else 0
 
         ksp.setInitialGuessNonzero(False)

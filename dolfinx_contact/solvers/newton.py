@@ -107,7 +107,7 @@ class Newton:
         self.snes.setJacobian(self._jacobian, self.linear.matrix)
         self.snes.setConvergenceTest(self._test)
         self.snes.setOptionsPrefix(given.prefix)
-        self.linear.attach(self.snes.getKSP(), self._missed)
+        self.linear.attach(self.snes.getKSP(), self._remainder)
         if self._full_steps and self.linear.corrects:
             self.snes.setLineSearchPreCheck(self._settle)
         with options_in_database(given.prefix, self.options), as_raised():
@@ -285,7 +285,7 @@ class Newton:
             after.waxpy(-1.0, step, x)  # as the line search will
             self._known = after.array_r.copy(), b.array_r.copy()
 
-    def _missed(self, correction: PETSc.Vec) -> float:
+    def _remainder(self, correction: PETSc.Vec) -> float:
         """Norm of H after a full step, in the rows of the contact conditions. Collective."""
         after = self._after[0]
         after.waxpy(-1.0, correction, self.snes.getSolution())
