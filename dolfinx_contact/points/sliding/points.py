@@ -241,7 +241,7 @@ class SlidingPoints(NodePoints):
         """How far before and behind the slave something counts as opposite."""
         return self._opposite.depth
 
-    def remove_overlap(self) -> None:
+    def remove_overlap_of_mesh(self) -> None:
         """Take what slave and master overlap by in the mesh from all gaps to come. Collective."""
         overlap = -np.minimum(self.known.facing.nodal.gap, 0.0)
         self.faces.removed = overlap
@@ -333,7 +333,7 @@ def check_slave(
     assert isinstance(points, SlidingPoints)
     _require_apart(points, name, overlap, itself=itself)
     if overlap.removed:
-        points.remove_overlap()
+        points.remove_overlap_of_mesh()
 
 
 def _check_law(law: LawAtPoints, name: str) -> None:
