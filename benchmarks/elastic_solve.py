@@ -18,6 +18,7 @@ GAMG, named ``gamg<s>-<smoother>...`` with ``s`` steps of smoothing the aggregat
 - ``half``: products and smoothing of the finest level by a symmetric matrix, stored by half;
 - ``threshold<t>``: which couplings aggregates ignore (elsewhere 0.005);
 - ``fine``: no aggressive coarsening of the first level (elsewhere one level);
+- ``w``: W-cycles, and a factorisation from 1000 unknowns on, as the frictional solve has them;
 - ``translations``: the near null space without rotations.
 
 BoomerAMG, named ``hypre-...`` (HMIS, one aggressive level, ext+i with four entries a row, strong
@@ -82,9 +83,13 @@ _SMOOTHERS = {
 }
 
 
+_W = {"pc_mg_cycle_type": "w", "pc_gamg_coarse_eq_limit": 1000}
+
+
 def _gamg(smooth, smoother, *words, half=True, threshold=0.005, aggressive=1, rigid=True):
     ksp, pc, sweeps = _SMOOTHERS[smoother]
     options = {
+        **(_W if "w" in words else {}),
         "pc_type": "gamg",
         "pc_gamg_agg_nsmooths": smooth,
         "pc_gamg_threshold": threshold,
@@ -113,6 +118,9 @@ def _all_of_gamg(s):
         _gamg(s, "chebyshev2", "fine", aggressive=0),
         _gamg(s, "chebyshev2-sor", half=False),
         _gamg(s, "chebyshev2-blocks"),
+        _gamg(s, "sor1", "w"),
+        _gamg(s, "chebyshev1", "w"),
+        _gamg(s, "chebyshev2", "w"),
     ]
 
 
@@ -151,6 +159,7 @@ SETTINGS = [
 ]
 FEW = (
     *("gamg0-sor1-half", "gamg0-sor1-half-threshold0.02", "gamg0-chebyshev1-half"),
+    *("gamg0-sor1-half-w", "gamg0-chebyshev1-half-w", "gamg0-chebyshev2-half-w"),
     *("gamg1-sor1-half", "gamg1-chebyshev2-half"),
     *("hypre-unknown", "hypre-nodal4", "hypre-nodal4-threshold0.5", "hypre-nodal6"),
 )

@@ -337,7 +337,7 @@ def large_displacement():
 
 
 def multigrid():
-    given = {"linear_solver": "amg", "snes_rtol": 1e-12}
+    given = {"linear_solver": "amg", "snes_rtol": 1e-12, "amg_pc_gamg_coarse_eq_limit": 50}
     return static(block(n=5, cell="tet", top=oblique(3), options=given))
 
 

@@ -39,7 +39,8 @@ from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED
 from dolfinx_contact.solvers.multigrid import Multigrid
 
 COMM = MPI.COMM_WORLD
-AMG = {"linear_solver": "amg"}
+#: With levels on these small meshes too, whose unknowns a factorisation would take else.
+AMG = {"linear_solver": "amg", "amg_pc_gamg_coarse_eq_limit": 50}
 TIGHT = {**AMG, "snes_rtol": 1e-11, "ksp_rtol": 1e-11}
 
 
@@ -442,6 +443,32 @@ def test_aggregates_are_smoothed_once_plain_ones_have_cost_more(given):
     solver.age(1000, 2.0)
     solver.update(state)
     assert solver.builds == before + smoothed
+
+
+def test_w_cycles_hardly_grow_with_the_mesh():
+    """Iterations of conjugate gradients with plain aggregates, from 8 to 16 cells an edge."""
+
+    def iterations(n, cycle):
+        problem = block(cell="tet", n=n, options={**AMG, "amg_pc_mg_cycle_type": cycle})
+        problem.solve()
+        pc = problem.linear_solver.hierarchy.pc
+        A, P = pc.getOperators()
+        x, b = A.createVecs()
+        b.array[:] = np.random.default_rng(A.comm.rank).standard_normal(b.getLocalSize())
+        ksp = PETSc.KSP().create(A.comm)
+        ksp.setType("cg")
+        ksp.setOperators(A, P)
+        ksp.setPC(pc)
+        ksp.setTolerances(rtol=1e-8, max_it=100)
+        ksp.solve(b, x)
+        taken = ksp.getIterationNumber()
+        for thing in (x, b, ksp):
+            thing.destroy()
+        return taken
+
+    assert PLAIN.options["pc_mg_cycle_type"] == "w"
+    grown = {cycle: iterations(16, cycle) - iterations(8, cycle) for cycle in "vw"}
+    assert grown["w"] < grown["v"], grown
 
 
 @pytest.mark.parametrize(
