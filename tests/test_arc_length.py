@@ -101,6 +101,7 @@ def test_bar_in_series(k, n):
     np.testing.assert_allclose([r["gamma"] for r in rows], [s.gamma for s in history.steps])
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.parametrize(
     "off",
@@ -137,6 +138,7 @@ def test_energy():
     assert residues[1] < 0.4 * residues[0] < 0.002 * 0.05 * W
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "arc length paths", "RCCM adhesion", reference="closed form: the secant", aspects=("2D",)
@@ -167,6 +169,7 @@ def test_going_back_unloads():
     assert (kink.before, kink.after) == ("oo", "aa")
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.parametrize(
     ("k", "n", "event"),
@@ -207,6 +210,7 @@ def test_back_through_nothing(k, n):
     np.testing.assert_allclose(table.pressure, k * C * 0.5 * U0, rtol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "arc length paths",
@@ -285,7 +289,9 @@ def test_klarbring():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize(("cell", "tolerance"), [("hex", 0.01), ("quad", 1e-9)])
+@pytest.mark.parametrize(
+    ("cell", "tolerance"), [pytest.param("hex", 0.01, marks=pytest.mark.long), ("quad", 1e-9)]
+)
 @pytest.mark.verifies(
     "arc length paths",
     "Coulomb",
@@ -335,6 +341,7 @@ def test_a_wider_range_later():
     np.testing.assert_allclose(folds[1].gamma / U0, 4 / 3 * 3**0.25, rtol=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_what_is_written(folder):
     system = bar(1.0, 2)
@@ -400,6 +407,7 @@ def test_bad_input():
         path.run(gamma_range=ENDS)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "arc length paths",

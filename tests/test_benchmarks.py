@@ -26,6 +26,7 @@ import timing
 COMM = MPI.COMM_WORLD
 
 
+@pytest.mark.long
 def test_runs_take_turns_after_one_that_does_not_count():
     order = []
     left = {"a": [9.0, 3.0, 1.0, 2.0], "b": [9.0, 5.0, 6.0, 4.0]}
@@ -183,6 +184,7 @@ def test_seconds_of_the_surface():
     assert scaling.surface_seconds(args, 3, COMM) > 0
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_step_of_a_history_is_one_solve(folder):
     """Its parts are those of its seconds; the statuses of the step before cost no second solve."""

@@ -386,6 +386,7 @@ def size_of(file):
     return COMM.bcast(matplotlib.image.imread(file).shape[:2] if COMM.rank == 0 else None)
 
 
+@pytest.mark.long
 def test_plane_bodies_are_drawn(folder):
     """Panels one below the other; PDF has lines, no picture."""
     problem = block(n=4, top=(0.02, -0.05))
@@ -402,7 +403,13 @@ def test_plane_bodies_are_drawn(folder):
 
 
 @needs_display
-@pytest.mark.parametrize("look", [{"clip": "-y", "zoom": 2.0}, {"view": "below", "apart": 0.2}])
+@pytest.mark.parametrize(
+    "look",
+    [
+        pytest.param({"clip": "-y", "zoom": 2.0}, marks=pytest.mark.long),
+        {"view": "below", "apart": 0.2},
+    ],
+)
 def test_bodies_are_drawn(folder, look):
     above = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     problem = block(n=3, cell="hex", obstacle=above, top=(0.02, 0.0, -0.05))

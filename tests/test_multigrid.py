@@ -618,6 +618,7 @@ def test_a_problem_is_freed_with_its_last_reference(solver):
     assert [r() for r in left] == [None] * 3
 
 
+@pytest.mark.long
 def test_many_problems_on_one_mesh():
     """Matrices of problems that are gone are freed on every rank, without `destroy`."""
     domain = box(COMM, 6, "tet")

@@ -58,6 +58,7 @@ def averages(x, areas, radius, kernel="mollifier", *, normalised=True):
     return N / WHOLE[kernel, x.shape[1]] / radius ** (x.shape[1] - 1)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("normalised", [True, False])
 @pytest.mark.parametrize(("dim", "cell"), [(2, "quad"), (3, "hex")])
@@ -184,6 +185,7 @@ def spread_share(problem, x):
     return COMM.allreduce(np.abs(across).max(initial=0.0), op=MPI.MAX)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize(
     ("cell", "degree", "method"),

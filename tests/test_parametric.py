@@ -65,6 +65,7 @@ def driven_block(kind, cell="quad", n=4, material=None, comm=COMM):
     return ParametricContact(problem, gamma, driven=driven)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kind", ["load", "friction", "obstacle", "dirichlet"])
 @pytest.mark.parametrize("material", [None, NeoHookean(600.0, 400.0)])
 @pytest.mark.verifies(
