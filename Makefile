@@ -50,9 +50,10 @@ demo:
 	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output "$$OUTPUT/linear_triangle"
 	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output "$$OUTPUT/dragged_body"
 
-# What runs on one core runs beside another; tests take two by themselves.
+# Types and attacks, which are bounded in time, have a core each.
 test: style
-	$(MAKE) --jobs=2 --output-sync=target types attacks-sample docs-check test-pip
+	$(MAKE) --jobs=2 --output-sync=target types attacks-sample
+	$(MAKE) --jobs=2 --output-sync=target docs-check test-pip
 	$(RUN) $(PYTEST) --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)
@@ -80,6 +81,7 @@ attacks:
 test-long:
 	$(RUN) $(PYTEST) --long --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST) --long
+	$(RUN) mpirun -n 3 $(PYTEST)/test_golden.py --long
 	$(MAKE) test-pip WHEEL_TESTS="tests --long"
 	$(MAKE) test-paraview
 	$(MAKE) test-browser

@@ -40,7 +40,7 @@ def pytest_collection_modifyitems(config, items):
     Of cases that are a product, `each_value` leaves so few that every value is in one of them. On
     several ranks only what `on_ranks` names is run, and what sends many messages is not. There a
     test with several cases runs in one, the last on two ranks and the first on more, but for tests
-    of what ranks do to each other and the golden record.
+    of what ranks do to each other and the golden record, of which three ranks run a third.
     """
     if find_spec("dolfinx_solver"):
         for item in items:
@@ -50,6 +50,7 @@ def pytest_collection_modifyitems(config, items):
     if config.getoption("--long"):
         return
     cases = {}
+    golden = []
     left_out = _beside_each_value(items)
     for item in items:
         if item in left_out:
@@ -58,6 +59,7 @@ def pytest_collection_modifyitems(config, items):
             )
             continue
         if item.path.stem in ON_ANY:
+            golden.append(item)
             continue
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
@@ -67,6 +69,9 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.skip(reason="runs on fewer ranks"))
         elif COMM.size > 1 and (COMM.size > 2 or item.path.stem not in EVERY_CASE):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for number, item in enumerate(golden):
+        if COMM.size > 2 and number % 3:
+            item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
     for repeated in cases.values():
         for item in repeated[:-1] if COMM.size == 2 else repeated[1:]:
             item.add_marker(pytest.mark.skip(reason="another case runs on so many ranks"))

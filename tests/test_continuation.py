@@ -110,7 +110,6 @@ def test_path_with_two_nonsmooth_folds():
     np.testing.assert_allclose(x[:2], np.linalg.solve([[2, 1], [1, 2]], [-5, -1]), atol=1e-9)
 
 
-@pytest.mark.each_value
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 @pytest.mark.parametrize("units", [1.0, 1e9, 1e-6])
 def test_the_path_does_not_depend_on_steps_and_units(factor, units, algebra):

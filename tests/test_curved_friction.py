@@ -201,7 +201,6 @@ def errors_of_differences(problem, x, v, sizes):
     return errors
 
 
-@pytest.mark.each_value
 @pytest.mark.parametrize("remembers", [False, True])
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize(

@@ -185,7 +185,6 @@ def spread_share(problem, x):
     return COMM.allreduce(np.abs(across).max(initial=0.0), op=MPI.MAX)
 
 
-@pytest.mark.each_value
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize(
     ("cell", "degree", "method"),

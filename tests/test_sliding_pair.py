@@ -209,7 +209,6 @@ STRAIN = 0.1
 STIFF = 500.0  # mu of a material with nu = 0
 
 
-@pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["tri", "quad"])
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.parametrize("part", [0.37, 0.61])
