@@ -495,6 +495,7 @@ def test_events_of_damage_within_a_step(given):
         assert now == pytest.approx((0.5 * beta + 0.5) / (0.5 + 0.5 * u**2), rel=1e-10)
 
 
+@pytest.mark.long
 def test_what_is_written(folder):
     """Intensity and letters of bonds in tables, steps and fields; units do not matter."""
     seen = []

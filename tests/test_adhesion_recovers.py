@@ -167,6 +167,7 @@ def test_thresholds_with_compliance(exponent):
     assert differ > 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "given",
     [

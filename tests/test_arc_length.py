@@ -124,6 +124,7 @@ def test_a_range_that_ends_at_a_fold(off):
     assert path.run(gamma_range=(0.0, 1.0), max_steps=3).steps[-1].gamma > lowest
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_energy():
     """What the account lacks falls with the steps."""
@@ -191,6 +192,7 @@ def test_back_to_nothing(k, n, event):
     np.testing.assert_allclose(opening(again.steps[-1]), r, rtol=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("k", "n"), [(1.0, 2), pytest.param(2.0, 8, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "arc length paths", reference="closed form: the stiffness of the pressed bar", aspects=("2D",)

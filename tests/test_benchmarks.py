@@ -89,6 +89,7 @@ def test_settings_by_name():
         elastic_solve.chosen(["few", "sor3"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cell", ["hex", "tet"])
 def test_ratio_of_contact_to_elasticity(folder, cell):
     settings = ["gamg0-sor1-half", "gamg1-chebyshev2", "hypre-nodal4", "hypre-gm2"]
@@ -158,6 +159,7 @@ def test_ratios_to_getfem_stand_beside_what_they_are_of():
     assert record["force_difference"] == 0.0
 
 
+@pytest.mark.long
 def test_bodies_that_are_tied(folder, monkeypatch):
     """The yardstick between bodies is the contact problem in which everything sticks."""
     words = ["--n", "3", "--settings", "gamg0-sor1-half", "hypre-nodal4", "--repeats", "1"]

@@ -238,7 +238,9 @@ def test_continuous_fields_are_exact(drawn, cell):
         assert (part["colours"]["jumps"] <= 2.0 + 1e-12).all()
 
 
-@pytest.mark.parametrize("cell", ["tri", pytest.param("tet", marks=needs_display)])
+@pytest.mark.parametrize(
+    "cell", ["tri", pytest.param("tet", marks=[needs_display, pytest.mark.long])]
+)
 def test_where_a_field_is_no_number(folder, cell):
     """It is grey there, in the range of the rest."""
     if COMM.size > 1 and cell == "tet":

@@ -233,6 +233,7 @@ def test_correction_solves_the_rows_of_the_surface():
     assert not solver.correct(state, b, d)  # nothing is left to correct
 
 
+@pytest.mark.long
 def test_corrections_save_steps(monkeypatch):
     """Points at the edge of the contact settle their status without a step of the body for each."""
     options = dict(cell="tet", n=16, options={**AMG, "snes_rtol": 1e-8}, top=(0.004, 0.0, -0.02))

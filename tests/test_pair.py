@@ -345,7 +345,7 @@ def triangle_on_a_body(n, friction):
     return ParametricContact(ContactProblem(energy, u, [pair], bcs=ends), gamma)
 
 
-@pytest.mark.parametrize("route", ["pivoting", "steps"])
+@pytest.mark.parametrize("route", ["pivoting", pytest.param("steps", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "all solutions",
     "pivoting",

@@ -171,6 +171,7 @@ def test_single_element_with_other_steps_and_units(factor, folder):
         np.testing.assert_allclose(folds, [0.625, 346 / 182 / 4], atol=1e-10)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cell", ["quad", "tet"])
 @pytest.mark.verifies(
     "branches",
