@@ -18,8 +18,8 @@ DOCS = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=docs $(RUN)
 # All pages anew: each has the titles of others in its margins.
 SPHINX = python3 -m sphinx -q -W --keep-going -E -a -j auto
 
-.PHONY: help demo test test-pip test-long test-paraview test-browser attacks mutants packages docs docs-check \
-	docs-questions docs-links lint clean
+.PHONY: help demo test test-pip test-long test-paraview test-browser attacks attacks-sample mutants \
+	packages docs docs-check docs-questions docs-links lint style types clean
 
 help:
 	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
@@ -50,13 +50,13 @@ demo:
 	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output "$$OUTPUT/linear_triangle"
 	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output "$$OUTPUT/dragged_body"
 
-test: lint
+# Types and attacks, which are bounded in time, have a core each.
+test: style
+	$(MAKE) --jobs=2 --output-sync=target types attacks-sample
+	$(MAKE) --jobs=2 --output-sync=target docs-check test-pip
 	$(RUN) $(PYTEST) --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)
-	$(RUN) $(ATTACKS) --sample
-	$(MAKE) docs-check
-	$(MAKE) test-pip
 
 # Wheels are for x86_64 alone.
 test-pip:
@@ -71,6 +71,9 @@ mutants:
 packages:
 	$(PACKAGES) packaging/check "$$OUTPUT/packages"
 
+attacks-sample:
+	$(RUN) $(ATTACKS) --sample
+
 attacks:
 	$(RUN) $(ATTACKS)
 	$(RUN) mpirun -n 2 $(ATTACKS)
@@ -78,6 +81,7 @@ attacks:
 test-long:
 	$(RUN) $(PYTEST) --long --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST) --long
+	$(RUN) mpirun -n 3 $(PYTEST)/test_golden.py --long
 	$(MAKE) test-pip WHEEL_TESTS="tests --long"
 	$(MAKE) test-paraview
 	$(MAKE) test-browser
@@ -111,11 +115,15 @@ docs-questions: docs-check
 docs-links:
 	$(DOCS) python3 -m sphinx -q -b linkcheck -d docs/_build/links/.doctrees docs docs/_build/links
 
-lint:
+lint: style types
+
+style:
 	@$(RUN) sh -c 'for tool in ruff mypy pytest; do command -v $$tool >/dev/null || { \
 	  echo "$$tool is missing here: python3 -m pip install -e .[test]" >&2; exit 1; }; done'
 	$(RUN) ruff check .
 	$(RUN) ruff format --check .
+
+types:
 	$(RUN) mypy dolfinx_contact
 
 clean:

@@ -391,7 +391,8 @@ class _Sides:
             distance = np.stack(tried)
             sign = np.sign(distance.T)
             which, k = np.nonzero(sign[:, :-1] != sign[:, 1:])
-            finite = np.isfinite(sign[which, k] + sign[which, k + 1])
+            both = sign[which, k] + sign[which, k + 1]
+            finite = np.isfinite(both)
             which = which[finite][:_MOST]
             k = k[finite][:_MOST]
             low = reach[k]

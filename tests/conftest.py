@@ -37,9 +37,10 @@ def pytest_addoption(parser):
 def pytest_collection_modifyitems(config, items):
     """Leave out what takes long, and on several ranks what is seen serially (all run with --long).
 
-    There only what `on_ranks` names is run, and what sends many messages is not. A test with
-    several cases runs in one, the last on two ranks and the first on more, but for tests of what
-    ranks do to each other and the golden record.
+    Of cases that are a product, `each_value` leaves so few that every value is in one of them. On
+    several ranks only what `on_ranks` names is run, and what sends many messages is not. There a
+    test with several cases runs in one, the last on two ranks and the first on more, but for tests
+    of what ranks do to each other and the golden record, of which three ranks run a third.
     """
     if find_spec("dolfinx_solver"):
         for item in items:
@@ -49,8 +50,16 @@ def pytest_collection_modifyitems(config, items):
     if config.getoption("--long"):
         return
     cases = {}
+    golden = []
+    left_out = _beside_each_value(items)
     for item in items:
+        if item in left_out:
+            item.add_marker(
+                pytest.mark.skip(reason="its values are in other cases: --long runs it")
+            )
+            continue
         if item.path.stem in ON_ANY:
+            golden.append(item)
             continue
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
@@ -60,9 +69,35 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.skip(reason="runs on fewer ranks"))
         elif COMM.size > 1 and (COMM.size > 2 or item.path.stem not in EVERY_CASE):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for number, item in enumerate(golden):
+        if COMM.size > 2 and number % 3:
+            item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
     for repeated in cases.values():
         for item in repeated[:-1] if COMM.size == 2 else repeated[1:]:
             item.add_marker(pytest.mark.skip(reason="another case runs on so many ranks"))
+
+
+def _beside_each_value(items):
+    """Cases of tests marked `each_value` of which every value is in a case that is kept.
+
+    Cases that take long are none of them. The next that is kept is one with the most new values.
+    """
+    tests = {}
+    for item in items:
+        if item.get_closest_marker("each_value") and not item.get_closest_marker("long"):
+            tests.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    left_out = set()
+    for left in tests.values():
+        seen = set()
+        while left:
+            new = [len(set(item.callspec.indices.items()) - seen) for item in left]
+            best = left[new.index(max(new))]
+            if not max(new):
+                break
+            seen |= set(best.callspec.indices.items())
+            left.remove(best)
+        left_out |= set(left)
+    return left_out
 
 
 def _on_ranks(item):

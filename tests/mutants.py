@@ -2,7 +2,8 @@
 
 For every room (`ROOMS`) Cosmic Ray lists the mutants of its modules in a session, those by
 `OPERATORS`. Each is tried by the tests of that room, those that see most first, in a fork of one
-process that has imported all but the package: a mutant that is seen at once costs half a second. A
+process that has imported all but the package: a mutant that is seen at once costs half a second.
+Tests and cases that `make test` leaves out are asked where no other sees a mutant. A
 session continues where it was left, and `--sample` takes so many of each room, the same ones every
 time. Beside the sessions are `ROOM.txt`, with the score and what has survived as differences.
 `make mutants` runs all of it; `tests/mutants.md` has what was found.
@@ -31,6 +32,7 @@ COSMIC_RAY = "cosmic-ray==8.7.0"
 SEED = 20
 SECONDS = 120  # of processor time, after which a mutant has hung
 SECONDS_ALONE = 30  # the same where no more is asked than a module alone
+SECONDS_LONG = 900  # of tests that take long, which are asked last
 #: Modules and tests of the rooms, in the order in which they are asked.
 ROOMS = {
     "laws": (
@@ -239,6 +241,11 @@ def seen(mutant, tests, alone=(), order=()):
                 tell("none")
             forget_the_package()
             status = int(pytest.main(["-x", "-q", *tests])) if tests else 0
+            if tests and status == 0:
+                signal.setitimer(signal.ITIMER_PROF, SECONDS_LONG)
+                rest = ["--long", "-m", "long or each_value"]
+                status = int(pytest.main(["-x", "-q", *rest, *tests]))
+                status = 0 if status == pytest.ExitCode.NO_TESTS_COLLECTED else status
         finally:
             os._exit(status)
     os.close(theirs)

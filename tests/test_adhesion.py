@@ -80,8 +80,9 @@ def weakest(table, before):
         ("tri", {}),
         ("quad", {"method": "mixed"}),
         ("quad", {"method": "integral", "degree": 2}),
-        ("quad", {"pair": True}),
+        ("quad", {"pair": True, "n": 1}),
         ("hex", {}),
+        pytest.param("quad", {"pair": True}, marks=pytest.mark.long),
         pytest.param("tet", {"method": "integral"}, marks=pytest.mark.long),
         pytest.param("tet", {"pair": True, "n": 1}, marks=pytest.mark.long),
     ],
@@ -144,7 +145,10 @@ def test_closed_form_at_every_point(cell, given):
     assert before.max() < 0.5
 
 
-@pytest.mark.parametrize(("cell", "pair"), [("quad", False), ("hex", False), ("tri", True)])
+@pytest.mark.parametrize(
+    ("cell", "pair"),
+    [("quad", False), pytest.param("hex", False, marks=pytest.mark.long), ("tri", True)],
+)
 @pytest.mark.verifies(
     "RCCM adhesion",
     "energies of histories",
@@ -230,6 +234,7 @@ def test_shear_under_pressure(m):
     assert force[-1] == pytest.approx(6.0**-3 + m * (1 - 1 / 36), rel=1e-5)
 
 
+@pytest.mark.long
 def test_residue_falls_with_the_steps():
     residues = []
     for n in (10, 20):
@@ -242,7 +247,7 @@ def test_residue_falls_with_the_steps():
 @pytest.mark.parametrize(
     ("speed", "wanted"),
     [
-        (1.0, (0.7811538113, 0.4048318120, 0.1218560409)),
+        pytest.param(1.0, (0.7811538113, 0.4048318120, 0.1218560409), marks=pytest.mark.long),
         (0.01, (0.4471181641, 0.2506289459, 0.1111935685)),
     ],
 )
@@ -421,7 +426,8 @@ def test_snap_back(k):
 @pytest.mark.parametrize(
     "given",
     [
-        *({}, {"viscosity": 0.5, "order": 2}),
+        {},
+        pytest.param({"viscosity": 0.5, "order": 2}, marks=pytest.mark.long),
         pytest.param({"viscosity": 0.5}, marks=pytest.mark.long),
         pytest.param({"viscosity": 0.5, "exponent": 2.0}, marks=pytest.mark.long),
     ],
@@ -489,6 +495,7 @@ def test_events_of_damage_within_a_step(given):
         assert now == pytest.approx((0.5 * beta + 0.5) / (0.5 + 0.5 * u**2), rel=1e-10)
 
 
+@pytest.mark.long
 def test_what_is_written(folder):
     """Intensity and letters of bonds in tables, steps and fields; units do not matter."""
     seen = []
@@ -564,7 +571,7 @@ def test_bad_input():
     ("n", "times"),
     [
         (1, (0.0, 0.4, 1.0)),
-        (1, (0.0, 1.0)),
+        pytest.param(1, (0.0, 1.0), marks=pytest.mark.long),
         pytest.param(2, (0.0, 0.58, 1.0), marks=pytest.mark.long),
         pytest.param(2, (0.0, 0.2, 0.4, 0.6, 0.8, 1.0), marks=pytest.mark.long),
     ],
@@ -594,6 +601,7 @@ def test_a_bar_that_snaps_back(n, times):
     np.testing.assert_allclose(force, [0.0, -(W**2) / (C * u[0] ** 3)], atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_bar_that_does_not_snap_back():
     """A stiff spring: steps that cannot be shorter are no jumps for that."""
     problem, top = bonded(law=RCCM(C, C, W), young=310.0, n=1)

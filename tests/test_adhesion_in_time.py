@@ -95,6 +95,7 @@ def test_orders(b, order):
     assert found[-1] < {1: 0.004, 2: 6e-5}[order]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("exponent", EXPONENTS[:3])
 @pytest.mark.verifies(
     "RCCM adhesion",

@@ -85,6 +85,7 @@ def test_a_new_bond_begins_where_it_is():
     assert weak < kept.to(1e3, (aside, 0.0), PRESSED) == pytest.approx(1 / 25, rel=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
 def test_pressed_down_again(cell):
     """Blocks drawn off and pressed down: bonds are there again, if they recover."""
@@ -123,6 +124,7 @@ def thresholds(contact, young=1e3, steps=24):
     return found
 
 
+@pytest.mark.long
 def test_thresholds_are_one_under_signorini():
     for a, b in zip(*thresholds(None), strict=True):
         size = np.abs(a.force).max()
@@ -165,6 +167,7 @@ def test_thresholds_with_compliance(exponent):
     assert differ > 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "given",
     [

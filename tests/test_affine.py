@@ -235,7 +235,9 @@ def _start(system, gamma=0.0):
     ("name", "of"),
     [
         pytest.param("up to", _driven, marks=pytest.mark.long),
-        *(("up to", _moved), ("a step", _loaded), ("up and down", _loaded)),
+        pytest.param("up to", _moved, marks=pytest.mark.long),
+        pytest.param("a step", _loaded, marks=pytest.mark.long),
+        ("up and down", _loaded),
     ],
 )
 @pytest.mark.verifies(

@@ -73,7 +73,7 @@ def test_the_table_of_several_solutions(case, folder):
     assert (folder / "proof.npz").is_file()
 
 
-@pytest.mark.parametrize("friction", ["0.3", "1"])
+@pytest.mark.parametrize("friction", ["0.3", pytest.param("1", marks=pytest.mark.long)])
 def test_a_block_of_the_demo(friction, folder):
     """49 points under an oblique load: one solution, at once."""
     words = ["--shape", "block", "--cells", "6", "6", "2", "--load", ".5", ".2", "-1"]

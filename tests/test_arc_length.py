@@ -101,6 +101,7 @@ def test_bar_in_series(k, n):
     np.testing.assert_allclose([r["gamma"] for r in rows], [s.gamma for s in history.steps])
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.parametrize(
     "off",
@@ -123,6 +124,7 @@ def test_a_range_that_ends_at_a_fold(off):
     assert path.run(gamma_range=(0.0, 1.0), max_steps=3).steps[-1].gamma > lowest
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_energy():
     """What the account lacks falls with the steps."""
@@ -137,6 +139,7 @@ def test_energy():
     assert residues[1] < 0.4 * residues[0] < 0.002 * 0.05 * W
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "arc length paths", "RCCM adhesion", reference="closed form: the secant", aspects=("2D",)
@@ -167,6 +170,7 @@ def test_going_back_unloads():
     assert (kink.before, kink.after) == ("oo", "aa")
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.parametrize(
     ("k", "n", "event"),
@@ -188,6 +192,7 @@ def test_back_to_nothing(k, n, event):
     np.testing.assert_allclose(opening(again.steps[-1]), r, rtol=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("k", "n"), [(1.0, 2), pytest.param(2.0, 8, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "arc length paths", reference="closed form: the stiffness of the pressed bar", aspects=("2D",)
@@ -207,6 +212,7 @@ def test_back_through_nothing(k, n):
     np.testing.assert_allclose(table.pressure, k * C * 0.5 * U0, rtol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "arc length paths",
@@ -285,7 +291,9 @@ def test_klarbring():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize(("cell", "tolerance"), [("hex", 0.01), ("quad", 1e-9)])
+@pytest.mark.parametrize(
+    ("cell", "tolerance"), [pytest.param("hex", 0.01, marks=pytest.mark.long), ("quad", 1e-9)]
+)
 @pytest.mark.verifies(
     "arc length paths",
     "Coulomb",
@@ -335,6 +343,7 @@ def test_a_wider_range_later():
     np.testing.assert_allclose(folds[1].gamma / U0, 4 / 3 * 3**0.25, rtol=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_what_is_written(folder):
     system = bar(1.0, 2)
@@ -400,6 +409,7 @@ def test_bad_input():
         path.run(gamma_range=ENDS)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "arc length paths",

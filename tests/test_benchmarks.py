@@ -26,6 +26,7 @@ import timing
 COMM = MPI.COMM_WORLD
 
 
+@pytest.mark.long
 def test_runs_take_turns_after_one_that_does_not_count():
     order = []
     left = {"a": [9.0, 3.0, 1.0, 2.0], "b": [9.0, 5.0, 6.0, 4.0]}
@@ -88,6 +89,7 @@ def test_settings_by_name():
         elastic_solve.chosen(["few", "sor3"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cell", ["hex", "tet"])
 def test_ratio_of_contact_to_elasticity(folder, cell):
     settings = ["gamg0-sor1-half", "gamg1-chebyshev2", "hypre-nodal4", "hypre-gm2"]
@@ -157,6 +159,7 @@ def test_ratios_to_getfem_stand_beside_what_they_are_of():
     assert record["force_difference"] == 0.0
 
 
+@pytest.mark.long
 def test_bodies_that_are_tied(folder, monkeypatch):
     """The yardstick between bodies is the contact problem in which everything sticks."""
     words = ["--n", "3", "--settings", "gamg0-sor1-half", "hypre-nodal4", "--repeats", "1"]
@@ -183,6 +186,7 @@ def test_seconds_of_the_surface():
     assert scaling.surface_seconds(args, 3, COMM) > 0
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_step_of_a_history_is_one_solve(folder):
     """Its parts are those of its seconds; the statuses of the step before cost no second solve."""

@@ -32,6 +32,7 @@ ORACLE = json.loads((Path(__file__).parent / "data" / "blocks.json").read_text()
 CASES = [k for k in ORACLE if k != "source"]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.verifies(
     "Coulomb",
@@ -351,6 +352,7 @@ def test_large_displacement_on_a_plane_is_exact():
     assert table.ut[:, 0].min() > 1.0
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("method", ["nodal", "mixed", "integral"])
 @pytest.mark.parametrize(("cell", "levels"), [("quad", (3, 12, 24)), ("hex", (2, 6, 10))])
 @pytest.mark.verifies(

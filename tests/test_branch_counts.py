@@ -197,6 +197,7 @@ def test_in_space(n, aside, events, letters):
         assert all(check(c.certificate).verdict == "complete" for c in counts)
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "all solutions",
     "branches",

@@ -69,6 +69,7 @@ def require_equal(found, wanted):
         )
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("format", ["bp", "npy"])
 @pytest.mark.verifies(
@@ -114,6 +115,7 @@ def test_a_checkpoint_of_adios_without_it_is_refused_by_name(folder, monkeypatch
         read_checkpoint(folder / "x", functions(COMM, "triangle", zero=True))
 
 
+@pytest.mark.long
 def test_a_record_goes_on_in_another_format(folder, monkeypatch):
     """Begun without ADIOS2 and resumed with it where it is: sessions name their formats."""
     here = checkpoint_format(COMM)

@@ -58,6 +58,7 @@ def check(summary, length=1.0, force=1.0):
                 assert end[key] / scale == pytest.approx(value, rel=1e-7, abs=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "r", [None, *(pytest.param(r, marks=[serial, pytest.mark.long]) for r in (0.3, 300.0))]
 )

@@ -133,6 +133,7 @@ def solved_patch(
     return table
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("degrees", DEGREES)
 @pytest.mark.parametrize(
     ("case", "sides", "cell"),

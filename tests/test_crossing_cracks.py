@@ -161,6 +161,7 @@ def test_closed_arms_carry_uniform_compression(groups, caplog):
         assert table.count("d") == 2
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("friction", [0.5, 0.0])
 @pytest.mark.parametrize(
     ("groups", "options"),

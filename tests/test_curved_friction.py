@@ -246,6 +246,7 @@ def test_jacobian(name, cell, given, turned, remembers):
     assert errors[1] < 0.02 * errors[0] + 1e-9
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("method", ["nodal", "integral"])
 @pytest.mark.parametrize("remembers", [False, True])
@@ -369,6 +370,7 @@ def pressed_and_led(t, X, press=0.06, shear=0.04):
     return moved
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("shape", ["disc", "ellipse", "ball", "cylinder", "bumps"])
 @pytest.mark.parametrize("method", ["nodal", "integral"])
 @pytest.mark.parametrize("angle", [0.2, 1.0])
@@ -430,7 +432,7 @@ def test_turned(shape, method, angle):
         assert np.abs(table.increment[table.letters == "k"]).max() < 1e-9
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "rigid bodies",
     reference="itself: an obstacle where the body has come",
@@ -515,7 +517,8 @@ def around(t, X, dim, press=0.08, angle=0.5):
 @pytest.mark.parametrize(
     ("dim", "cell", "shape"),
     [
-        *((2, "quad", "sphere"), (3, "tet", "sphere"), (3, "hex", "cylinder")),
+        *((2, "quad", "sphere"), (3, "hex", "cylinder")),
+        pytest.param(3, "tet", "sphere", marks=pytest.mark.long),
         pytest.param(2, "tri", "sphere", marks=pytest.mark.long),
         pytest.param(3, "hex", "sphere", marks=pytest.mark.long),
         pytest.param(3, "tet", "cylinder", marks=pytest.mark.long),
@@ -567,7 +570,8 @@ def test_led_around(dim, cell, shape):
 @pytest.mark.parametrize(
     ("dim", "cell", "method"),
     [
-        *((2, "tri", "integral"), (3, "hex", "nodal")),
+        (2, "tri", "integral"),
+        pytest.param(3, "hex", "nodal", marks=pytest.mark.long),
         pytest.param(2, "tri", "nodal", marks=pytest.mark.long),
         pytest.param(3, "hex", "integral", marks=pytest.mark.long),
     ],
@@ -711,6 +715,7 @@ def test_against_a_stiff_body():
     assert off[2] < 0.6 * off[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("turning", [pytest.param(False, marks=pytest.mark.long), True])
 @pytest.mark.verifies(
     "energies of histories",
@@ -953,6 +958,7 @@ def test_held_in_part(component):
 # -- the demo --------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "spheres",

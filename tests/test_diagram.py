@@ -32,7 +32,9 @@ def test_closed_branch():
     assert branch.points[-1].y.equal(branch.points[0].y)
 
 
-@pytest.mark.parametrize("longest", [0.01, pytest.param(0.1, marks=pytest.mark.long), 0.5])
+@pytest.mark.parametrize(
+    "longest", [*(pytest.param(ds, marks=pytest.mark.long) for ds in (0.01, 0.1)), 0.5]
+)
 def test_a_branch_closes_wherever_it_begins(longest):
     """The circle from all around it, both ways, with steps that turn by up to 26 degrees."""
     system = smooth(

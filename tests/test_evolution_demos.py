@@ -43,6 +43,7 @@ def bar(folder, n, thin, steps):
     return [abs(summary[name] / summary[f"{name}_closed_form"] - 1) for name in NAMES]
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "quasi-static",
@@ -93,6 +94,7 @@ def mindlin(folder, n, steps):
     return [way["l2_error"] for way in found]
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "quasi-static",
     "Coulomb",
@@ -215,6 +217,7 @@ def peeling(folder, *words):
     return summary
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_peeling(folder):
     summary = peeling(folder, "--peel=3")

@@ -336,6 +336,7 @@ def test_a_rigid_body_and_three_dimensions(folder):
 # -- kills -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @serial
 @pytest.mark.parametrize(
     ("case", "kills"),

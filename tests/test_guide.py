@@ -118,6 +118,7 @@ def test_a_motion():
     assert abs(history.energies.residue) < 1e-6 * before
 
 
+@pytest.mark.long
 def test_a_recorded_branch(folder, monkeypatch, capsys):
     """Followed, cut short, resumed and drawn, on any number of ranks."""
     monkeypatch.chdir(folder)

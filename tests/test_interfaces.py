@@ -95,6 +95,7 @@ POWERS = [
 ]
 
 
+@pytest.mark.each_value
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.parametrize(("dim", "exponent", "end"), POWERS)
 @pytest.mark.parametrize("viscosity", [0.0, 0.3])
@@ -137,7 +138,7 @@ def senses(table):
     [
         pytest.param("quad", {}, marks=pytest.mark.long),
         ("quad", {"method": "integral", "degree": 2}),
-        ("tri", {"pair": True}),
+        pytest.param("tri", {"pair": True}, marks=pytest.mark.long),
         ("tet", {}),
     ],
 )
@@ -376,6 +377,7 @@ def test_what_a_brittle_bond_costs():
         assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "bilinear cohesion",
@@ -551,6 +553,7 @@ def test_an_end_that_is_never_reached():
             assert abs(traction[1]) < 1e-12
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.parametrize("k", [pytest.param(1.0, marks=pytest.mark.long), 8.0])
 @pytest.mark.verifies(
@@ -651,7 +654,7 @@ def test_coupled_variables(dim):
     assert {0, DAMAGING} <= seen
 
 
-@pytest.mark.parametrize("cell", ["tri", "tet"])
+@pytest.mark.parametrize("cell", ["tri", pytest.param("tet", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "interfaces of one's own",
     reference="differences: Taylor remainders of second order",

@@ -66,6 +66,7 @@ def jumps_of(history):
     return [(s.start, s.time) for s in history.steps if s.jump]
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.parametrize(
     ("stiffness", "steps", "degree"),
@@ -141,6 +142,7 @@ def test_a_jump_from_which_no_solution_is_near(stiffness, law, pressed, times):
     np.testing.assert_allclose(times[-1] - slip, bound * pressed, rtol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_short_steps_after_a_jump_are_none(monkeypatch):
     """They are faster than the body that stuck before, evenly, and none can be halved twice."""

@@ -85,6 +85,7 @@ def number_of_solutions(system, gamma):
     return len(found.found)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 @pytest.mark.parametrize("load", [(20.0, 5.0), (-20.0, -5.0), (5.0, -20.0), (0.0, -1.0)])
 def test_a_diagram_from_a_state_without_load(load, route):
@@ -225,6 +226,7 @@ def test_from_a_fold_at_a_kink():
     assert branch.ending is Ending.CLOSED
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("beyond", [0.0, 1e-15, -1e-15, -1e-13])
 @pytest.mark.parametrize(("x", "gamma"), [(0.0, 1.0), (0.5, 0.5), (1.0, 0.0)])
 def test_the_range_ends_at_a_fold_at_a_kink(x, gamma, beyond):
@@ -263,6 +265,7 @@ def test_points_are_found_whatever_tangents_are_kept():
         assert (state(system, found) - state(system, known)).norm() < 1e-9
 
 
+@pytest.mark.long
 def test_steps_that_meet_a_bifurcation_again():
     """Steps over kinks cross it without its rays: the diagram is not complete, and no error."""
     h = 0.25

@@ -74,7 +74,7 @@ def follow_vee(solver, kinks, *options):
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("kinks", ["exact", "batched"])
+@pytest.mark.parametrize("kinks", [pytest.param("exact", marks=pytest.mark.long), "batched"])
 @pytest.mark.verifies(
     "Krylov branches",
     reference="independent code: MUMPS for the linear systems",

@@ -238,7 +238,9 @@ def test_continuous_fields_are_exact(drawn, cell):
         assert (part["colours"]["jumps"] <= 2.0 + 1e-12).all()
 
 
-@pytest.mark.parametrize("cell", ["tri", pytest.param("tet", marks=needs_display)])
+@pytest.mark.parametrize(
+    "cell", ["tri", pytest.param("tet", marks=[needs_display, pytest.mark.long])]
+)
 def test_where_a_field_is_no_number(folder, cell):
     """It is grey there, in the range of the rest."""
     if COMM.size > 1 and cell == "tet":
@@ -386,6 +388,7 @@ def size_of(file):
     return COMM.bcast(matplotlib.image.imread(file).shape[:2] if COMM.rank == 0 else None)
 
 
+@pytest.mark.long
 def test_plane_bodies_are_drawn(folder):
     """Panels one below the other; PDF has lines, no picture."""
     problem = block(n=4, top=(0.02, -0.05))
@@ -402,7 +405,13 @@ def test_plane_bodies_are_drawn(folder):
 
 
 @needs_display
-@pytest.mark.parametrize("look", [{"clip": "-y", "zoom": 2.0}, {"view": "below", "apart": 0.2}])
+@pytest.mark.parametrize(
+    "look",
+    [
+        pytest.param({"clip": "-y", "zoom": 2.0}, marks=pytest.mark.long),
+        {"view": "below", "apart": 0.2},
+    ],
+)
 def test_bodies_are_drawn(folder, look):
     above = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     problem = block(n=3, cell="hex", obstacle=above, top=(0.02, 0.0, -0.05))

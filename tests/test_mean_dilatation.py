@@ -273,7 +273,8 @@ def test_of_revolution():
 @pytest.mark.parametrize(
     ("cell", "solver"),
     [
-        *(("quad", "direct"), ("quad", "amg"), ("hex", "amg")),
+        *(("quad", "direct"), ("quad", "amg")),
+        pytest.param("hex", "amg", marks=pytest.mark.long),
         pytest.param("hex", "direct", marks=pytest.mark.long),
     ],
 )
@@ -315,6 +316,7 @@ def shaft(dim, radius):
     return Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), radius)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(COMM.size > 1, reason="the hierarchy, and what it is no use for, is another")
 def test_multigrid_that_stagnates_ends():
     """A neo-Hookean body for which the hierarchy is no use: it is not built anew for ever."""

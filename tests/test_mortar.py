@@ -116,6 +116,7 @@ def test_uniform_tractions(case, slave, master, angle):
     assert abs(moment) < 1e-13
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("angle", [0.0, 0.7])
 @pytest.mark.parametrize("cell", ["tri", "quad"])
 @pytest.mark.parametrize(("slave", "master"), SIDES)
@@ -168,6 +169,7 @@ def test_patch(case, slave, master, cell, angle):
     assert result.imbalance < 1e-12
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("ratio", [1.5, 2, 3])
 @pytest.mark.parametrize(("slave", "master"), SIDES)
 @pytest.mark.verifies(
@@ -200,6 +202,7 @@ def test_more_elements_converge_to_one_body(slave, master, ratio):
     assert errors[2] < 0.5 * errors[1] < 0.25 * errors[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ratio", [pytest.param(2, marks=pytest.mark.long), 3])
 @pytest.mark.chatty
 def test_two_blocks_of_different_meshes(folder, ratio):
@@ -312,6 +315,7 @@ def test_uniform_tractions_in_space(case, slave, master, cells):
             np.testing.assert_allclose(force[nodes], wanted, atol=1e-14)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cells", ["tet", "hex"])
 @pytest.mark.parametrize(("slave", "master"), SIDES)
 @pytest.mark.parametrize("case", SOLID_CASES[:2])

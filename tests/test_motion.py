@@ -236,6 +236,7 @@ def block(
     return ContactProblem(material.energy(u) * ufl.dx + pull, u, [surface], bcs=bcs), held
 
 
+@pytest.mark.long
 def test_what_turns_back_is_not_at_rest():
     """A block that is thrown up is slow for a while, high up, where nothing holds it."""
     problem, _ = block(weight=10.0)
@@ -247,6 +248,7 @@ def test_what_turns_back_is_not_at_rest():
     assert sum(slow) > 12
 
 
+@pytest.mark.long
 def test_settling_is_one_run():
     """An observer sees one run, whose states know the largest kinetic energy and quiet steps."""
 

@@ -16,6 +16,7 @@ def no_pictures(monkeypatch):
     monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "NSCD motion",
@@ -75,6 +76,7 @@ def test_two_bars_to_one_percent(folder):
     np.testing.assert_allclose(two_bars(folder, "--elements=400"), 1.0, rtol=0, atol=0.01)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "NSCD motion", "Coulomb", reference="closed form: time and way to the stop", aspects=("2D",)
@@ -96,6 +98,7 @@ def test_the_sliding_block_as_it_is(folder):
         assert found[name] == pytest.approx(found[f"{name}_closed_form"], rel=0.01)
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "NSCD motion",
     "hyperelastic bodies",
@@ -135,6 +138,7 @@ def test_two_thrown_bodies(folder):
     assert found["energy_error"] < 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "NSCD motion", reference="closed form: an oscillator of one degree of freedom", aspects=("2D",)

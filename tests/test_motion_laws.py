@@ -90,6 +90,7 @@ def test_a_speed_is_needed():
         NSCD(block(Regularised(Coulomb(0.3), width=1e-3)), 1.0, dt=0.01)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "normal compliance",
@@ -140,6 +141,7 @@ def test_a_bond_that_breaks():
     assert abs(e.residue) < 0.03 * w
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "bilinear cohesion",
@@ -197,6 +199,7 @@ def test_an_obstacle_that_arrives():
     assert abs(history.energies.residue) < 1e-11
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_a_bond_on_springs():
     """The energies are those of a quasi-static history, from which slow motion hardly differs."""

@@ -77,6 +77,7 @@ def test_squeal(friction):
     assert found == pytest.approx(expected, abs=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "jumps", "NSCD motion", reference="closed form: Klarbring's node beyond g = 3", aspects=("2D",)

@@ -234,6 +234,7 @@ def test_correction_solves_the_rows_of_the_surface():
     assert not solver.correct(state, b, d)  # nothing is left to correct
 
 
+@pytest.mark.long
 def test_corrections_save_steps(monkeypatch):
     """Points at the edge of the contact settle their status without a step of the body for each."""
     options = dict(cell="tet", n=16, options={**AMG, "snes_rtol": 1e-8}, top=(0.004, 0.0, -0.02))
@@ -645,6 +646,7 @@ def test_a_problem_is_freed_with_its_last_reference(solver):
     assert [r() for r in left] == [None] * 3
 
 
+@pytest.mark.long
 def test_many_problems_on_one_mesh():
     """Matrices of problems that are gone are freed on every rank, without `destroy`."""
     domain = box(COMM, 6, "tet")

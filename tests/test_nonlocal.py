@@ -58,6 +58,7 @@ def averages(x, areas, radius, kernel="mollifier", *, normalised=True):
     return N / WHOLE[kernel, x.shape[1]] / radius ** (x.shape[1] - 1)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("normalised", [True, False])
 @pytest.mark.parametrize(("dim", "cell"), [(2, "quad"), (3, "hex")])

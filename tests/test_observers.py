@@ -214,6 +214,7 @@ def test_after_a_kill(folder):
     check(again, looks)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("who", ["observer", "stop", "record"])
 @pytest.mark.parametrize("what", [follow, explore])
 def test_data_that_are_changed_on_a_branch_are_refused(what, who, folder):

@@ -554,7 +554,11 @@ def coloured(file, comm=COMM):
 
 @pytest.mark.parametrize(
     ("size", "cells", "tilt"),
-    [((20, 1, 1), (24, 3, 2), 0.0), ((1, 20, 1), (3, 24, 2), 0.0), ((20, 1, 1), (24, 3, 2), 0.5)],
+    [
+        pytest.param((20, 1, 1), (24, 3, 2), 0.0, marks=pytest.mark.long),
+        pytest.param((1, 20, 1), (3, 24, 2), 0.0, marks=pytest.mark.long),
+        ((20, 1, 1), (24, 3, 2), 0.5),
+    ],
 )
 def test_narrow_surfaces_fill_the_picture(folder, size, cells, tilt):
     """A strip lies along the page, whichever way it lies in space."""
@@ -564,6 +568,7 @@ def test_narrow_surfaces_fill_the_picture(folder, size, cells, tilt):
     assert across > 0.8
 
 
+@pytest.mark.long
 def test_a_long_body_fills_the_picture(folder):
     if shutil.which("xvfb-run") is None:
         pytest.skip("VTK may need a display")
@@ -574,7 +579,9 @@ def test_a_long_body_fills_the_picture(folder):
     assert across > 0.8
 
 
-@pytest.mark.parametrize(("size", "cells"), [((20, 1), (40, 3)), ((1, 20), (3, 40))])
+@pytest.mark.parametrize(
+    ("size", "cells"), [pytest.param((20, 1), (40, 3), marks=pytest.mark.long), ((1, 20), (3, 40))]
+)
 def test_slender_bodies_fill_the_picture(folder, size, cells):
     """Of a tower little is left but the body and the bar of its colours."""
     problem = strip(size, cells)

@@ -158,6 +158,7 @@ def tool(dim, closed):
     return RigidSurface(points, cells)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("moves", [False, True])

@@ -167,6 +167,7 @@ def test_static_and_kinetic_friction_of_one_element(distance, monkeypatch):
             assert point.gamma == pytest.approx(load(t.along(t.ut)[0]), abs=1e-8)
 
 
+@pytest.mark.long
 def test_demo(folder):
     summary = demo(["--n=4", f"--output={folder}"])
     assert summary["kkt_violation_orthotropic"] < 1e-9

@@ -345,7 +345,7 @@ def triangle_on_a_body(n, friction):
     return ParametricContact(ContactProblem(energy, u, [pair], bcs=ends), gamma)
 
 
-@pytest.mark.parametrize("route", ["pivoting", "steps"])
+@pytest.mark.parametrize("route", ["pivoting", pytest.param("steps", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "all solutions",
     "pivoting",
@@ -658,7 +658,7 @@ def test_a_block_that_tips(monkeypatch):
     ("dim", "cell", "bound", "shift", "press", "stiffness"),
     [
         (2, "tri", 2.0, 0.02, -0.001, 1000.0),
-        (2, "tri", 20.0, 0.2, -0.05, 1000.0),
+        pytest.param(2, "tri", 20.0, 0.2, -0.05, 1000.0, marks=pytest.mark.long),
         (3, "hex", 2.0, 0.02, -0.001, 100.0),
     ],
 )

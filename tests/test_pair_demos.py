@@ -113,6 +113,7 @@ def test_a_crack_in_the_plane(folder, words, no_pictures):
     assert summary["open"] == summary["stick"] == 0
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "cracks",
     reference="closed form: the slip of a disc in space",
@@ -176,6 +177,7 @@ def test_a_drawn_press_fit():
             assert pressure < 0.5 * exact
 
 
+@pytest.mark.long
 def test_an_elastic_base(folder):
     """Both bodies are drawn, and all that the top is pushed with reaches the bottom."""
     summary = demo_elastic_base.main(["--size=0.2", f"--output={folder}"])

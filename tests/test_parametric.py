@@ -65,6 +65,7 @@ def driven_block(kind, cell="quad", n=4, material=None, comm=COMM):
     return ParametricContact(problem, gamma, driven=driven)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kind", ["load", "friction", "obstacle", "dirichlet"])
 @pytest.mark.parametrize("material", [None, NeoHookean(600.0, 400.0)])
 @pytest.mark.verifies(
@@ -170,6 +171,7 @@ def test_single_element_with_other_steps_and_units(factor, folder):
         np.testing.assert_allclose(folds, [0.625, 346 / 182 / 4], atol=1e-10)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cell", ["quad", "tet"])
 @pytest.mark.verifies(
     "branches",

@@ -94,7 +94,14 @@ def test_the_journal_says_what_was_followed(folder):
     assert [r.after for r in read_journal(folder).runs] == [0, 16]
 
 
-@pytest.mark.parametrize("case", ["bonds", "crack", "pair"])
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param("bonds", marks=pytest.mark.long),
+        pytest.param("crack", marks=pytest.mark.long),
+        "pair",
+    ],
+)
 @pytest.mark.verifies(
     "records of paths",
     "cracks",
@@ -149,7 +156,14 @@ def test_an_interrupted_path_resumes(case, whole, folder):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10 * scale)
 
 
-@pytest.mark.parametrize("after", ["the start", "the last point", "the turn"])
+@pytest.mark.parametrize(
+    "after",
+    [
+        pytest.param("the start", marks=pytest.mark.long),
+        pytest.param("the last point", marks=pytest.mark.long),
+        "the turn",
+    ],
+)
 def test_killed_between_two_points(after, whole, folder):
     """When a run has begun there or back; when it is over, and the journal does not say so yet."""
     known = whole("crack")
@@ -168,6 +182,7 @@ def test_killed_between_two_points(after, whole, folder):
     require_same_path(folder, known)
 
 
+@pytest.mark.long
 def test_a_damaged_checkpoint_is_passed_over(whole, folder, caplog):
     with pytest.raises(Stop):
         record("pair", folder, observer=stopping(6))

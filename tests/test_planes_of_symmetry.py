@@ -149,6 +149,7 @@ def seen(dim, overlap, *, whole, slave=SLAVE):
     return [np.concatenate(COMM.allgather(values)) for values in (rows, forces)]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(("overlap", "slave"), [(-0.05, SLAVE), (0.1, SLAVE), (0.1, MASTER)])
 @pytest.mark.verifies(

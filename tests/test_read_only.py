@@ -67,6 +67,7 @@ class Study:
         return self.problem.solve().resultants["contact"]
 
 
+@pytest.mark.long
 def test_a_study_of_friction_load_material_and_place():
     """One problem, whose Constants change, answers as problems that are made anew."""
     study = Study()

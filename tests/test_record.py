@@ -462,6 +462,7 @@ def test_a_finished_branch_stays_as_it_is(whole):
     require_same(read_journal(folder), journal, tolerance=0)
 
 
+@pytest.mark.long
 def test_a_branch_that_was_killed_at_its_last_point(folder):
     """Its end, by a stop or by the range, is in the line of the point: nothing is added."""
     system, functionals = moved_block(COMM)
@@ -488,6 +489,7 @@ def test_a_branch_that_was_killed_at_its_last_point(folder):
         np.testing.assert_allclose(found, [p.gamma for p in expected.points], atol=1e-10)
 
 
+@pytest.mark.long
 def test_a_resumed_run_that_ends_before_the_recorded_end(folder):
     """Its end is not that of the record, which can go on."""
     system, functionals = moved_block(COMM)

@@ -201,6 +201,7 @@ def test_both_faces_of_a_pair(folder):
             assert animation.n_frames == 2
 
 
+@pytest.mark.long
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
 @pytest.mark.parametrize("cell", ["tri", pytest.param("hex", marks=pytest.mark.long)])
 @pytest.mark.verifies(

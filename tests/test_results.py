@@ -84,6 +84,7 @@ def test_work_of_friction_is_that_of_contact():
     assert abs(support) > 0.1 * work
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("material", ["linear", "neo-Hookean"])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.verifies(

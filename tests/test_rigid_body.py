@@ -110,6 +110,7 @@ def resultant(t, about):
 # -- forces and motions --------------------------------------------------------------------------
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(("method", "degree"), METHODS)
 @pytest.mark.verifies(
@@ -196,6 +197,7 @@ def test_tilting_in_three_dimensions(method):
     np.testing.assert_allclose(resultant(again.tables["top 0"], body.about), load, atol=1e-7)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("method", "degree"), METHODS)
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.verifies(

@@ -108,6 +108,7 @@ def test_an_energy_of_ones_own_that_vanishes():
         problem.solve()
 
 
+@pytest.mark.long
 def test_springs_that_come_and_go():
     """A block that springs hold, or nothing."""
     domain = box(COMM, 4, "tri")

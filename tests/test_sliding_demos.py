@@ -15,6 +15,7 @@ def no_picture(monkeypatch):
     monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "sliding pairs",

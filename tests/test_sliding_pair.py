@@ -134,6 +134,7 @@ def errors_with_parts_held(problem, pair, x, v, monkeypatch):
     return state, errors
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.parametrize("law", [Frictionless(), Coulomb(0.3)], ids=["frictionless", "coulomb"])
@@ -418,7 +419,7 @@ class Killed(Exception):
 TIMES = np.concatenate([[0.0, 0.5], np.linspace(1.0, 2.5, 13)])
 
 
-@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("slave", [pytest.param(2, marks=pytest.mark.long), 3])
 @pytest.mark.verifies(
     "sliding pairs",
     reference="closed form: friction at every point that slips; an account of energies",
@@ -452,6 +453,7 @@ def test_history(slave):
     assert abs(energies.residue) < 0.03 * energies.external
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.2, 0.3])
 @pytest.mark.verifies(
@@ -495,6 +497,7 @@ def test_wedge(friction, slave):
     assert push / weight == pytest.approx(exact, rel=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: the run in one go",
@@ -527,7 +530,9 @@ def test_resumed(folder):
         )
 
 
-@pytest.mark.parametrize(("dim", "cell", "slave"), [(2, "quad", 2), (3, "tet", 3)])
+@pytest.mark.parametrize(
+    ("dim", "cell", "slave"), [(2, "quad", 2), pytest.param(3, "tet", 3, marks=pytest.mark.long)]
+)
 @pytest.mark.verifies(
     "sliding pairs",
     "multigrid",
@@ -702,7 +707,7 @@ def test_edge_of_a_slave_is_refused():
         ContactPair(displacement(both.mesh), slave, **given)
 
 
-@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("slave", [2, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.verifies("sliding pairs", reference="itself: shorter steps", aspects=("2D", "pairs"))
 def test_bodies_that_pass_through_each_other(slave, caplog):
     """A step longer than the search distance: a doubt, which shorter steps have not."""
@@ -778,6 +783,7 @@ def above(x):
     return x[1] >= -1e-9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("slave", "mass"),
     [
@@ -824,6 +830,11 @@ def test_velocities_without_mass_may_be_any():
     assert COMM.allreduce(off, max) < 1e-10
 
 
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="itself: a motion that nothing ended",
+    aspects=("2D", "pairs", "large sliding", "records"),
+)
 def test_a_motion_continues_from_its_record(folder):
     """Slips are measured from where the faces were, also after a resume."""
     times = [0.0, 0.06]

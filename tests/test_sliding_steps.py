@@ -69,6 +69,7 @@ def test_a_step_in_a_cycle_is_halved(caplog):
     assert same(*ends, 1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: solves that begin at the state before",

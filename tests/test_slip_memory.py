@@ -171,12 +171,12 @@ def test_a_record_has_it(folder):
     for name in ("whole", "stopped"):
         problem, top = dragged()
         runs.append((folder / name, QuasiStatic(problem, along(top, *PATH[:3]))))
-    times = np.linspace(0.0, 3.0, 10)
+    times = np.linspace(0.0, 3.0, 7)
     (whole, first), (stopped, second) = runs
     with EvolutionRecord(whole, first) as kept:
         first.run(times, record=kept)
     with EvolutionRecord(stopped, second) as kept, pytest.raises(Stop):
-        second.run(times, record=kept, observer=stopping(5))
+        second.run(times, record=kept, observer=stopping(4))
     problem, top = dragged()
     with EvolutionRecord(stopped, QuasiStatic(problem, along(top, *PATH[:3])), resume=True) as kept:
         assert kept.go_on().complete

@@ -195,6 +195,7 @@ def test_in_a_history(law):
         dragged.problem.solve()
 
 
+@pytest.mark.long
 def test_in_a_motion():
     dragged = Dragged(OfSpeed(), 0.0)
     dragged.u.interpolate(lambda x: np.stack([0 * x[0], -0.01 * x[1]]))  # as its top is held

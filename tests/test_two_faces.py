@@ -290,6 +290,7 @@ def test_pictures(folder, monkeypatch):
     assert np.all(contact["pressure"][~is_open] > 1.0)
 
 
+@pytest.mark.long
 def test_pictures_are_drawn(folder):
     problem = pressed("hex", 2, 3, 1, "nodal", friction=0.25)
     problem.solve()

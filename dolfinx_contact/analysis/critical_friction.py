@@ -372,7 +372,8 @@ class _PressureByShear:
             shears.append(real.array_r + 1j * imaginary.array_r)
             (a, p), (b, q) = (self._answer(v) for v in (real, imaginary))
             slips.append(self.slips(a) + 1j * self.slips(b))
-            off.append(np.sum(np.abs(p + 1j * q - values[-1] * shears[-1]) ** 2))
+            residual = p + 1j * q - values[-1] * shears[-1]
+            off.append(np.sum(np.abs(residual) ** 2))
         known = self._known_up_to(T, found) if values else 0.0
         for thing in (real, imaginary, solver, *found, T):
             thing.destroy()

@@ -133,7 +133,9 @@ class _Root:
         with np.errstate(all="ignore"):
             step = np.abs(F / J)
         good = np.isfinite(step) & (step > 0)
-        far = start[:, 0] + self._sense * np.where(good, step, 1e-3 * (1.0 + np.abs(start[:, 0])))
+        short = 1e-3 * (1.0 + np.abs(start[:, 0]))
+        away = np.where(good, step, short)
+        far = start[:, 0] + self._sense * away
         middle = (start[:, 0] + end) / 2
         begin = z.copy()
         begin[:, 0] = middle if self._ends else far

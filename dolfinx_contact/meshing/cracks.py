@@ -343,7 +343,8 @@ class _Sides:
         materials = self._materials[self._around.near[cells[pair]]]
         if materials[0] != materials[1]:
             return int(pair[np.argmin(materials)])
-        inside = self._x[self._old[cells[pair[0]]]].mean(axis=0)
+        nodes = self._old[cells[pair[0]]]
+        inside = self._x[nodes].mean(axis=0)
         outward = middle[pair[0]] - inside
         size = np.abs(outward).max()
         leading = outward[np.flatnonzero(np.abs(outward) > 1e-9 * size)[0]]

@@ -265,7 +265,8 @@ def _centre(polygon: Array, count: Nodes) -> Array:
 def _area(x: Array) -> Array:
     """Signed areas of polygons (n, k, 2)."""
     y = np.roll(x, -1, axis=1)
-    return np.asarray(0.5 * np.sum(x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0], axis=1))
+    double = x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0]
+    return np.asarray(0.5 * double.sum(axis=1))
 
 
 def _anticlockwise(x: Array) -> Array:

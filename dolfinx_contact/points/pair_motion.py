@@ -297,7 +297,8 @@ def _unit(v: Array) -> Array:
 
 def _angle(a: Array, b: Array) -> Array:
     """Angles between unit vectors (n, dim)."""
-    return np.asarray(2 * np.arcsin(np.minimum(np.linalg.norm(_unit(b) - a, axis=1) / 2, 1.0)))
+    half = np.linalg.norm(_unit(b) - a, axis=1) / 2
+    return np.asarray(2 * np.arcsin(np.minimum(half, 1.0)))
 
 
 def _area_vectors(x: Array) -> Array:
@@ -306,8 +307,10 @@ def _area_vectors(x: Array) -> Array:
         along = x[:, 1] - x[:, 0]
         return np.stack([along[:, 1], -along[:, 0]], axis=1)
     if x.shape[1] == 3:
-        return np.asarray(0.5 * np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]))
-    return np.asarray(0.5 * np.cross(x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]))
+        first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    else:
+        first, second = x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
+    return np.asarray(0.5 * np.cross(first, second))
 
 
 def _closest(corners: Array, y: Array) -> Array:

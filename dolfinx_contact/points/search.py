@@ -86,8 +86,12 @@ def ranks_nearby(
     boxes = np.array(comm.allgather(box))
     low = boxes[:, 0, None]
     high = boxes[:, 1, None]
-    near = np.linalg.norm(np.maximum(np.maximum(low - wanted, wanted - high), 0.0), axis=2)
-    far = np.linalg.norm(np.maximum(np.abs(wanted - low), np.abs(high - wanted)), axis=2)
+    below = low - wanted
+    above = wanted - high
+    outside = np.maximum(below, above).clip(0.0)
+    across = np.maximum(np.abs(below), np.abs(above))
+    near = np.linalg.norm(outside, axis=2)
+    far = np.linalg.norm(across, axis=2)
     tree = scipy.spatial.cKDTree(known) if len(known) else None
     return [np.flatnonzero(marked) for marked in which(near, far)], tree
 

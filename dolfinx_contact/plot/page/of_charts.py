@@ -124,7 +124,8 @@ def _between(
     near = _SAME * (ranges[0][1] - ranges[0][0])
     there = [c for c in curves if c.points[0, 0] <= low + near and c.points[-1, 0] >= high - near]
     inner = [c.points[:, 0] for c in there]
-    mus = np.unique(np.concatenate([[low, high], *[m[(m > low) & (m < high)] for m in inner]]))
+    between = [m[(m > low) & (m < high)] for m in inner]
+    mus = np.unique(np.concatenate([np.array([low, high]), *between]))
     middle = np.array([(low + high) / 2])
     there.sort(key=lambda curve: float(_at(curve, middle)[0]))
     least, most = ranges[1]

@@ -90,7 +90,9 @@ def from_rows(facets: Nodes, number: int, dim: int) -> Candidates:
 
 def marks_of(senses: Array, mirror: Array) -> Array:
     """Senses (n,) times 1 + a number of the axes across which facets are images (dim,)."""
-    return np.asarray(senses * (1 + (mirror < 0) @ 2 ** np.arange(len(mirror))))
+    axes = 2 ** np.arange(len(mirror))
+    number = (mirror < 0) @ axes
+    return np.asarray(senses * (1 + number))
 
 
 def _found(facets: Nodes, pairs: Nodes, dim: int) -> Candidates:

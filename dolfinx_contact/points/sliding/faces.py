@@ -411,7 +411,8 @@ class SlidingFaces:
         m = self.at_nodes(vectors)[self.corners]
         n = _unit(m)
         facet = _unit(vectors)
-        turn = np.degrees(np.arccos(np.clip(np.sum(n * facet[:, None], axis=2), -1.0, 1.0)))
+        cosine = np.sum(n * facet[:, None], axis=2)
+        turn = np.degrees(np.arccos(cosine.clip(-1.0, 1.0)))
         back = np.sum((x.mean(axis=1, keepdims=True) - x) * n, axis=2)
         size = np.ptp(x, axis=1).max(axis=1)[:, None]
         turn = np.where(back < -1e-9 * size, turn, 0.0)
