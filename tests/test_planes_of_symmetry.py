@@ -11,7 +11,8 @@ from test_sliding_pair import errors_with_parts_held, smooth
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, SelfContact
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, ParametricContact, SelfContact
+from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import NeoHookean, lame
@@ -112,12 +113,15 @@ def test_half_is_the_whole(start):
 
 
 def paired(dim, overlap, *, whole, slave=SLAVE):
-    """A displacement of the bodies, and a pair of them."""
+    """A displacement of the bodies, and a pair of them; with slave 0 one face of both."""
     body = bodies(dim, whole=whole, overlap=overlap)
     u = displacement(body.mesh)
     planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
-    given = dict(sliding="large", search_distance=0.5, law=Coulomb(0.3), symmetry=planes)
-    faces = dict(slave=slave, master=SLAVE + MASTER - slave, interference=True)
+    given = dict(search_distance=0.5, law=Coulomb(0.3), symmetry=planes, interference=True)
+    if not slave:
+        facets = np.union1d(body.facet_tags.find(SLAVE), body.facet_tags.find(MASTER))
+        return u, SelfContact(u, facets, **given)
+    faces = dict(slave=slave, master=SLAVE + MASTER - slave, sliding="large")
     return u, ContactPair(u, body.facet_tags, **faces, **given)
 
 
@@ -150,17 +154,19 @@ def seen(dim, overlap, *, whole, slave=SLAVE):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize(("overlap", "slave"), [(-0.05, SLAVE), (0.1, SLAVE), (0.1, MASTER)])
+@pytest.mark.parametrize(
+    ("overlap", "slave"), [(-0.05, SLAVE), (0.1, SLAVE), (0.1, MASTER), (-0.05, 0), (0.1, 0)]
+)
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: the whole model, of which it is a half or a quarter",
     aspects=("2D", "3D", "pairs", "large sliding"),
 )
 def test_part_sees_what_the_whole_sees(dim, overlap, slave):
-    """Normals, gaps, slips and forces, apart and where bodies are in each other."""
+    """Normals, gaps, slips and forces, apart and in each other; of one face too."""
     whole, all_forces = seen(dim, overlap, whole=True, slave=slave)
     part, forces = seen(dim, overlap, whole=False, slave=slave)
-    assert len(part) == 3 ** (dim - 1)
+    assert len(part) == (1 if slave else 2) * 3 ** (dim - 1)
     for row in part:
         off = np.linalg.norm(whole[:, :dim] - row[:dim], axis=1)
         np.testing.assert_allclose(row, whole[np.argmin(off)], atol=1e-12)
@@ -236,6 +242,8 @@ def test_refused():
         ContactPair(displacement(crossed.mesh), crossed.facet_tags, symmetry={0: 0.0}, **given)
     bottom = mesh.locate_entities_boundary(body.mesh, 1, lambda x: np.isclose(x[1], -1.0))
     with pytest.raises(ValueError, match="lies in a plane of symmetry instead of ending there"):
+        SelfContact(u, bottom, law=Coulomb(0.3), symmetry={1: -1.0}, direction=(1, 0))
+    with pytest.raises(ValueError, match=r"\[0.0, 1.0\] is not along that across y"):
         SelfContact(u, bottom, law=Coulomb(0.3), symmetry={1: -1.0})
     small = given | {"sliding": "small", "symmetry": {0: 0.0}}
     with pytest.raises(ValueError, match="planes of symmetry are for sliding='large'"):
@@ -247,3 +255,69 @@ def test_refused():
     ):
         with pytest.raises(ValueError, match=f"let {number} nodes leave the plane of symmetry"):
             ContactProblem(RUBBER.energy(u) * ufl.dx, u, [surface])
+
+
+def led(dim, value, *, itself):
+    """A problem of the half between its held ends, with a value of the plane across it."""
+    body = bodies(dim, whole=False)
+    domain = body.mesh
+    u = displacement(domain)
+    V = u.function_space
+    given = dict(law=Coulomb(0.3), search_distance=0.2, symmetry={0: 0.0})
+    if itself:
+        facets = np.union1d(body.facet_tags.find(SLAVE), body.facet_tags.find(MASTER))
+        surface = SelfContact(u, facets, **given)
+    else:
+        faces = dict(slave=SLAVE, master=MASTER, sliding="large")
+        surface = ContactPair(u, body.facet_tags, **faces, **given)
+
+    def on(spaces, axis, place):
+        here = mesh.locate_entities_boundary(
+            domain, dim - 1, lambda x: np.isclose(np.abs(x[axis]), place)
+        )
+        return fem.locate_dofs_topological(spaces, dim - 1, here)
+
+    W = V.sub(0)
+    moved = fem.Constant(domain, 0.0) if value == "Constant" else fem.Function(W.collapse()[0])
+    spaces = W if value == "Constant" else (W, moved.function_space)
+    bcs = [fem.dirichletbc(np.zeros(dim), on(V, dim - 1, 1.0), V)]
+    bcs.append(fem.dirichletbc(moved, on(spaces, 0, 0.0), W))
+    gamma = fem.Constant(domain, 0.0)
+    energy = RUBBER.energy(u) * ufl.dx + gamma * u[dim - 1] * ufl.dx
+    return ContactProblem(energy, u, [surface], bcs=bcs), moved, gamma
+
+
+OFF = "move nodes by 0.01 off the plane of symmetry x = 0"
+
+
+@pytest.mark.parametrize(("dim", "itself"), [(2, False), (2, True), (3, False)])
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "3D", "pairs", "large sliding"))
+def test_a_plane_that_moves(dim, itself):
+    """A value across it that is changed after the problem is made, or by a step of a history."""
+    problem, moved, _ = led(dim, "Constant", itself=itself)
+    moved.value = 1e-12  # round-off
+    problem.solve()
+    before = problem.u.x.array.copy()
+    moved.value = -0.01
+    with pytest.raises(ValueError, match=OFF):
+        problem.solve()
+    np.testing.assert_array_equal(problem.u.x.array, before)
+
+    def load(t):
+        moved.value = 0.01 * max(t - 1.0, 0.0)
+
+    with pytest.raises(ValueError, match=OFF):
+        QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf)
+
+
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
+def test_a_plane_that_a_branch_moves():
+    """Values of a Function that the parameter drives are looked at before anything is followed."""
+    problem, moved, gamma = led(2, "Function", itself=False)
+    problem.solve()
+    system = ParametricContact(problem, gamma, driven=[(moved, 0.01 * gamma)])
+    x = system.create_vector()
+    problem.write(x)
+    with pytest.raises(ValueError, match=r"at gamma = 0.03125: .*off the plane of symmetry x = 0"):
+        follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+    np.testing.assert_array_equal(moved.x.array, 0.0)
