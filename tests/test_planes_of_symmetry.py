@@ -11,7 +11,14 @@ from test_sliding_pair import errors_with_parts_held, smooth
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, ParametricContact, SelfContact
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    Coulomb,
+    Frictionless,
+    ParametricContact,
+    SelfContact,
+)
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
@@ -47,6 +54,15 @@ def bodies(dim, *, whole, overlap=0.0):
     return join(both, facet_tags=tags)
 
 
+def touching(u, body, slave, **given):
+    """A pair of both faces, or with slave 0 one face of both."""
+    if not slave:
+        facets = np.union1d(body.facet_tags.find(SLAVE), body.facet_tags.find(MASTER))
+        return SelfContact(u, facets, **given)
+    faces = dict(slave=slave, master=SLAVE + MASTER - slave, sliding="large")
+    return ContactPair(u, body.facet_tags, **faces, **given)
+
+
 def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, **start):
     """The table of the pair after two steps with friction, and the iterations of each."""
     body = bodies(dim, whole=whole, overlap=overlap)
@@ -54,9 +70,8 @@ def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, **start):
     u = displacement(domain)
     V = u.function_space
     planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
-    given = dict(slave=slave, master=SLAVE + MASTER - slave, search_distance=0.5, **start)
-    given |= dict(law=Coulomb(0.3), sliding="large")
-    pair = ContactPair(u, body.facet_tags, symmetry=planes, **given)
+    given = dict(law=Coulomb(0.3), search_distance=0.5, symmetry=planes, **start)
+    pair = touching(u, body, slave, **given)
     down = fem.Constant(domain, [0.0] * dim)
 
     def held(value, V, axis, place):
@@ -87,6 +102,7 @@ def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, **start):
         {},
         {"remove_overlap": 0.1, "overlap": 0.04},
         {"interference": True, "overlap": 0.04, "slave": MASTER},
+        {"interference": True, "overlap": 0.04, "slave": 0},
     ],
 )
 @pytest.mark.verifies(
@@ -118,11 +134,7 @@ def paired(dim, overlap, *, whole, slave=SLAVE):
     u = displacement(body.mesh)
     planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
     given = dict(search_distance=0.5, law=Coulomb(0.3), symmetry=planes, interference=True)
-    if not slave:
-        facets = np.union1d(body.facet_tags.find(SLAVE), body.facet_tags.find(MASTER))
-        return u, SelfContact(u, facets, **given)
-    faces = dict(slave=slave, master=SLAVE + MASTER - slave, sliding="large")
-    return u, ContactPair(u, body.facet_tags, **faces, **given)
+    return u, touching(u, body, slave, **given)
 
 
 def moved(x):
@@ -264,12 +276,7 @@ def led(dim, value, *, itself):
     u = displacement(domain)
     V = u.function_space
     given = dict(law=Coulomb(0.3), search_distance=0.2, symmetry={0: 0.0})
-    if itself:
-        facets = np.union1d(body.facet_tags.find(SLAVE), body.facet_tags.find(MASTER))
-        surface = SelfContact(u, facets, **given)
-    else:
-        faces = dict(slave=SLAVE, master=MASTER, sliding="large")
-        surface = ContactPair(u, body.facet_tags, **faces, **given)
+    surface = touching(u, body, 0 if itself else SLAVE, **given)
 
     def on(spaces, axis, place):
         here = mesh.locate_entities_boundary(
@@ -321,3 +328,60 @@ def test_a_plane_that_a_branch_moves():
     with pytest.raises(ValueError, match=r"at gamma = 0.03125: .*off the plane of symmetry x = 0"):
         follow(system, x, 0.0, gamma_range=(0.0, 1.0))
     np.testing.assert_array_equal(moved.x.array, 0.0)
+
+
+def side_by_side(first, second, names):
+    """Two blocks by their corners, all facets of each marked by a name."""
+    parts = []
+    for (low, high), tag in zip((first, second), names, strict=True):
+        ends = [np.linspace(a, b, 3) for a, b in zip(low, high, strict=True)]
+        body = create_grid(COMM, ends, CELLS["quad"])
+        facets = mesh.locate_entities_boundary(body, 1, lambda x: x[0] < np.inf)
+        tags = np.full(len(facets), tag, dtype=np.int32)
+        parts.append((body, mesh.meshtags(body, 1, facets, tags)))
+    both, tags = zip(*parts, strict=True)
+    return join(both, facet_tags=tags)
+
+
+@pytest.mark.verifies(
+    "sliding pairs", reference="closed form: a way", aspects=("2D", "pairs", "large sliding")
+)
+def test_what_crosses_a_plane_is_doubted():
+    """A master that is led through the plane is in its own image, which nothing would say else."""
+    corners = ([0.0, -1.0], [1.0, 0.0]), ([0.3, 0.01], [0.8, 0.5])
+    body = side_by_side(*corners, (SLAVE, MASTER))
+    domain = body.mesh
+    u = displacement(domain)
+    V = u.function_space
+    top = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    given = dict(law=Frictionless(), symmetry={0: 0.0}, search_distance=0.3, sliding="large")
+    pair = ContactPair(u, top, master_facets=body.facet_tags.find(MASTER), **given)
+    way = fem.Constant(domain, (0.0, 0.0))
+    held = [np.unique(V.dofmap.list[body.cell_tags.find(tag)]) for tag in (1, 2)]
+    bcs = [
+        fem.dirichletbc(np.zeros(2), held[0].astype(np.int32), V),
+        fem.dirichletbc(way, held[1].astype(np.int32), V),
+    ]
+    problem = ContactProblem(RUBBER.energy(u) * ufl.dx, u, [pair], bcs=bcs)
+    for left, words in ((-0.29, ""), (-0.5, "0.2 behind the plane of symmetry x = 0")):
+        way.value = left, 0.0
+        doubts = problem.solve().doubts
+        assert bool(doubts) is bool(words)
+        assert words in doubts.get("contact", "")
+
+
+@pytest.mark.verifies(
+    "self contact", reference="closed form: an area", aspects=("2D", "large sliding")
+)
+@pytest.mark.parametrize("direction", [(0, 1), (1, 0), (0, -1)])
+def test_walls_of_one_height(direction):
+    """Facets as far along the direction as what they face meet it nevertheless, once."""
+    body = side_by_side(([0.0, 0.0], [1.0, 1.0]), ([1.1, 0.0], [2.0, 1.0]), (1, 2))
+    walls = mesh.locate_entities_boundary(
+        body.mesh, 1, lambda x: np.isclose(x[0], 1.0) | np.isclose(x[0], 1.1)
+    )
+    u = displacement(body.mesh)
+    face = SelfContact(u, walls, law=Coulomb(0.3), direction=direction, search_distance=0.3)
+    operator = face.points.at(np.zeros((face.owned_nodes, 2)), None)
+    facing = COMM.allreduce(float(operator.areas.sum()))
+    assert facing == pytest.approx(1.0)

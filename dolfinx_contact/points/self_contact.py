@@ -84,8 +84,8 @@ class SelfContact(ContactSurface):
     images of others behind these, as they do in the whole model; what comes to a plane from the
     side is to touch a `HalfSpace` there. Facets do not face themselves, those that they share a
     node with, what looks the same way, and what lies behind them through the body: where that is
-    thinner than ``search_distance``, bodies overlap by less than half of its thickness T in the mesh, or by
-    (d + T)/2 at facets that start within the body at a depth d.
+    thinner than ``search_distance``, bodies overlap by less than half of its thickness T in the
+    mesh, or by (d + T)/2 at facets that start within the body at a depth d.
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1.
