@@ -37,6 +37,7 @@ from dolfinx_contact.points.sliding.rays import (
     cast,
     slopes,
 )
+from dolfinx_contact.points.sliding.spins import spins
 from dolfinx_contact.points.trace import at_global_places, facet_normals
 
 __all__ = ["SlidingFaces"]
@@ -322,7 +323,7 @@ class SlidingFaces:
         farther = way @ direction
         level = np.abs(farther) <= _SAME * self._skin
         first = way[np.arange(len(way)), np.argmax(way != 0.0, axis=1)]
-        real = (found.mirrors > 0).all(axis=1)[k]
+        real = np.all(found.mirrors[k] > 0, axis=1)
         ahead = np.where(level, real & (first > 0), farther > 0)
         kept = ~self._shares_node(found) & (facing | ~near) & ahead
         return replace(found, pairs=found.pairs[kept])
@@ -336,7 +337,8 @@ class SlidingFaces:
         same = self.slave_nodes()[i][:, :, None] == found.nodes[k][:, None]
         places = self._before(found)
         off = self._reference[i][:, :, None] - places[k][:, None]
-        return np.asarray((same & (np.linalg.norm(off, axis=3) <= _SAME * self._skin)).any((1, 2)))
+        near: npt.NDArray[np.bool_] = np.linalg.norm(off, axis=3) <= _SAME * self._skin
+        return np.asarray((same & near).any(axis=(1, 2)))
 
     def _deepest_of_itself(self) -> Array:
         """How far each facet may be overlapped before its face is met through the body (n,).
@@ -474,6 +476,13 @@ class SlidingFaces:
         normal = np.einsum("pqa,pad->pqd", shape, m[at])
         rays = cast(start, normal, theirs[master], eta)
         old, old_m, old_theirs = self._last(before)
+        (mine_spun, by_mine), (theirs_spun, by_theirs) = (
+            spins(old, mine, self._sense),
+            spins(old_theirs, theirs, self._found.senses),
+        )
+        # Normals of the master look the other way.
+        spun = 0.5 * (mine_spun[facet] - theirs_spun[master])
+        by_corners = 0.5 * by_mine[facet], -0.5 * by_theirs[master]
         way = np.einsum("pqb,pbd->pqd", rays.weights, old_theirs[master])
         way -= np.einsum("pqa,pad->pqd", shape, old[facet])
         o = _unit(np.einsum("pqa,pad->pqd", shape, old_m[at]))
@@ -486,9 +495,14 @@ class SlidingFaces:
         mass = np.einsum("pqa,pqb->pab", weighted, shape)
         around = mass.sum(axis=2) - np.einsum("paa->pa", mass)
         nodal = self._nodal(
-            facet, weighted, around, rays.gap, slips, m=m, before=old_normals, areas=areas
+            facet, weighted, around, rays.gap, slips, spun, m=m, before=old_normals, areas=areas
         )
-        return Facing(self._found, facet, master, shape, weights, rays, along, nodal)
+        return Facing(self._found, facet, master, shape, weights, rays, along, by_corners, nodal)
+
+    @property
+    def free_to_spin(self) -> Array:
+        """1 of the local vertices, 0 on planes of symmetry, where images spin against them (n,)."""
+        return np.asarray(self.kept.min(axis=1))
 
     def _last(self, before: Array | None) -> tuple[Array, Array, Array]:
         """Slave, vectors at its nodes, and candidates at the last accepted state."""
@@ -540,6 +554,7 @@ class SlidingFaces:
         around: Array,
         gap: Array,
         slip: Array,
+        spin: Array,
         *,
         m: Array,
         before: Array,
@@ -555,10 +570,13 @@ class SlidingFaces:
         gaps = np.where(weight > 0, gaps + self.removed, self._depth)
         slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqad->pad", weighted, slip))
         slips = self.kept * slips
+        turns = by * self.sums(facet, weighted.sum(axis=1) * spin[:, None])
+        turns = self.free_to_spin * turns
         length = np.linalg.norm(m, axis=1)
         others = self.sums(facet, around)
         share = np.where(others > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
-        return Nodal(weight, share, others, gaps, slips, m / length[:, None], length, before)
+        normal = m / length[:, None]
+        return Nodal(weight, share, others, gaps, slips, normal, length, before, turns)
 
 
 def _mirrors(planes: Mapping[int, float], dim: int) -> Array:
