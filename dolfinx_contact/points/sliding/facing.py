@@ -121,7 +121,7 @@ class Nodal:
         """Derivative of S R d by psi (n, dim)."""
         if self.normal.shape[1] == 2:
             return np.zeros_like(self.normal)
-        return np.cross(self.normal, self.slip_now)
+        return np.asarray(np.cross(self.normal, self.slip_now), dtype=np.float64)
 
     @property
     def jump(self) -> Array:
