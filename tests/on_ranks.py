@@ -222,7 +222,7 @@ ON_TWO = {
     ),
     "test_planes_of_symmetry": (
         *("half_is_the_whole", "part_sees_what_the_whole_sees", "refused", "a_plane_that_moves"),
-        *("what_crosses_a_plane", "walls_of_one_height"),
+        *("what_crosses_a_plane_is_doubted", "walls_of_one_height"),
     ),
     "test_point_problem": (
         *("round_trip", "the_file_of_fclib", "what_is_refused", "what_one_rank_gives"),
