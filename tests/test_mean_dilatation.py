@@ -507,7 +507,6 @@ def test_stress_in_pictures():
 
 
 @pytest.mark.parametrize(("tags", "mean"), [(1, True), (1, False), (2, True)])
-@pytest.mark.refuses("nearly incompressible bodies", "stresses", aspects=("2D",))
 def test_a_stress_of_another_pressure(tags, mean, caplog):
     """That of every point beside a mean dilatation, or the other way round, is warned of."""
     domain = box(COMM, 2, "quad")

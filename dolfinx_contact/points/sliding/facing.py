@@ -25,7 +25,7 @@ about it since,
     psi_a = sum_q w N_a (psi_slave + psi_master)/2 / W_a,
 
 of their facets (`spins`): the slip turns with the bodies, and by half of what one turns over the
-other, since d is the chord of the arc that a point has gone, and friction acts along its end.
+other, since d is the chord of the arc that a point has followed, and friction acts along its end.
 
 The tractions t of the nodes are nominal; their forces are w N_a t on the slave, and -w N_b(eta) t
 on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and Renard, Comput.
