@@ -447,7 +447,7 @@ def widened_ring(around, slave):
     "sliding pairs",
     "bodies of revolution",
     reference="itself: a quarter of the body in space; order of convergence",
-    aspects=("2D", "3D", "pairs", "large sliding"),
+    aspects=("2D", "pairs", "large sliding"),
 )
 def test_a_seal_in_space(slave):
     """The chords of a quarter between two planes of symmetry make an error of the second order."""
