@@ -365,6 +365,7 @@ class Material(ReadOnly):
 
         It is that of this material everywhere, in parts of other materials too: `output` takes one
         expression of each cell tag, ``stress={1: steel.full_stress(u), 2: wood.full_stress(u)}``.
+        Of a body of `mean_dilatation_energy` it has the shear alone, and not the pressure.
 
         The head of this module shows how to get it from an energy of your own.
         """

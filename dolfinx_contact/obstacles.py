@@ -10,7 +10,7 @@ large sliding both are those at the displaced point (`points.displaced`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -152,11 +152,11 @@ class Obstacle(ReadOnly):
         """Whether the normal is the same everywhere, so that no displacement is too large."""
         return False
 
-    def ended(self, width: Callable[[], Any]) -> Obstacle:
+    def ended(self, face: Callable[[], tuple[Any, Any]]) -> Obstacle:
         """What it is to a face that slides: what it leaves by degrees where the obstacle ends.
 
         Args:
-            width: gives the sizes of the facets of the face, in UFL.
+            face: gives the sizes of the facets of the face and the overlap that is removed, in UFL.
         """
         return self
 
@@ -197,7 +197,7 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
         x: a UFL vector, the point.
         measure: takes points (n, dim) and returns g (n,), dg (n, dim), n (n, dim), dn (n, dim,
             dim).
-        width: a UFL scalar, of which it takes the values (n,) too; None for nothing more.
+        more: UFL scalars, of which it takes the values (n,) too.
 
     Attributes:
         at: what it takes, a UFL vector.
@@ -213,14 +213,14 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
         domain: mesh.Mesh,
         x: Any,
         measure: Callable[..., tuple[Any, ...]],
-        width: Any = None,
+        more: Sequence[Any] = (),
     ):
         dim = domain.geometry.dim
         self._shapes: list[tuple[int, ...]] = [(dim,), (), (dim,), (dim,), (dim, dim)]
         components = 1 + 3 * dim + dim**2
         element = basix.ufl.element("DG", domain.basix_cell(), 0, shape=(components,))
         super().__init__(ufl.FunctionSpace(domain.ufl_domain(), element))
-        self.at = x if width is None else ufl.as_vector([*(x[i] for i in range(dim)), width])
+        self.at = ufl.as_vector([*(x[i] for i in range(dim)), *more]) if more else x
         self._measure = measure
         self._last: tuple[Any, Any] | None = None
         there, gap, slope, normal, turn = self._parts()

@@ -209,7 +209,7 @@ ON_TWO = {
     "test_packaging": ("ranks_of_one_run_are_not_copies", "the_compiler_that_is_missing_is_named"),
     "test_overlap": (
         *("two_strips", "refused", "a_body_within_a_tool", "a_body_within_a_floor"),
-        *("an_overlap_with_a_tool_is_removed",),
+        *("an_overlap_with_a_tool_is_removed", "beyond_the_middle_of_an_obstacle"),
     ),
     "test_pair": (
         *("a_gap_that_closes", "crack", "bad_pairs"),
@@ -228,7 +228,10 @@ ON_TWO = {
         *("the_journal_says_what_was_followed",),
         *("what_is_refused",),
     ),
-    "test_planes_of_symmetry": ("half_is_the_whole", "part_sees_what_the_whole_sees", "refused"),
+    "test_planes_of_symmetry": (
+        *("half_is_the_whole", "part_sees_what_the_whole_sees", "refused", "a_plane_that_moves"),
+        *("what_crosses_a_plane_is_doubted", "walls_of_one_height"),
+    ),
     "test_point_problem": (
         *("round_trip", "the_file_of_fclib", "what_is_refused", "what_one_rank_gives"),
         *("files_beside_what_is_saved",),
@@ -281,7 +284,7 @@ ON_TWO = {
     "test_sliding_pair": (
         *("history",),
         *("patch_in_space", "branch", "a_record_of_another_sliding", "refused"),
-        *("overlap_is_refused", "self_contact", "self_contact_is_refused"),
+        *("overlap_is_refused", "self_contact", "self_contact_is_refused", "a_disc_that_spins"),
     ),
     "test_sliding_revolution": ("seal",),
     "test_sliding_steps": (

@@ -508,6 +508,36 @@ def test_stress_in_pictures():
     assert (seen.max(), seen.min()) == pytest.approx(ends, rel=1e-12)
 
 
+@pytest.mark.parametrize(("tags", "mean"), [(1, True), (1, False), (2, True)])
+def test_a_stress_of_another_pressure(tags, mean, caplog):
+    """That of every point beside a mean dilatation, or the other way round, is warned of."""
+    domain = box(COMM, 2, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    material = LinearElastic.from_young(1.0, 0.4999)
+    cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
+    numbers = np.arange(len(cells), dtype=np.int32) % tags
+    dx = ufl.Measure("dx", domain, subdomain_data=mesh.meshtags(domain, 2, cells, numbers))
+    whole = material.energy(u) * dx
+    bulk = material.mean_dilatation_energy(u, dx) if mean else whole
+    if tags == 2:  # of which the second is that of every point
+        bulk = material.mean_dilatation_energy(u, dx(0)) + material.energy(u) * dx(1)
+    floor = HalfSpace((0.0, -1.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    problem = ContactProblem(bulk, u, [surface])
+    points, cellwise = material.full_stress(u), material.mean_dilatation_stress(u)
+    right, wrong = (cellwise, points) if mean else (points, cellwise)
+    if tags == 2:
+        right, wrong = {0: cellwise, 1: points}, {0: points, 1: cellwise}
+    check_stress(problem, right)
+    assert not caplog.records
+    check_stress(problem, wrong)
+    assert len(caplog.records) == (tags if COMM.rank == 0 else 0)
+    for record in caplog.records:
+        assert "give material.mean_dilatation_stress(u)" in record.message or (
+            "give material.full_stress(u)" in record.message
+        )
+
+
 @pytest.mark.parametrize("cell", ["quad", "hex"])
 def test_one_stress_of_two_materials(cell, caplog):
     """A modulus of each cell is seen to be that of the bulk, or not, where cells are distorted."""

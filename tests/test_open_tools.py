@@ -44,22 +44,23 @@ def led_off(u, surface, held, top, *, at_sides=()):
     return [step for step in history.steps if step.time in TIMES]
 
 
-def off_surface(dim, cell, friction, *, method="nodal", n=8):
+def off_surface(dim, cell, friction, *, method="nodal", n=8, overlap=0.0, end=END):
     """Forces on a block that leaves an open rigid surface, and the work of its loads.
 
-    In space the block is a slice.
+    In space the block is a slice. It starts in the surface by an overlap that is removed.
     """
     ends = np.linspace(0.0, 1.0, n + 1)
     body = create_grid(COMM, [ends, *[[0.0, 1.0 / n]] * (dim - 2), ends], CELLS[cell])
     u = displacement(body)
     V = u.function_space
     if dim == 2:
-        tool = RigidSurface([[-3.0, 0.0], [END, 0.0]], [[1, 0]])
+        tool = RigidSurface([[-3.0, overlap], [end, overlap]], [[1, 0]])
     else:
         corners = [[-3.0, -1.0, 0.0], [END, -1.0, 0.0], [END, 1.0, 0.0], [-3.0, 1.0, 0.0]]
         tool = RigidSurface(corners, [[0, 1, 2], [0, 2, 3]])
     below = facets(body, dim - 1, 0.0)
     given = dict(obstacle=tool, law=law_of(friction), method=method)
+    given |= {"remove_overlap": 1.01 * overlap} if overlap else {}
     face = ContactSurface(u, below, **given)
     top = fem.locate_dofs_topological(V, dim - 1, facets(body, dim - 1, 1.0))
     sides = []
@@ -142,6 +143,23 @@ def test_slice_leaves_as_the_plane(friction):
     wanted = off_surface(2, "quad", friction, n=n)[0]
     np.testing.assert_allclose(found[:, [0, 2]], wanted, atol=1e-7 * wanted[0, 1])
     assert wanted[0, 1] > 40.0
+
+
+@pytest.mark.parametrize(("cell", "method"), [("tri", "nodal"), ("quad", "integral")])
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "Coulomb",
+    reference="itself: the block without an overlap",
+    aspects=("2D", "large sliding"),
+)
+def test_a_deep_start_leaves_as_a_start_on_the_tool(cell, method):
+    """By degrees too, where the overlap that is removed is larger than a facet of the face."""
+    n = 4
+    given = dict(method=method, n=n, end=1.1)
+    wanted, _ = off_surface(2, cell, 0.3, **given)
+    found, _ = off_surface(2, cell, 0.3, overlap=1.4 / n, **given)
+    assert wanted[-1, 1] < 0.5 * wanted[0, 1]
+    np.testing.assert_allclose(found, wanted, atol=1e-8 * wanted[0, 1])
 
 
 @pytest.mark.refuses("surfaces of facets", aspects=("2D", "large sliding"))

@@ -16,11 +16,14 @@ from dolfinx_contact import (
     ContactPair,
     ContactProblem,
     Coulomb,
+    Cylinder,
     Frictionless,
     HalfSpace,
+    LevelSet,
     RigidBody,
     RigidSurface,
     SelfContact,
+    Sphere,
 )
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, lame
@@ -269,3 +272,40 @@ def test_a_body_within_a_floor(dim):
     for given in ("interference", "remove_overlap"):
         with pytest.raises(ValueError, match=rf"overlap by 0\.002; {given} allows 0\.001"):
             block(near, **{given: 0.001}, **at_rest)
+
+
+def round_obstacle(kind, dim, height):
+    """Of the radius 1, with its middle below or above the bottom of the unit block."""
+    middle = np.full(dim, 0.5)
+    middle[-1] = height
+    if kind == "sphere":
+        return Sphere(middle, 1.0)
+    if kind == "cylinder":
+        return Cylinder(middle, np.eye(3)[1], 1.0)
+    if kind == "level set":
+        return LevelSet(lambda x: ufl.sqrt(sum((x[i] - middle[i]) ** 2 for i in range(dim))) - 1.0)
+    t = 2 * np.pi * np.arange(24) / 24
+    points = middle + np.stack([np.cos(t), np.sin(t)], axis=1)
+    return RigidSurface(points, np.stack([np.arange(24), (np.arange(24) + 1) % 24], axis=1))
+
+
+@pytest.mark.parametrize(
+    ("kind", "dim", "method", "sliding"),
+    [
+        ("sphere", 2, "nodal", "small"),
+        ("sphere", 3, "integral", "large"),
+        ("cylinder", 3, "nodal", "large"),
+        ("level set", 2, "integral", "small"),
+        ("facets", 2, "nodal", "large"),
+    ],
+)
+@pytest.mark.refuses("press fits", aspects=("2D", "3D", "large sliding"))
+def test_beyond_the_middle_of_an_obstacle(kind, dim, method, sliding):
+    """There its nearest side is behind the body: no overlap is removed, but before it is."""
+    cell = "tri" if dim == 2 else "hex"
+    given = dict(cell=cell, n=2, method=method, sliding=sliding, remove_overlap=1.5)
+    given |= dict(top=[0.0] * dim)
+    with pytest.raises(ValueError, match="nearest side is behind the body, or beside it"):
+        block(round_obstacle(kind, dim, 0.1), **given)
+    resting = block(round_obstacle(kind, dim, -0.3), **given)
+    np.testing.assert_allclose(resting.surfaces[0].points.gaps.min(initial=0.0), 0.0, atol=1e-12)

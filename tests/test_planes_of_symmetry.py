@@ -11,7 +11,15 @@ from test_sliding_pair import errors_with_parts_held, smooth
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, SelfContact
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    Coulomb,
+    Frictionless,
+    ParametricContact,
+    SelfContact,
+)
+from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import NeoHookean, lame
@@ -46,6 +54,15 @@ def bodies(dim, *, whole, overlap=0.0):
     return join(both, facet_tags=tags)
 
 
+def touching(u, body, slave, **given):
+    """A pair of both faces, or with slave 0 one face of both."""
+    if not slave:
+        facets = np.union1d(body.facet_tags.find(SLAVE), body.facet_tags.find(MASTER))
+        return SelfContact(u, facets, **given)
+    faces = dict(slave=slave, master=SLAVE + MASTER - slave, sliding="large")
+    return ContactPair(u, body.facet_tags, **faces, **given)
+
+
 def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, **start):
     """The table of the pair after two steps with friction, and the iterations of each."""
     body = bodies(dim, whole=whole, overlap=overlap)
@@ -53,9 +70,8 @@ def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, **start):
     u = displacement(domain)
     V = u.function_space
     planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
-    given = dict(slave=slave, master=SLAVE + MASTER - slave, search_distance=0.5, **start)
-    given |= dict(law=Coulomb(0.3), sliding="large")
-    pair = ContactPair(u, body.facet_tags, symmetry=planes, **given)
+    given = dict(law=Coulomb(0.3), search_distance=0.5, symmetry=planes, **start)
+    pair = touching(u, body, slave, **given)
     down = fem.Constant(domain, [0.0] * dim)
 
     def held(value, V, axis, place):
@@ -86,6 +102,7 @@ def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, **start):
         {},
         {"remove_overlap": 0.1, "overlap": 0.04},
         {"interference": True, "overlap": 0.04, "slave": MASTER},
+        {"interference": True, "overlap": 0.04, "slave": 0},
     ],
 )
 @pytest.mark.verifies(
@@ -112,13 +129,12 @@ def test_half_is_the_whole(start):
 
 
 def paired(dim, overlap, *, whole, slave=SLAVE):
-    """A displacement of the bodies, and a pair of them."""
+    """A displacement of the bodies, and a pair of them; with slave 0 one face of both."""
     body = bodies(dim, whole=whole, overlap=overlap)
     u = displacement(body.mesh)
     planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
-    given = dict(sliding="large", search_distance=0.5, law=Coulomb(0.3), symmetry=planes)
-    faces = dict(slave=slave, master=SLAVE + MASTER - slave, interference=True)
-    return u, ContactPair(u, body.facet_tags, **faces, **given)
+    given = dict(search_distance=0.5, law=Coulomb(0.3), symmetry=planes, interference=True)
+    return u, touching(u, body, slave, **given)
 
 
 def moved(x):
@@ -151,17 +167,19 @@ def seen(dim, overlap, *, whole, slave=SLAVE):
 
 @pytest.mark.each_value
 @pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize(("overlap", "slave"), [(-0.05, SLAVE), (0.1, SLAVE), (0.1, MASTER)])
+@pytest.mark.parametrize(
+    ("overlap", "slave"), [(-0.05, SLAVE), (0.1, SLAVE), (0.1, MASTER), (-0.05, 0), (0.1, 0)]
+)
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: the whole model, of which it is a half or a quarter",
     aspects=("2D", "3D", "pairs", "large sliding"),
 )
 def test_part_sees_what_the_whole_sees(dim, overlap, slave):
-    """Normals, gaps, slips and forces, apart and where bodies are in each other."""
+    """Normals, gaps, slips and forces, apart and in each other; of one face too."""
     whole, all_forces = seen(dim, overlap, whole=True, slave=slave)
     part, forces = seen(dim, overlap, whole=False, slave=slave)
-    assert len(part) == 3 ** (dim - 1)
+    assert len(part) == (1 if slave else 2) * 3 ** (dim - 1)
     for row in part:
         off = np.linalg.norm(whole[:, :dim] - row[:dim], axis=1)
         np.testing.assert_allclose(row, whole[np.argmin(off)], atol=1e-12)
@@ -237,6 +255,8 @@ def test_refused():
         ContactPair(displacement(crossed.mesh), crossed.facet_tags, symmetry={0: 0.0}, **given)
     bottom = mesh.locate_entities_boundary(body.mesh, 1, lambda x: np.isclose(x[1], -1.0))
     with pytest.raises(ValueError, match="lies in a plane of symmetry instead of ending there"):
+        SelfContact(u, bottom, law=Coulomb(0.3), symmetry={1: -1.0}, direction=(1, 0))
+    with pytest.raises(ValueError, match=r"\[0.0, 1.0\] is not along that across y"):
         SelfContact(u, bottom, law=Coulomb(0.3), symmetry={1: -1.0})
     small = given | {"sliding": "small", "symmetry": {0: 0.0}}
     with pytest.raises(ValueError, match="planes of symmetry are for sliding='large'"):
@@ -248,3 +268,121 @@ def test_refused():
     ):
         with pytest.raises(ValueError, match=f"let {number} nodes leave the plane of symmetry"):
             ContactProblem(RUBBER.energy(u) * ufl.dx, u, [surface])
+
+
+def led(dim, value, *, itself):
+    """A problem of the half between its held ends, with a value of the plane across it."""
+    body = bodies(dim, whole=False)
+    domain = body.mesh
+    u = displacement(domain)
+    V = u.function_space
+    given = dict(law=Coulomb(0.3), search_distance=0.2, symmetry={0: 0.0})
+    surface = touching(u, body, 0 if itself else SLAVE, **given)
+
+    def on(spaces, axis, place):
+        here = mesh.locate_entities_boundary(
+            domain, dim - 1, lambda x: np.isclose(np.abs(x[axis]), place)
+        )
+        return fem.locate_dofs_topological(spaces, dim - 1, here)
+
+    W = V.sub(0)
+    moved = fem.Constant(domain, 0.0) if value == "Constant" else fem.Function(W.collapse()[0])
+    spaces = W if value == "Constant" else (W, moved.function_space)
+    bcs = [fem.dirichletbc(np.zeros(dim), on(V, dim - 1, 1.0), V)]
+    bcs.append(fem.dirichletbc(moved, on(spaces, 0, 0.0), W))
+    gamma = fem.Constant(domain, 0.0)
+    energy = RUBBER.energy(u) * ufl.dx + gamma * u[dim - 1] * ufl.dx
+    return ContactProblem(energy, u, [surface], bcs=bcs), moved, gamma
+
+
+OFF = "move nodes by 0.01 off the plane of symmetry x = 0"
+
+
+@pytest.mark.parametrize(("dim", "itself"), [(2, False), (2, True), (3, False)])
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "3D", "pairs", "large sliding"))
+def test_a_plane_that_moves(dim, itself):
+    """A value across it that is changed after the problem is made, or by a step of a history."""
+    problem, moved, _ = led(dim, "Constant", itself=itself)
+    moved.value = 1e-12  # round-off
+    problem.solve()
+    before = problem.u.x.array.copy()
+    moved.value = -0.01
+    with pytest.raises(ValueError, match=OFF):
+        problem.solve()
+    np.testing.assert_array_equal(problem.u.x.array, before)
+
+    def load(t):
+        moved.value = 0.01 * max(t - 1.0, 0.0)
+
+    with pytest.raises(ValueError, match=OFF):
+        QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf)
+
+
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
+def test_a_plane_that_a_branch_moves():
+    """Values of a Function that the parameter drives are looked at before anything is followed."""
+    problem, moved, gamma = led(2, "Function", itself=False)
+    problem.solve()
+    system = ParametricContact(problem, gamma, driven=[(moved, 0.01 * gamma)])
+    x = system.create_vector()
+    problem.write(x)
+    with pytest.raises(ValueError, match=r"at gamma = 0.03125: .*off the plane of symmetry x = 0"):
+        follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+    np.testing.assert_array_equal(moved.x.array, 0.0)
+
+
+def side_by_side(first, second, names):
+    """Two blocks by their corners, all facets of each marked by a name."""
+    parts = []
+    for (low, high), tag in zip((first, second), names, strict=True):
+        ends = [np.linspace(a, b, 3) for a, b in zip(low, high, strict=True)]
+        body = create_grid(COMM, ends, CELLS["quad"])
+        facets = mesh.locate_entities_boundary(body, 1, lambda x: x[0] < np.inf)
+        tags = np.full(len(facets), tag, dtype=np.int32)
+        parts.append((body, mesh.meshtags(body, 1, facets, tags)))
+    both, tags = zip(*parts, strict=True)
+    return join(both, facet_tags=tags)
+
+
+@pytest.mark.verifies(
+    "sliding pairs", reference="closed form: a way", aspects=("2D", "pairs", "large sliding")
+)
+def test_what_crosses_a_plane_is_doubted():
+    """A master that is led through the plane is in its own image, which nothing would say else."""
+    corners = ([0.0, -1.0], [1.0, 0.0]), ([0.3, 0.01], [0.8, 0.5])
+    body = side_by_side(*corners, (SLAVE, MASTER))
+    domain = body.mesh
+    u = displacement(domain)
+    V = u.function_space
+    top = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    given = dict(law=Frictionless(), symmetry={0: 0.0}, search_distance=0.3, sliding="large")
+    pair = ContactPair(u, top, master_facets=body.facet_tags.find(MASTER), **given)
+    way = fem.Constant(domain, (0.0, 0.0))
+    held = [np.unique(V.dofmap.list[body.cell_tags.find(tag)]) for tag in (1, 2)]
+    bcs = [
+        fem.dirichletbc(np.zeros(2), held[0].astype(np.int32), V),
+        fem.dirichletbc(way, held[1].astype(np.int32), V),
+    ]
+    problem = ContactProblem(RUBBER.energy(u) * ufl.dx, u, [pair], bcs=bcs)
+    for left, words in ((-0.29, ""), (-0.5, "0.2 behind the plane of symmetry x = 0")):
+        way.value = left, 0.0
+        doubts = problem.solve().doubts
+        assert bool(doubts) is bool(words)
+        assert words in doubts.get("contact", "")
+
+
+@pytest.mark.verifies(
+    "self contact", reference="closed form: an area", aspects=("2D", "large sliding")
+)
+@pytest.mark.parametrize("direction", [(0, 1), (1, 0), (0, -1)])
+def test_walls_of_one_height(direction):
+    """Facets as far along the direction as what they face meet it nevertheless, once."""
+    body = side_by_side(([0.0, 0.0], [1.0, 1.0]), ([1.1, 0.0], [2.0, 1.0]), (1, 2))
+    walls = mesh.locate_entities_boundary(
+        body.mesh, 1, lambda x: np.isclose(x[0], 1.0) | np.isclose(x[0], 1.1)
+    )
+    u = displacement(body.mesh)
+    face = SelfContact(u, walls, law=Coulomb(0.3), direction=direction, search_distance=0.3)
+    operator = face.points.at(np.zeros((face.owned_nodes, 2)), None)
+    facing = COMM.allreduce(float(operator.areas.sum()))
+    assert facing == pytest.approx(1.0)

@@ -938,3 +938,62 @@ def test_self_contact_is_refused():
             SelfContact(u, tags, tag=1, law=Coulomb(0.3), **given)
     with pytest.raises(ValueError, match="SelfContact"):
         ContactPair(u, tags, slave=1, master=1, law=Coulomb(0.3), sliding="large")
+
+
+def disc_on_a_block(cell, slave):
+    """A disc of the radius 1 on a block, and the tags of their faces, 2 and 3."""
+    n = 4
+    aside = [np.linspace(-1.0, 1.0, n + 1)] * 2
+    disc = create_grid(COMM, [*aside, [0.0, 0.5]], CELLS[cell])
+    x = disc.geometry.x
+    squares = x[:, :2] ** 2
+    x[:, :2] *= np.sqrt(1.0 - 0.5 * squares[:, ::-1])
+    wide = [np.linspace(-1.6, 1.6, n + 2)] * 2
+    block = create_grid(COMM, [*wide, [-0.5, 0.0]], CELLS[cell])
+    tags = [tagged(disc, t2=(2, 0.0), t4=(2, 0.5)), tagged(block, t3=(2, 0.0), t5=(2, -0.5))]
+    both = join([disc, block], facet_tags=tags)
+    u = displacement(both.mesh)
+    given = dict(law=Coulomb(0.2), sliding="large", search_distance=0.3)
+    return both, u, ContactPair(u, both, slave=slave, master=5 - slave, **given)
+
+
+@pytest.mark.parametrize(
+    ("cell", "slave", "common"), [("hex", 2, 1.0), ("tet", 2, 0.0), ("hex", 3, 1.0)]
+)
+@pytest.mark.verifies(
+    "sliding pairs",
+    "Coulomb",
+    reference="closed form: the torque of the pressures that are found",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_a_disc_that_spins(cell, slave, common):
+    """Friction acts around the axis however far the disc turns in a step, and the block with it."""
+    both, u, pair = disc_on_a_block(cell, slave)
+    V = u.function_space
+    moves = []
+    for tag in (4, 5):
+        move = fem.Function(V)
+        dofs = fem.locate_dofs_topological(V, 2, both.facet_tags.find(tag))
+        moves.append((move, fem.dirichletbc(move, dofs)))
+    energy = NeoHookean(*lame(10.0, 0.0)).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
+    problem = ContactProblem(energy, u, [pair], bcs=[bc for _, bc in moves])
+    step = np.radians(20.0)
+
+    def turned(angle, down):
+        c, s = np.cos(angle) - 1.0, np.sin(angle)
+        return lambda x: np.stack([c * x[0] - s * x[1], s * x[0] + c * x[1], 0.0 * x[2] - down])
+
+    def load(t):
+        angle = step * max(t - 1.0, 0.0)
+        moves[0][0].interpolate(turned(angle * (1.0 + common), 0.02 * min(t, 1.0)))
+        moves[1][0].interpolate(turned(angle * common, 0.0))
+
+    QuasiStatic(problem, load).run(np.arange(4.0), rays=False, sudden=np.inf)
+    state = pair.state()
+    moved = u.x.array.reshape(-1, 3)[pair.points.vertex_trace_dofs[: pair.points.number]]
+    x = state["x"] + moved
+    force = state["traction"] * state["area"][:, None]
+    torque = x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]
+    pressed = 0.2 * state["pressure"] * state["area"] * np.hypot(x[:, 0], x[:, 1])
+    torque, bound = COMM.allreduce(np.array([torque.sum(), pressed.sum()]))
+    assert abs(torque) == pytest.approx(bound, rel=5e-3)  # of the mesh; 1.4e-3 of hexahedra

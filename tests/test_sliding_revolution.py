@@ -381,3 +381,77 @@ def test_friction_is_refused():
     given = {"slave": 3, "master": 2} | LARGE | {"law": Coulomb(0.3)}
     with pytest.raises(ValueError, match="take Frictionless"):
         ContactPair(u, both, **given)
+
+
+def widened_ring(around, slave):
+    """Axial forces on a ring that is pressed on a wider one, and widened on it, without friction.
+
+    Args:
+        around: cells of a quarter of a circle, which ends at two planes of symmetry; 0 for half a
+            section.
+        slave: 2 for the upper ring, or 3.
+    """
+    dim = 3 if around else 2
+    rings = []
+    for r, z, low, high in (
+        (np.linspace(1.0, 2.0, 3), [0.0, 0.6], 2, 4),
+        (np.linspace(0.7, 2.6, 5), [-0.6, 0.0], 1, 3),
+    ):
+        ends = [r, *[np.linspace(0.0, 0.5 * np.pi, around + 1)] * (dim - 2), z]
+        ring = create_grid(COMM, ends, CELLS["hex" if around else "quad"])
+        faces = {f"t{low}": (dim - 1, z[0]), f"t{high}": (dim - 1, z[1])}
+        tags = tagged(ring, **faces)
+        x = ring.geometry.x
+        if low == 2:  # a curved sole
+            x[:, dim - 1] += 0.1 * (x[:, 0] - 1.4) ** 2 * (1.0 - x[:, dim - 1] / 0.6)
+        if around:
+            radius, angle = x[:, :2].T.copy()
+            x[:, 0] = radius * np.cos(angle)
+            x[:, 1] = radius * np.sin(angle)
+        rings.append((ring, tags))
+    bodies, tags = zip(*rings, strict=True)
+    both = join(bodies, facet_tags=tags)
+    u = displacement(both.mesh)
+    V = u.function_space
+    kind = {"symmetry": {0: 0.0, 1: 0.0}} if around else {"axisymmetric": True}
+    given = dict(law=Frictionless(), sliding="large", search_distance=0.3)
+    pair = ContactPair(u, both, slave=slave, master=5 - slave, **kind, **given)
+    move = fem.Function(V)
+    top = fem.locate_dofs_topological(V, dim - 1, both.facet_tags.find(4))
+    below = fem.locate_dofs_topological(V, dim - 1, both.facet_tags.find(1))
+    bcs = [fem.dirichletbc(move, top), fem.dirichletbc(np.zeros(dim), below, V)]
+    for axis in range(dim - 1 if around else 0):
+        W = V.sub(axis)
+        plane = mesh.locate_entities_boundary(V.mesh, 2, lambda x, i=axis: np.isclose(x[i], 0.0))
+        dofs = fem.locate_dofs_topological(W, 2, plane)
+        bcs.append(fem.dirichletbc(fem.Constant(V.mesh, 0.0), dofs, W))
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    energy = RUBBER.energy(u) * dx if around else energy_of(RUBBER, u)
+    problem = ContactProblem(energy, u, [pair], bcs=bcs)
+
+    def load(t):
+        def moved(x):
+            out = x[: dim - 1] / np.linalg.norm(x[: dim - 1], axis=0)
+            return np.vstack([0.2 * max(t - 1.0, 0.0) * out, np.full(x.shape[1], -0.1 * min(t, 1))])
+
+        move.interpolate(moved)
+
+    steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf).steps
+    parts = 4 if around else 1
+    return parts * np.array([abs(s.result.pairs["contact"].slave[-1]) for s in steps])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.verifies(
+    "sliding pairs",
+    "bodies of revolution",
+    reference="itself: a quarter of the body in space; order of convergence",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_a_seal_in_space(slave):
+    """The chords of a quarter between two planes of symmetry make an error of the second order."""
+    wanted = widened_ring(0, slave)
+    coarse, fine = (np.abs(widened_ring(around, slave) / wanted - 1.0) for around in (3, 6))
+    assert (coarse < 0.06).all()
+    np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.15)

@@ -145,13 +145,15 @@ class Constraints:
             )
 
     def check_values(self, surfaces: Sequence[ContactSurface], size: float) -> None:
-        """Raise ``ValueError`` if a clamped node is pushed into its obstacle. Collective.
+        """Raise ``ValueError`` for values that surfaces cannot have. Collective.
 
-        Of conditions that contradict each other at a node it warns.
+        A clamped node is pushed into its obstacle, or a node off its plane of symmetry. Of
+        conditions that contradict each other at a node it warns.
         """
         self._warn_of_contradictions()
         values = self.values()
         prescribed = np.where(self.fixed, values, 0.0)
+        self.check_planes(surfaces, size)
         for s, normals, held in zip(surfaces, self._normals, self.held, strict=True):
             fixed = held[s.points.vertex_trace_dofs]
             touched = fixed.any(axis=1)
@@ -189,6 +191,23 @@ class Constraints:
                 bool(worst > -1e-9 * size),
                 f"{s.name}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
             )
+
+    def check_planes(
+        self, surfaces: Sequence[ContactSurface], size: float, where: str = ""
+    ) -> None:
+        """Raise ``ValueError`` if values move nodes off their planes of symmetry. Collective.
+
+        Args:
+            surfaces: of the problem.
+            size: of the body, a length.
+            where: part of the message, where that is.
+        """
+        sliding = [s for s in surfaces if s.slides]
+        if not sliding:
+            return
+        prescribed = np.where(self.fixed, self.values(), 0.0)
+        for s in sliding:
+            s.points.require_in_place(prescribed, size, f"{s.name}{where}")
 
     def removed_multipliers(self) -> npt.NDArray[np.bool_]:
         """Which of the owned unknowns after the displacement are removed multipliers."""

@@ -233,10 +233,14 @@ class ParametricEquations(System):
                 looked_at = [s for s in surfaces if s in varying]
                 if gamma in ends:
                     looked_at += [s for s in surfaces if s.between_bodies and s not in varying]
-                if looked_at:
+                where = f" at gamma = {gamma:g}"
+                if looked_at or self._driven:
                     self._set(gamma)
                 for s in looked_at:
-                    check_surface(s, f" at gamma = {gamma:g}")
+                    check_surface(s, where)
+                if self._driven:
+                    eq = self.equations
+                    eq.constraints.check_planes(surfaces, eq.body_size, where)
 
     @property
     def scales(self) -> tuple[float, ...]:  # type: ignore[override]

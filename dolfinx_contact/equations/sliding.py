@@ -213,9 +213,14 @@ class SlidingTerms:
         by_jump = by_weight[:, None, None] * state.by_jump
         by_gap = faces.ghosted(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
         by_slip = faces.ghosted(-by_jump @ nodal.rotation[:n]) * faces.kept[:, None]
+        by_spin = -np.einsum("nij,nj->ni", by_jump, nodal.by_spin[:n])
+        by_spin = faces.ghosted(by_spin) * faces.free_to_spin[:, None]
         at = faces.corners[facing.facet]
         places, gaps = facing.slopes()
         of_law = _of_law(facing, by_gap[at], by_slip[at], places, gaps)
+        if self._dim == 3:
+            of_spin = facing.weighted.sum(axis=1)[..., None, None] * facing.spin_slopes()[:, None]
+            of_law += by_spin[at][..., None, None] * of_spin[:, :, None]
         t = facing.areas[..., None] * operator.at_quadrature(state.traction)
         on_master = _on_master(facing, t, places)
         alive = (nodal.weight > 0)[at]
@@ -224,7 +229,7 @@ class SlidingTerms:
         coupling = (facing.areas[..., None] * both).transpose(0, 2, 1) @ basis
         of_traction = areas[:, None, None] * np.eye(self._dim)
         of_traction = of_traction - counts[:, None, None] * state.by_traction
-        turned = state.by_jump @ nodal.spin[:n] + state.by_normal
+        turned = state.by_jump @ nodal.by_turning[:n] + state.by_normal
         of_normal = -counts[:, None, None] * (turned @ nodal.by_normal[:n])
         around = nodal.around[:n]
         by_around = np.divide(areas - counts, around, out=np.zeros_like(areas), where=around > 0)

@@ -234,6 +234,7 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
             names = _refuse_one_of_several(problem, stress)
             compared = described(stress, domain)
     same_everywhere(problem.comm, stress=compared)
+    _doubt_pressures(problem, stress)
     if names:
         _doubt_forces(problem, stress, names)
     if tags is not None:
@@ -303,6 +304,36 @@ def _refuse_one_of_several(problem: ContactProblem, stress: Any) -> str:
         "the stress is that of one material, but the bulk has different integrals over cell "
         f"tags ({tags}): give one of each tag, {_BY_TAG}"
     )
+
+
+def _doubt_pressures(problem: ContactProblem, stress: Any) -> None:
+    """Warn if pressures are not those of the bulk, that of a mean dilatation or not. Collective."""
+    by_tag = stress if isinstance(stress, Mapping) else {None: stress}
+    for tag, e in by_tag.items():
+        if e is None or problem.comm.rank > 0:
+            continue
+        bulk = [is_of_cells(i.integrand()) for i in _strained(problem) if _is_over(i, tag)]
+        where = "" if tag is None else f" of the cell tag {tag}"
+        if any(bulk) and not is_of_cells(e):
+            logger.warning(
+                "the pressure in the stress%s is that of every point, of which the body has the "
+                "mean over each cell alone: it may be wrong by orders of magnitude where lambda is "
+                "large, and shear is not; give material.mean_dilatation_stress(u)",
+                where,
+            )
+        elif is_of_cells(e) and not any(bulk):
+            logger.warning(
+                "the stress%s is that of a mean dilatation, which the bulk has not: give "
+                "material.full_stress(u)",
+                where,
+            )
+
+
+def _is_over(integral: ufl.Integral, tag: int | None) -> bool:
+    """Whether an integral is over the cells of a tag, or over all."""
+    names = integral.subdomain_id()
+    names = names if isinstance(names, tuple) else (names,)
+    return tag is None or tag in names or bool({"everywhere", "otherwise"} & set(names))
 
 
 def _doubt_forces(problem: ContactProblem, stress: Any, names: str) -> None:

@@ -223,6 +223,15 @@ class ContactPoints(ABC):
             name: of the surface.
         """
 
+    def require_in_place(self, prescribed: Array, size: float, name: str) -> None:  # noqa: B027
+        """Raise ``ValueError`` if nodes are moved off planes of symmetry. Collective.
+
+        Args:
+            prescribed: displacements of the local nodes by Dirichlet data, 0 where free (n, dim).
+            size: of the body, a length.
+            name: of the surface.
+        """
+
     @abstractmethod
     def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
         """What is given at the local vertices, of that at the local points. Collective."""

@@ -153,7 +153,8 @@ class DisplacedPoints:
         self._points = points
         self._domain = domain
         shape = obstacle.shape if isinstance(obstacle, RigidBody) else obstacle
-        self.shape = shape.ended(lambda: points.facet_widths)
+        self._whole = shape
+        self.shape = shape.ended(lambda: (points.facet_widths, _taken(points.removed_overlap)))
         self.ended = self.shape is not shape
         self.friction = friction
         space = blocked_space(points.space, points.dim)
@@ -264,8 +265,10 @@ class DisplacedPoints:
         domain = self._domain
         ds = measure_of(domain, submesh.parent_facets, 1, "vertex")
         moved = fem.Function(blocked_space(W, self._points.dim))
-        gap, normal = self.shape.at(domain, ufl.SpatialCoordinate(domain) + moved)
-        gap = _without(gap, self._points.removed_at_vertices)
+        taken = self._points.removed_at_vertices
+        shape = self._whole.ended(lambda: (self._points.facet_widths, _taken(taken)))
+        gap, normal = shape.at(domain, ufl.SpatialCoordinate(domain) + moved)
+        gap = _without(gap, taken)
         expressions: dict[str, Any] = {"gap": gap, "normal": normal}
         maps = merge_entity_maps([submesh])
         return moved, PointEvaluator(W, ds, expressions, maps)
@@ -274,6 +277,11 @@ class DisplacedPoints:
 def _without(gap: Any, taken: fem.Function | None) -> Any:
     """A gap in UFL without the overlap that is taken from it."""
     return gap if taken is None else gap + taken
+
+
+def _taken(overlap: fem.Function | None) -> Any:
+    """The overlap that is removed, in UFL."""
+    return ufl.as_ufl(0.0) if overlap is None else overlap
 
 
 class TrueGaps:

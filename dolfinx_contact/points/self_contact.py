@@ -24,6 +24,8 @@ from dolfinx_contact.points.trace import checked_planes, exterior_facets
 
 __all__ = ["SelfContact"]
 
+_ALONG = 1e-9  # of a direction, its part across a plane of symmetry that is none
+
 
 def _check(a: Arguments) -> None:
     if not isinstance(a.u, fem.Function):
@@ -41,6 +43,13 @@ def _check(a: Arguments) -> None:
     a.symmetry = checked_planes(a.symmetry, domain.geometry.dim, a.name)
     Overlap.of(a.name, a.interference, a.remove_overlap)
     a.direction = _checked_direction(a.direction, domain.geometry.dim, a.name)
+    across = [axis for axis in a.symmetry if abs(a.direction[axis]) > _ALONG]
+    if across:
+        raise ValueError(
+            f"{a.name}: of a facet and the image of another the slave follows from a direction "
+            f"along the plane of symmetry; {a.direction.tolist()} is not along that across "
+            f"{'xyz'[across[0]]}"
+        )
 
 
 def _checked_direction(
@@ -71,10 +80,12 @@ class SelfContact(ContactSurface):
     limits. Of two facets that face each other the one whose middle lies farther along ``direction``
     in the mesh is the slave, so that each place counts once: for a ring that is pressed flat
     from above its upper half, for the default direction. Choose it so that the parts that will meet
-    lie apart along it. Facets do not face themselves, those that they share a node with, what looks
-    the same way, and what lies behind them through the body: where that is thinner than
-    ``search_distance``, bodies overlap by less than half of its thickness T in the mesh, or by
-    (d + T)/2 at facets that start within the body at a depth d.
+    lie apart along it. With planes of symmetry, along which the direction has to be, facets meet
+    images of others behind these, as they do in the whole model; what comes to a plane from the
+    side is to touch a `HalfSpace` there. Facets do not face themselves, those that they share a
+    node with, what looks the same way, and what lies behind them through the body: where that is
+    thinner than ``search_distance``, bodies overlap by less than half of its thickness T in the
+    mesh, or by (d + T)/2 at facets that start within the body at a depth d.
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1.

@@ -18,6 +18,7 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import create_facet_submesh
+from dolfinx_contact._errors import require
 from dolfinx_contact._frozen import ReadOnly, seal
 from dolfinx_contact._kept import keep
 from dolfinx_contact._mesh_mark import mesh_mark
@@ -56,6 +57,7 @@ __all__ = ["ContactSurface"]
 Array = npt.NDArray[np.float64]
 
 
+_NO_OVERLAP = 1e-9  # of a facet, an overlap that is none; and a cosine of normals that is none
 _ANOTHER = "make another surface, and a problem with it"
 _NUMBERS = "surface.law.friction.value = 0.5, by the name that it has in the law, changes a number"
 
@@ -133,7 +135,8 @@ class ContactSurface(ReadOnly):
             also as the shape of a `RigidBody`).
         remove_overlap: a length: what contact points begin within the obstacle by, of this or less,
             is taken from their gaps for good, so that they touch it at the start, without stress.
-            A larger overlap is an error.
+            A larger overlap is an error, and one beyond the middle of the obstacle, as that of a
+            sphere, where its normals have turned round.
         axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0, and
             the energy that of the whole circumference (`materials.Axisymmetric`): forces are those
             of the circumference then, and areas those that are swept (`points.revolution`).
@@ -221,7 +224,7 @@ class ContactSurface(ReadOnly):
         self._create_points(local, quadrature_degree)
         overlap = Overlap.of(name, interference, remove_overlap)
         self._overlap = overlap
-        self._settle_overlap(self.points.gaps, self.points.vertex_gaps)
+        self._settle_overlap(self.points.gaps, self.points.vertex_gaps, self.normal)
         self.sliding = sliding
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
@@ -291,16 +294,20 @@ class ContactSurface(ReadOnly):
         self.multiplier = fem.Function(self.points.Q, name=f"{self.name}_traction")
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
 
-    def _settle_overlap(self, gaps: Array, vertex_gaps: Array, where: str = "") -> None:
+    def _settle_overlap(
+        self, gaps: Array, vertex_gaps: Array, normal: Any, where: str = ""
+    ) -> None:
         """Refuse a start too far within the obstacle, or take the overlap away. Collective.
 
         Args:
             gaps: at the points of this rank (n,).
             vertex_gaps: at the local vertices.
+            normal: from the body into the obstacle, in UFL.
             where: part of the message, where that is.
 
         Raises:
-            ValueError: if points begin too far within the obstacle.
+            ValueError: if points begin too far within the obstacle, or where its normals have
+                turned round and an overlap is to be removed.
         """
         overlap = self._overlap
         if np.isfinite(overlap.most):
@@ -313,7 +320,32 @@ class ContactSurface(ReadOnly):
             )
             overlap.require(self.comm, worst, allowed, f"{self.name}{where}", unless)
         if overlap.removed:
+            self._require_this_side(gaps, normal, where)
             self.points.remove_overlap(gaps, vertex_gaps)
+
+    def _require_this_side(self, gaps: Array, normal: Any, where: str) -> None:
+        """Refuse what begins beyond the middle of the obstacle, which would pull it. Collective.
+
+        Args:
+            gaps: at the points of this rank (n,).
+            normal: from the body into the obstacle, in UFL.
+            where: part of the message, where that is.
+        """
+        along = ufl.dot(ufl.FacetNormal(self.domain), normal)
+        cosine = self.points.evaluator({"along": along})()["along"][: self.points.number]
+        deep = gaps < -_NO_OVERLAP * self.points.mean_width
+        turned = np.where(deep, cosine, 1.0)
+        i = int(np.argmin(turned)) if len(turned) else 0
+        mine = (turned[i], self.positions[i].tolist()) if len(turned) else (1.0, [])
+        least, place = min(self.comm.allgather(mine))
+        require(
+            self.comm,
+            bool(least > _NO_OVERLAP),
+            f"{self.name}{where}: a contact point at ({', '.join(f'{c:.4g}' for c in place)}) "
+            "begins so deep within the obstacle that its nearest side is behind the body, or "
+            "beside it: an overlap is removed where the normals of both face each other; begin "
+            "nearer to the surface, or leave these facets out",
+        )
 
     def _scatter(self) -> None:
         for f in self._functions:
@@ -432,7 +464,7 @@ class ContactSurface(ReadOnly):
         if self._displaced is not None and self._displaced.ended:
             # What begins below a rim, and within a facet past it, is held as what slid there.
             past = ", also past the rim, which holds a face that slides up to a facet"
-            self._settle_overlap(*self._displaced.start_gaps(), past)
+            self._settle_overlap(*self._displaced.start_gaps(), self._displaced.given.normal, past)
         self._true_gaps = TrueGaps(self.u, self.points, self.obstacle, shape)
 
     # -- nodes and points ------------------------------------------------------------------------

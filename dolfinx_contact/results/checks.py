@@ -38,6 +38,7 @@ _LARGEST_PART = 0.5  # of a facet
 _LARGEST_TURN = 3.0  # degrees
 _CARRIES = 1e-3  # of the largest traction, above which an open point carries something
 _FAR = 10.0  # body sizes
+_BEHIND = 1e-2  # of a facet, by which a node may be behind a plane of symmetry
 
 
 # -- states --------------------------------------------------------------------------------------
@@ -162,15 +163,35 @@ def _of_sliding(
     passed = operator.facets_passed[closed(contact.statuses)]
     way_along = float(np.max(passed, initial=0.0))
     way_along = s.comm.allreduce(way_along, op=max)
-    if far <= depth:
-        return Sliding(0.0, way_along)
-    return Sliding(
-        0.0,
-        way_along,
-        doubt=f"in one step points that have nothing opposite now have moved by {far:.3g} along "
-        f"their normals, more than the search distance {depth:.3g}: the bodies may have "
-        "passed through each other; take shorter steps, or a longer search distance",
-    )
+    reasons = _behind_planes(eq, s, state)
+    if far > depth:
+        reasons.append(
+            f"in one step points that have nothing opposite now have moved by {far:.3g} along "
+            f"their normals, more than the search distance {depth:.3g}: the bodies may have "
+            "passed through each other; take shorter steps, or a longer search distance"
+        )
+    return Sliding(0.0, way_along, doubt="; ".join(reasons))
+
+
+def _behind_planes(eq: ContactEquations, s: ContactSurface, state: State) -> list[str]:
+    """That nodes of the faces are behind planes of symmetry, in their own images. Collective."""
+    opposite = s.obstacle.opposite
+    n = eq.owned_sizes[0] // eq.dim
+    faces = np.logical_or(*opposite.sides)[:n]
+    X = s.node_positions[:n][faces]
+    x = X + np.reshape(state.u[: n * eq.dim], (-1, eq.dim))[faces]
+    reasons = []
+    for axis, place in opposite.planes.items():
+        side = np.sign(s.comm.allreduce(float(np.sum(X[:, axis] - place))))
+        depth = float(np.max(side * (place - x[:, axis]), initial=0.0))
+        depth = s.comm.allreduce(depth, op=max)
+        if depth > _BEHIND * s.points.mean_width:
+            reasons.append(
+                f"a node of the faces is {depth:.3g} behind the plane of symmetry "
+                f"{'xyz'[axis]} = {place:g}, where it is in its own image: let what comes there "
+                "touch a HalfSpace in that plane too"
+            )
+    return reasons
 
 
 def sliding_doubt(eq: ContactEquations, state: State) -> str:

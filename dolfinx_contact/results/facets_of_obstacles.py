@@ -131,7 +131,10 @@ def _past(s: ContactSurface, shape: RigidSurface, u: Array) -> int:
     x = s.node_positions
     seen = (x + s.relative(u[: len(x)], None if body is None else body.values))[nodes]
     found = shape.distances(seen)
-    within = 0.0 if s.displaced is None else s.points.mean_width
+    within = np.zeros(n) if s.displaced is None else np.full(n, s.points.mean_width)
+    taken = s.points.removed_at_vertices
+    if taken is not None:  # what is that far below the rim is on it
+        within = within + taken.x.array[:n]
     return int((found.past & (found.distance > within)).sum())
 
 

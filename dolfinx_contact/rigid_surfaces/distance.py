@@ -16,9 +16,10 @@ That is a jump for what is past the rim and below it, and comes back. A face tha
 open surface by degrees instead, within one of its facets, of the size b: with the mean normal m at
 the closest point c, the height z = m.(x - c) and the way a = |x - c - z m| past the rim the gap is
 
-    g = z + b - sqrt(b^2 - a^2)    for a < b and z > -b,
+    g = z + b - sqrt(b^2 - a^2)    for a < b and z > -b - o,
 
-as if the surface turned down there by a quarter of a circle, and its normal stays m. So forces fall
+with the overlap o that is removed from the gap, where one is, as if the surface turned down there
+by a quarter of a circle, and its normal stays m. So forces fall
 to zero as points move off, and are not turned: across the surface of a sharper end they would push
 points off it, from where there is no equilibrium nearby. Where facets become small the end does.
 """
@@ -66,7 +67,11 @@ class Distances:
 
 
 def distances_from(
-    surface: Triangulation, closest: ClosestFacets, x: Array, ends: Array | None = None
+    surface: Triangulation,
+    closest: ClosestFacets,
+    x: Array,
+    ends: Array | None = None,
+    removed: Array | None = None,
 ) -> Distances:
     """The distances of points, on this rank alone; of those that are not finite NaN.
 
@@ -76,6 +81,7 @@ def distances_from(
         x: points (n, dim).
         ends: the sizes b of the facets at these (n,), within which they leave an open surface by
             degrees; zero or None: at once.
+        removed: overlaps that are removed from their gaps (n,); None: nothing.
     """
     finite: Bools = np.asarray(np.isfinite(x).all(axis=1))
     facets, parts = closest(np.where(finite[:, None], x, surface.points[0]))
@@ -104,7 +110,8 @@ def distances_from(
         rim = np.flatnonzero(on.rim & ~inside_facet)
         m = np.where(on.crease[:, None], on.side, mean)[rim]
         turning = np.where(on.crease[:, None, None], 0.0, mean_turn)[rim]
-        within, gap, rise = _ended(away[rim], m, turning, on.along[rim], ends[rim])
+        low = -ends[rim] if removed is None else -ends[rim] - removed[rim]
+        within, gap, rise = _ended(away[rim], m, turning, on.along[rim], ends[rim], low)
         there = rim[within]
         distance[there], slope[there] = gap[within], rise[within]
         normal[there], turn[there] = m[within], turning[within]
@@ -155,7 +162,7 @@ class _Places:
 
 
 def _ended(
-    away: Array, m: Array, turn: Array, along: Array, b: Array
+    away: Array, m: Array, turn: Array, along: Array, b: Array, low: Array
 ) -> tuple[Bools, Array, Array]:
     """Which points leave by degrees past a rim, their gaps and the gradients of these.
 
@@ -165,11 +172,12 @@ def _ended(
         turn: their derivatives (n, dim, dim).
         along: direction of the edge on which the closest point moves, else zero (n, dim).
         b: within which they leave (n,).
+        low: heights from which on they do (n,).
     """
     z = np.einsum("ni,ni->n", away, m)
     past = away - z[:, None] * m
     square = b**2 - np.einsum("ni,ni->n", past, past)
-    within: Bools = (square > 0.0) & (z > -b)
+    within: Bools = (square > 0.0) & (z > low)
     root = np.sqrt(np.where(within, square, 1.0))
     rise = m - np.einsum("ni,ni->n", m, along)[:, None] * along
     rise += np.einsum("ni,nij->nj", away, turn)

@@ -129,7 +129,8 @@ class RigidSurface(Obstacle):
             found = triangulated(x, turned, np.radians(crease), name, inward=True)
         self._surface = found
         self._closest = ClosestFacets(found.points, found.cells)
-        self._width: Any = None  # of facets of a face that leaves it, in UFL
+        #: Of a face that leaves it sizes of facets and the overlap that is removed, in UFL.
+        self._face: tuple[Any, ...] = ()
         self.points = found.points
         self.cells = found.cells
         self.closed = found.closed
@@ -201,17 +202,19 @@ class RigidSurface(Obstacle):
             raise ValueError(
                 f"{self.name} is {what}, for a {dim}D mesh; the mesh is {domain.geometry.dim}D"
             )
-        measured = Measured(domain, x, self._measure, self._width)
+        measured = Measured(domain, x, self._measure, self._face)
         return measured.gap, measured.normal
 
-    def ended(self, width: Callable[[], Any]) -> RigidSurface:
-        return self if self.closed else copy_with(self, _width=width())
+    def ended(self, face: Callable[[], tuple[Any, Any]]) -> RigidSurface:
+        return self if self.closed else copy_with(self, _face=face())
 
-    def _measure(self, x: Array, width: Array | None = None) -> tuple[Array, Array, Array, Array]:
+    def _measure(
+        self, x: Array, width: Array | None = None, removed: Array | None = None
+    ) -> tuple[Array, Array, Array, Array]:
         """Gaps, their gradients, normals into the obstacle and their derivatives."""
         # An end that is given is round as it is given.
         ends = None if width is None else np.where(width > self.rounding, width, 0.0)
-        found = distances_from(self._surface, self._closest, x, ends)
+        found = distances_from(self._surface, self._closest, x, ends, removed)
         return found.distance - self.rounding, found.slope, -found.normal, -found.turn
 
 

@@ -37,6 +37,7 @@ from dolfinx_contact.points.sliding.rays import (
     cast,
     slopes,
 )
+from dolfinx_contact.points.sliding.spins import spins
 from dolfinx_contact.points.trace import at_global_places, facet_normals
 
 __all__ = ["SlidingFaces"]
@@ -52,6 +53,7 @@ _FEW_PAIRS = 20_000
 _BELOW = 1e-3  # of a facet, a depth at which the body is looked for behind it
 _LEAST_COVER = 1e-6  # of a facet, below which it has nothing opposite
 _LEAST_WEIGHT = 1e-9  # of the area of a node, below which it has nothing opposite
+_SAME = 1e-6  # of a facet, a distance of a node from its image on the plane
 _ROUND_OFF = 4e-15  # of the largest coordinate, a gap that is none
 _SHARE = 0.05  # of the area of a node, that has to be covered for the law to count alone
 #: Degree of the quadrature, by dimension: of products of the bases of slave and master, and more in
@@ -72,7 +74,7 @@ class SlidingFaces:
         across: local nodes of `V` x dim, True across planes of symmetry, on which normals and slips
             are means with their mirror images.
         planes: of symmetry, where they are by their axis: what lies behind them, or beyond the axis
-            of bodies of revolution, is the image of the master, but for a face opposite to itself.
+            of bodies of revolution, is the image of the master.
         direction: of a face that is slave and master, along which slaves lie farther in the mesh
             (dim,); None of two faces.
         axisymmetric: whether these are faces of bodies of revolution.
@@ -120,7 +122,7 @@ class SlidingFaces:
         self._sense = np.sign(np.sum(area_vectors(self._of_slave(self._X)) * mine, axis=1))
         self._reference = self._of_slave(self._X)
         across_axis = {0: 0.0} if axisymmetric else {}
-        behind = across_axis | dict(planes) if direction is None else {}
+        behind = across_axis | dict(planes)
         #: Images in planes of symmetry and in several of these, itself first (m, dim).
         self._mirrors = _mirrors(behind, self.dim)
         self._planes: Array = np.array([behind.get(i, 0.0) for i in range(self.dim)])
@@ -305,7 +307,9 @@ class SlidingFaces:
     def _of_itself(self, found: Candidates, direction: Array) -> Candidates:
         """Candidates of one face: those that lie behind along a direction and are no neighbours.
 
-        Neighbours share a node, or are near in the mesh and do not face each other there.
+        Neighbours share a node, or are near in the mesh and do not face each other there. What lies
+        as far is behind if it is by its first coordinate that differs, and an image not at all: it
+        is that of what faces its plane.
         """
         i, k = found.pairs.T
         corners = self._before(found)
@@ -314,14 +318,27 @@ class SlidingFaces:
         theirs = corners.mean(axis=1)[k]
         facing = np.sum(slave.normals[i] * master.normals[k], axis=1) < -_STEEP_ITSELF
         near = np.linalg.norm(theirs - mine, axis=1) < _NEAR * self._skin
-        kept = ~self._shares_node(found) & (facing | ~near) & ((mine - theirs) @ direction > 0)
+        way = mine - theirs
+        way = np.where(np.abs(way) <= _SAME * self._skin, 0.0, way)
+        farther = way @ direction
+        level = np.abs(farther) <= _SAME * self._skin
+        first = way[np.arange(len(way)), np.argmax(way != 0.0, axis=1)]
+        real = np.all(found.mirrors[k] > 0, axis=1)
+        ahead = np.where(level, real & (first > 0), farther > 0)
+        kept = ~self._shares_node(found) & (facing | ~near) & ahead
         return replace(found, pairs=found.pairs[kept])
 
     def _shares_node(self, found: Candidates) -> npt.NDArray[np.bool_]:
-        """Which candidates have a node in common with the facet of the slave."""
+        """Which candidates have a node in common with the facet of the slave.
+
+        Images have those in common that lie on their planes.
+        """
         i, k = found.pairs.T
         same = self.slave_nodes()[i][:, :, None] == found.nodes[k][:, None]
-        return np.asarray(same.any(axis=(1, 2)))
+        places = self._before(found)
+        off = self._reference[i][:, :, None] - places[k][:, None]
+        near: npt.NDArray[np.bool_] = np.linalg.norm(off, axis=3) <= _SAME * self._skin
+        return np.asarray((same & near).any(axis=(1, 2)))
 
     def _deepest_of_itself(self) -> Array:
         """How far each facet may be overlapped before its face is met through the body (n,).
@@ -460,6 +477,13 @@ class SlidingFaces:
         normal = np.einsum("pqa,pad->pqd", shape, m[at])
         rays = cast(start, normal, theirs[master], eta)
         old, old_m, old_theirs = self._last(before)
+        (mine_spun, by_mine), (theirs_spun, by_theirs) = (
+            spins(old, mine, self._sense),
+            spins(old_theirs, theirs, self._found.senses),
+        )
+        # Normals of the master look the other way.
+        spun = 0.5 * (mine_spun[facet] - theirs_spun[master])
+        by_corners = 0.5 * by_mine[facet], -0.5 * by_theirs[master]
         way = np.einsum("pqb,pbd->pqd", rays.weights, old_theirs[master])
         way -= np.einsum("pqa,pad->pqd", shape, old[facet])
         o = _unit(np.einsum("pqa,pad->pqd", shape, old_m[at]))
@@ -472,9 +496,14 @@ class SlidingFaces:
         mass = np.einsum("pqa,pqb->pab", weighted, shape)
         around = mass.sum(axis=2) - np.einsum("paa->pa", mass)
         nodal = self._nodal(
-            facet, weighted, around, rays.gap, slips, m=m, before=old_normals, areas=areas
+            facet, weighted, around, rays.gap, slips, spun, m=m, before=old_normals, areas=areas
         )
-        return Facing(self._found, facet, master, shape, weights, rays, along, nodal)
+        return Facing(self._found, facet, master, shape, weights, rays, along, by_corners, nodal)
+
+    @property
+    def free_to_spin(self) -> Array:
+        """1 of the local vertices, 0 on planes of symmetry, where images spin against them (n,)."""
+        return np.asarray(self.kept.min(axis=1))
 
     def _last(self, before: Array | None) -> tuple[Array, Array, Array]:
         """Slave, vectors at its nodes, and candidates at the last accepted state."""
@@ -526,6 +555,7 @@ class SlidingFaces:
         around: Array,
         gap: Array,
         slip: Array,
+        spin: Array,
         *,
         m: Array,
         before: Array,
@@ -541,10 +571,13 @@ class SlidingFaces:
         gaps = np.where(weight > 0, gaps + self.removed, self._depth)
         slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqad->pad", weighted, slip))
         slips = self.kept * slips
+        turns = by * self.sums(facet, weighted.sum(axis=1) * spin[:, None])
+        turns = self.free_to_spin * turns
         length = np.linalg.norm(m, axis=1)
         others = self.sums(facet, around)
         share = np.where(others > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
-        return Nodal(weight, share, others, gaps, slips, m / length[:, None], length, before)
+        normal = m / length[:, None]
+        return Nodal(weight, share, others, gaps, slips, normal, length, before, turns)
 
 
 def _mirrors(planes: Mapping[int, float], dim: int) -> Array:

@@ -15,13 +15,21 @@ of the last accepted state,
 with x_o, y_o and n_o of that state. It does not change where both bodies turn as one, so that
 points that stick keep their tractions turned with them. The law of node a sees the jump
 
-    j_a = -g_a n_a + R_a d_a
+    j_a = -g_a n_a + S_a R_a d_a
 
 with the normal n_a of now and the smallest rotation R_a that takes the normal of the last state to
 it; R_aq is that from n_o at the point to n_o at the node, so that slips on curved faces keep their
-lengths. The tractions t of the nodes are nominal; their forces are w N_a t on the slave, and
--w N_b(eta) t on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and
-Renard, Comput. Struct. 153, 2015). Limits of the parts are not differentiated.
+lengths. In space S_a is the rotation about n_a by the mean angle by which both faces have turned
+about it since,
+
+    psi_a = sum_q w N_a (psi_slave + psi_master)/2 / W_a,
+
+of their facets (`spins`): the slip turns with the bodies, and by half of what one turns over the
+other, since d is the chord of the arc that a point has followed, and friction acts along its end.
+
+The tractions t of the nodes are nominal; their forces are w N_a t on the slave, and -w N_b(eta) t
+on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and Renard, Comput.
+Struct. 153, 2015). Limits of the parts are not differentiated.
 
 A node of which hardly anything is covered, as at the edge of a master that moves over it, has a gap
 that is known at the edge alone. Its law counts by the share s = W_a / (c A_a), 1 at most, of a part
@@ -70,6 +78,7 @@ class Nodal:
         normal: n (n, dim).
         length: |m| (n,).
         before: normal of the last accepted state (n, dim).
+        spin: psi (n,), 0 in the plane.
     """
 
     weight: Array
@@ -80,16 +89,39 @@ class Nodal:
     normal: Array
     length: Array
     before: Array
+    spin: Array
+
+    @cached_property
+    def _turned(self) -> Array:
+        """R (n, dim, dim)."""
+        return rotation(self.before, self.normal)
+
+    @cached_property
+    def _spun(self) -> Array:
+        """S (n, dim, dim), of vectors along the surface."""
+        n, dim = self.normal.shape
+        if dim == 2:
+            return np.broadcast_to(np.eye(dim, dtype=np.float64), (n, dim, dim)).copy()
+        across = np.cross(self.normal[:, None], np.eye(dim)).transpose(0, 2, 1)
+        c, s = (f(self.spin)[:, None, None] for f in (np.cos, np.sin))
+        return np.asarray(c * np.eye(dim) + s * across)
 
     @cached_property
     def rotation(self) -> Array:
-        """R (n, dim, dim), of vectors along the surface of the last accepted state."""
-        return rotation(self.before, self.normal)
+        """S R (n, dim, dim), of vectors along the surface of the last accepted state."""
+        return np.asarray(self._spun @ self._turned)
 
     @property
     def slip_now(self) -> Array:
-        """R d (n, dim)."""
+        """S R d (n, dim)."""
         return np.einsum("nij,nj->ni", self.rotation, self.slip)
+
+    @property
+    def by_spin(self) -> Array:
+        """Derivative of S R d by psi (n, dim)."""
+        if self.normal.shape[1] == 2:
+            return np.zeros_like(self.normal)
+        return np.asarray(np.cross(self.normal, self.slip_now), dtype=np.float64)
 
     @property
     def jump(self) -> Array:
@@ -104,8 +136,8 @@ class Nodal:
         return np.asarray((np.eye(n.shape[1]) - along) / self.length[:, None, None])
 
     @cached_property
-    def spin(self) -> Array:
-        """d(R d)/dn less what a rotation with the normal makes of R d (n, dim, dim).
+    def by_turning(self) -> Array:
+        """d(S R d)/dn less what a rotation with the normal makes of S R d (n, dim, dim).
 
         Zero in the plane, and where the normal is that of the last accepted state.
         """
@@ -116,7 +148,8 @@ class Nodal:
         c = (1.0 + np.sum(n * o, axis=1))[:, None]
         turned = -(n + o)[:, :, None] * (d / c - b * o / c**2)[:, None]
         turned -= (b / c)[:, :, None] * np.eye(n.shape[1])
-        return np.asarray(turned + n[:, :, None] * self.slip_now[:, None])
+        slip = np.einsum("nij,nj->ni", self._turned, self.slip)
+        return np.asarray(self._spun @ (turned + n[:, :, None] * slip[:, None]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +164,8 @@ class Facing:
         areas: w, weights of the reference configuration (p, q).
         rays: at the points.
         along: R_aq (I - n_o n_o^T) Y_o, of the last accepted state (p, q, a, dim, dim - 1).
+        spins: derivatives of psi by the corners of the slave, and the nodes of the master: (p, a,
+            dim) and (p, b, dim).
         nodal: what the vertices have.
     """
 
@@ -141,6 +176,7 @@ class Facing:
     areas: Array
     rays: CastRays
     along: Array
+    spins: tuple[Array, Array]
     nodal: Nodal
 
     @property
@@ -179,6 +215,16 @@ class Facing:
         at += rays.gap[..., None] * np.einsum("pqij,pqj->pqi", rays.by_normal, turned)
         found = np.einsum("pqij,pqj->pqi", rays.inverse, at)
         return found[..., :-1], found[..., -1]
+
+    def spun(self, x: Array, y: Array) -> Array:
+        """Changes of psi at the pieces (p,), of displacements as those of `moved`."""
+        mine, theirs = self.spins
+        return np.asarray(np.sum(mine * x, axis=(1, 2)) + np.sum(theirs * y, axis=(1, 2)))
+
+    def spin_slopes(self) -> Array:
+        """Derivatives of `spun`, numbered as `slopes` are (p, c, dim)."""
+        mine, theirs = self.spins
+        return np.concatenate([mine, np.zeros_like(mine), theirs], axis=1)
 
     def slopes(self) -> tuple[Array, Array]:
         """Derivatives of `moved` by its arguments, of all corners and nodes one after the other.

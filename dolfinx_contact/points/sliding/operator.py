@@ -124,8 +124,11 @@ class SlidingOperator(Operator):
         gaps = self._means(np.einsum("pqa,pq->pa", facing.weighted, gap))
         slip = np.einsum("pqa,pqadi,pqi->pad", facing.weighted, facing.along, place, optimize=True)
         slips = np.einsum("nij,nj->ni", nodal.rotation, self.faces.kept * self._means(slip))
-        spun = np.einsum("nij,nj->ni", nodal.spin, self._normal_rate(m))
-        return np.asarray(slips + spun - gaps[:, None] * nodal.normal)[: self.number]
+        turned = np.einsum("nij,nj->ni", nodal.by_turning, self._normal_rate(m))
+        changes = facing.weighted.sum(axis=1) * facing.spun(mine, theirs)[:, None]
+        spun = self.faces.free_to_spin * self._means(changes)
+        slips = slips + turned + spun[:, None] * nodal.by_spin
+        return np.asarray(slips - gaps[:, None] * nodal.normal)[: self.number]
 
     def _normal_rate(self, m: Array) -> Array:
         return np.einsum("nij,nj->ni", self.facing.nodal.by_normal, m)

@@ -44,6 +44,7 @@ Array = npt.NDArray[np.float64]
 _OVERLAP = 1e-3  # of a facet, that of chords of curved faces
 _ALONG = 0.1  # of a normal, its part along planes of symmetry, below which it looks across them
 _SHARP = 35.0  # degrees between the normals of a node and of a facet, beyond which it is an edge
+_IN_PLACE = 1e-9  # of the body's size, a displacement off a plane of symmetry that is none
 _REACH = 0.25  # of the size of the smaller face, how far rays reach by default
 
 
@@ -234,6 +235,22 @@ class SlidingPoints(NodePoints):
             count == 0,
             f"{name}: Dirichlet data let {count} nodes leave the plane of symmetry on which they "
             "lie; hold them across it",
+        )
+
+    def require_in_place(self, prescribed: Array, size: float, name: str) -> None:
+        across = self._opposite.across
+        moved = np.abs(np.where(across, prescribed[: len(across)], 0.0))
+        worst, axis = max(
+            (self.comm.allreduce(float(np.max(moved[:, i], initial=0.0)), op=max), -i)
+            for i in range(self.dim)
+        )
+        where = self._opposite.planes.get(-axis, 0.0)
+        require(
+            self.comm,
+            worst <= _IN_PLACE * size,
+            f"{name}: Dirichlet data move nodes by {worst:.3g} off the plane of symmetry "
+            f"{'xyz'[-axis]} = {where:g}, in which the images of both faces are made: hold them "
+            "there with the value 0, and move the rest of the model instead",
         )
 
     @property

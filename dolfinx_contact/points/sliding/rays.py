@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.points.clipping import basis
 
-__all__ = ["CastRays", "area_vector_rates", "area_vectors", "cast", "slopes"]
+__all__ = ["CastRays", "area_vector_rates", "area_vectors", "cast", "edges_of", "slopes"]
 
 Array = npt.NDArray[np.float64]
 _STEPS = 25
@@ -110,7 +110,7 @@ def area_vectors(x: Array) -> Array:
     if x.shape[2] == 2:
         along = x[:, 1] - x[:, 0]
         return np.stack([along[:, 1], -along[:, 0]], axis=1)
-    first, second = _diagonals(x)
+    first, second = edges_of(x)
     return np.asarray(0.5 * np.cross(first, second))
 
 
@@ -123,7 +123,7 @@ def area_vector_rates(x: Array) -> Array:
         rates[:, :, 0] = -turn
         rates[:, :, 1] = turn
         return rates
-    first, second = _diagonals(x)
+    first, second = edges_of(x)
     (a, b), (c, d) = ((1, 0), (2, 0)) if k == 3 else ((3, 0), (2, 1))
     by_first = -0.5 * _crossing(second)
     by_second = 0.5 * _crossing(first)
@@ -134,8 +134,8 @@ def area_vector_rates(x: Array) -> Array:
     return rates
 
 
-def _diagonals(x: Array) -> tuple[Array, Array]:
-    """Two edges of triangles, the diagonals of quadrilaterals in tensor order."""
+def edges_of(x: Array) -> tuple[Array, Array]:
+    """Two edges of triangles, the diagonals of quadrilaterals in tensor order; in space."""
     if x.shape[1] == 3:
         return x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
     return x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
