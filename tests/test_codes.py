@@ -198,6 +198,71 @@ def test_what_is_wrong_with_a_die_is_found(pressed):
         figures(problem, broken)
 
 
+@pytest.mark.verifies(
+    "sliding pairs", reference="independent code: GetFEM's raytracing", aspects=("2D",)
+)
+def test_getfem_presses_the_die_alike(pressed):
+    """The vertical force within 4 %, on coarse meshes.
+
+    Its multiplier is linear on the slab, and pushes too where no ray meets the die: there is force
+    without a counterforce at the edge of contact, by a hundredth.
+    """
+    pytest.importorskip("getfem")
+    import with_getfem
+
+    problem, u, _ = pressed
+    search = ["lsearch", "simplest", "alpha max ratio", 1.5, "alpha min", 0.2, "alpha mult", 0.6]
+    settings = {
+        "r": 1.0, "release": 0.5, "residual": 1e-8, "relative": False,
+        "solve": ["max_iter", 40, *search],
+    }  # fmt: skip
+    found, _, record = with_getfem.solve(problem, settings)
+    assert record["converged"]
+    theirs, ours = figures(problem, found), figures(problem, u)
+    assert theirs["equilibrium"] < 0.02
+    assert theirs["pressed"][0] == pytest.approx(ours["pressed"][0], rel=0.04)
+
+
+def test_the_deck_of_a_die_has_its_law(pressed):
+    import with_calculix
+
+    problem, _, _ = pressed
+    settings = {"type": "SURFACE TO SURFACE", "stiffness": 50.0, "stick": 0.01, "increment": 1.0}
+    deck = with_calculix.deck(problem, with_calculix.Layer(problem), settings | {"controls": []})
+    shear, bulk = 6896 / 2.64, 6896 / (3 * 0.36)
+    assert f"*HYPERELASTIC, NEO HOOKE\n{shear / 2:.12g}, {2 / bulk:.12g}" in deck
+    assert deck.count("*STEP, INC=10000, NLGEOM") == problem.steps
+
+
+def test_the_table_compares_forces_of_one_law():
+    import run
+
+    def record(code, way, law, pressed):
+        said = {
+            "version": "1",
+            "law": law,
+            "says": "done",
+            "steps": 84,
+            "iterations": 1,
+            "seconds": 1.0,
+        }
+        names = dict.fromkeys(run.FIGURES, 0.0) | {"steps": 84, "pressed": pressed}
+        names["statuses"] = {"open": 1, "stick": 2, "slip": 3}
+        return {
+            "problem": "ironing", "code": code, "way": way, "record": said, "figures": names,
+            "clock": "processor",
+        }  # fmt: skip
+
+    records = [
+        record("ours", "recommended", "log", [100.0, 20.0]),
+        record("ours", "law iso1", "iso1", [200.0, 40.0]),
+        record("calculix", "tuned", "iso1", [190.0, 42.0]),
+    ]
+    text = run.table(records)
+    assert "| CalculiX | tuned | iso1 | 190.0, 42.0 |  | -5.0%, +5.0% |  |" in text
+    assert "| CalculiX | tuned | done, 84 of 84 steps | 1 | 1.00 |" in text
+
+
 @pytest.mark.parametrize("law", list(judge.LAWS))
 def test_stresses_are_those_of_the_energies(law):
     """Internal forces against differences of the energy that the package's driver has."""
