@@ -71,9 +71,10 @@ def draw(records, path):
     figure.savefig(path, dpi=110)
 
 
-#: Steps that are drawn, of those with many, and what is seen of a large body.
+#: Steps that are drawn, of those with many; bodies drawn where they are; what is seen of one.
 _STEP = {"bar": 100, "cyclic": 1}
-_SEEN = {"roller": ((-25, 25), (-20, 25))}
+_AS_IT_IS = ("roller", "bar", "ironing")
+_SEEN = {"roller": ((-25, 25), (-25, 25))}
 
 
 def draw_problems(folder, path):
@@ -88,7 +89,7 @@ def draw_problems(folder, path):
         if problem.dim == 3:
             shown = draw_base(ax, problem, u)
         else:
-            shown = draw_body(ax, problem, u, 1.0 if problem.law else None)
+            shown = draw_body(ax, problem, u, 1.0 if name in _AS_IT_IS else None)
         ax.set_title(f"{name}: {shown}", fontsize=9)
         for limits, put in zip(_SEEN.get(name, ()), (ax.set_xlim, ax.set_ylim), strict=False):
             put(limits)
