@@ -240,6 +240,7 @@ def test_the_table_compares_forces_of_one_law():
     def record(code, way, law, pressed):
         said = {
             "version": "1",
+            "converged": True,
             "law": law,
             "says": "done",
             "steps": 84,
@@ -260,6 +261,7 @@ def test_the_table_compares_forces_of_one_law():
     ]
     text = run.table(records)
     assert "| CalculiX | tuned | iso1 | 190.0, 42.0 |  | -5.0%, +5.0% |  |" in text
+    assert "| ironing | yes, not run | not run | not run, yes | not possible |" in text
     assert "| CalculiX | tuned | done, 84 of 84 steps | 1 | 1.00 |" in text
 
 
