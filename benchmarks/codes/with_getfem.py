@@ -158,6 +158,24 @@ def add_bodies(model, p, mesh, mim):
         model.add_isotropic_linearized_elasticity_brick(mim, "u", lmbda, mu, part)
 
 
+def vector_of(mf, dofs, values):
+    """The vector of nodal values (n, dim)."""
+    vector = np.zeros(mf.nbdof())
+    vector[dofs] = values
+    return vector
+
+
+def begin_motion(model, p, mim, load, vector, settings):
+    """Newmark's scheme, from rest, with the mean acceleration under the first load."""
+    model.add_Newmark_scheme("u", *settings["newmark"])
+    model.add_initialized_data("density", [p.density])
+    model.add_mass_brick(mim, "Dot2_u", "density")
+    model.set_time_step(p.dt)
+    model.set_private_rhs(load, vector)
+    model.perform_init_time_derivative(p.dt / 20)
+    model.solve()
+
+
 def solve(p, settings):
     gf.util("trace level", 0)
     gf.util("warning level", 0)
@@ -178,16 +196,8 @@ def solve(p, settings):
         _kept = add_bodies_that_slide(model, p, mesh, mf, mim, settings)
     else:
         frame = add_contact(model, p, mf, dofs, settings)
-    if p.density:  # the mean acceleration, and at rest to begin with
-        model.add_Newmark_scheme("u", *settings["newmark"])
-        model.add_initialized_data("density", [p.density])
-        model.add_mass_brick(mim, "Dot2_u", "density")
-        model.set_time_step(p.dt)
-        vector = np.zeros(mf.nbdof())
-        vector[dofs] = p.loads[0]
-        model.set_private_rhs(load, vector)
-        model.perform_init_time_derivative(p.dt / 20)
-        model.solve()
+    if p.density:
+        begin_motion(model, p, mim, load, vector_of(mf, dofs, p.loads[0]), settings)
     u = []
     forces = []
     iterations = 0
@@ -196,9 +206,7 @@ def solve(p, settings):
     if settings["relative"]:
         tolerance *= np.abs(p.loads).max() or 1.0
     for step in range(p.steps):
-        vector = np.zeros(mf.nbdof())
-        vector[dofs] = p.loads[step]
-        model.set_private_rhs(load, vector)
+        model.set_private_rhs(load, vector_of(mf, dofs, p.loads[step]))
         model.set_private_rhs(held, p.values[step])
         if p.density:
             model.shift_variables_for_time_integration()
