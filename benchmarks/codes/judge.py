@@ -133,11 +133,16 @@ def jumps(problem, u):
 
 def at_nodes(jump, before, gap, force, normal, mu, length, scale):
     """The four figures of the contact law at every node of one step, by name."""
-    un = gap + jump @ normal
-    rn = force @ normal
-    rt = force - rn[:, None] * normal
     slip = jump - before
     slip = slip - (slip @ normal)[:, None] * normal
+    normals = np.broadcast_to(normal, jump.shape)
+    return by_gap_and_slip(gap + jump @ normal, slip, force, normals, mu, length, scale)
+
+
+def by_gap_and_slip(un, slip, force, normal, mu, length, scale):
+    """The same of gaps (m,), tangential slips (m, dim) and normals (m, dim)."""
+    rn = (force * normal).sum(axis=1)
+    rt = force - rn[:, None] * normal
     size = np.linalg.norm(slip, axis=1)
     opposed = rt + (mu * rn)[:, None] * slip / np.maximum(size, 1e-300)[:, None]
     over = np.linalg.norm(rt, axis=1) - mu * np.maximum(rn, 0)
@@ -173,6 +178,126 @@ def by_hertz(x, force, area, hertz):
     return {"half_width": float(width / hertz[0] - 1), "peak": float(peak / hertz[1] - 1)}
 
 
+def _iso(F, inverse, J, lmbda, mu):
+    """mu/2 (J^(-2/3) I1 - 3), of a stress."""
+    first = (F**2).sum(axis=(-2, -1)) + 1
+    return mu * J ** (-2 / 3) * (F - (first / 3)[..., None, None] * inverse)
+
+
+def _iso1(F, inverse, J, lmbda, mu):
+    return _iso(F, inverse, J, lmbda, mu) + (lmbda + 2 * mu / 3) * (J - 1) * J * inverse
+
+
+def _log(F, inverse, J, lmbda, mu):
+    return mu * (F - inverse) + lmbda * np.log(J) * inverse
+
+
+#: First Piola-Kirchhoff stresses in plane strain, of F, its inverse's transpose, det F and Lame's
+#: coefficients; energies mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2 and
+#: mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2.
+LAWS = {"iso1": _iso1, "log": _log}
+
+
+def internal_forces(p, u):
+    """Nodal forces (n, 2) of hyperelastic bodies that are displaced by u (n, 2)."""
+    x, cells = p["x"], p["cells"]
+    young = p["E"] * (p["times"] if len(p["times"]) else np.ones(len(cells)))[:, None, None]
+    lmbda, mu = young * p["nu"] / ((1 + p["nu"]) * (1 - 2 * p["nu"])), young / (2 * (1 + p["nu"]))
+    force = np.zeros_like(x)
+    _, slopes, weights = shapes(str(p["kind"]))
+    for slope, weight in zip(slopes, weights, strict=True):
+        jacobian = np.einsum("dk,cke->cde", slope, x[cells])
+        g = np.linalg.solve(jacobian, np.broadcast_to(slope, (len(cells), *slope.shape)))
+        F = np.eye(2) + np.einsum("cki,cjk->cij", u[cells], g)
+        J = np.linalg.det(F)
+        if J.min() <= 0:
+            raise ValueError("a cell is turned inside out")
+        inverse = np.linalg.inv(F).transpose(0, 2, 1)
+        P = LAWS[str(p["law"])](F, inverse, J[:, None, None], lmbda, mu)
+        size = weight * np.abs(np.linalg.det(jacobian))
+        np.add.at(force, cells, np.einsum("c,cij,cjk->cki", size, P, g))
+    return force
+
+
+def nearest(x, faces, points):
+    """Of points (m, 2) on faces (f, 2): the face, the share of its second node, the normal there.
+
+    Normals point out of the body, and are those of faces, in the mean at nodes, linear between.
+    """
+    start, end = x[faces[:, 0]], x[faces[:, 1]]
+    along = end - start
+    normals = np.zeros_like(x)
+    for column in faces.T:
+        np.add.at(normals, column, np.stack([along[:, 1], -along[:, 0]], axis=1))
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    at = ((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1)
+    at = np.clip(at, 0, 1)
+    away = np.linalg.norm(points[:, None] - start - at[..., None] * along, axis=2)
+    face = away.argmin(axis=1)
+    at = at[np.arange(len(points)), face]
+    normal = mixed(normals, faces[face], at)
+    return face, at, normal / np.linalg.norm(normal, axis=1)[:, None]
+
+
+def mixed(values, faces, at):
+    """Of nodal values, those at shares of faces."""
+    return (1 - at)[:, None] * values[faces[:, 0]] + at[:, None] * values[faces[:, 1]]
+
+
+def judged_far(p, u):
+    """The figures of bodies that slide far, of the steps that there are.
+
+    Places and normals are those of the faces opposite where they are now (`nearest`), and the slip
+    of a step is over the point there. ``pressed`` and ``slid`` are vertical and horizontal forces
+    on the second body, by its supports: at the end of the press, and the mean of the slide. F is
+    the largest force of all steps, since the bodies are apart to begin with.
+    """
+    x, nodes, faces = p["x"], p["contact"], p["master_faces"]
+    steps = int(np.isfinite(u).all(axis=(1, 2)).cumprod().sum())
+    if not steps:
+        raise ValueError("there are no displacements")
+    unheld = np.ones(x.size, bool)
+    unheld[p["held"]] = False
+    touching = np.zeros(x.shape, bool)
+    touching[nodes] = touching[faces] = True
+    free = unheld & ~touching.reshape(-1)
+    touching &= unheld.reshape(x.shape)
+    loaded = np.unique(p["held"][np.abs(p["values"]).max(axis=0) > 0] // 2)
+    worst = dict.fromkeys(FIGURES, 0.0)
+    supports, before = [], np.zeros_like(x)
+    all_forces = [internal_forces(p, now) for now in u[:steps]]
+    scale = np.linalg.norm(all_forces, axis=2).max()
+    for s, (now, r) in enumerate(zip(u, all_forces, strict=False)):
+        force = r[nodes]
+        length = np.abs(now).max()
+        at = x + now
+        face, share, normal = nearest(at, faces, at[nodes])
+        gap = ((at[nodes] - mixed(at, faces[face], share)) * normal).sum(axis=1)
+        slip = now[nodes] - before[nodes] - mixed(now - before, faces[face], share)
+        slip -= (slip * normal).sum(axis=1)[:, None] * normal
+        law = by_gap_and_slip(gap, slip, force, normal, p["mu"], length, scale)
+        found = {name: values.max() for name, values in law.items()}
+        held = now.reshape(-1)[p["held"]] - p["values"][s]
+        found["held"] = np.abs(held).max() / length
+        both = (r * touching).sum(axis=0)  # action and reaction
+        found["equilibrium"] = max(np.abs(r.reshape(-1)[free]).max(), np.abs(both).max()) / scale
+        worst = {name: max(worst[name], float(found[name])) for name in FIGURES}
+        supports.append(r[loaded].sum(axis=0) * [1, -1])
+        before = now
+    closed = (force * normal).sum(axis=1) > _CARRIES * scale
+    slips = closed & (np.linalg.norm(slip, axis=1) > _MOVES * length)
+    counts = {"open": ~closed, "stick": closed & ~slips, "slip": slips}
+    worst["statuses"] = {name: int(where.sum()) for name, where in counts.items()}
+    worst["steps"] = steps
+    press, *window = p["window"]
+    if steps > press:
+        worst["pressed"] = [float(f) for f in supports[press][::-1]]
+    if len(window) and steps > window[1]:
+        mean = np.mean(supports[window[0] : window[1] + 1], axis=0)
+        worst["slid"] = [float(f) for f in mean[::-1]]
+    return worst
+
+
 def judged(problem, u, forces=None):
     """The figures of an answer.
 
@@ -186,7 +311,10 @@ def judged(problem, u, forces=None):
     """
     p = dict(problem)
     u = np.asarray(u, float)
-    if u.shape != (len(p["values"]), *p["x"].shape) or not np.isfinite(u).all():
+    fits = u.shape == (len(p["values"]), *p["x"].shape)
+    if fits and str(p["law"]):
+        return judged_far(p, u)
+    if not fits or not np.isfinite(u).all():
         raise ValueError(f"displacements of shape {u.shape} do not fit, or are not numbers")
     if p["density"]:
         return judged_motion(p, u)
@@ -229,7 +357,9 @@ def judged(problem, u, forces=None):
 
 
 def solved(problem, record):
-    """The problem that a code says it has solved: with another friction than asked for, or none."""
+    """The problem that a code says it has solved: with another friction, or elastic law."""
+    if "law" in record:
+        problem = dict(problem) | {"law": record["law"]}
     if "mu" not in record:
         return problem
     return dict(problem) | {"mu": record["mu"], "closed": 0.0}

@@ -53,6 +53,10 @@ class Problem:
         path: mean displacement along the second axis at these, exactly (s,); of a motion.
         times: Young's moduli of the cells over E (c,); none: all have E.
         hertz: half width and peak pressure of two plane bodies by Hertz; none: without these.
+        law: of hyperelastic bodies that slide far in plane strain, by its name in `judge.LAWS`; "":
+            linear elasticity and small displacements.
+        window: steps of these whose forces are told: the end of the press, and first and last of
+            the slide whose mean is taken.
     """
 
     name: str
@@ -81,6 +85,8 @@ class Problem:
     path: np.ndarray = field(default_factory=lambda: np.zeros(0))
     times: np.ndarray = field(default_factory=lambda: np.zeros(0))
     hertz: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    law: str = ""
+    window: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
 
     def __post_init__(self):
         if not self.loads.size:
@@ -283,13 +289,17 @@ def greco(n=32):
     )  # fmt: skip
 
 
-def dragged(nodes=16):
-    """A block of 16 (64, 256) contact nodes a side, pressed and dragged along a diagonal."""
+def dragged(nodes=16, layers=None):
+    """A block of 16 (64, 256) contact nodes a side, pressed and dragged along a diagonal.
+
+    It is a third as high as wide, or has as many layers of cubes as are asked for; its top moves by
+    three hundredths of its height downwards.
+    """
     n = nodes - 1
-    height = max(n // 3, 1)
-    x, cells = grid((n, n, height), (1.0, 1.0, height / n))
-    top = np.isclose(x[:, 2], height / n)
-    move = (0.008, 0.003, -0.01)
+    height = (layers or max(n // 3, 1)) / n
+    x, cells = grid((n, n, round(height * n)), (1.0, 1.0, height))
+    top = np.isclose(x[:, 2], height)
+    move = [3 * height * v for v in (0.008, 0.003, -0.01)]
     held = [(dofs_of(top, k, 3), np.array([v])) for k, v in enumerate(move)]
     bottom = faces_where(x, boundary(cells, "hex8"), lambda x: np.isclose(x[:, 2], 0))
     return made(
@@ -445,6 +455,44 @@ def roller(fine=0.6):
     )  # fmt: skip
 
 
+def ironing(h=0.2, until=1.52):
+    """A stiff die with a round edge pressed into a slab and dragged along it (mm, N, MPa).
+
+    The shallow ironing of the literature: 1 mm down, from a gap of 0.2, in 20 steps up to t = 1,
+    and 10 mm along in a unit of time, by steps of 0.1 mm, of 0.025 mm from t = 1.48 to 1.52.
+    """
+    radius, nu = 0.75, 0.32
+    lines = np.linspace(0, 12, round(12 / h) + 1), 4 - growing(h, h, 4.0, 1.12)[::-1]
+    slab = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    in_slab = grid((len(lines[0]) - 1, len(lines[1]) - 1), (1.0, 1.0))[1]
+    at, in_die = grid((round(1.39 / h), max(round(1.05 / h), 3)), (1.0, 1.0))
+    angle = np.arcsin(0.8) * (2 * at[:, 0] - 1)
+    arc = np.stack([0.8 + radius * np.sin(angle), 4.2 + radius * (1 - np.cos(angle))], axis=1)
+    flat = np.stack([0.2 + 1.2 * at[:, 0], np.full(len(at), 5.4)], axis=1)
+    die = (1 - at[:, 1:]) * arc + at[:, 1:] * flat
+    x = np.vstack([slab, die])
+    cells = np.vstack([in_slab, in_die + len(slab)])
+    is_die = np.arange(len(x)) >= len(slab)
+    press = np.linspace(0.05, 1, 20)
+    slide = np.union1d(np.linspace(1.01, 1.48, 48), np.linspace(1.48, 1.52, 17))
+    t = np.concatenate([press, np.unique(np.round(slide, 10))])
+    t = t[t <= until + 1e-9]
+    top = is_die & np.isclose(x[:, 1], 5.4)
+    held = [(dofs_of(~is_die & np.isclose(x[:, 1], 0), k, 2), np.zeros(len(t))) for k in (0, 1)]
+    held += [(dofs_of(top, 0, 2), 10 * np.maximum(t - 1, 0))]
+    held += [(dofs_of(top, 1, 2), -np.minimum(t, 1))]
+    sides = boundary(cells, "quad4")
+    on_die = is_die[sides].all(axis=1)
+    slave = ~on_die & np.isclose(x[sides, 1], 4).all(axis=1)
+    master = on_die & ~top[sides].all(axis=1)
+    window = [np.argmin(np.abs(t - at)) for at in (1.0, 1.48, 1.52) if t[-1] >= at - 1e-9]
+    return made(
+        "ironing", "quad4", x, cells, held=held, bottom=sides[slave], master_faces=sides[master],
+        mu=0.3, E=689.6, nu=nu, normal=np.array([0.0, -1.0]), point=np.array([0.0, 4.2]),
+        times=np.where(is_die[cells].all(axis=1), 10.0, 1.0), law="log", window=np.array(window),
+    )  # fmt: skip
+
+
 def bar(n=25, height=5.0):
     """An elastic bar that falls on a floor, bounces, and comes to rest where it was.
 
@@ -476,12 +524,14 @@ PROBLEMS = {
     "greco": greco,
     "dragged16": dragged,
     "dragged64": partial(dragged, 64),
+    "dragged256": partial(dragged, 256, layers=2),
     "three": three,
     "cyclic": cyclic,
     "wedge": wedge,
     "pair": pair,
     "roller": roller,
     "bar": bar,
+    "ironing": ironing,
 }
 
 

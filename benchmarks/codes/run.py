@@ -3,7 +3,8 @@
 
 Every code is run in its own environment (`environments`) by its driver, once with settings that its
 manual, its defaults or its examples give and once tuned; its answer is judged in the environment of
-this package. This program needs Python alone. Times are wall time, of one run each, on one thread.
+this package. This program needs Python alone. Times are those of a processor, of one run each, on
+one thread, and so are their limits.
 
     python3 benchmarks/codes/run.py --output output/codes
     python3 benchmarks/codes/run.py --output output/codes --codes ours kratos --problems greco
@@ -16,25 +17,41 @@ from __future__ import annotations
 import argparse
 import json
 import resource
+import signal
 import subprocess
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 PROBLEMS = (
-    "greco", "dragged16", "dragged64", "three", "cyclic", "wedge", "pair", "roller", "bar",
+    "greco", "dragged16", "dragged64", "dragged256", "three", "cyclic", "wedge", "pair", "roller",
+    "bar", "ironing",
 )  # fmt: skip
+STEPS = 84  # of the ironing
 MOTION = ("penetration", "path", "rest")
 FIGURES = ("equilibrium", "penetration", "cone", "complementarity", "slip")
-SECONDS = 300  # at most, of a run, but of the larger problem
-LONGER = {"dragged64": 600}
-MEMORY = 12  # GiB of addresses at most
+#: Of a processor at most, of a run, but of the larger problems; by a clock three times that.
+SECONDS = 300
+LONGER = {"dragged64": 900, "dragged256": 900, "ironing": 900}
+#: GiB of addresses at most.
+MEMORY = 12
 
 
 @dataclass(frozen=True)
 class Code:
-    """How a code is run; ``settings`` by the words recommended and tuned."""
+    """How a code is run.
+
+    Attributes:
+        title: of the code.
+        driver: the program that runs it.
+        environment: in which.
+        licence: of the code.
+        settings: by way: recommended, tuned, and those of `ONLY`.
+        source: what recommends.
+        more: settings of some problems, by (problem, way), that these need besides or instead.
+    """
 
     title: str
     driver: str
@@ -42,11 +59,40 @@ class Code:
     licence: str
     settings: dict[str, dict]
     source: str
+    more: dict[tuple[str, str], dict] = field(default_factory=dict)
+
+    def ways(self, problem):
+        """Names of the settings that a problem is run with."""
+        return [way for way in self.settings if problem in ONLY.get(way, PROBLEMS)]
+
+    def given(self, problem, way):
+        """The settings of a run."""
+        return self.settings[way] | self.more.get((problem, way), {})
 
 
+#: Ways of some problems alone.
+ONLY = {"two ranks": ("dragged64", "dragged256"), "law iso1": ("ironing",)}
 _MUMPS = ["max_iter", 100, "lsolver", "mumps"]
+_SEARCH = [
+    "lsolver", "mumps", "lsearch", "simplest", "alpha max ratio", 1.5, "alpha min", 0.2,
+    "alpha mult", 0.6,
+]  # fmt: skip
+_RING = {"residual": 1e-8, "relative": False, "release": 0.5, "solve": ["max_iter", 40, *_SEARCH]}
 _EXAMPLE = {"tangent_factor": 0.025, "advance_ALM_parameters": {"stiffness_factor": 0.1}}
 _STIFFER = {"tangent_factor": 1.0, "advance_ALM_parameters": {"stiffness_factor": 1.0}}
+_BY_RADIUS = {"type_search": "in_radius", "search_factor": 30.0}
+_TIGHTER = {
+    "tolerance": 1e-9,
+    "absolute": 1e-14,
+    "solver": {
+        f"{name}_relative_tolerance": 1e-9
+        for name in (
+            "contact_displacement", "contact_residual", "frictional_stick_contact_displacement",
+            "frictional_stick_contact_residual", "frictional_slip_contact_displacement",
+            "frictional_slip_contact_residual",
+        )
+    },
+}  # fmt: skip
 _IPC = {"stiffness": 0.0, "project": "NONE", "increments": 5}
 _KRATOS = {
     "criterion": "contact_residual_criterion",
@@ -65,8 +111,11 @@ CODES = {
         {
             "recommended": {},
             "tuned": {"petsc_options": {"linear_solver": "direct", "snes_rtol": 1e-10}},
+            "two ranks": {"ranks": 2},
+            "law iso1": {"law": "iso1"},
         },
         "its defaults",
+        {(f"dragged{n}", "tuned"): {"petsc_options": {"snes_rtol": 1e-10}} for n in (64, 256)},
     ),
     "getfem": Code(
         "GetFEM",
@@ -83,7 +132,12 @@ CODES = {
                 "newmark": [0.3025, 0.6],
             },
         },
-        "demo_static_contact.py; r of the order of Young's modulus, as its manual says",
+        "demo_static_contact.py; r of the order of Young's modulus, as its manual says; "
+        "demo_elastic_ring_contact.py of bodies that slide far",
+        {
+            ("ironing", "recommended"): _RING,
+            ("ironing", "tuned"): _RING | {"r": 10.0, "solve": ["max_iter", 100, *_SEARCH]},
+        },
     ),
     "calculix": Code(
         "CalculiX",
@@ -100,6 +154,11 @@ CODES = {
             },
         },
         "its manual: face-to-face penalty, 50 times Young's modulus, a stick slope of a hundredth",
+        {
+            ("ironing", "tuned"): {
+                "type": "SURFACE TO SURFACE", "stiffness": 1000.0, "stick": 0.1, "increment": 0.25,
+            },
+        },
     ),
     "siconos": Code(
         "Siconos (condensed by scipy)",
@@ -123,6 +182,12 @@ CODES = {
             | {"iterations": 50, "contact": _STIFFER},
         },
         "shallow_ironing_3D of its examples",
+        {
+            ("ironing", "tuned"): {"increments": 4, "contact": _EXAMPLE},
+            ("wedge", "tuned"): _TIGHTER | {"increments": 10},
+            ("roller", "tuned"): _TIGHTER
+            | {"contact": _STIFFER | {"search_parameters": _BY_RADIUS}},
+        },
     ),
     "akantu": Code(
         "Akantu",
@@ -163,18 +228,27 @@ CODES = {
 }  # fmt: skip
 
 
-def limited():
-    """Limit the memory of what is run."""
+def limited(seconds):
+    """Limit memory and processor time of what is run."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY * 2**30, MEMORY * 2**30))
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 10))
 
 
 def within(environment, problem, *command):
     """Run a command for a problem; its error is a line of text, or None, and its output."""
     limit = LONGER.get(problem, SECONDS)
-    words = [str(HERE / "environments"), environment, "timeout", str(limit), *map(str, command)]
-    ended = subprocess.run(words, capture_output=True, text=True, check=False, preexec_fn=limited)
+    words = [str(HERE / "environments"), environment, "timeout", str(3 * limit)]
+    ended = subprocess.run(
+        words + [str(c) for c in command], capture_output=True, text=True, check=False,
+        preexec_fn=partial(limited, limit),
+    )  # fmt: skip
     if ended.returncode == 124:
-        return f"ended after {limit} s", ended.stdout
+        return f"ended after {3 * limit} s by the clock", ended.stdout
+    number = ended.returncode - 128 if ended.returncode > 128 else -ended.returncode
+    if number == signal.SIGXCPU:
+        return f"ended after {limit} s of a processor", ended.stdout
+    if number in set(signal.Signals):
+        return f"ended by {signal.Signals(number).name}", ended.stdout
     if ended.returncode:
         lines = [line.strip() for line in ended.stderr.splitlines() if line.strip()]
         errors = [line for line in lines if "Error" in line and not line.startswith("File")]
@@ -185,14 +259,17 @@ def within(environment, problem, *command):
 def measured(folder, problem, code, way):
     """A record of one run."""
     record = {"problem": problem, "code": code, "way": way, "begun": time.strftime("%F %T")}
+    record["clock"] = "processor"
     name = f"{problem}-{code}-{way}"
     settings, answer = folder / f"{name}.json", folder / f"{name}.npz"
-    settings.write_text(json.dumps(CODES[code].settings[way]))
-    driver = HERE / CODES[code].driver
+    words = CODES[code].given(problem, way)
+    settings.write_text(json.dumps(words))
+    command = ["mpirun", "-n", words["ranks"]] if "ranks" in words else []
+    command += ["python3", HERE / CODES[code].driver]
     given = folder / f"{problem}.npz"
     answer.unlink(missing_ok=True)
     begun = time.perf_counter()
-    error, _ = within(CODES[code].environment, problem, "python3", driver, given, settings, answer)
+    error, _ = within(CODES[code].environment, problem, *command, given, settings, answer)
     record["process_seconds"] = time.perf_counter() - begun
     if error:
         return record | {"error": error}
@@ -220,7 +297,7 @@ def run(folder, problems, codes, ways):
     records = []
     for problem in problems:
         for code in codes:
-            for way in (w for w in CODES[code].settings if w in ways):
+            for way in (w for w in CODES[code].ways(problem) if w in ways):
                 record = measured(folder, problem, code, way)
                 records.append(record)
                 print(row(record), flush=True)
@@ -230,7 +307,7 @@ def run(folder, problems, codes, ways):
 def merged(before, records):
     """Records of runs, those anew in place of older ones, in the order of the table."""
     runs = {(r["problem"], r["code"], r["way"]): r for r in [*before, *records]}
-    order = [(p, c, w) for p in PROBLEMS for c in CODES for w in CODES[c].settings]
+    order = [(p, c, w) for p in PROBLEMS for c in CODES for w in CODES[c].ways(p)]
     return [runs[key] for key in order if key in runs]
 
 
@@ -248,7 +325,10 @@ def row(record):
     counts = figures.get("statuses")
     places = [f"{counts['open']}/{counts['stick']}/{counts['slip']}"] if counts else []
     says = said["says"] + (", without friction" if said.get("mu") == 0 else "")
-    words = [says, str(said["iterations"]), f"{said['seconds']:.2f}", *numbers, *places]
+    if "steps" in figures:
+        says += f", {said['steps']} of {STEPS} steps"
+    seconds = f"{said['seconds']:.2f}" + ("" if record.get("clock") == "processor" else " wall")
+    words = [says, str(said["iterations"]), seconds, *numbers, *places]
     return f"{name}| {' | '.join(words)} |"
 
 
@@ -268,9 +348,72 @@ def beside(records, title, names, form):
     return ["", f"{title}: {'; '.join(values)}."] if values else []
 
 
+def forces(records):
+    """A table of the forces on a die, and their excess over this package's of the same law."""
+    there = [r for r in records if "pressed" in r.get("figures", {})]
+    if not there:
+        return []
+    ours = {r["record"]["law"]: r["figures"] for r in reversed(there) if r["code"] == "ours"}
+    titles = ["code", "settings", "law", "V, H pressed", "V, H slid", "pressed", "slid"]
+    lines = ["", "| " + " | ".join(titles) + " |", "|---" * len(titles) + "|"]
+    for record in there:
+        figures, law = record["figures"], record["record"]["law"]
+        absolute, excess = [], []
+        for name in ("pressed", "slid"):
+            values = figures.get(name)
+            absolute.append(", ".join(f"{v:.1f}" for v in values) if values else "")
+            reference = ours.get(law, {}).get(name)
+            known = values and reference
+            excess.append(
+                ", ".join(f"{a / b - 1:+.1%}" for a, b in zip(values, reference, strict=True))
+                if known
+                else ""
+            )
+        words = [CODES[record["code"]].title, record["way"], law, *absolute, *excess]
+        lines.append("| " + " | ".join(words) + " |")
+    return lines
+
+
+#: What cannot be run; docs/codes.md has the reasons.
+NOT_POSSIBLE = {("dragged256", "siconos"), ("ironing", "siconos"), ("ironing", "sfepy")}
+
+
+def outcome(record):
+    """What came of a run, in a word."""
+    if record is None:
+        return "not run"
+    if "figures" not in record:
+        return "no answer"
+    return "yes" if record["record"]["converged"] else "no"
+
+
+def overview(records):
+    """Which code was run on which problem, and whether it says that it succeeded."""
+    runs = {(r["problem"], r["code"], r["way"]): r for r in records}
+    titles = ["problem", *(code.title.split(" (")[0] for code in CODES.values())]
+    lines = ["| " + " | ".join(titles) + " |", "|---" * len(titles) + "|"]
+    for problem in PROBLEMS:
+        cells = [problem]
+        for code in CODES:
+            if (problem, code) in NOT_POSSIBLE:
+                cells.append("not possible")
+                continue
+            both = [outcome(runs.get((problem, code, way))) for way in ("recommended", "tuned")]
+            cells.append(both[0] if both[0] == both[1] else ", ".join(both))
+        lines.append("| " + " | ".join(cells) + " |")
+    return lines
+
+
 def table(records):
     """Markdown of all problems."""
-    lines = []
+    lines = [
+        "### Which were run",
+        "",
+        "Whether a code says that it succeeded, recommended and tuned, or once if both are alike.",
+        "",
+        *overview(records),
+        "",
+    ]
     for problem in dict.fromkeys(r["problem"] for r in records):
         titles = ["code", "settings", "says", "iterations", "seconds", *figures_of(problem)]
         titles += ["open/stick/slip"] if problem != "bar" else []
@@ -286,6 +429,7 @@ def table(records):
         lines += beside(
             of_it, "Half width and peak over Hertz', less 1", ["half_width", "peak"], ".1%"
         )
+        lines += forces(of_it)
         lines.append("")
     lines += [
         "### Versions, licences, settings",
@@ -306,7 +450,7 @@ def main():
     parser.add_argument("--output", type=Path, default=Path("output/codes"))
     parser.add_argument("--problems", nargs="*", choices=PROBLEMS, default=PROBLEMS)
     parser.add_argument("--codes", nargs="*", choices=list(CODES), default=list(CODES))
-    ways = ("recommended", "tuned")
+    ways = ("recommended", "tuned", *ONLY)
     parser.add_argument("--ways", nargs="*", choices=ways, default=ways)
     parser.add_argument("--table", type=Path, help="results that are there, of which to make one")
     parser.add_argument("--judge", action="store_true", help="judge the answers there again")
@@ -320,7 +464,10 @@ def main():
             records = [r if "record" not in r else judged(args.output, r) for r in before]
         else:
             records = merged(before, run(args.output, args.problems, args.codes, args.ways))
-        settings = {name: code.settings for name, code in CODES.items()}
+        settings = {
+            name: code.settings | {" ".join(k): v for k, v in code.more.items()}
+            for name, code in CODES.items()
+        }
         text = json.dumps({"settings": settings, "runs": records}, indent=1)
         results.write_text(text + "\n")
     records = json.loads(results.read_text())["runs"]

@@ -15,13 +15,13 @@ deck.
 from __future__ import annotations
 
 import re
+import signal
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
-from answers import debian_version, run
+from answers import debian_version, processor_time, run
 
 #: Faces of cells by the places of their nodes, numbered as CalculiX does.
 FACES = {
@@ -105,7 +105,8 @@ def interface(p, layer, settings):
 
 def step(p, layer, settings, s):
     """Lines of a step."""
-    lines = ["*STEP, INC=10000", "*STATIC", f"{settings['increment']:g}, 1., 1e-7, 1."]
+    far = ", NLGEOM" if p.law else ""
+    lines = [f"*STEP, INC=10000{far}", "*STATIC", f"{settings['increment']:g}, 1., 1e-7, 1."]
     every = 100000
     if p.density:
         end = p.dt * p.steps
@@ -125,6 +126,14 @@ def step(p, layer, settings, s):
     if forces:
         lines += ["*CLOAD, OP=NEW", *forces]
     return [*lines, f"*NODE PRINT, NSET=BODY, FREQUENCY={every}", "U", "*END STEP"]
+
+
+def elastic(p, young):
+    """Lines of the material; the energy of its neo-Hookean law is that of "iso1"."""
+    if not p.law:
+        return ["*ELASTIC", f"{young:.12g}, {p.nu:.12g}"]
+    shear, bulk = young / (2 * (1 + p.nu)), young / (3 * (1 - 2 * p.nu))
+    return ["*HYPERELASTIC, NEO HOOKE", f"{shear / 2:.12g}, {2 / bulk:.12g}"]
 
 
 def deck(p, layer, settings):
@@ -154,7 +163,7 @@ def deck(p, layer, settings):
     for part, (young, some) in enumerate(p.materials):
         numbers = [*(some + 1), *([] if part or len(p.master_faces) else [len(cells) + 1])]
         lines += [f"*ELSET, ELSET=E{part}", *joined(numbers)]
-        lines += [f"*MATERIAL, NAME=M{part}", "*ELASTIC", f"{young:.12g}, {p.nu:.12g}"]
+        lines += [f"*MATERIAL, NAME=M{part}", *elastic(p, young)]
         lines += ["*DENSITY", f"{p.density:.12g}"] if p.density else []
         lines += [f"*SOLID SECTION, ELSET=E{part}, MATERIAL=M{part}"]
     lines += ["*SURFACE, NAME=SLAVE", *layer.surface(p.contact_faces)]
@@ -182,26 +191,32 @@ def solve(p, settings):
     layer = Layer(p)
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "job.inp").write_text(deck(p, layer, settings))
-        begun = time.perf_counter()
+        begun = processor_time()
         ended = subprocess.run(
             ["ccx", "-i", "job"], cwd=folder, capture_output=True, text=True, check=False
         )
-        seconds = time.perf_counter() - begun
+        seconds = processor_time() - begun
         status = (Path(folder) / "job.sta").read_text()
         u = displacements((Path(folder) / "job.dat").read_text(), p, layer)
     counts = [line.split() for line in status.splitlines() if re.match(r" +\d", line)]
     good = ended.returncode == 0 and "Job finished" in ended.stdout
+    stopped = "stopped"
+    if ended.returncode < 0:
+        stopped += f" by {signal.Signals(-ended.returncode).name}"
     error = re.search(r"\*ERROR[^\n]*(?:\n[^\n]+)?", ended.stdout)
     if len(u) != p.steps:
         good = False
         u = np.concatenate([u, np.full((p.steps - len(u), *p.x.shape), np.nan)])
     record = {
         "version": debian_version("calculix-ccx"),
-        "says": "Job finished" if good else " ".join((error[0] if error else "stopped").split()),
+        "steps": int(np.isfinite(u).all(axis=(1, 2)).sum()),
+        "says": "Job finished" if good else " ".join((error[0] if error else stopped).split()),
         "converged": good,
         "iterations": sum(int(c[3]) for c in counts),
         "seconds": seconds,
     }
+    if p.law:
+        record["law"] = "iso1"
     return u, None, record
 
 

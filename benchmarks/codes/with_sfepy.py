@@ -16,11 +16,10 @@ their first, and ``iterations`` of Newton's method; ``increments`` of every step
 
 from __future__ import annotations
 
-import time
 from importlib.metadata import version
 
 import numpy as np
-from answers import run
+from answers import processor_time, run
 from problems import cell_sizes, plane_cells
 from sfepy.base.base import IndexedStruct, output
 from sfepy.discrete import (
@@ -206,7 +205,7 @@ def moved(p, body, u, newmark):
 
 def solve(p, settings):
     output.set_output(quiet=True)
-    begun = time.perf_counter()
+    begun = processor_time()
     body = Body(p, settings)
     u = np.zeros((body.field.n_nod, p.dim))
     if p.density:
@@ -219,7 +218,7 @@ def solve(p, settings):
         "says": "converged" if good else "did not converge",
         "converged": good,
         "iterations": sum(count for _, count in statuses),
-        "seconds": time.perf_counter() - begun,
+        "seconds": processor_time() - begun,
     }
     if p.mu:
         record["mu"] = 0.0
