@@ -2,7 +2,7 @@
 
 `pytest -p lines_run --lines-run FILE` adds them to FILE (json): test, seconds of processor time,
 and lines of every module. Tests that are not run keep what the file has of them. Where a fixture or
-an import is shared, the first test has its lines.
+an import is shared, the first test has its lines; of laws, which are compiled once, every test.
 """
 
 import json
@@ -19,6 +19,24 @@ PACKAGE = str(TREE / "dolfinx_contact") + "/"
 
 def pytest_addoption(parser):
     parser.addoption("--lines-run", type=Path, help="write which lines every test runs")
+
+
+class Compiled(dict):
+    """The laws that are compiled; who takes one has run the lines of those that made it."""
+
+    def __init__(self, lines):
+        self.lines = lines
+        self.made_by = {}
+
+    def __setitem__(self, key, law):
+        super().__setitem__(key, law)
+        of_laws = {m: set(v) for m, v in self.lines.items() if m.startswith("laws/")}
+        self.made_by[key] = of_laws
+
+    def __getitem__(self, key):
+        for module, numbers in self.made_by[key].items():
+            self.lines[module] |= numbers
+        return super().__getitem__(key)
 
 
 class LinesRun:
@@ -49,7 +67,14 @@ class LinesRun:
         lines = {module: sorted(numbers) for module, numbers in self.lines.items()}
         self.tests[item.nodeid] = [seconds, lines]
 
+    def pytest_sessionstart(self):
+        from dolfinx_contact.laws import compiled
+
+        compiled._known = Compiled(self.lines)
+
     def pytest_sessionfinish(self):
+        self.watch.set_events(self.tool, 0)
+        self.watch.register_callback(self.tool, self.watch.events.LINE, None)
         self.watch.free_tool_id(self.tool)
         self.path.write_text(json.dumps(self.tests))
 

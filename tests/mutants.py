@@ -42,7 +42,7 @@ ROOMS = {
         [
             *("law", "coulomb", "status", "table_of_laws", "anisotropic", "compliant"),
             *("compiled_law", "friction_limits", "more_friction", "own_law", "interfaces"),
-            *("adhesion_in_time", "cores_in_small"),
+            *("adhesion_in_time", "adhesion_recovers", "nonlocal", "core_in_small"),
         ],
     ),
     "compiler": (["laws/compiled.py"], ["compiled_law", "law"]),
@@ -57,8 +57,8 @@ ROOMS = {
     "equations": (
         ["equations/[!_]*.py"],
         [
-            *("blocks", "kinematics", "pair", "parametric", "checks", "law", "own_law"),
-            *("more_friction", "curved_friction", "rigid_body", "nonlocal"),
+            *("kinematics", "parametric", "checks", "law", "own_law", "more_friction"),
+            *("curved_friction", "rigid_body", "pair", "nonlocal", "core_in_small"),
         ],
     ),
     "reduced": (

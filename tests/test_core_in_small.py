@@ -12,7 +12,8 @@ from scipy.special import exp1
 
 import ufl
 
-from dolfinx_contact import MaxwellLayer
+from dolfinx_contact import Coulomb, MaxwellLayer
+from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.laws import Internal, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import _bounds, _plane
 from dolfinx_contact.laws.damage import _solved
@@ -57,6 +58,7 @@ def test_viscous_friction_at_a_point():
     np.testing.assert_array_equal(found.required, [STICK, PLUS, MINUS])
     shear = found.traction(found.required)[:, 0]
     np.testing.assert_allclose(shear, -3.0 * u / 0.5, rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(found.bound, np.abs(shear), rtol=1e-13, atol=1e-15)
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
@@ -67,6 +69,18 @@ def test_a_layer_with_friction_at_some_points():
     law = MaxwellLayer(3.0, 2.0, 1.0, friction=0.5)
     found = at_points(law, jump, traction, friction=np.array([0.0, 0.5]))
     np.testing.assert_array_equal(found.required, [PLUS, STICK])
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+def test_an_open_point_closes_against_its_displacement():
+    """By one of two borders, at a distance of its gap."""
+    jump = np.array([[0.1, 0.05], [-0.1, 0.02]])
+    found = at_points(Coulomb(0.5), jump, np.zeros((2, 2)))
+    borders = found.borders(np.full(2, OPEN, dtype=np.int8))
+    for k, (code, gap) in enumerate([(PLUS, 0.05), (MINUS, 0.02)]):
+        there = np.isfinite(borders.distance[k])
+        assert borders.target[k, there].tolist() == [code]
+        np.testing.assert_allclose(borders.distance[k, there], gap, rtol=1e-14)
 
 
 @pytest.mark.parametrize("place", ["exists", "where"])
@@ -131,3 +145,23 @@ def test_a_step_of_damage_in_closed_form(p):
         y = _solved(ufl.as_ufl(float(log)), p)(())
         x = brentq(lambda x, k=log: np.logaddexp(-x, k - p * x), -1.0, 200.0, xtol=1e-15)
         assert y == pytest.approx(np.exp(-x), rel=2e-11)
+
+
+def test_points_of_all_ranks_in_one_order():
+    """By x, then y, then what distinguishes them, however they are numbered and rounded off."""
+    x = np.array([[0.0, 0.0], [0.0, 1.0], [0.5, -1.0], [0.5, 2.0], [0.5, 2.0], [1.0, 0.0]])
+    ids = np.array([[0, 3], [0, 2], [0, 9], [1, 7], [2, 5], [0, 1]])
+    n = len(x)
+    order = np.random.default_rng(COMM.rank).permutation(n)
+    shifted = x + [10.0 * COMM.rank, 0.0]
+    noise = 1e-13 * (-1.0) ** np.arange(2 * n).reshape(n, 2)
+    known = Gathered(COMM, (shifted + noise)[order], ids[order])
+    everywhere = np.concatenate([x + [10.0 * rank, 0.0] for rank in range(COMM.size)])
+    assert len(known) == n * COMM.size
+    np.testing.assert_allclose(known.positions, everywhere, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(known.mine, n * COMM.rank + order)
+    np.testing.assert_array_equal(known(ids[order, 1]), np.tile(ids[:, 1], COMM.size))
+    orders = COMM.allgather(order)
+    for i in range(len(known)):
+        rank, place = known.owner(i)
+        assert (rank, orders[rank][place]) == divmod(i, n)
