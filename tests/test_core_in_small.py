@@ -4,16 +4,30 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import pytest
+from blocks import block, box, facets, half_block
+from scipy.linalg import null_space
 from scipy.optimize import brentq
 from scipy.special import exp1
 
 import ufl
+from dolfinx import fem
 
-from dolfinx_contact import Coulomb, MaxwellLayer
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    MaxwellLayer,
+    Regularised,
+    Sphere,
+    Tresca,
+)
 from dolfinx_contact.equations.order import Gathered
+from dolfinx_contact.equations.state import _turning
 from dolfinx_contact.laws import Internal, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import _bounds, _plane
 from dolfinx_contact.laws.damage import _solved
@@ -21,7 +35,10 @@ from dolfinx_contact.laws.interface import Interface
 from dolfinx_contact.laws.law import Border, StatusPiece, checked_pieces
 from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
+from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.points.memory import Memory, with_memory
+from dolfinx_contact.reduced import Reduction
+from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of
 
 COMM = MPI.COMM_WORLD
 
@@ -165,3 +182,130 @@ def test_points_of_all_ranks_in_one_order():
     for i in range(len(known)):
         rank, place = known.owner(i)
         assert (rank, orders[rank][place]) == divmod(i, n)
+
+
+def on_this_rank(A):
+    """A dense matrix as one of PETSc, of this rank alone."""
+    found = PETSc.Mat().createDense(A.shape, array=np.ascontiguousarray(A), comm=MPI.COMM_SELF)
+    found.setUp()
+    found.assemble()
+    return found.convert("aij", PETSc.Mat())
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_a_held_body_in_numpy(symmetric):
+    """Displacements, forces, answers to many loads, residuals, signs of what may move."""
+    rng = np.random.default_rng(7)
+    n = 7
+    K = rng.normal(size=(n, n))
+    K = K + K.T + np.diag(np.linspace(-4.0, 6.0, n))
+    A = rng.normal(size=(3, n))
+    C = A if symmetric else rng.normal(size=(3, n))
+    free = np.ones(n)
+    if not symmetric:
+        free[2] = 0.0  # no force acts there
+    unit = 2.5
+    blocks = [[on_this_rank(part) for part in (B[:1], B[1:])] for B in (A, C)]
+    without = None if symmetric else np.array([2])
+    forces = None if symmetric else blocks[1]
+    field = HeldField(on_this_rank(K), blocks[0], forces, without)
+    body = HeldBody(MPI.COMM_SELF, [field], unit, counted=symmetric)
+    whole = np.block([[K, (C * free).T], [A, np.zeros((3, 3))]])
+    b, c = rng.normal(size=n), rng.normal(size=3)
+    exact = np.linalg.solve(whole, np.concatenate([b, c]))
+    found = body.solve(b, c[:1], c[1:])
+    assert [len(part) for part in found] == body.sizes == [n, 1, 2]
+    np.testing.assert_allclose(np.concatenate(found), exact, rtol=1e-11)
+    left = body.left()
+    assert 0 < left < 1e-11
+    assert left > np.linalg.norm(whole @ np.concatenate(found) - np.concatenate([b, c]))
+    np.testing.assert_allclose(body.solve(b)[0], np.linalg.solve(whole, [*b, 0, 0, 0])[:n])
+    loads = rng.normal(size=(n, 4)) * (rng.uniform(size=(n, 4)) < 0.5)
+    seen = rng.normal(size=(2, n))
+    motions, held = body.respond(columns_of(on_this_rank(loads.T)), on_this_rank(seen))
+    every = np.linalg.solve(whole, np.vstack([loads, np.zeros((3, 4))]))
+    np.testing.assert_allclose(motions, seen @ every[:n], rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(held, every[n : n + 1], rtol=1e-10, atol=1e-12)
+    if symmetric:
+        left = null_space(A)
+        negative = int((np.linalg.eigvalsh(left.T @ K @ left) < 0).sum())
+        assert 0 < negative < n - 3
+        assert body.signs == (negative, 0)
+    body.destroy()
+
+
+def on_two_sides(one):
+    """A square in a corner, with a surface each on floor and wall, held on its top."""
+    domain = box(COMM, 2, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    wall = HalfSpace((0.0, 0.0), (1.0, 0.0))
+    sides = [("floor", facets(domain, 1, 0.0), floor), ("wall", facets(domain, 0, 0.0), wall)]
+    surfaces = [
+        ContactSurface(u, side, name=name, obstacle=o, law=Coulomb(0.3)) for name, side, o in sides
+    ]
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    bcs = [fem.dirichletbc(np.zeros(2), top, V)]
+    return ContactProblem(energy, u, surfaces[:one], bcs=bcs)
+
+
+NO_POINT_PROBLEMS = {
+    "contact at the nodes": lambda: block(n=2, method="integral", degree=2),
+    "the law of Coulomb or Tresca": lambda: block(n=2, law=Regularised(Coulomb(0.3), 1e-3)),
+    "a body that is linear": lambda: block(n=2, material=NeoHookean(400.0, 600.0)),
+    "contact nodes that Dirichlet data do not hold in part": lambda: half_block(
+        n=2, method="mixed"
+    ),
+    "surfaces without common nodes": lambda: on_two_sides(2),
+}
+
+
+@pytest.mark.parametrize("what", NO_POINT_PROBLEMS)
+def test_what_is_no_problem_of_its_points(what):
+    with pytest.raises(ValueError, match=f"the reduced problem needs {what}"):
+        Reduction.of(NO_POINT_PROBLEMS[what]().equations)
+
+
+def test_what_is_a_problem_of_its_points():
+    """Points on an axis of symmetry are guided, and have no friction; the others do."""
+    problems = half_block(n=2, method="nodal"), on_two_sides(1), block(n=2)
+    for problem, guided in zip(problems, (True, False, False), strict=True):
+        with Reduction.of(problem.equations) as reduction:
+            assert reduction.always_solvable
+            assert reduction.guided is guided
+            friction = problem.equations.surfaces[0].law.given["friction"]
+            expected = np.full(3, float(friction))
+            expected[0] *= not guided
+            np.testing.assert_array_equal(reduction.points.friction, expected)
+            np.testing.assert_array_equal(reduction.points.bound, 0.0)
+            np.testing.assert_array_equal(reduction.points.reach, np.inf)
+
+
+def test_how_far_points_slide_on_a_sphere():
+    """Half of what points have on the average; the bound of Tresca's law is a force at each point."""
+    sphere = Sphere((0.5, -5.0), 5.0)
+    problem = block(n=4, law=Tresca(3.0), obstacle=sphere, sliding="small")
+    with Reduction.of(problem.equations) as reduction:
+        np.testing.assert_allclose(reduction.points.reach, 0.5 / 5, rtol=1e-12)
+        width = np.array([0.125, 0.25, 0.25, 0.25, 0.125])
+        np.testing.assert_allclose(reduction.points.bound, 3.0 * width, rtol=1e-12)
+        np.testing.assert_array_equal(reduction.points.friction, 0.0)
+        x = np.linspace(0.0, 1.0, 5)
+        away = np.column_stack([x - 0.5, np.full(5, 5.0)])
+        distance = np.linalg.norm(away, axis=1)
+        np.testing.assert_allclose(reduction.points.gap, distance - 5.0, atol=1e-12)
+        frames = reduction.points.frames
+        np.testing.assert_allclose(frames[:, :, 1], away / distance[:, None], rtol=1e-12)
+        np.testing.assert_allclose(frames[:, :, 0], frames[:, ::-1, 1] * [1, -1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_law_turns_with_its_normal(dim):
+    """Of a rotation w = n x dn it is w x v, by the matrix of dn."""
+    n, v, dn = np.random.default_rng(5).normal(size=(3, 4, dim))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    in_space = [np.pad(a, ((0, 0), (0, 3 - dim))) for a in (n, v, dn)]
+    crossed = np.cross(np.cross(in_space[0], in_space[2]), in_space[1])[:, :dim]
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", _turning(n, v), dn), crossed, atol=1e-13)
