@@ -170,10 +170,11 @@ def test_points_of_all_ranks_in_one_order():
     ids = np.array([[0, 3], [0, 2], [0, 9], [1, 7], [2, 5], [0, 1]])
     n = len(x)
     order = np.random.default_rng(COMM.rank).permutation(n)
-    shifted = x + [10.0 * COMM.rank, 0.0]
+    aside = np.array([10.0, 0.0])
+    shifted = x + COMM.rank * aside
     noise = 1e-13 * (-1.0) ** np.arange(2 * n).reshape(n, 2)
     known = Gathered(COMM, (shifted + noise)[order], ids[order])
-    everywhere = np.concatenate([x + [10.0 * rank, 0.0] for rank in range(COMM.size)])
+    everywhere = np.concatenate([x + rank * aside for rank in range(COMM.size)])
     assert len(known) == n * COMM.size
     np.testing.assert_allclose(known.positions, everywhere, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(known.mine, n * COMM.rank + order)
@@ -284,7 +285,7 @@ def test_what_is_a_problem_of_its_points():
 
 
 def test_how_far_points_slide_on_a_sphere():
-    """Half of what points have on the average; the bound of Tresca's law is a force at each point."""
+    """Half of what points have on the average; Tresca's bounds are forces of points."""
     sphere = Sphere((0.5, -5.0), 5.0)
     problem = block(n=4, law=Tresca(3.0), obstacle=sphere, sliding="small")
     with Reduction.of(problem.equations) as reduction:
