@@ -58,12 +58,13 @@ ROOMS = {
         ["equations/[!_]*.py"],
         [
             *("kinematics", "parametric", "checks", "law", "own_law", "more_friction"),
-            *("curved_friction", "rigid_body", "pair", "nonlocal", "core_in_small"),
+            *("curved_friction", "rigid_body", "pair", "nonlocal", "planes_of_symmetry"),
+            *("messages", "core_in_small"),
         ],
     ),
     "reduced": (
         ["reduced/[!_]*.py", "solvers/condensation.py", "solvers/surface_block.py"],
-        ["point_problem", "lemke", "algorithms", "uniqueness", "critical_friction", "wedging"],
+        ["point_problem", "lemke", "uniqueness", "critical_friction", "wedging", "core_in_small"],
     ),
     "checker": (
         ["analysis/check_proof.py"],

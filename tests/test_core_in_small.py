@@ -22,7 +22,9 @@ from dolfinx_contact import (
     Coulomb,
     HalfSpace,
     MaxwellLayer,
+    ParametricContact,
     Regularised,
+    RigidBody,
     Sphere,
     Tresca,
 )
@@ -310,3 +312,31 @@ def test_a_law_turns_with_its_normal(dim):
     in_space = [np.pad(a, ((0, 0), (0, 3 - dim))) for a in (n, v, dn)]
     crossed = np.cross(np.cross(in_space[0], in_space[2]), in_space[1])[:, :dim]
     np.testing.assert_allclose(np.einsum("nij,nj->ni", _turning(n, v), dn), crossed, atol=1e-13)
+
+
+def test_lengths_of_states_in_closed_form():
+    """Root mean squares over the size of the body; motions of rigid bodies over it as well."""
+    domain = box(COMM, 3, "tri", size=2.0)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    lid = HalfSpace((0.0, 2.0), (0.0, -1.0))
+    punch = RigidBody(lid, about=(1.0, 2.0), load={"x": 0.1, "y": -1.0}, held=["rz"])
+    surface = ContactSurface(u, facets(domain, 1, 2.0), obstacle=punch, law=Coulomb(0.3))
+    low = fem.locate_dofs_topological(V, 1, facets(domain, 1, 0.0))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(np.zeros(2), low, V)])
+    system = ParametricContact(problem, fem.Constant(domain, 0.0))
+    x, Mx = system.create_vector(), system.create_vector()
+    X = V.tabulate_dof_coordinates()[: V.dofmap.index_map.size_local]
+    size = 2.0 * np.sqrt(2.0)
+    rigid = problem.equations.rigid.size
+    fields = {
+        "translation": (np.column_stack([3.0 + 0.0 * X[:, 0], 4.0 + 0.0 * X[:, 0]]), 0.0, 25.0),
+        "stretch": (np.column_stack([X[:, 0], 0.0 * X[:, 0]]), 0.0, 4.0 / 3.0),
+        "motion": (0.0 * X[:, :2], 0.5, 0.25 * rigid),
+    }
+    for values, motion, square in fields.values():
+        tractions = [np.ones(n) for n in problem.equations.owned_sizes[1:-1]]
+        problem.equations.put([values.reshape(-1), *tractions], np.full(rigid, motion), x)
+        system.metric(x, Mx)
+        assert x.dot(Mx) == pytest.approx(square / size**2, rel=1e-12)
