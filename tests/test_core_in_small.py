@@ -21,6 +21,7 @@ from dolfinx_contact import (
     ContactSurface,
     Coulomb,
     HalfSpace,
+    LevelSet,
     MaxwellLayer,
     ParametricContact,
     Regularised,
@@ -28,8 +29,10 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
+from dolfinx_contact.equations.given_data import mark_of_data
+from dolfinx_contact.equations.measures import least_scales
 from dolfinx_contact.equations.order import Gathered
-from dolfinx_contact.equations.state import _turning
+from dolfinx_contact.equations.state import _turning, differs
 from dolfinx_contact.laws import Internal, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import _bounds, _plane
 from dolfinx_contact.laws.damage import _solved
@@ -340,3 +343,44 @@ def test_lengths_of_states_in_closed_form():
         problem.equations.put([values.reshape(-1), *tractions], np.full(rigid, motion), x)
         system.metric(x, Mx)
         assert x.dot(Mx) == pytest.approx(square / size**2, rel=1e-12)
+
+
+def test_marks_of_data():
+    """What users may change changes the mark of a problem, and put back it is the old one."""
+    domain = box(COMM, 2, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    held = fem.Function(V)
+    load, friction, height = (fem.Constant(domain, v) for v in (1.0, 0.3, 0.0))
+    floor = LevelSet(lambda x: x[1] - height)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(friction))
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx + load * u[1] * ufl.dx
+    eq = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(held, top)]).equations
+    first = mark_of_data(eq)
+    u.x.array[:] = 0.1
+    assert mark_of_data(eq) == first
+    for f in (held, load, friction, height):
+        values = f.x.array if f is held else f.value.reshape(-1)
+        before = values.copy()
+        values[...] += 1.0
+        assert mark_of_data(eq) != first
+        values[...] = before
+        assert mark_of_data(eq) == first
+
+
+def test_where_statuses_differ():
+    a, b = (np.array(codes, dtype=np.int8) for codes in ([0, 1, 2, 3], [0, 2, 1, 3]))
+    both = differs([a, b], [b, b])
+    assert [d.tolist() for d in both] == [[False, True, True, False], [False] * 4]
+
+
+def test_what_counts_as_no_displacement():
+    """Less than 1e-12 of the body, and a force that moves a node by no more."""
+    eq = block(n=2, domain=box(COMM, 2, "tri", size=3.0)).equations
+    none = 3e-12 * np.sqrt(2.0)
+    for length in (0.0, 0.9 * none):
+        force, size = least_scales(eq, length)
+        assert size == pytest.approx(none, rel=1e-12)
+        assert force == pytest.approx(none * eq.stiffness_scale, rel=1e-12)
+    assert least_scales(eq, 1.1 * none) == (0.0, 0.0)
