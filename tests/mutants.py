@@ -64,7 +64,7 @@ ROOMS = {
     ),
     "reduced": (
         ["reduced/[!_]*.py", "solvers/condensation.py", "solvers/surface_block.py"],
-        ["point_problem", "lemke", "uniqueness", "core_in_small"],
+        ["point_problem", "lemke", "core_in_small"],
     ),
     "checker": (
         ["analysis/check_proof.py"],

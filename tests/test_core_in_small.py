@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from scipy.special import exp1
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
 from dolfinx_contact import (
     ContactProblem,
@@ -240,21 +240,24 @@ def test_a_held_body_in_numpy(symmetric):
     body.destroy()
 
 
-def on_two_sides(one):
-    """A square in a corner, with a surface each on floor and wall, held on its top."""
+def on_two_sides(number, beyond=-1.0):
+    """A square in a corner, held on its top; on the wall there is contact above a height."""
     domain = box(COMM, 2, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
     floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
     wall = HalfSpace((0.0, 0.0), (1.0, 0.0))
-    sides = [("floor", facets(domain, 1, 0.0), floor), ("wall", facets(domain, 0, 0.0), wall)]
+    side = mesh.locate_entities_boundary(
+        domain, 1, lambda x: np.isclose(x[0], 0.0) & (x[1] > beyond)
+    )
+    sides = [("floor", facets(domain, 1, 0.0), floor), ("wall", side, wall)]
     surfaces = [
         ContactSurface(u, side, name=name, obstacle=o, law=Coulomb(0.3)) for name, side, o in sides
     ]
     top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     bcs = [fem.dirichletbc(np.zeros(2), top, V)]
-    return ContactProblem(energy, u, surfaces[:one], bcs=bcs)
+    return ContactProblem(energy, u, surfaces[:number], bcs=bcs)
 
 
 NO_POINT_PROBLEMS = {
@@ -384,3 +387,11 @@ def test_what_counts_as_no_displacement():
         assert size == pytest.approx(none, rel=1e-12)
         assert force == pytest.approx(none * eq.stiffness_scale, rel=1e-12)
     assert least_scales(eq, 1.1 * none) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("beyond", "times"), [(-1.0, 1), (0.4, 0)])
+def test_common_nodes_of_surfaces_are_said(beyond, times, caplog):
+    """Of floor and wall that have the corner in common, and not where a facet is left out."""
+    on_two_sides(2, beyond)
+    said = sum("surfaces floor and wall share nodes" in r.message for r in caplog.records)
+    assert said == (times if COMM.rank == 0 else 0)
