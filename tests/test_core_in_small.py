@@ -43,7 +43,12 @@ from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.reduced import Reduction
-from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of
+from dolfinx_contact.reduced.held_body import (
+    HeldBody,
+    HeldField,
+    columns_of,
+    is_positive_definite,
+)
 
 COMM = MPI.COMM_WORLD
 
@@ -395,3 +400,19 @@ def test_common_nodes_of_surfaces_are_said(beyond, times, caplog):
     on_two_sides(2, beyond)
     said = sum("surfaces floor and wall share nodes" in r.message for r in caplog.records)
     assert said == (times if COMM.rank == 0 else 0)
+
+
+def test_which_stiffness_is_positive_definite():
+    """The elastic one is; not its negative, one without a node, one that is not symmetric."""
+    eq = block(n=2).equations
+    K = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy()).copy()
+    free = np.flatnonzero(~eq.fixed[: eq.owned_sizes[0]])[:1] + K.getOwnershipRange()[0]
+    assert is_positive_definite(eq, K)
+    loose = K.copy()
+    loose.zeroRowsColumns(free.astype(PETSc.IntType), diag=0.0)
+    assert not is_positive_definite(eq, loose)
+    K.scale(-1.0)
+    assert not is_positive_definite(eq, K)
+    K.scale(-1.0)
+    K.zeroRows(free.astype(PETSc.IntType), diag=eq.stiffness_scale)
+    assert not is_positive_definite(eq, K)
