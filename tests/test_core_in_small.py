@@ -295,6 +295,9 @@ def test_what_is_a_problem_of_its_points():
             np.testing.assert_array_equal(reduction.points.friction, expected)
             np.testing.assert_array_equal(reduction.points.bound, 0.0)
             np.testing.assert_array_equal(reduction.points.reach, np.inf)
+            points = reduction.problem(0.5)
+            for error, of in ((points.S_error, points.S), (points.p_error, points.p)):
+                assert 0 <= error.max() <= 1e-10 * np.abs(of).max()
 
 
 def test_how_far_points_slide_on_a_sphere():
