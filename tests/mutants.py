@@ -1,12 +1,14 @@
 """Mutants of the core: a token is changed, and the tests of its room have to see it.
 
 For every room (`ROOMS`) Cosmic Ray lists the mutants of its modules in a session, those by
-`OPERATORS`. Each is tried by the tests of that room, those that see most first, in a fork of one
-process that has imported all but the package: a mutant that is seen at once costs half a second.
-Tests and cases that `make test` leaves out are asked where no other sees a mutant. A
-session continues where it was left, and `--sample` takes so many of each room, the same ones every
-time. Beside the sessions are `ROOM.txt`, with the score and what has survived as differences.
-`make mutants` runs all of it; `tests/mutants.md` has what was found.
+`OPERATORS`. Which lines every test of the room runs is seen once (`lines_run`), and a mutant is
+tried by those that run its line, the quickest first, in a fork of one process that has imported
+all but the package: a mutant that is seen at once costs half a second. Mutants are taken in an
+order that is the same every time; a session continues where it was left, until `--sample` of them
+have been tried. Beside the sessions are `ROOM.txt`, with the score and what has survived as
+differences, and `lines.json`, with the lines that tests run (to be deleted when tests have
+changed). `make mutants` runs all of it; `tests/mutants.md` has what was found. `--again` tries
+once more what has survived. Tests that `make test` leaves out are asked as well.
 
     docker/run python3 tests/mutants.py --output output/mutants --sample 40 laws
 """
@@ -18,6 +20,7 @@ import difflib
 import importlib.abc
 import importlib.util
 import inspect
+import json
 import os
 import random
 import re
@@ -32,40 +35,57 @@ COSMIC_RAY = "cosmic-ray==8.7.0"
 SEED = 20
 SECONDS = 120  # of processor time, after which a mutant has hung
 SECONDS_ALONE = 30  # the same where no more is asked than a module alone
-SECONDS_LONG = 900  # of tests that take long, which are asked last
-#: Modules and tests of the rooms, in the order in which they are asked.
+#: Modules (of folders: all that no other room has) and files of tests of the rooms.
 ROOMS = {
     "laws": (
-        ["laws/coulomb.py", "laws/friction.py", "laws/status.py"],
-        ["test_coulomb.py", "test_law.py", "test_status.py", "test_table_of_laws.py"],
+        ["laws/[!c_]*.py", "laws/co[!m]*.py", "laws/compliant.py"],
+        [
+            *("law", "coulomb", "status", "table_of_laws", "anisotropic", "compliant"),
+            *("compiled_law", "friction_limits", "more_friction", "own_law", "interfaces"),
+            *("adhesion_in_time", "adhesion_recovers", "nonlocal", "core_in_small"),
+        ],
     ),
-    "compiler": (["laws/compiled.py"], ["test_compiled_law.py", "test_law.py"]),
+    "compiler": (["laws/compiled.py"], ["compiled_law", "law"]),
     "points": (
-        ["points/operators.py", "points/kinematics.py", "points/memory.py", "points/arcs.py"],
-        ["test_surface.py", "test_kinematics.py", "test_curved_friction.py"],
+        ["points/[!_]*.py", "obstacles.py"],
+        [
+            *("surface", "kinematics", "pair", "sliding_pair", "mortar", "rigid_surface"),
+            *("rigid_body", "true_surface", "two_faces", "small_sliding", "held_ends"),
+            *("curved_friction", "given_normals", "doubled_nodes", "common_points", "overlap"),
+        ],
     ),
     "equations": (
-        ["equations/contact.py", "equations/jacobian.py", "equations/constraints.py"],
-        ["test_blocks.py", "test_kinematics.py", "test_pair.py", "test_rigid_body.py"],
+        ["equations/[!_]*.py"],
+        [
+            *("kinematics", "parametric", "checks", "law", "own_law", "more_friction"),
+            *("curved_friction", "rigid_body", "pair", "nonlocal", "planes_of_symmetry"),
+            *("messages", "core_in_small"),
+        ],
     ),
     "reduced": (
-        ["reduced/reduction.py", "reduced/gathered.py", "reduced/held_body.py"],
-        ["test_point_problem.py", "test_lemke.py", "test_algorithms.py"],
+        ["reduced/[!_]*.py", "solvers/condensation.py", "solvers/surface_block.py"],
+        ["point_problem", "lemke", "core_in_small"],
     ),
     "checker": (
         ["analysis/check_proof.py"],
-        [
-            *("test_recorded_proofs.py", "test_check_proof.py"),
-            *("test_certificates.py", "test_proofs_in_space.py"),
-        ],
+        ["recorded_proofs", "check_proof", "certificates", "proofs_in_space"],
     ),
     "pivoting": (
-        ["continuation/pivoting.py", "continuation/rays.py", "continuation/affine.py"],
-        ["test_affine.py", "test_rays.py", "test_linear_triangle.py"],
+        [
+            *("continuation/pivoting.py", "continuation/rays.py", "continuation/ray_finder.py"),
+            *("continuation/affine.py", "continuation/row_update.py", "continuation/borders.py"),
+            *("continuation/factorised.py", "continuation/batch.py", "solvers/pivoting.py"),
+        ],
+        [
+            *("affine", "rays", "linear_triangle", "proved_rays", "continuation", "kinked_data"),
+        ],
     ),
     "evolution": (
-        ["evolution/energy.py", "evolution/accepted.py", "evolution/motion_energy.py"],
-        ["test_evolution.py", "test_slip_memory.py", "test_motion.py"],
+        ["evolution/[!_]*.py"],
+        [
+            *("evolution", "slip_memory", "increments", "sliding_steps", "at_rest", "motion"),
+            *("motion_data", "motion_solver", "friction_from_zero"),
+        ],
     ),
 }
 #: Of a room, files of tests that need one module alone, and of pytest no more than its cases.
@@ -214,7 +234,7 @@ def cases(test):
 
 
 def seen(mutant, tests, alone=(), order=()):
-    """Whether a test fails in a fork, or the mutant hangs, and the number of the test alone.
+    """Whether a test fails in a fork, or the mutant hangs; the number of the test alone; the test.
 
     Args:
         mutant: a module with another source.
@@ -240,20 +260,27 @@ def seen(mutant, tests, alone=(), order=()):
                 ask_alone(alone, before, mutant.alone(), order, tell)
                 tell("none")
             forget_the_package()
-            status = int(pytest.main(["-x", "-q", *tests])) if tests else 0
-            if tests and status == 0:
-                signal.setitimer(signal.ITIMER_PROF, SECONDS_LONG)
-                rest = ["--long", "-m", "long or each_value"]
-                status = int(pytest.main(["-x", "-q", *rest, *tests]))
-                status = 0 if status == pytest.ExitCode.NO_TESTS_COLLECTED else status
+            status = pytest.main(["-x", "-q", "--long", *tests], [FirstFailure(theirs)]) if tests else 0
         finally:
             os._exit(status)
     os.close(theirs)
     with open(ours) as pipe:
-        asked = pipe.read().split()
+        told, _, failed = pipe.read().partition("\n")
+    asked = told.split()
     _, status = os.waitpid(child, 0)
     number = int(asked[-1]) if asked and asked[-1] != "none" else None
-    return os.waitstatus_to_exitcode(status) != 0, number
+    return os.waitstatus_to_exitcode(status) != 0, number, failed
+
+
+class FirstFailure:
+    """Tells of pytest the first test that fails."""
+
+    def __init__(self, pipe):
+        self.pipe = pipe
+
+    def pytest_runtest_logreport(self, report):
+        if report.failed:
+            os.write(self.pipe, f"\n{report.nodeid}".encode())
 
 
 class Order:
@@ -305,68 +332,161 @@ class Mutations:
         return "".join([*lines[:a], changed, *lines[b:]])
 
 
-def start(room, session, sample):
-    """List the mutants of a room; those that are not taken are skipped."""
+def modules(room):
+    """Paths of the modules of a room, from the folder of the tree."""
+    package = TREE / "dolfinx_contact"
+    found = {path for pattern in ROOMS[room][0] for path in package.glob(pattern)}
+    return sorted(path.relative_to(TREE) for path in found)
+
+
+def lines_of_tests(room, folder):
+    """Seconds and lines of tests by their names, those of a room among them."""
+    path = folder / "lines.json"
+    known = json.loads(path.read_text()) if path.exists() else {}
+    files = [f"tests/test_{name}.py" for name in ROOMS[room][1]]
+    missing = sorted(set(files) - {test.partition("::")[0] for test in known})
+    if not missing:
+        return known
+    there = os.pathsep.join((str(TREE), str(TREE / "tests"), os.environ.get("PYTHONPATH", "")))
+    asked = [sys.executable, "-m", "pytest", "-q", "--long", "-p", "lines_run", "--lines-run", str(path)]
+    done = subprocess.run([*asked, *missing], env={**os.environ, "PYTHONPATH": there})
+    if done.returncode:
+        path.write_text(json.dumps(known))
+        raise RuntimeError(f"tests of {room} fail without any mutant")
+    return json.loads(path.read_text())
+
+
+def statement(tree, line):
+    """Lines of the statement that has a line, without what is in it; of a function all of it."""
+    around = [n for n in ast.walk(tree) if isinstance(n, (ast.stmt, ast.ExceptHandler))]
+    around = [n for n in around if first_line(n) <= line <= n.end_lineno]
+    inner = min(around, key=lambda n: n.end_lineno - first_line(n), default=None)
+    if inner is None:
+        return range(line, line + 1)
+    within = getattr(inner, "body", None)
+    if within and not isinstance(inner, (ast.FunctionDef, ast.ClassDef)):
+        return range(inner.lineno, max(within[0].lineno, line + 1))
+    return range(first_line(inner), inner.end_lineno + 1)
+
+
+def first_line(node):
+    """Where a statement begins with its decorators."""
+    return min(n.lineno for n in (node, *getattr(node, "decorator_list", [])))
+
+
+def that_run(module, line, known, tree, seconds):
+    """Tests that run a line of a module, quick ones first and of each not all cases at once.
+
+    Args:
+        module: path from the package.
+        line: number of the line.
+        known: seconds and lines of every test.
+        tree: of the module's source.
+        seconds: that all tests together may take.
+    """
+    place = statement(tree, line)
+    runs = {test: lines[module] for test, (_, lines) in known.items() if module in lines}
+    # What is run at the first import has the tests of the module.
+    among = [test for test, lines in runs.items() if set(place).intersection(lines)] or list(runs)
+    cases = {}
+    for test in sorted(among, key=lambda t: known[t][0]):
+        cases.setdefault(test.partition("[")[0], []).append(test)
+    ranks = [(test, k) for same in cases.values() for k, test in enumerate(same)]
+    weights = {test: (0.05 + known[test][0]) * (k + 1) for test, k in ranks}
+    taken, total = [], 0.0
+    for test in sorted(weights, key=weights.get):
+        total += known[test][0]
+        if total > seconds and taken:
+            break
+        taken.append(test)
+    return taken
+
+
+def start(room, session):
+    """List the mutants of a room; those of other operators, and texts, are skipped."""
     from cosmic_ray.commands import init
     from cosmic_ray.work_db import WorkDB, use_db
     from cosmic_ray.work_item import WorkerOutcome, WorkResult
 
-    paths = [Path("dolfinx_contact") / m for m in ROOMS[room][0]]
+    paths = modules(room)
     with use_db(str(session), WorkDB.Mode.create) as db:
         init(paths, db, {})
         without = {path: without_effect((TREE / path).read_text()) for path in paths}
-
-        def place(item):
-            one = item.mutations[0]
-            return str(one.module_path), one.start_pos, one.operator_name, one.occurrence
+        lines = {path: (TREE / path).read_text().splitlines() for path in paths}
 
         def counts(item):
             one = item.mutations[0]
             at = one.start_pos
+            if lines[Path(one.module_path)][at[0] - 1].startswith("*,", at[1]):  # of arguments
+                return False
             inside = any(a <= at < b for a, b in without[Path(one.module_path)])
             return bool(OPERATORS.search(one.operator_name)) and not inside
 
-        items = sorted(filter(counts, db.work_items), key=place)
-        if sample and sample < len(items):
-            items = random.Random(SEED).sample(items, sample)
-        kept = {item.job_id for item in items}
-        others = [item.job_id for item in db.work_items if item.job_id not in kept]
+        others = [item.job_id for item in db.work_items if not counts(item)]
         db.set_multiple_results(others, WorkResult(worker_outcome=WorkerOutcome.SKIPPED))
 
 
-def hunt(room, folder, sample, files):
-    """Try the mutants of a room that are left; the report's first line."""
+def drawn(items):
+    """Mutants in the order in which they are tried."""
+
+    def place(item):
+        one = item.mutations[0]
+        return str(one.module_path), one.start_pos, one.operator_name, one.occurrence
+
+    items = sorted(items, key=place)
+    random.Random(SEED).shuffle(items)
+    return items
+
+
+def hunt(room, folder, sample, seconds, again):
+    """Try the mutants of a room that are left; the report's first line.
+
+    Args:
+        room: one of `ROOMS`.
+        folder: of the session.
+        sample: mutants that are tried, or None for all.
+        seconds: of tests for one mutant.
+        again: try those that have survived.
+    """
     from cosmic_ray.work_db import WorkDB, use_db
     from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkResult
 
-    tests = [f"tests/{t}" for t in ROOMS[room][1][:files]]
+    known = lines_of_tests(room, folder)
     alone = all_alone([importlib.import_module(name) for name in ALONE.get(room, ())])
     order = Order(len(alone))
     session = folder / f"{room}.sqlite"
     if not session.exists():
-        path = TREE / "dolfinx_contact" / ROOMS[room][0][0]
-        if seen(Mutant(path, path.read_text()), tests, alone, order.near(0))[0]:
-            raise RuntimeError(f"tests of {room} fail without any mutant")
-        start(room, session, sample)
+        start(room, session)
     with use_db(str(session), WorkDB.Mode.open) as db:
         mutations = Mutations(db.work_items)
-        for item in sorted(db.pending_work_items, key=lambda i: i.job_id):
+        results = dict(db.results)
+        taken = {i for i, r in results.items() if r.worker_outcome != WorkerOutcome.SKIPPED}
+        skipped = set(results) - taken
+        counted = drawn(item for item in db.work_items if item.job_id not in skipped)[:sample]
+        for item in counted:
+            before = results.get(item.job_id)
+            if before and not (again and before.test_outcome == TestOutcome.SURVIVED):
+                continue
             one = item.mutations[0]
             line = one.start_pos[0]
             path = TREE / one.module_path
             source = mutations.source(one)
-            killed, number = seen(Mutant(path, source), tests, alone, order.near(line))
+            within = path.relative_to(TREE / "dolfinx_contact").as_posix()
+            tests = that_run(within, line, known, ast.parse(path.read_text()), seconds)
+            killed, number, by = seen(Mutant(path, source), tests, alone, order.near(line))
             if killed and number is not None:
                 order.lines[number].append(line)
-            result = WorkResult(
+            result = results[item.job_id] = WorkResult(
                 worker_outcome=WorkerOutcome.NORMAL,
                 test_outcome=TestOutcome.KILLED if killed else TestOutcome.SURVIVED,
                 diff=difference(one.module_path, path.read_text(), source),
             )
             db.set_result(item.job_id, result)
-        results = [r for _, r in db.results if r.worker_outcome != WorkerOutcome.SKIPPED]
-    survived = sorted(r.diff for r in results if r.test_outcome == TestOutcome.SURVIVED)
-    first = f"{len(results) - len(survived)} of {len(results)} mutants were seen"
+            said = (by or "a hang, or no import") if killed else f"survives {len(tests)} tests"
+            print(f"{within}:{line} {one.operator_name}: {said}", flush=True)
+    tried = [results[item.job_id] for item in counted]
+    survived = sorted(r.diff for r in tried if r.test_outcome == TestOutcome.SURVIVED)
+    first = f"{len(tried) - len(survived)} of {len(tried)} mutants were seen"
     (folder / f"{room}.txt").write_text("\n\n".join([first, *survived]) + "\n")
     return first
 
@@ -382,7 +502,8 @@ def main(argv=None):
     parser.add_argument("rooms", nargs="*", metavar="ROOM", help=", ".join(ROOMS))
     parser.add_argument("--output", type=Path, default=Path("output/mutants"))
     parser.add_argument("--sample", type=int, help="mutants of each room; all by default")
-    parser.add_argument("--files", type=int, help="of tests that are asked first; all by default")
+    parser.add_argument("--seconds", type=float, default=60, help="of tests for one mutant")
+    parser.add_argument("--again", action="store_true", help="try what has survived once more")
     args = parser.parse_args(argv)
     unknown = set(args.rooms) - set(ROOMS)
     if unknown:
@@ -394,10 +515,11 @@ def main(argv=None):
         os.execv(python, [str(python), __file__, *(sys.argv[1:] if argv is None else argv)])
     os.chdir(TREE)
     # What is imported here every fork has.
-    import dolfinx_contact.analysis  # noqa: F401
+    for name in ("dolfinx_contact.analysis", "gmsh", "hypothesis"):
+        importlib.import_module(name)
 
     for room in args.rooms or ROOMS:
-        print(f"{room}: {hunt(room, folder, args.sample, args.files)}", flush=True)
+        print(f"{room}: {hunt(room, folder, args.sample, args.seconds, args.again)}", flush=True)
 
 
 if __name__ == "__main__":

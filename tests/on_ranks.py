@@ -67,6 +67,7 @@ ON_TWO = {
         *("slip_that_goes_on", "correctors_agree", "an_exhausted_budget_keeps_what_was_found"),
         *("a_branch_that_ends",),
     ),
+    "test_core_in_small": ("lengths_of_states_in_closed_form", "marks_of_data"),
     "test_creep": ("creep", "what_is_lacking_is_said"),
     "test_critical_friction": (
         *("by_multigrid", "slips_of_one_sign_among_equal_coefficients"),
@@ -351,6 +352,7 @@ ON_THREE = {
     "test_common_points": ("patch", "patch_of_a_short_block"),
     "test_compliant": ("jacobian_by_taylor",),
     "test_continuation": ("path_with_two_nonsmooth_folds", "parity_is_that_of_mumps"),
+    "test_core_in_small": ("points_of_all_ranks_in_one_order",),
     "test_critical_friction": ("of_a_solution",),
     "test_crossing_cracks": ("blocks_under_unequal_pressures", "planes_that_cross"),
     "test_curved_friction": ("ranks", "jacobian"),

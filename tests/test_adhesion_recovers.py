@@ -85,6 +85,20 @@ def test_a_new_bond_begins_where_it_is():
     assert weak < kept.to(1e3, (aside, 0.0), PRESSED) == pytest.approx(1 / 25, rel=1e-5)
 
 
+def test_what_springs_of_a_broken_bond_give_up():
+    """Drawn off a second time, and aside from where they were at rest: their energy is spent."""
+    point = Point(RCCM(C, C, W, viscosity=0.1, recovers=True))
+    aside = 5 * U0
+    for t, jump in [(0.0, (0.0, 0.0)), (100.0, (0.0, 2000 * U0)), (101.0, (aside, 0.0))]:
+        point.to(t, jump, PRESSED if jump[1] == 0 else None)
+    assert point.to(101.05, (aside, 0.0), PRESSED) == pytest.approx(0.5, rel=1e-5)
+    broken = point.to(300.0, (3 * aside, 2000 * U0))
+    assert 0 < broken < 1e-6
+    assert point.to(301.0, (4 * aside, 0.0), PRESSED) == broken
+    left = broken**2 * C * (2 * aside) ** 2 / 2
+    assert point.answers.bond("spent")[0] == pytest.approx(left, rel=1e-12)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
 def test_pressed_down_again(cell):

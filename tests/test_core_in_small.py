@@ -1,0 +1,421 @@
+"""Small parts of the core whose answers are known beforehand."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from blocks import block, box, facets, half_block
+from scipy.linalg import null_space
+from scipy.optimize import brentq
+from scipy.special import exp1
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    LevelSet,
+    MaxwellLayer,
+    ParametricContact,
+    Regularised,
+    RigidBody,
+    Sphere,
+    Tresca,
+)
+from dolfinx_contact.equations.given_data import mark_of_data
+from dolfinx_contact.equations.measures import least_scales
+from dolfinx_contact.equations.order import Gathered
+from dolfinx_contact.equations.state import _turning, differs
+from dolfinx_contact.laws import Internal, LawAtPoints, PointData
+from dolfinx_contact.laws.cones import _bounds, _plane
+from dolfinx_contact.laws.damage import _solved
+from dolfinx_contact.laws.interface import Interface
+from dolfinx_contact.laws.law import Border, StatusPiece, checked_pieces
+from dolfinx_contact.laws.spreading import KERNELS, whole
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
+from dolfinx_contact.materials import LinearElastic, NeoHookean
+from dolfinx_contact.points.memory import Memory, with_memory
+from dolfinx_contact.reduced import Reduction
+from dolfinx_contact.reduced.held_body import (
+    HeldBody,
+    HeldField,
+    columns_of,
+    is_positive_definite,
+)
+
+COMM = MPI.COMM_WORLD
+
+
+@dataclass(frozen=True)
+class Oil(Interface):
+    """A film that resists slip by its rate alone, pressed or not."""
+
+    viscosity: Any
+    needs_pressure = False
+    needs_time = ("viscosity",)
+
+    def dissipation(self, rates, state):
+        return self.viscosity * rates.slip**2 / 2
+
+
+def at_points(law, jump, traction, step=-1.0, **fields):
+    """A law at points on a floor at y = 0 without a gap, a time after they were at rest."""
+    at = LawAtPoints(law, jump.shape[1], len(jump), COMM)
+    given = {name: np.full(len(jump), float(v)) for name, v in law.given.items()} | fields
+    normal = np.tile(-np.eye(jump.shape[1])[-1], (len(jump), 1))
+    data = PointData(normal, np.zeros(len(jump)), np.ones(len(jump)), given)
+    rest = Memory(np.zeros_like(jump), step=step)
+    return at(jump, traction, with_memory(at.compiled, rest, data))
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+def test_viscous_friction_at_a_point():
+    """Shears by c |u_t|/dt against the slip, and sticks where nothing drags."""
+    u = np.array([0.0, 0.2, -0.2])
+    jump = np.column_stack([u, np.zeros(3)])
+    traction = np.column_stack([-4.0 * np.sign(u), np.ones(3)])
+    found = at_points(Oil(3.0), jump, traction, step=0.5)
+    np.testing.assert_array_equal(found.required, [STICK, PLUS, MINUS])
+    shear = found.traction(found.required)[:, 0]
+    np.testing.assert_allclose(shear, -3.0 * u / 0.5, rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(found.bound, np.abs(shear), rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+def test_a_layer_with_friction_at_some_points():
+    """Where its coefficient is 0 a point that is pressed slips, as with `Coulomb(0)`."""
+    jump = np.zeros((2, 2))
+    traction = np.tile([0.0, 1.0], (2, 1))
+    law = MaxwellLayer(3.0, 2.0, 1.0, friction=0.5)
+    found = at_points(law, jump, traction, friction=np.array([0.0, 0.5]))
+    np.testing.assert_array_equal(found.required, [PLUS, STICK])
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+def test_an_open_point_closes_against_its_displacement():
+    """By one of two borders, at a distance of its gap."""
+    jump = np.array([[0.1, 0.05], [-0.1, 0.02]])
+    found = at_points(Coulomb(0.5), jump, np.zeros((2, 2)))
+    borders = found.borders(np.full(2, OPEN, dtype=np.int8))
+    for k, (code, gap) in enumerate([(PLUS, 0.05), (MINUS, 0.02)]):
+        there = np.isfinite(borders.distance[k])
+        assert borders.target[k, there].tolist() == [code]
+        np.testing.assert_allclose(borders.distance[k, there], gap, rtol=1e-14)
+
+
+@pytest.mark.parametrize("place", ["exists", "where"])
+def test_conditions_of_pieces_that_are_none(place):
+    """Numbers, truths and UFL that is no condition, in the second of two pieces."""
+    zero = ufl.as_ufl(0.0) * ufl.as_vector([1.0, 1.0])
+    for bad in (True, 1.0, ufl.as_ufl(1.0)):
+        exists, where = (bad, None) if place == "exists" else (None, bad)
+        borders = [Border(ufl.as_ufl(1.0), OPEN), Border(ufl.as_ufl(1.0), OPEN, where)]
+        pieces = {OPEN: StatusPiece(zero, []), PLUS: StatusPiece(zero, borders, exists)}
+        with pytest.raises(ValueError, match="status 2: exists and where must be UFL conditions"):
+            checked_pieces(pieces, 2)
+
+
+def test_senses_of_variables():
+    """By which they change is known of those that only fall or grow."""
+    senses = {kind: Internal("x", kind).sense for kind in ("any", "falls", "grows")}
+    assert senses == {"any": 0, "falls": -1, "grows": 1}
+
+
+def test_kernels_in_closed_form():
+    """Their integrals over line and plane, and nothing from the radius on."""
+    expected = {
+        ("biweight", 2): 16 / 15,
+        ("biweight", 3): np.pi / 3,
+        ("mollifier", 2): 0.44399381616807943782 * np.e,
+        ("mollifier", 3): np.pi * (1 - np.e * exp1(1.0)),
+    }
+    for (kernel, dim), integral in expected.items():
+        assert whole(kernel, dim) == pytest.approx(integral, rel=1e-9)
+        np.testing.assert_array_equal(KERNELS[kernel](np.array([0.0, 1.0, 1.5])), [1.0, 0.0, 0.0])
+
+
+def test_inequalities_that_others_imply():
+    """Of x >= 0, y >= 0 and x + 2 y >= 0 the last is left out, in any units of each."""
+    rows = np.array([[[1.0, 0.0], [0.0, 1.0], [1.0, 2.0]]])
+    expected = np.zeros((1, 3, 4))
+    expected[0, 0, 1] = expected[0, 1, 3] = 1.0
+    there = np.ones((1, 3), dtype=bool)
+    for units in ([1.0, 1.0, 1.0], [1.0, 1e-12, 1.0], [1e-12, 1.0, 1e12]):
+        slopes = rows * np.array(units)[:, None]
+        np.testing.assert_allclose(_bounds(slopes, [1, 3], there), expected, atol=1e-15)
+    kept = _bounds(rows, [1, 3], np.array([[True, False, True]]))
+    np.testing.assert_allclose(kept[0, :2, [1, 3]].T, [[1.0, 0.0], [0.5, 1.0]], atol=1e-15)
+
+
+def test_planes_of_statuses_are_well_conditioned():
+    """By Cramer's rule no coordinate is larger than 1 where the largest minor is inverted."""
+    rng = np.random.default_rng(2)
+    for sizes in ([1.0, 1e-3, 1.0, 1e-6], [1e-6, 1.0, 1e-3, 1.0], [1.0, 1.0, 1e-6, 1e-6]):
+        rows = rng.normal(size=(1, 2, 4)) * sizes
+        B, free = _plane(rows, np.ones(1, dtype=bool))
+        np.testing.assert_allclose(rows @ B, 0.0, atol=1e-15)
+        np.testing.assert_array_equal(B[0, free], np.eye(2))
+        assert np.abs(B).max() <= 1.0 + 1e-9
+
+
+@pytest.mark.parametrize("p", [0.25, 1.0, 5.0])
+def test_a_step_of_damage_in_closed_form(p):
+    """The y of y + k y^p = 1 for k of any size, from 1e-13 to 1e13."""
+    for log in np.linspace(-30.0, 30.0, 31):
+        y = _solved(ufl.as_ufl(float(log)), p)(())
+        x = brentq(lambda x, k=log: np.logaddexp(-x, k - p * x), -1.0, 200.0, xtol=1e-15)
+        assert y == pytest.approx(np.exp(-x), rel=2e-11)
+
+
+def test_points_of_all_ranks_in_one_order():
+    """By x, then y, then what distinguishes them, however they are numbered and rounded off."""
+    x = np.array([[0.0, 0.0], [0.0, 1.0], [0.5, -1.0], [0.5, 2.0], [0.5, 2.0], [1.0, 0.0]])
+    ids = np.array([[0, 3], [0, 2], [0, 9], [1, 7], [2, 5], [0, 1]])
+    n = len(x)
+    order = np.random.default_rng(COMM.rank).permutation(n)
+    aside = np.array([10.0, 0.0])
+    shifted = x + COMM.rank * aside
+    noise = 1e-13 * (-1.0) ** np.arange(2 * n).reshape(n, 2)
+    known = Gathered(COMM, (shifted + noise)[order], ids[order])
+    everywhere = np.concatenate([x + rank * aside for rank in range(COMM.size)])
+    assert len(known) == n * COMM.size
+    np.testing.assert_allclose(known.positions, everywhere, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(known.mine, n * COMM.rank + order)
+    np.testing.assert_array_equal(known(ids[order, 1]), np.tile(ids[:, 1], COMM.size))
+    orders = COMM.allgather(order)
+    for i in range(len(known)):
+        rank, place = known.owner(i)
+        assert (rank, orders[rank][place]) == divmod(i, n)
+
+
+def on_this_rank(A):
+    """A dense matrix as one of PETSc, of this rank alone."""
+    found = PETSc.Mat().createDense(A.shape, array=np.ascontiguousarray(A), comm=MPI.COMM_SELF)
+    found.setUp()
+    found.assemble()
+    return found.convert("aij", PETSc.Mat())
+
+
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_a_held_body_in_numpy(symmetric):
+    """Displacements, forces, answers to many loads, residuals, signs of what may move."""
+    rng = np.random.default_rng(7)
+    n = 7
+    K = rng.normal(size=(n, n))
+    K = K + K.T + np.diag(np.linspace(-4.0, 6.0, n))
+    A = rng.normal(size=(3, n))
+    C = A if symmetric else rng.normal(size=(3, n))
+    free = np.ones(n)
+    if not symmetric:
+        free[2] = 0.0  # no force acts there
+    unit = 2.5
+    blocks = [[on_this_rank(part) for part in (B[:1], B[1:])] for B in (A, C)]
+    without = None if symmetric else np.array([2])
+    forces = None if symmetric else blocks[1]
+    field = HeldField(on_this_rank(K), blocks[0], forces, without)
+    body = HeldBody(MPI.COMM_SELF, [field], unit, counted=symmetric)
+    whole = np.block([[K, (C * free).T], [A, np.zeros((3, 3))]])
+    b, c = rng.normal(size=n), rng.normal(size=3)
+    exact = np.linalg.solve(whole, np.concatenate([b, c]))
+    found = body.solve(b, c[:1], c[1:])
+    assert [len(part) for part in found] == body.sizes == [n, 1, 2]
+    np.testing.assert_allclose(np.concatenate(found), exact, rtol=1e-11)
+    left = body.left()
+    assert 0 < left < 1e-11
+    assert left > np.linalg.norm(whole @ np.concatenate(found) - np.concatenate([b, c]))
+    np.testing.assert_allclose(body.solve(b)[0], np.linalg.solve(whole, [*b, 0, 0, 0])[:n])
+    loads = rng.normal(size=(n, 4)) * (rng.uniform(size=(n, 4)) < 0.5)
+    seen = rng.normal(size=(2, n))
+    motions, held = body.respond(columns_of(on_this_rank(loads.T)), on_this_rank(seen))
+    every = np.linalg.solve(whole, np.vstack([loads, np.zeros((3, 4))]))
+    np.testing.assert_allclose(motions, seen @ every[:n], rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(held, every[n : n + 1], rtol=1e-10, atol=1e-12)
+    if symmetric:
+        left = null_space(A)
+        negative = int((np.linalg.eigvalsh(left.T @ K @ left) < 0).sum())
+        assert 0 < negative < n - 3
+        assert body.signs == (negative, 0)
+    body.destroy()
+
+
+def on_two_sides(number, beyond=-1.0):
+    """A square in a corner, held on its top; on the wall there is contact above a height."""
+    domain = box(COMM, 2, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    wall = HalfSpace((0.0, 0.0), (1.0, 0.0))
+    side = mesh.locate_entities_boundary(
+        domain, 1, lambda x: np.isclose(x[0], 0.0) & (x[1] > beyond)
+    )
+    sides = [("floor", facets(domain, 1, 0.0), floor), ("wall", side, wall)]
+    surfaces = [
+        ContactSurface(u, side, name=name, obstacle=o, law=Coulomb(0.3)) for name, side, o in sides
+    ]
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    bcs = [fem.dirichletbc(np.zeros(2), top, V)]
+    return ContactProblem(energy, u, surfaces[:number], bcs=bcs)
+
+
+NO_POINT_PROBLEMS = {
+    "contact at the nodes": lambda: block(n=2, method="integral", degree=2),
+    "the law of Coulomb or Tresca": lambda: block(n=2, law=Regularised(Coulomb(0.3), 1e-3)),
+    "a body that is linear": lambda: block(n=2, material=NeoHookean(400.0, 600.0)),
+    "contact nodes that Dirichlet data do not hold in part": lambda: half_block(
+        n=2, method="mixed"
+    ),
+    "surfaces without common nodes": lambda: on_two_sides(2),
+}
+
+
+@pytest.mark.parametrize("what", NO_POINT_PROBLEMS)
+def test_what_is_no_problem_of_its_points(what):
+    with pytest.raises(ValueError, match=f"the reduced problem needs {what}"):
+        Reduction.of(NO_POINT_PROBLEMS[what]().equations)
+
+
+def test_what_is_a_problem_of_its_points():
+    """Points on an axis of symmetry are guided, and have no friction; the others do."""
+    problems = half_block(n=2, method="nodal"), on_two_sides(1), block(n=2)
+    for problem, guided in zip(problems, (True, False, False), strict=True):
+        with Reduction.of(problem.equations) as reduction:
+            assert reduction.always_solvable
+            assert reduction.guided is guided
+            friction = problem.equations.surfaces[0].law.given["friction"]
+            expected = np.full(3, float(friction))
+            expected[0] *= not guided
+            np.testing.assert_array_equal(reduction.points.friction, expected)
+            np.testing.assert_array_equal(reduction.points.bound, 0.0)
+            np.testing.assert_array_equal(reduction.points.reach, np.inf)
+            points = reduction.problem(0.5)
+            for error, of in ((points.S_error, points.S), (points.p_error, points.p)):
+                assert 0 <= error.max() <= 1e-10 * np.abs(of).max()
+
+
+def test_how_far_points_slide_on_a_sphere():
+    """Half of what points have on the average; Tresca's bounds are forces of points."""
+    sphere = Sphere((0.5, -5.0), 5.0)
+    problem = block(n=4, law=Tresca(3.0), obstacle=sphere, sliding="small")
+    with Reduction.of(problem.equations) as reduction:
+        np.testing.assert_allclose(reduction.points.reach, 0.5 / 5, rtol=1e-12)
+        width = np.array([0.125, 0.25, 0.25, 0.25, 0.125])
+        np.testing.assert_allclose(reduction.points.bound, 3.0 * width, rtol=1e-12)
+        np.testing.assert_array_equal(reduction.points.friction, 0.0)
+        x = np.linspace(0.0, 1.0, 5)
+        away = np.column_stack([x - 0.5, np.full(5, 5.0)])
+        distance = np.linalg.norm(away, axis=1)
+        np.testing.assert_allclose(reduction.points.gap, distance - 5.0, atol=1e-12)
+        frames = reduction.points.frames
+        np.testing.assert_allclose(frames[:, :, 1], away / distance[:, None], rtol=1e-12)
+        np.testing.assert_allclose(frames[:, :, 0], frames[:, ::-1, 1] * [1, -1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_law_turns_with_its_normal(dim):
+    """Of a rotation w = n x dn it is w x v, by the matrix of dn."""
+    n, v, dn = np.random.default_rng(5).normal(size=(3, 4, dim))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    in_space = [np.pad(a, ((0, 0), (0, 3 - dim))) for a in (n, v, dn)]
+    crossed = np.cross(np.cross(in_space[0], in_space[2]), in_space[1])[:, :dim]
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", _turning(n, v), dn), crossed, atol=1e-13)
+
+
+def test_lengths_of_states_in_closed_form():
+    """Root mean squares over the size of the body; motions of rigid bodies over it as well."""
+    domain = box(COMM, 3, "tri", size=2.0)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    lid = HalfSpace((0.0, 2.0), (0.0, -1.0))
+    punch = RigidBody(lid, about=(1.0, 2.0), load={"x": 0.1, "y": -1.0}, held=["rz"])
+    surface = ContactSurface(u, facets(domain, 1, 2.0), obstacle=punch, law=Coulomb(0.3))
+    low = fem.locate_dofs_topological(V, 1, facets(domain, 1, 0.0))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(np.zeros(2), low, V)])
+    system = ParametricContact(problem, fem.Constant(domain, 0.0))
+    x, Mx = system.create_vector(), system.create_vector()
+    X = V.tabulate_dof_coordinates()[: V.dofmap.index_map.size_local]
+    size = 2.0 * np.sqrt(2.0)
+    rigid = problem.equations.rigid.size
+    fields = {
+        "translation": (np.column_stack([3.0 + 0.0 * X[:, 0], 4.0 + 0.0 * X[:, 0]]), 0.0, 25.0),
+        "stretch": (np.column_stack([X[:, 0], 0.0 * X[:, 0]]), 0.0, 4.0 / 3.0),
+        "motion": (0.0 * X[:, :2], 0.5, 0.25 * rigid),
+    }
+    for values, motion, square in fields.values():
+        tractions = [np.ones(n) for n in problem.equations.owned_sizes[1:-1]]
+        problem.equations.put([values.reshape(-1), *tractions], np.full(rigid, motion), x)
+        system.metric(x, Mx)
+        assert x.dot(Mx) == pytest.approx(square / size**2, rel=1e-12)
+
+
+def test_marks_of_data():
+    """What users may change changes the mark of a problem, and put back it is the old one."""
+    domain = box(COMM, 2, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    held = fem.Function(V)
+    load, friction, height = (fem.Constant(domain, v) for v in (1.0, 0.3, 0.0))
+    floor = LevelSet(lambda x: x[1] - height)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(friction))
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx + load * u[1] * ufl.dx
+    eq = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(held, top)]).equations
+    first = mark_of_data(eq)
+    u.x.array[:] = 0.1
+    assert mark_of_data(eq) == first
+    for f in (held, load, friction, height):
+        values = f.x.array if f is held else f.value.reshape(-1)
+        before = values.copy()
+        values[...] += 1.0
+        assert mark_of_data(eq) != first
+        values[...] = before
+        assert mark_of_data(eq) == first
+
+
+def test_where_statuses_differ():
+    a, b = (np.array(codes, dtype=np.int8) for codes in ([0, 1, 2, 3], [0, 2, 1, 3]))
+    both = differs([a, b], [b, b])
+    assert [d.tolist() for d in both] == [[False, True, True, False], [False] * 4]
+
+
+def test_what_counts_as_no_displacement():
+    """Less than 1e-12 of the body, and a force that moves a node by no more."""
+    eq = block(n=2, domain=box(COMM, 2, "tri", size=3.0)).equations
+    none = 3e-12 * np.sqrt(2.0)
+    for length in (0.0, 0.9 * none):
+        force, size = least_scales(eq, length)
+        assert size == pytest.approx(none, rel=1e-12)
+        assert force == pytest.approx(none * eq.stiffness_scale, rel=1e-12)
+    assert least_scales(eq, 1.1 * none) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("beyond", "times"), [(-1.0, 1), (0.4, 0)])
+def test_common_nodes_of_surfaces_are_said(beyond, times, caplog):
+    """Of floor and wall that have the corner in common, and not where a facet is left out."""
+    on_two_sides(2, beyond)
+    said = sum("surfaces floor and wall share nodes" in r.message for r in caplog.records)
+    assert said == (times if COMM.rank == 0 else 0)
+
+
+def test_which_stiffness_is_positive_definite():
+    """The elastic one is; not its negative, one without a node, one that is not symmetric."""
+    eq = block(n=2).equations
+    K = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy()).copy()
+    free = np.flatnonzero(~eq.fixed[: eq.owned_sizes[0]])[:1] + K.getOwnershipRange()[0]
+    assert is_positive_definite(eq, K)
+    loose = K.copy()
+    loose.zeroRowsColumns(free.astype(PETSc.IntType), diag=0.0)
+    assert not is_positive_definite(eq, loose)
+    K.scale(-1.0)
+    assert not is_positive_definite(eq, K)
+    K.scale(-1.0)
+    K.zeroRows(free.astype(PETSc.IntType), diag=eq.stiffness_scale)
+    assert not is_positive_definite(eq, K)
