@@ -260,7 +260,9 @@ def seen(mutant, tests, alone=(), order=()):
                 ask_alone(alone, before, mutant.alone(), order, tell)
                 tell("none")
             forget_the_package()
-            status = pytest.main(["-x", "-q", "--long", *tests], [FirstFailure(theirs)]) if tests else 0
+            status = (
+                pytest.main(["-x", "-q", "--long", *tests], [FirstFailure(theirs)]) if tests else 0
+            )
         finally:
             os._exit(status)
     os.close(theirs)
@@ -348,7 +350,8 @@ def lines_of_tests(room, folder):
     if not missing:
         return known
     there = os.pathsep.join((str(TREE), str(TREE / "tests"), os.environ.get("PYTHONPATH", "")))
-    asked = [sys.executable, "-m", "pytest", "-q", "--long", "-p", "lines_run", "--lines-run", str(path)]
+    pytest = [sys.executable, "-m", "pytest", "-q", "--long"]
+    asked = [*pytest, "-p", "lines_run", "--lines-run", str(path)]
     done = subprocess.run([*asked, *missing], env={**os.environ, "PYTHONPATH": there})
     if done.returncode:
         path.write_text(json.dumps(known))
