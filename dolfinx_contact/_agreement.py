@@ -56,9 +56,9 @@ def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
 
 def data_of(expression: Any) -> tuple[list[Any], list[Any], set[Any]]:
     """Functions and Constants in a UFL expression, in the order of UFL, and its meshes."""
-    functions = set()
-    constants = set()
-    domains = set()
+    functions = set[Any]()
+    constants = set[Any]()
+    domains = set[Any]()
     for part in unique_pre_traversal(expression):
         if part._ufl_is_terminal_:
             domains.update(domains_of(part))

@@ -4,8 +4,8 @@
 A look-up in FFCx's cache lists its folder, which on a machine in use holds thousands of files.
 Here the cache has a folder for every first two letters of a signature.
 
-Within a process what was compiled is found again by what a form says (`says`), before anything is
-derived from it: no signature is computed, and no derivative is written out.
+Within a process what was compiled is found again by what a form says (`content_of`), before
+anything is derived from it: no signature is computed, and no derivative is written out.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from dolfinx_contact._compat import domains_of, instantiated
 from dolfinx_contact._errors import everywhere
 
 __all__ = [
+    "Content",
     "Part",
-    "Said",
     "at_middle",
     "compiled_expression",
     "compiled_form",
+    "content_by",
+    "content_of",
     "derived_form",
     "is_of_cells",
-    "said_by",
-    "says",
 ]
 
 _PARTS = {"cell": "cells", "exterior_facet": "boundary", "interior_facet": "facets between cells"}
@@ -56,11 +56,11 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
             tags, which DOLFINx needs, or an integrand is known at the middles of cells alone and
             taken at other points.
     """
-    said = says(form)
-    arguments = form.arguments() if said is None else said.arguments
+    content = content_of(form)
+    arguments = form.arguments() if content is None else content.arguments
     spaces = [a.ufl_function_space() for a in arguments]
     comm = form.integrals()[0].ufl_domain().ufl_cargo().comm
-    return derived_form("itself", said, lambda: form, spaces, comm=comm, entity_maps=entity_maps)
+    return derived_form("itself", content, lambda: form, spaces, comm=comm, entity_maps=entity_maps)
 
 
 def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
@@ -119,11 +119,11 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Said:
+class Content:
     """What UFL says, apart from whose Functions, Constants and meshes it says it of.
 
     The key has every node of the expressions with its type and the numbers of its operands, in the
-    order in which they are met. A Function stands there by its element and its mesh, a Constant by
+    order in which they are met. A Function is there by its element and its mesh, a Constant by
     its shape, a mesh by its coordinate element, an index and a label by nothing, and all of these
     by the number that they get where they are met first. So two keys are equal only if the
     expressions become each other when these are exchanged, number by number; what was derived and
@@ -143,21 +143,21 @@ class Said:
     arguments: tuple[Any, ...]
     parts: tuple[Part, ...]
 
-    def with_function(self, old: fem.Function, new: fem.Function) -> Said:
+    def with_function(self, old: fem.Function, new: fem.Function) -> Content:
         """The same with another Function of the same space, which is a key of its own."""
         place = _place(self.functions, old)
         functions = [*self.functions[:place], new, *self.functions[place + 1 :]]
         return replace(self, key=(self.key, place), functions=tuple(functions))
 
 
-def says(form: ufl.Form) -> Said | None:
+def content_of(form: ufl.Form) -> Content | None:
     """What a form says; None if that is not known for sure."""
-    return said_by(
+    return content_by(
         [i.integrand() for i in form.integrals()], [Part.of(i) for i in form.integrals()]
     )
 
 
-def said_by(expressions: Sequence[Any], parts: Sequence[Part]) -> Said | None:
+def content_by(expressions: Sequence[Any], parts: Sequence[Part]) -> Content | None:
     """What expressions say that are integrated over parts of one mesh; None if that is not known.
 
     So it is of operators that are not those of UFL or hold more than their operands, of integrals
@@ -175,7 +175,7 @@ def said_by(expressions: Sequence[Any], parts: Sequence[Part]) -> Said | None:
     except _UnknownError:
         return None
     key = tuple(writer.words), tuple(written), tuple(where), writer.order()
-    return Said(
+    return Content(
         key,
         tuple(writer.functions),
         tuple(writer.constants),
@@ -189,7 +189,7 @@ class _UnknownError(Exception):
 
 
 class _Writer:
-    """Writes expressions down, node by node; see `Said`."""
+    """Writes expressions down, node by node; see `Content`."""
 
     def __init__(self) -> None:
         self.words: list[Hashable] = []
@@ -328,7 +328,7 @@ class _Compiled:
 
     Attributes:
         ufcx, module: of FFCx.
-        functions, constants: which of those of `Said` it takes, in its order.
+        functions, constants: which of those of `Content` it takes, in its order.
     """
 
     ufcx: Any
@@ -337,25 +337,25 @@ class _Compiled:
     constants: tuple[int, ...]
 
 
-#: By what is derived, and what was said.
+#: By what is derived, and its content.
 _compiled: dict[Hashable, _Compiled] = {}
 
 
 def derived_form(
     what: str,
-    said: Said | None,
+    content: Content | None,
     make: Callable[[], ufl.Form],
     spaces: Sequence[fem.FunctionSpace],
     *,
     comm: MPI.Comm,
     entity_maps: Any = None,
 ) -> fem.Form:
-    """A form that follows from what was said, compiled. Collective.
+    """A form that follows from its content, compiled. Collective.
 
     Args:
         what: is derived, in a word that is used for nothing else.
-        said: of what it is derived; None if that is not known.
-        make: writes the form in UFL, where none was compiled for what was said. It must follow from
+        content: of what it is derived; None if that is not known.
+        make: writes the form in UFL, where none was compiled for its content. It must follow from
             that alone.
         spaces: of its arguments.
         comm: of the ranks.
@@ -365,38 +365,38 @@ def derived_form(
         ValueError: as `compiled_form`.
     """
     known = None
-    if said is not None and _tags_agree(said.parts):
-        known = _compiled.get((what, said.key))
+    if content is not None and _tags_agree(content.parts):
+        known = _compiled.get((what, content.key))
     here = known is not None
     if comm.size > 1:
         here = bool(comm.allreduce(int(here), op=MPI.MIN))
-    if here and known is not None and said is not None:
+    if here and known is not None and content is not None:
         found = instantiated(
             known.ufcx,
             known.module,
             spaces,
-            [said.functions[i] for i in known.functions],
-            [said.constants[i] for i in known.constants],
-            [(part.kind, part.number, part.tags) for part in said.parts],
-            said.parts[0].domain.ufl_cargo(),
+            [content.functions[i] for i in known.functions],
+            [content.constants[i] for i in known.constants],
+            [(part.kind, part.number, part.tags) for part in content.parts],
+            content.parts[0].domain.ufl_cargo(),
             entity_maps,
         )
         if found is not None:
             return found
     form = make()
     found = _compiled_anew(form, entity_maps)
-    if said is not None:
-        _remember((what, said.key), said, form, found)
+    if content is not None:
+        _remember((what, content.key), content, form, found)
     return found
 
 
-def _remember(key: Hashable, said: Said, form: ufl.Form, found: fem.Form) -> None:
-    """Keep what was compiled, if it takes nothing but what was said."""
+def _remember(key: Hashable, content: Content, form: ufl.Form, found: fem.Form) -> None:
+    """Keep what was compiled, if it takes nothing but its content."""
     ufcx = found.ufcx_form
     coefficients = form.coefficients()
     positions = [ufcx.original_coefficient_positions[i] for i in range(ufcx.num_coefficients)]
-    functions = [_place(said.functions, coefficients[i]) for i in positions]
-    constants = [_place(said.constants, c) for c in form.constants()]
+    functions = [_place(content.functions, coefficients[i]) for i in positions]
+    constants = [_place(content.constants, c) for c in form.constants()]
     if -1 not in functions and -1 not in constants:
         _compiled[key] = _Compiled(ufcx, found.module, tuple(functions), tuple(constants))
 

@@ -164,7 +164,7 @@ def test_each_form_is_that_of_dolfinx(name, monkeypatch):
     body.stiffness(second.u.x.array)
     body.energy_at(second.u.x.array)
     # UFL sorts Constants by their numbers as words: 10 comes before 9.
-    same = _forms.says(make(second)).key == _forms.says(make(first)).key
+    same = _forms.content_of(make(second)).key == _forms.content_of(make(first)).key
     assert (not anew) == same
     monkeypatch.undo()
     check(second, make(second))
@@ -175,14 +175,14 @@ def test_each_form_is_that_of_dolfinx(name, monkeypatch):
 def test_no_two_of_them_say_the_same():
     """And each says the same of other Functions, Constants and meshes."""
     w, other = World(1), World(2)
-    keys = {name: _forms.says(make(w)).key for name, make in FORMS.items()}
+    keys = {name: _forms.content_of(make(w)).key for name, make in FORMS.items()}
     for a, b in combinations(keys, 2):
         assert keys[a] != keys[b], (a, b)
     for name, make in FORMS.items():
-        found = _forms.says(make(other)).key
+        found = _forms.content_of(make(other)).key
         assert found[:3] == keys[name][:3], name  # the last is the order in which all was made
     for world in (World(1, mesh.CellType.triangle), World(1, degree=2)):
-        assert all(_forms.says(make(world)).key != keys[name] for name, make in FORMS.items())
+        assert all(_forms.content_of(make(world)).key != keys[name] for name, make in FORMS.items())
 
 
 def test_what_is_not_known_is_compiled_by_its_signature():
@@ -194,7 +194,7 @@ def test_what_is_not_known_is_compiled_by_its_signature():
 
     rule = {"quadrature_degree": 2, "of": object}
     for form in (w.at * ufl.dx(metadata=rule), Own(w.domain)[0] * w.at * ufl.dx):
-        assert _forms.says(form) is None
+        assert _forms.content_of(form) is None
 
 
 def test_a_form_that_one_rank_alone_knows():

@@ -33,7 +33,7 @@ from ufl.algorithms import expand_derivatives, extract_coefficients
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._affine import dependence, has_branches, is_affine, jumps_in
-from dolfinx_contact._forms import Said, derived_form, says
+from dolfinx_contact._forms import Content, content_of, derived_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
 from dolfinx_contact.materials import materials_in
@@ -55,7 +55,7 @@ class Bulk:
         u: the user's displacement, which occurs in the form and is neither read nor written.
 
     What follows from the form alone, as whether it is affine, is found once for all forms that say
-    the same (`_forms.says`), and its derivatives are written out where somebody reads them.
+    the same (`_forms.content_of`), and its derivatives are written out where somebody reads them.
 
     Attributes:
         energy: the UFL energy, or None; in ``displacement``, as the residual is.
@@ -81,16 +81,16 @@ class Bulk:
     def __init__(self, form: ufl.Form, u: fem.Function):
         self._V = u.function_space
         self.comm = u.function_space.mesh.comm
-        said = says(form) if isinstance(form, ufl.Form) else None
-        _require_bulk(form, said, u)
+        content = content_of(form) if isinstance(form, ufl.Form) else None
+        _require_bulk(form, content, u)
         #: Those that the package made, as the user's form has them.
         self.materials = materials_in(form)
         self.displacement = own = fem.Function(self._V, name=u.name)
         self._given = form, u
-        self._said = None if said is None else said.with_function(u, own)
-        self.is_energy = not (form.arguments() if said is None else said.arguments)
-        functions = form.coefficients() if said is None else said.functions
-        constants = form.constants() if said is None else said.constants
+        self._content = None if content is None else content.with_function(u, own)
+        self.is_energy = not (form.arguments() if content is None else content.arguments)
+        functions = form.coefficients() if content is None else content.functions
+        constants = form.constants() if content is None else content.constants
         self.functions = sorted((own if f is u else f for f in functions), key=lambda f: f.count())
         self.constants = sorted(constants, key=lambda c: c.count())
         if not all(_is_continuous(f) for f in self.functions):
@@ -151,13 +151,13 @@ class Bulk:
     def _derived(self, what: str, make: Callable[[], ufl.Form], rank: int) -> fem.Form:
         """One of the forms of this body, compiled. Collective."""
         spaces = [self._V] * rank
-        return derived_form(f"{what} of a body", self._said, make, spaces, comm=self.comm)
+        return derived_form(f"{what} of a body", self._content, make, spaces, comm=self.comm)
 
     def _fact(self, what: str, find: Callable[[], _Fact]) -> _Fact:
         """What follows from what the form says, and from nothing else."""
-        if self._said is None:
+        if self._content is None:
             return find()
-        key = what, self._said.key
+        key = what, self._content.key
         if key not in _facts:
             _facts[key] = find()
         found: _Fact = _facts[key]
@@ -427,14 +427,14 @@ def _seconds_of_product(K: PETSc.Mat) -> float:
     return min(found)
 
 
-def _require_bulk(bulk: ufl.Form, said: Said | None, u: fem.Function) -> None:
+def _require_bulk(bulk: ufl.Form, content: Content | None, u: fem.Function) -> None:
     """Raise ``ValueError`` if a form is neither an energy nor a residual of ``u``."""
     if not isinstance(bulk, ufl.Form):
         raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}")
-    functions = bulk.coefficients() if said is None else said.functions
+    functions = bulk.coefficients() if content is None else content.functions
     if not any(f is u for f in functions):
         raise ValueError("the bulk form does not contain the displacement u")
-    arguments = bulk.arguments() if said is None else said.arguments
+    arguments = bulk.arguments() if content is None else content.arguments
     if len(arguments) > 1 or any(a.ufl_function_space() != u.function_space for a in arguments):
         raise ValueError(
             "the bulk must be an energy (no test function) or a residual with one test function of "

@@ -28,7 +28,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._agreement import data_of
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
-from dolfinx_contact._forms import Part, compiled_expression, derived_form, said_by
+from dolfinx_contact._forms import Part, compiled_expression, content_by, derived_form
 from dolfinx_contact.obstacles import Measured, Obstacle
 from dolfinx_contact.points.trace import owned_exterior
 
@@ -98,8 +98,8 @@ class PointEvaluator:
             return ufl.dot(ufl.as_vector(components), test) * ds
 
         what = "at points" if weight is None else "at points, weighted"
-        said = said_by([one, *given, test], [Part.of(ds)])
-        self._form = derived_form(what, said, tested, [Q], comm=W.mesh.comm, entity_maps=maps)
+        content = content_by([one, *given, test], [Part.of(ds)])
+        self._form = derived_form(what, content, tested, [Q], comm=W.mesh.comm, entity_maps=maps)
         self.areas: Array = self._integrals()[:, 0].copy()
 
     def _with_functions(
