@@ -13,13 +13,13 @@ import numpy as np
 
 import ufl
 from dolfinx import fem, mesh
-from ufl.algorithms.analysis import extract_constants
-from ufl.domain import extract_domains
+from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact._compat import dirichlet_value, is_mesh_of
+from dolfinx_contact._compat import dirichlet_value, domains_of, is_mesh_of
 from dolfinx_contact._numbers import is_number
 
 __all__ = [
+    "data_of",
     "described",
     "described_condition",
     "described_number",
@@ -42,9 +42,7 @@ def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
         coefficients = expression.coefficients()
         constants = expression.constants()
     else:
-        domains = extract_domains(expression)
-        coefficients = ufl.algorithms.extract_coefficients(expression)
-        constants = extract_constants(expression)
+        coefficients, constants, domains = data_of(expression)
     mine = domain.ufl_domain()
     for f in coefficients:
         if f.ufl_function_space().ufl_domain() != mine:
@@ -56,15 +54,34 @@ def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
         raise ValueError(f"{what} belongs to another mesh")
 
 
-def refuse_displacement(u: fem.Function, obstacle: Any, *expressions: Any) -> None:
+def data_of(expression: Any) -> tuple[list[Any], list[Any], set[Any]]:
+    """Functions and Constants in a UFL expression, in the order of UFL, and its meshes."""
+    functions = set[Any]()
+    constants = set[Any]()
+    domains = set[Any]()
+    for part in unique_pre_traversal(expression):
+        if part._ufl_is_terminal_:
+            domains.update(domains_of(part))
+            if isinstance(part, ufl.Coefficient):
+                functions.add(part)
+            elif isinstance(part, ufl.Constant):
+                constants.add(part)
+    return (
+        sorted(functions, key=lambda f: f.count()),
+        sorted(constants, key=lambda c: c.count()),
+        domains - {None},
+    )
+
+
+def refuse_displacement(u: fem.Function, obstacle: Any, *functions: Any) -> None:
     """Raise ``ValueError`` if gap or normal of an obstacle depend on the displacement.
 
     Args:
         u: the displacement.
         obstacle: it is, for the message.
-        expressions: its UFL gap and normal.
+        functions: in its UFL gap and normal.
     """
-    if any(f is u for e in expressions for f in ufl.algorithms.extract_coefficients(e)):
+    if any(f is u for f in functions):
         raise ValueError(
             f"{obstacle} depends on the displacement: its gap and normal are those of the "
             "reference configuration, to which the displacement is added (the gap is then "

@@ -20,7 +20,8 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem, graph, io, mesh
+from dolfinx import default_scalar_type, fem, graph, io, mesh
+from ufl.domain import extract_domains
 
 try:  # DOLFINx >= 0.10
     from dolfinx.io import gmsh as gmsh_io
@@ -33,10 +34,12 @@ __all__ = [
     "create_facet_submesh",
     "create_mesh",
     "dirichlet_value",
+    "domains_of",
     "facet_integration_entities",
     "geometry_dofmap",
     "gmsh_io",
     "has_vtx",
+    "instantiated",
     "interpolation_points",
     "is_mesh_of",
     "is_topology_of",
@@ -122,6 +125,58 @@ def facet_integration_entities(
     return np.asarray(fem.compute_integration_domains(*args), dtype=np.int32).reshape(-1)
 
 
+def instantiated(
+    ufcx: Any,
+    module: Any,
+    spaces: Sequence[fem.FunctionSpace],
+    functions: Sequence[fem.Function],
+    constants: Sequence[fem.Constant],
+    parts: Sequence[tuple[str, Any, Any]],
+    domain: Any,
+    entity_maps: Any,
+) -> fem.Form | None:
+    """A form of what FFCx has compiled before for another mesh, as ``fem.form`` makes it.
+
+    Args:
+        ufcx: of FFCx.
+        module: that has it.
+        spaces: of the arguments.
+        functions: in the order of ``ufcx``.
+        constants: likewise.
+        parts: kind, subdomain number and subdomain data of each integral.
+        domain: mesh of the integrals, DOLFINx's in C++.
+        entity_maps: of `merge_entity_maps`, or None.
+
+    Returns:
+        None where DOLFINx has another constructor, since 0.10.
+    """
+    if _HAS_ENTITY_MAP:
+        return None
+    data = {kind: tags for kind, _, tags in parts}
+    numbers: dict[str, list[int]] = {kind: [] for kind in data}
+    for kind, number, tags in parts:
+        if tags is not None:
+            each = number if isinstance(number, tuple) else (number,)
+            numbers[kind] += [n for n in each if n != "everywhere"]
+    subdomains = {
+        getattr(fem.IntegralType, kind): fem.forms.get_integration_domains(
+            getattr(fem.IntegralType, kind), tags, sorted(numbers[kind])
+        )
+        for kind, tags in data.items()
+    }
+    maps = {m._cpp_object: entities for m, entities in (entity_maps or {}).items()}
+    made = fem.form_cpp_class(default_scalar_type)(
+        module.ffi.cast("uintptr_t", module.ffi.addressof(ufcx)),
+        [V._cpp_object for V in spaces],
+        [f._cpp_object for f in functions],
+        [c._cpp_object for c in constants],
+        subdomains,
+        maps,
+        domain,
+    )
+    return fem.Form(made, ufcx, module=module)
+
+
 def interpolation_points(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
     """Reference interpolation points (a method in 0.9, a property since 0.10)."""
     points = V.element.interpolation_points
@@ -157,6 +212,12 @@ class VTXFile:
         process. So it must never run.
         """
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._writer._cpp_object))
+
+
+def domains_of(terminal: Any) -> Sequence[Any]:
+    """UFL meshes of a terminal of UFL, in no order: those of one are found faster than sorted."""
+    ask = getattr(terminal, "ufl_domains", None)
+    return extract_domains(terminal) if ask is None else ask()
 
 
 def is_topology_of(domain: mesh.Mesh, tags: mesh.MeshTags) -> bool:

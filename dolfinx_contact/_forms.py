@@ -3,12 +3,16 @@
 
 A look-up in FFCx's cache lists its folder, which on a machine in use holds thousands of files.
 Here the cache has a folder for every first two letters of a signature.
+
+Within a process what was compiled is found again by what a form says (`content_of`), before
+anything is derived from it: no signature is computed, and no derivative is written out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +26,26 @@ from dolfinx import fem, jit
 from ufl.corealg.traversal import unique_pre_traversal
 from ufl.domain import extract_unique_domain
 
+from dolfinx_contact._compat import domains_of, instantiated
 from dolfinx_contact._errors import everywhere
 
-__all__ = ["at_middle", "compiled_expression", "compiled_form", "is_of_cells"]
+__all__ = [
+    "Content",
+    "Part",
+    "at_middle",
+    "compiled_expression",
+    "compiled_form",
+    "content_by",
+    "content_of",
+    "derived_form",
+    "is_of_cells",
+]
 
 _PARTS = {"cell": "cells", "exterior_facet": "boundary", "interior_facet": "facets between cells"}
 
 
 def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
-    """A form, compiled. Collective.
+    """A form, compiled, with what was compiled for another that says the same. Collective.
 
     Args:
         form: UFL.
@@ -41,6 +56,15 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
             tags, which DOLFINx needs, or an integrand is known at the middles of cells alone and
             taken at other points.
     """
+    content = content_of(form)
+    arguments = form.arguments() if content is None else content.arguments
+    spaces = [a.ufl_function_space() for a in arguments]
+    comm = form.integrals()[0].ufl_domain().ufl_cargo().comm
+    return derived_form("itself", content, lambda: form, spaces, comm=comm, entity_maps=entity_maps)
+
+
+def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
+    """A form, compiled, by its signature. Collective."""
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
     values = [c.value for c in form.constants() if isinstance(c, fem.Constant)]
     values += [f.x.array for f in form.coefficients() if isinstance(f, fem.Function)]
@@ -62,6 +86,329 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
     form = _without_one_point_beside_others(form)
     with _compiler_named(domain.ufl_cargo().comm):
         return fem.form(form, jit_options=_folder(form.signature()[:2]), **maps)
+
+
+@dataclass(frozen=True)
+class Part:
+    """What an integral is over, as a measure has it.
+
+    Attributes:
+        kind: of the integral, as ``cell``.
+        number: of the part of the mesh.
+        metadata: of the rule.
+        domain: UFL mesh.
+        tags: subdomain data.
+    """
+
+    kind: str
+    number: Any
+    metadata: Any
+    domain: Any
+    tags: Any
+
+    @classmethod
+    def of(cls, it: ufl.Integral | ufl.Measure) -> Part:
+        """That of an integral, or of a measure."""
+        return cls(
+            it.integral_type(),
+            it.subdomain_id(),
+            it.metadata(),
+            it.ufl_domain(),
+            it.subdomain_data(),
+        )
+
+
+@dataclass(frozen=True)
+class Content:
+    """What UFL says, apart from whose Functions, Constants and meshes it says it of.
+
+    The key has every node of the expressions with its type and the numbers of its operands, in the
+    order in which they are met. A Function is there by its element and its mesh, a Constant by
+    its shape, a mesh by its coordinate element, an index and a label by nothing, and all of these
+    by the number that they get where they are met first. So two keys are equal only if the
+    expressions become each other when these are exchanged, number by number; what was derived and
+    compiled for one is then right for the other with its Functions and Constants at their places.
+    Numbers that are not Constants are in the key, digit by digit.
+
+    Attributes:
+        key: as above.
+        functions, constants: in the order of their numbers.
+        arguments: by their numbers.
+        parts: of the integrals.
+    """
+
+    key: Hashable
+    functions: tuple[fem.Function, ...]
+    constants: tuple[fem.Constant, ...]
+    arguments: tuple[Any, ...]
+    parts: tuple[Part, ...]
+
+    def with_function(self, old: fem.Function, new: fem.Function) -> Content:
+        """The same with another Function of the same space, which is a key of its own."""
+        place = _place(self.functions, old)
+        functions = [*self.functions[:place], new, *self.functions[place + 1 :]]
+        return replace(self, key=(self.key, place), functions=tuple(functions))
+
+
+def content_of(form: ufl.Form) -> Content | None:
+    """What a form says; None if that is not known for sure."""
+    return content_by(
+        [i.integrand() for i in form.integrals()], [Part.of(i) for i in form.integrals()]
+    )
+
+
+def content_by(expressions: Sequence[Any], parts: Sequence[Part]) -> Content | None:
+    """What expressions say that are integrated over parts of one mesh; None if that is not known.
+
+    So it is of operators that are not those of UFL or hold more than their operands, of integrals
+    over several meshes, and of metadata that are no words and numbers.
+    """
+    if not parts or any(part.domain is not parts[0].domain for part in parts):
+        return None
+    writer = _Writer()
+    try:
+        written = [writer.write(e) for e in expressions]
+        where = [
+            (part.kind, _plain(part.number), writer.domain(part.domain), _plain(part.metadata))
+            for part in parts
+        ]
+    except _UnknownError:
+        return None
+    key = tuple(writer.words), tuple(written), tuple(where), writer.order()
+    return Content(
+        key,
+        tuple(writer.functions),
+        tuple(writer.constants),
+        tuple(sorted(writer.arguments, key=lambda a: a.number())),
+        tuple(parts),
+    )
+
+
+class _UnknownError(Exception):
+    """Of UFL that `_Writer` does not know."""
+
+
+class _Writer:
+    """Writes expressions down, node by node; see `Content`."""
+
+    def __init__(self) -> None:
+        self.words: list[Hashable] = []
+        self.functions: list[fem.Function] = []
+        self.constants: list[fem.Constant] = []
+        self.arguments: list[Any] = []
+        self._places: dict[int, int] = {}  # of nodes
+        self._domains: dict[int, tuple[Any, int]] = {}
+        self._indices: dict[int, int] = {}
+        self._labels: dict[int, int] = {}
+
+    def write(self, e: Any) -> int:
+        """The number of the word of an expression, after those of its operands."""
+        places = self._places
+        left = [e]
+        while left:
+            node = left[-1]
+            if id(node) in places:
+                left.pop()
+                continue
+            operands = node.ufl_operands
+            missing = [o for o in operands if id(o) not in places]
+            if missing:
+                left += missing
+                continue
+            left.pop()
+            if node._ufl_is_terminal_:
+                word = self._terminal(node)
+            elif _is_plain_operator(type(node)):
+                word = type(node), *[places[id(o)] for o in operands]
+            else:
+                raise _UnknownError
+            places[id(node)] = len(self.words)
+            self.words.append(word)
+        return places[id(e)]
+
+    def domain(self, domain: Any) -> Hashable:
+        """What a mesh is in words."""
+        if type(domain) is not ufl.Mesh:
+            raise _UnknownError
+        if id(domain) not in self._domains:
+            self._domains[id(domain)] = domain, len(self._domains)
+        return self._domains[id(domain)][1], domain.ufl_coordinate_element()
+
+    def order(self) -> Hashable:
+        """In which order UFL sorts what has numbers here, so that it would derive the same."""
+        indices = list(self._indices)
+        return (
+            _ranks([f.count() for f in self.functions]),
+            _ranks([repr(c) for c in self.constants]) if len(self.constants) > 1 else (),
+            _ranks([c.count() for c in self.constants]),
+            _ranks(indices),
+            _ranks(list(self._labels)),
+            _ranks([repr(d) for d, _ in self._domains.values()]) if len(self._domains) > 1 else (),
+        )
+
+    def _terminal(self, node: Any) -> Hashable:
+        kind = type(node)
+        if kind is fem.Function:
+            self.functions.append(node)
+            space = node.ufl_function_space()
+            word = self.domain(space.ufl_domain()), space.ufl_element(), node.dtype
+            return kind, len(self.functions), word
+        if kind is fem.Constant:
+            self.constants.append(node)
+            return (
+                kind,
+                len(self.constants),
+                node.ufl_shape,
+                self.domain(node.ufl_domain()),
+                node.dtype,
+            )
+        if kind is ufl.Argument:
+            self.arguments.append(node)
+            space = node.ufl_function_space()
+            return (
+                kind,
+                node.number(),
+                node.part(),
+                self.domain(space.ufl_domain()),
+                space.ufl_element(),
+            )
+        if kind is ufl.classes.MultiIndex:
+            return kind, *[self._index(i) for i in node]
+        if kind is ufl.classes.Zero:
+            free = [_number(self._indices, i) for i in node.ufl_free_indices]
+            return kind, node.ufl_shape, *free, node.ufl_index_dimensions
+        if kind is ufl.classes.Label:
+            return kind, _number(self._labels, node.count())
+        if isinstance(node, ufl.classes.ScalarValue):
+            return kind, repr(node.value())
+        if isinstance(node, ufl.classes.GeometricQuantity) and _is_of_ufl(kind):
+            (domain,) = domains_of(node)
+            return kind, self.domain(domain)
+        if kind in (ufl.classes.Identity, ufl.classes.PermutationSymbol):
+            return kind, node.ufl_shape
+        raise _UnknownError
+
+    def _index(self, i: Any) -> Hashable:
+        if isinstance(i, ufl.classes.Index):
+            return "free", _number(self._indices, i.count())
+        return int(i)
+
+
+def _number(known: dict[int, int], count: int) -> int:
+    return known.setdefault(count, len(known))
+
+
+def _ranks(values: list[Any]) -> tuple[int, ...]:
+    return tuple(sorted(range(len(values)), key=values.__getitem__))
+
+
+def _is_of_ufl(kind: type) -> bool:
+    return kind.__module__.startswith("ufl.")
+
+
+def _is_plain_operator(kind: type) -> bool:
+    """Whether operators of a type are known by their operands."""
+    return _is_of_ufl(kind) and not issubclass(kind, ufl.classes.BaseFormOperator)
+
+
+def _plain(value: Any) -> Hashable:
+    """Words and numbers, with their types, which do not compare as others do."""
+    if isinstance(value, dict):
+        return "dict", *[(k, _plain(value[k])) for k in sorted(value)]
+    if isinstance(value, tuple | list):
+        return "list", *[_plain(v) for v in value]
+    if value is None or isinstance(value, str | int | float):
+        return type(value), repr(value)
+    raise _UnknownError
+
+
+@dataclass(frozen=True)
+class _Compiled:
+    """What FFCx has made, without anything that it was made for.
+
+    Attributes:
+        ufcx, module: of FFCx.
+        functions, constants: which of those of `Content` it takes, in its order.
+    """
+
+    ufcx: Any
+    module: Any
+    functions: tuple[int, ...]
+    constants: tuple[int, ...]
+
+
+#: By what is derived, and its content.
+_compiled: dict[Hashable, _Compiled] = {}
+
+
+def derived_form(
+    what: str,
+    content: Content | None,
+    make: Callable[[], ufl.Form],
+    spaces: Sequence[fem.FunctionSpace],
+    *,
+    comm: MPI.Comm,
+    entity_maps: Any = None,
+) -> fem.Form:
+    """A form that follows from its content, compiled. Collective.
+
+    Args:
+        what: is derived, in a word that is used for nothing else.
+        content: of what it is derived; None if that is not known.
+        make: writes the form in UFL, where none was compiled for its content. It must follow from
+            that alone.
+        spaces: of its arguments.
+        comm: of the ranks.
+        entity_maps: of submeshes that occur in it.
+
+    Raises:
+        ValueError: as `compiled_form`.
+    """
+    known = None
+    if content is not None and _tags_agree(content.parts):
+        known = _compiled.get((what, content.key))
+    here = known is not None
+    if comm.size > 1:
+        here = bool(comm.allreduce(int(here), op=MPI.MIN))
+    if here and known is not None and content is not None:
+        found = instantiated(
+            known.ufcx,
+            known.module,
+            spaces,
+            [content.functions[i] for i in known.functions],
+            [content.constants[i] for i in known.constants],
+            [(part.kind, part.number, part.tags) for part in content.parts],
+            content.parts[0].domain.ufl_cargo(),
+            entity_maps,
+        )
+        if found is not None:
+            return found
+    form = make()
+    found = _compiled_anew(form, entity_maps)
+    if content is not None:
+        _remember((what, content.key), content, form, found)
+    return found
+
+
+def _remember(key: Hashable, content: Content, form: ufl.Form, found: fem.Form) -> None:
+    """Keep what was compiled, if it takes nothing but its content."""
+    ufcx = found.ufcx_form
+    coefficients = form.coefficients()
+    positions = [ufcx.original_coefficient_positions[i] for i in range(ufcx.num_coefficients)]
+    functions = [_place(content.functions, coefficients[i]) for i in positions]
+    constants = [_place(content.constants, c) for c in form.constants()]
+    if -1 not in functions and -1 not in constants:
+        _compiled[key] = _Compiled(ufcx, found.module, tuple(functions), tuple(constants))
+
+
+def _place(things: Sequence[Any], thing: Any) -> int:
+    return next((i for i, other in enumerate(things) if other is thing), -1)
+
+
+def _tags_agree(parts: Sequence[Part]) -> bool:
+    """Whether integrals of one kind have the same tags."""
+    first: dict[str, Any] = {}
+    return all(first.setdefault(part.kind, part.tags) is part.tags for part in parts)
 
 
 def compiled_expression(

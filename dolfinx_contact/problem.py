@@ -231,7 +231,7 @@ class ContactProblem(ReadOnly):
             refuse_revolution(bulk, u)
         body = Bulk(bulk, u)
         #: The UFL energy of the body, if that was given.
-        self.energy: ufl.Form | None = None if body.energy is None else bulk
+        self.energy: ufl.Form | None = bulk if body.is_energy else None
         spaces = fem.extract_function_spaces([body.residual_form])
         if len(fem.bcs_by_block(spaces, self.bcs)[0]) != len(self.bcs):
             raise ValueError("a Dirichlet condition is not on the space of u or a component of it")

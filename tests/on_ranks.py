@@ -113,6 +113,7 @@ ON_TWO = {
         "the_command",
     ),
     "test_following": ("a_block_by_following_the_load",),
+    "test_found_again": ("each_form_is_that_of_dolfinx", "a_form_that_one_rank_alone_knows"),
     "test_friction_from_zero": ("from_zero_and_back",),
     "test_friction_limits": ("infinite_friction",),
     "test_given_normals": ("different_bulges", "bad_normals"),

@@ -16,8 +16,9 @@ from __future__ import annotations
 import logging
 import time
 import zlib
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Hashable, Sequence
+from functools import cached_property
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -32,7 +33,7 @@ from ufl.algorithms import expand_derivatives, extract_coefficients
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._affine import dependence, has_branches, is_affine, jumps_in
-from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._forms import Content, content_of, derived_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
 from dolfinx_contact.materials import materials_in
@@ -40,6 +41,7 @@ from dolfinx_contact.materials import materials_in
 __all__ = ["Bulk", "check_jumps"]
 
 _PRODUCTS = 2  # that are timed
+_Fact = TypeVar("_Fact")
 logger = logging.getLogger(__name__)
 
 
@@ -52,11 +54,17 @@ class Bulk:
         form: UFL energy (a functional of ``u``) or residual (linear in a test function).
         u: the user's displacement, which occurs in the form and is neither read nor written.
 
+    What follows from the form alone, as whether it is affine, is found once for all forms that say
+    the same (`_forms.content_of`), and its derivatives are written out where somebody reads them.
+
     Attributes:
         energy: the UFL energy, or None; in ``displacement``, as the residual is.
         residual: the UFL residual.
+        is_energy: whether the form is an energy.
         displacement: Function of the forms, which follows what is evaluated.
+        functions, constants: of the residual, the displacement among them, in the order of UFL.
         residual_form, jacobian_form: compiled.
+        jacobian_constants: Constants of the stiffness.
         linear: whether the residual is affine in ``u``.
         kinks: what makes it one with kinks in ``u``, in words; "" if it is none.
 
@@ -73,32 +81,32 @@ class Bulk:
     def __init__(self, form: ufl.Form, u: fem.Function):
         self._V = u.function_space
         self.comm = u.function_space.mesh.comm
-        _require_bulk(form, u)
+        content = content_of(form) if isinstance(form, ufl.Form) else None
+        _require_bulk(form, content, u)
         #: Those that the package made, as the user's form has them.
         self.materials = materials_in(form)
         self.displacement = own = fem.Function(self._V, name=u.name)
-        form = ufl.replace(form, {u: own})
-        self.energy = None if form.arguments() else form
-        self.residual = form
-        if self.energy is not None:
-            self.residual = ufl.derivative(form, own, ufl.TestFunction(self._V))
-        derivative = ufl.derivative(self.residual, own, ufl.TrialFunction(self._V))
-        check_jumps(self.residual, self.comm)
-        self.residual_form = compiled_form(self.residual)
-        self.jacobian_form = compiled_form(derivative)
+        self._given = form, u
+        self._content = None if content is None else content.with_function(u, own)
+        self.is_energy = not (form.arguments() if content is None else content.arguments)
+        functions = form.coefficients() if content is None else content.functions
+        constants = form.constants() if content is None else content.constants
+        self.functions = sorted((own if f is u else f for f in functions), key=lambda f: f.count())
+        self.constants = sorted(constants, key=lambda c: c.count())
+        if not all(_is_continuous(f) for f in self.functions):
+            check_jumps(self.residual, self.comm)
+        self.residual_form = self._derived("residual", lambda: self.residual, 1)
+        self.jacobian_form = self._derived("Jacobian", lambda: self._derivative, 2)
         self._energy_form: fem.Form | None = None
-        coefficients, constants = _given_in(derivative)
-        self._branching = [f for f in _different(form, self.residual) if has_branches(f)]
+        coefficients, self.jacobian_constants = self._given_in_derivative()
         # Without branches the derivative alone decides, which is known already.
-        smooth = not self._branching or is_affine(self.residual, own)
-        self.linear: bool = own not in coefficients and smooth
-        self.kinks = dependence(form, own).text_of_kinks if self._branching else ""
+        branches = self._fact("branches", lambda: bool(self._branching))
+        smooth = not branches or is_affine(self.residual, own)
+        self.linear: bool = not any(f is own for f in coefficients) and smooth
+        self.kinks = dependence(self._form, own).text_of_kinks if branches else ""
         self._smooth_mark: int | None = None
-        #: Constants of the stiffness.
-        self.jacobian_constants = constants
-        self._data = [*coefficients, *constants]
-        self._loads = [c for c in self.residual.coefficients() if c is not own]
-        self._loads += self.residual.constants()
+        self._data = [*coefficients, *self.jacobian_constants]
+        self._loads = [*(f for f in self.functions if f is not own), *self.constants]
         self.require_continuous()
         self._owned = self._V.dofmap.index_map.size_local * self._V.dofmap.index_map_bs
         self._K: PETSc.Mat | None = None
@@ -111,14 +119,71 @@ class Bulk:
         #: Seconds of the first assembly of the stiffness, and of a product with it, on this rank.
         self.seconds = (0.0, 0.0)
 
+    # -- forms -----------------------------------------------------------------------------------
+
+    @cached_property
+    def _form(self) -> ufl.Form:
+        """The user's form in `displacement`."""
+        form, u = self._given
+        return ufl.replace(form, {u: self.displacement})
+
+    @property
+    def energy(self) -> ufl.Form | None:
+        """The UFL energy, in `displacement`; None if a residual was given."""
+        return self._form if self.is_energy else None
+
+    @cached_property
+    def residual(self) -> ufl.Form:
+        """The UFL residual, in `displacement`."""
+        if not self.is_energy:
+            return self._form
+        return ufl.derivative(self._form, self.displacement, ufl.TestFunction(self._V))
+
+    @cached_property
+    def _derivative(self) -> ufl.Form:
+        return ufl.derivative(self.residual, self.displacement, ufl.TrialFunction(self._V))
+
+    @cached_property
+    def _branching(self) -> list[ufl.Form]:
+        """The user's form and the residual, those of them that have branches."""
+        return [f for f in _different(self._form, self.residual) if has_branches(f)]
+
+    def _derived(self, what: str, make: Callable[[], ufl.Form], rank: int) -> fem.Form:
+        """One of the forms of this body, compiled. Collective."""
+        spaces = [self._V] * rank
+        return derived_form(f"{what} of a body", self._content, make, spaces, comm=self.comm)
+
+    def _fact(self, what: str, find: Callable[[], _Fact]) -> _Fact:
+        """What follows from what the form says, and from nothing else."""
+        if self._content is None:
+            return find()
+        key = what, self._content.key
+        if key not in _facts:
+            _facts[key] = find()
+        found: _Fact = _facts[key]
+        return found
+
+    def _given_in_derivative(self) -> tuple[list[fem.Function], list[fem.Constant]]:
+        """Coefficients and Constants of the derivative once it is taken."""
+
+        def find() -> tuple[list[int], list[int]]:
+            expanded = ufl.algorithms.expand_derivatives(self._derivative)
+            return (
+                [self.functions.index(f) for f in expanded.coefficients()],
+                [self.constants.index(c) for c in expanded.constants()],
+            )
+
+        functions, constants = self._fact("what the Jacobian depends on", find)
+        return [self.functions[i] for i in functions], [self.constants[i] for i in constants]
+
     def loaded(self, load: ufl.Form) -> Bulk:
         """This body with a load beside: a form in a test function, without the displacement."""
         own = self.displacement
-        if self.energy is None:
+        if not self.is_energy:
             made = Bulk(self.residual + load, own)
         else:
             (test,) = load.arguments()
-            made = Bulk(self.energy + ufl.replace(load, {test: own}), own)
+            made = Bulk(self._form + ufl.replace(load, {test: own}), own)
         made.materials = self.materials  # its form is not the one that they made
         return made
 
@@ -147,7 +212,7 @@ class Bulk:
 
     def energy_at(self, u: npt.NDArray[np.float64]) -> float | None:
         """The energy that the user gave; None if it was a residual. Collective."""
-        if self.energy is None:
+        if not self.is_energy:
             return None
         rows = self.affine_residual(u)
         if rows is None:
@@ -156,7 +221,9 @@ class Bulk:
         mark = self._mark([*self._data, *self._loads])
         if self._rest is None or not self._same(mark, self._rest[0]):
             rest = 0.0
-            if not _vanishes(self.energy, self.displacement):
+            if not self._fact(
+                "no energy at rest", lambda: _vanishes(self._form, self.displacement)
+            ):
                 rest = self._assembled_energy(np.zeros_like(u))
             self._rest = mark, rest
         assert self._f is not None
@@ -165,7 +232,7 @@ class Bulk:
 
     def _assembled_energy(self, u: npt.NDArray[np.float64]) -> float:
         if self._energy_form is None:
-            self._energy_form = compiled_form(self.energy)
+            self._energy_form = self._derived("energy", lambda: self._form, 0)
         self.displacement.x.array[:] = u
         return float(self.comm.allreduce(float(np.real(fem.assemble_scalar(self._energy_form)))))
 
@@ -237,7 +304,7 @@ class Bulk:
     def for_products(self) -> PETSc.Mat:
         """The stiffness assembled last, by half where it stays and is symmetric. Collective."""
         assert self._K is not None
-        if not self.linear or self.energy is None:
+        if not self.linear or not self.is_energy:
             return self._K
         if self._half is None:
             self._half = half_of(self._K)
@@ -297,12 +364,8 @@ class Bulk:
 
     def _load(self) -> npt.NDArray[np.float64]:
         """Owned entries of the residual at zero displacement. Collective."""
-        coefficients = self.residual.coefficients()
         u = self.displacement
-        key = self.residual.signature(), coefficients.index(u) if u in coefficients else -1
-        if key not in _unloaded:
-            _unloaded[key] = _vanishes(self.residual, u)
-        if _unloaded[key]:
+        if self._fact("no residual at rest", lambda: _vanishes(self.residual, u)):
             return np.zeros(self._owned)
         return self.residual_at(np.zeros_like(u.x.array))
 
@@ -336,26 +399,8 @@ class Bulk:
             self._K = None
 
 
-#: By the signature of a residual and the place of the displacement among what is in it, whether it
-#: vanishes without a displacement.
-_unloaded: dict[tuple[str, int], bool] = {}
-#: By the signature of a derivative, places of what is left in it among all that occurs in it.
-_left: dict[str, tuple[list[int], list[int]]] = {}
-
-
-def _given_in(derivative: ufl.Form) -> tuple[list[fem.Function], list[fem.Constant]]:
-    """Coefficients and Constants of a derivative once it is taken."""
-    coefficients = derivative.coefficients()
-    constants = derivative.constants()
-    key = derivative.signature()
-    if key not in _left:
-        expanded = ufl.algorithms.expand_derivatives(derivative)
-        _left[key] = (
-            [coefficients.index(c) for c in expanded.coefficients()],
-            [constants.index(c) for c in expanded.constants()],
-        )
-    kept = _left[key]
-    return [coefficients[i] for i in kept[0]], [constants[i] for i in kept[1]]
+#: By what is known, and what a form says.
+_facts: dict[Hashable, Any] = {}
 
 
 def _vanishes(form: ufl.Form, u: fem.Function) -> bool:
@@ -382,13 +427,14 @@ def _seconds_of_product(K: PETSc.Mat) -> float:
     return min(found)
 
 
-def _require_bulk(bulk: ufl.Form, u: fem.Function) -> None:
+def _require_bulk(bulk: ufl.Form, content: Content | None, u: fem.Function) -> None:
     """Raise ``ValueError`` if a form is neither an energy nor a residual of ``u``."""
     if not isinstance(bulk, ufl.Form):
         raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}")
-    if u not in bulk.coefficients():
+    functions = bulk.coefficients() if content is None else content.functions
+    if not any(f is u for f in functions):
         raise ValueError("the bulk form does not contain the displacement u")
-    arguments = bulk.arguments()
+    arguments = bulk.arguments() if content is None else content.arguments
     if len(arguments) > 1 or any(a.ufl_function_space() != u.function_space for a in arguments):
         raise ValueError(
             "the bulk must be an energy (no test function) or a residual with one test function of "

@@ -35,6 +35,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+import ufl
 from dolfinx import fem
 
 from dolfinx_contact._factor import is_symmetric
@@ -113,8 +114,8 @@ class MovingBody:
         body: as given.
         mass, damping: as given.
         step: of time.
-        linear, kinks, energy, residual, displacement, jacobian_constants, assemblies, seconds: as
-            those of a `Bulk`; ``residual`` is the form without inertia, for the data in it.
+        linear, kinks, is_energy, functions, constants, displacement, jacobian_constants,
+            assemblies, seconds: as those of a `Bulk`, as `residual` is, without inertia.
     """
 
     has_mass = True
@@ -125,8 +126,9 @@ class MovingBody:
         self.damping = damping
         self.comm = body.comm
         self.linear = body.linear
-        self.energy = body.energy
-        self.residual = body.residual
+        self.is_energy = body.is_energy
+        self.functions = body.functions
+        self.constants = body.constants
         self.displacement = body.displacement
         self.residual_form = body.residual_form
         self.jacobian_constants = body.jacobian_constants
@@ -162,6 +164,11 @@ class MovingBody:
         before = self.times(self.mass, v) / step.length
         self._given = (1.0 - step.theta) * rows - before
         self.reach = float(np.max(np.abs(self._origin), initial=0.0))
+
+    @property
+    def residual(self) -> ufl.Form:
+        """The UFL residual without inertia, for the data in it."""
+        return self.body.residual
 
     @property
     def origin(self) -> Array:
@@ -272,7 +279,7 @@ class MovingBody:
     def for_products(self) -> PETSc.Mat:
         """The stiffness assembled last, by half where it stays and is symmetric. Collective."""
         assert self._K is not None
-        if not self.linear or self.energy is None or not self._symmetric:
+        if not self.linear or not self.is_energy or not self._symmetric:
             return self._K
         if self._half is None:
             self._half = half_of(self._K)

@@ -58,6 +58,7 @@ class Constraints:
         self._V = V
         self._bcs = list(bcs)
         self._warned = False
+        self._read: fem.Function | None = None  # that values are put into
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         crossing, crossed = crossings(V, surfaces, self.fixed)
@@ -82,7 +83,9 @@ class Constraints:
 
     def values(self, fill: float = np.nan) -> npt.NDArray[np.float64]:
         """Dirichlet values at the local nodes x dim, ``fill`` where the displacement is free."""
-        f = fem.Function(self._V)
+        if self._read is None:
+            self._read = fem.Function(self._V)
+        f = self._read
         f.x.array[:] = fill
         for bc in self._bcs:
             bc.set(f.x.array)

@@ -105,6 +105,8 @@ class ContactEquations:
         self.body_size = float(np.linalg.norm(high - low))
         self.rigid = RigidBodies(V, self.surfaces, self.body_size)
         self.owned_sizes = [*(m.size_local * bs for m, bs in sizes), self.rigid.owned]
+        ends = np.cumsum(self.owned_sizes).tolist()
+        self._slices = [slice(b - n, b) for b, n in zip(ends, self.owned_sizes, strict=True)]
         self.global_sizes = [*(int(m.size_global) * bs for m, bs in sizes), self.rigid.size]
         self._mesh_mark = mesh_mark(V.mesh)
         self.forced_r = r
@@ -129,7 +131,8 @@ class ContactEquations:
 
     def blocks(self, x: PETSc.Vec) -> list[Array]:
         """Local parts of ``x``, one array per field; copies."""
-        return np.split(x.array_r.copy(), np.cumsum(self.owned_sizes)[:-1])
+        values = x.array_r.copy()
+        return [values[part] for part in self._slices]
 
     def fields(self, x: PETSc.Vec) -> list[Array]:
         """Owned values of displacement and multipliers, in the user's units."""
@@ -334,7 +337,7 @@ class ContactEquations:
     def _with_removed(self, i: int, rows: Array, x: PETSc.Vec | None) -> Array:
         """Contact rows of surface ``i`` with those of removed multipliers put in."""
         removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
-        held = 0.0 if x is None else self.stiffness_scale * self.blocks(x)[i + 1]
+        held = 0.0 if x is None else self.stiffness_scale * x.array_r[self._slices[i + 1]]
         return np.where(removed, held, rows)
 
     def rates(

@@ -75,7 +75,7 @@ def placed_data(eq: ContactEquations, *, conditions: bool = True) -> list[Datum]
         eq: the contact problem.
         conditions: whether those of Dirichlet conditions are among them.
     """
-    found = list(data_in(eq.bulk.residual, "the form of the body"))
+    found = list(_placed("the form of the body", eq.bulk.functions, eq.bulk.constants))
     for s in eq.surfaces:
         found += data_of_surface(s)
     for body in eq.rigid.bodies:
@@ -109,12 +109,12 @@ def data_of_surface(s: ContactSurface) -> list[Datum]:
     parts = [f.name for f in fields(obstacle)] if is_dataclass(obstacle) else []
     kind = type(obstacle).__name__
     found = []
-    for e in (s.given.gap, s.given.normal):
-        for d in data_in(e, f"the obstacle {kind} of {s.name!r}"):
+    for name in ("gap", "normal"):
+        for d in _placed(f"the obstacle {kind} of {s.name!r}", *s.given.data[name]):
             mine = [name for name in parts if getattr(obstacle, name) is d.value]
             found.append(Datum(f"the {mine[0]} of {kind} of {s.name!r}", d.value) if mine else d)
-    for name, e in s.given.fields.items():
-        found += data_in(e, f"the {name} of {s.law.name} of {s.name!r}")
+    for name in s.given.fields:
+        found += _placed(f"the {name} of {s.law.name} of {s.name!r}", *s.given.data[f":{name}"])
     return found
 
 
@@ -130,8 +130,15 @@ def data_within(expressions: Sequence[Any]) -> list[Datum]:
 def data_in(e: Any, place: str) -> Iterator[Datum]:
     """Functions, then Constants, in the UFL of a place, in words."""
     is_form = isinstance(e, ufl.Form)
-    constants = extract_constants(e)
-    for f in e.coefficients() if is_form else ufl.algorithms.extract_coefficients(e):
+    functions = e.coefficients() if is_form else ufl.algorithms.extract_coefficients(e)
+    return _placed(place, functions, extract_constants(e), e)
+
+
+def _placed(
+    place: str, functions: Sequence[Any], constants: Sequence[Any], e: Any = None
+) -> Iterator[Datum]:
+    """As `data_in`, of what is in the UFL ``e``."""
+    for f in functions:
         if isinstance(f, Measured):  # at the points, of what does not change
             continue
         yield Datum(place if f is e else f"the Function {f.name!r} in {place}", f)

@@ -132,13 +132,8 @@ class ContactTerms:
                 continue
             stencils = s.constant_operator(_NEEDED_BY).stencils
             areas = s.points.areas
-            coupling = np.einsum(
-                "gp,gpk,gpl->gkl",
-                areas[stencils.points],
-                stencils.weights,
-                stencils.multiplier_weights,
-                optimize=True,
-            )
+            weighted = areas[stencils.points][:, :, None] * stencils.weights
+            coupling = np.einsum("gpk,gpl->gkl", weighted, stencils.multiplier_weights)
             bodies = numbering.places(0, stencils.nodes)
             multipliers = numbering.places(i + 1, stencils.multiplier_nodes)
             blocks: list[_Block | RigidTerms | SpreadTerms] = [

@@ -242,10 +242,11 @@ _known: dict[tuple[Hashable, ...], CompiledLaw] = {}
 
 def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
     """The compiled law; laws of one kind share it, for they differ in their fields alone."""
-    if law.kind is None:
+    kind = law.kind
+    if kind is None:
         return CompiledLaw(law, dim, comm)
     # What is compiled later is compiled by the same ranks, when the mesh may have been freed.
-    key = law.kind, dim, tuple(comm.allgather(MPI.COMM_WORLD.rank))
+    key = kind, dim, tuple(comm.allgather(MPI.COMM_WORLD.rank))
     # All ranks together or none: compiling is collective.
     if not comm.allreduce(int(key in _known), op=MPI.MIN):
         _known[key] = CompiledLaw(law, dim, comm.Dup())

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from mpi4py import MPI
@@ -25,8 +26,9 @@ from ufl.algorithms.analysis import extract_constants
 from ufl.classes import Derivative, GeometricQuantity, SpatialCoordinate
 from ufl.corealg.traversal import unique_pre_traversal
 
+from dolfinx_contact._agreement import data_of
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
-from dolfinx_contact._forms import compiled_expression, compiled_form
+from dolfinx_contact._forms import Part, compiled_expression, content_by, derived_form
 from dolfinx_contact.obstacles import Measured, Obstacle
 from dolfinx_contact.points.trace import owned_exterior
 
@@ -77,18 +79,27 @@ class PointEvaluator:
             self._places_of = PointEvaluator(W, ds, places, maps, weight)
             expressions = self._with_functions(W, expressions)
         one = fem.Constant(ds.ufl_domain(), 1.0) if weight is None else weight
-        components = [one]
+        given = [ufl.as_ufl(e) for e in expressions.values()]
         self._places: dict[str, tuple[int, tuple[int, ...]]] = {}
-        for name, e in expressions.items():
-            e = ufl.as_ufl(e) if weight is None else weight * ufl.as_ufl(e)
-            self._places[name] = len(components), e.ufl_shape
-            components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
+        self._width = 1
+        for name, e in zip(expressions, given, strict=True):
+            self._places[name] = self._width, e.ufl_shape
+            self._width += int(np.prod(e.ufl_shape, dtype=int))
         self._index_map = W.dofmap.index_map
-        self._width = len(components)
         Q = blocked_space(W, self._width)
         require_same_numbering(W, Q)
-        tested = ufl.dot(ufl.as_vector(components), ufl.TestFunction(Q)) * ds
-        self._form = compiled_form(tested, maps)
+        test = ufl.TestFunction(Q)
+
+        def tested() -> ufl.Form:
+            components = [one]
+            for e in given:
+                e = e if weight is None else weight * e
+                components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
+            return ufl.dot(ufl.as_vector(components), test) * ds
+
+        what = "at points" if weight is None else "at points, weighted"
+        content = content_by([one, *given, test], [Part.of(ds)])
+        self._form = derived_form(what, content, tested, [Q], comm=W.mesh.comm, entity_maps=maps)
         self.areas: Array = self._integrals()[:, 0].copy()
 
     def _with_functions(
@@ -198,6 +209,21 @@ class Given:
     def all(self) -> tuple[Any, ...]:
         """All of it."""
         return self.gap, self.normal, *self.fields.values()
+
+    @cached_property
+    def data(self) -> dict[str, tuple[list[Any], list[Any]]]:
+        """Functions and Constants in everything, by the names of `at_points`."""
+        return {name: data_of(ufl.as_ufl(e))[:2] for name, e in self.at_points.items()}
+
+    @property
+    def functions(self) -> list[Any]:
+        """Functions in everything, as `constants`."""
+        return [f for functions, _ in self.data.values() for f in functions]
+
+    @property
+    def constants(self) -> list[Any]:
+        """Constants in everything, one that is in several places several times."""
+        return [c for _, constants in self.data.values() for c in constants]
 
     @property
     def at_points(self) -> dict[str, Any]:

@@ -11,9 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-import ufl
 from dolfinx import fem, mesh
-from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._collective import Arguments, collective
@@ -231,7 +229,7 @@ class ContactSurface(ReadOnly):
         self._true_gaps = TrueGaps(u, self.points, obstacle)
         #: Of two bodies, how they have slid and turned.
         self.motion: PairMotion | None = None
-        self._numbers = [c for e in self.given.all for c in extract_constants(e)]
+        self._numbers = self.given.constants
         self._mark = self._marked()
 
     def _take_law_and_obstacle(
@@ -255,14 +253,14 @@ class ContactSurface(ReadOnly):
             seal(given_object)
         self.gap, self.normal = obstacle.on(domain)
         fields = self.law.given.values()
-        refuse_displacement(u, f"{name}: the obstacle", self.gap, self.normal)
-        refuse_displacement(u, f"{name}: the law", *fields)
+        self.given = Given(self.gap, self.normal, self.law.given)
+        of_obstacle = [f for part in ("gap", "normal") for f in self.given.data[part][0]]
+        refuse_displacement(u, f"{name}: the obstacle", *of_obstacle)
+        refuse_displacement(u, f"{name}: the law", *self.given.functions)
         for what, e in [("obstacle", self.gap), *(("law", e) for e in fields)]:
             refuse_other_mesh(e, domain, f"{name}: the {what}")
         #: Functions of the user in law and obstacle.
-        every = (*fields, self.gap, self.normal)
-        read = {f for e in every for f in ufl.algorithms.extract_coefficients(e)}
-        functions = [f for f in read - {u} if isinstance(f, fem.Function)]
+        functions = {f for f in self.given.functions if isinstance(f, fem.Function)}
         self._functions = sorted(functions, key=lambda f: f.count())
 
     def _described_law(self) -> str:
@@ -273,7 +271,6 @@ class ContactSurface(ReadOnly):
         """Find the contact points on exterior facets of this rank. Collective."""
         self.submesh = create_facet_submesh(self.domain, facets)
         keep(self.submesh.mesh)
-        self.given = Given(self.gap, self.normal, self.law.given)
         self._scatter()
         points_class = _points_class(self.method, self.obstacle.opposite)
         self.points: ContactPoints = points_class(

@@ -69,7 +69,7 @@ class BodySolver:
     def _gradients(self, K: PETSc.Mat, prefix: str) -> PETSc.KSP:
         """Conjugate gradients with the hierarchy of a stiffness."""
         eq = self._equations
-        symmetric = eq.bulk.energy is not None
+        symmetric = eq.bulk.is_energy
         self._hierarchy = Hierarchy(eq.V, eq.options.prefix, symmetric=symmetric)
         ksp = PETSc.KSP().create(self.comm)
         ksp.setOperators(self._matrix)

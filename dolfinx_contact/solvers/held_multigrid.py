@@ -172,7 +172,7 @@ class HeldMultigrid:
         A = K.ptap(self._Z)
         held = own.transposeMatMult(own)
         A.axpy(eq.stiffness_scale, held, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        self.symmetric = eq.bulk.energy is not None
+        self.symmetric = eq.bulk.is_energy
         self._hierarchy = Hierarchy(eq.V, prefix, symmetric=self.symmetric)
         fixed = np.flatnonzero(eq.fixed[: A.getLocalSize()[0]]).astype(np.int32)
         self._ksp = PETSc.KSP().create(self.comm)

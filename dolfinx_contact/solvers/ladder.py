@@ -242,10 +242,9 @@ def _require_start(eq: ContactEquations, x0: PETSc.Vec) -> None:
 
 def _given_numbers(eq: ContactEquations) -> list[list[float]]:
     """Values of the Constants in forms, obstacles and laws, to be the same on every rank."""
-    constants = list(eq.bulk.residual.constants())
+    constants = list(eq.bulk.constants)
     for s in eq.surfaces:
-        for e in s.given.all:
-            constants += extract_constants(e)
+        constants += s.given.constants
     for body in eq.rigid.bodies:
         for e in body.expressions:
             constants += extract_constants(e)

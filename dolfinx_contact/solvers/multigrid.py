@@ -91,7 +91,7 @@ class Multigrid(LinearSolver):
             self.operator = ContactOperator(equations)
         self.matrix = self.operator.matrix
         self.filter = SurfaceFilter(self.operator, prefix)
-        symmetric = equations.bulk.energy is not None
+        symmetric = equations.bulk.is_energy
         massive = equations.bulk.has_mass
         # In the plane smoothed aggregates are cheap, and plain ones fail where the body hardly
         # changes its volume (measured).
