@@ -37,9 +37,9 @@ from dolfinx_contact import (
     HalfSpace,
     Sphere,
 )
+from dolfinx_contact._forcing import Forcing
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.meshing import join
-from dolfinx_contact.solvers.forcing import Forcing
 
 CELLS = {
     "tet": mesh.CellType.tetrahedron,

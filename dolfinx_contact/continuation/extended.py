@@ -27,8 +27,8 @@ from dolfinx_contact.continuation.arguments import (
     check_system,
     checked_gamma,
     checked_range,
-    require_smooth,
     leads_out,
+    require_smooth,
 )
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, SpecialPoint
 from dolfinx_contact.continuation.conditions import (
