@@ -133,7 +133,7 @@ ON_TWO = {
     ),
     "test_kinked_data": ("a_jump_in_a_part", "beyond_a_kink"),
     "test_kinks": ("a_batch_brackets_its_events", "bad_input"),
-    "test_krylov": ("sign_of_the_determinant", "parity_is_that_of_mumps"),
+    "test_krylov": ("sign_of_the_determinant", "parity_is_that_of_mumps", "work_of_a_step"),
     "test_large_sliding": (
         *("around_a_cylinder", "refused", "a_gradient_that_vanishes"),
         *("an_obstacle_that_comes_and_turns", "a_rigid_body", "multigrid"),

@@ -45,7 +45,7 @@ _POLISHED = 1e-4
 _SHARP = 3e-2
 _MOST_TESTS = 10  # over the number of corrections, for PETSc
 #: Relative residual of a tangent that is no more than a direction to step along.
-_TO_STEP_ALONG = 1e-3
+_TO_STEP_ALONG = 1e-4
 
 
 class _ModelTest:
