@@ -113,7 +113,9 @@ class Clock(Observer):
     def step(self, step, state):
         self.comm.barrier()
         now = time.perf_counter()
-        self.seen.append((now, self.solver.solves, self.solver.factorisations, step.special))
+        processor = self.comm.allreduce(time.process_time())
+        work = self.solver.solves, self.solver.factorisations
+        self.seen.append((now, *work, step.special, processor))
 
 
 def follow(args, system, comm):
@@ -129,6 +131,7 @@ def follow(args, system, comm):
         {
             "gamma": point.gamma,
             "seconds": after[0] - before[0],
+            "processor_seconds": after[4] - before[4],
             "applications": after[1] - before[1],
             "factorisations": after[2] - before[2],
             "corrections": point.corrections,
@@ -156,6 +159,7 @@ def static(system, branch, comm):
         records.append(
             {
                 "seconds": timer.total,
+                "processor_seconds": timer.processor,
                 "newton_iterations": result.iterations,
                 "krylov_iterations": sum(a.krylov_iterations for a in result.attempts),
             }
@@ -206,9 +210,11 @@ def main(argv=None):
         if not group:
             continue
         of_steps, of_static = (sum(s["seconds"] for s in side) for side in zip(*group, strict=True))
+        processor = [sum(s["processor_seconds"] for s in side) for side in zip(*group, strict=True)]
         record[name] = {
             "steps": len(group),
             "ratio": of_steps / of_static,
+            "processor_ratio": processor[0] / processor[1],
             "step_seconds": of_steps / len(group),
             "static_seconds": of_static / len(group),
             "median_ratio": float(np.median([a["seconds"] / s["seconds"] for a, s in group])),

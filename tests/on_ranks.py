@@ -65,7 +65,7 @@ ON_TWO = {
     ),
     "test_continuation": (
         *("slip_that_goes_on", "correctors_agree", "an_exhausted_budget_keeps_what_was_found"),
-        *("a_branch_that_ends",),
+        *("a_branch_that_ends", "a_start_at_an_end_of_the_range"),
     ),
     "test_core_in_small": ("lengths_of_states_in_closed_form", "marks_of_data"),
     "test_creep": ("creep", "what_is_lacking_is_said"),
@@ -142,7 +142,7 @@ ON_TWO = {
     ),
     "test_kinked_data": ("a_jump_in_a_part", "beyond_a_kink"),
     "test_kinks": ("a_batch_brackets_its_events", "bad_input"),
-    "test_krylov": ("sign_of_the_determinant", "parity_is_that_of_mumps"),
+    "test_krylov": ("sign_of_the_determinant", "parity_is_that_of_mumps", "work_of_a_step"),
     "test_large_sliding": (
         *("around_a_cylinder", "refused", "a_gradient_that_vanishes"),
         *("an_obstacle_that_comes_and_turns", "a_rigid_body", "multigrid"),

@@ -187,6 +187,8 @@ def test_back_to_nothing(k, n, event):
     assert back.steps[-1].gamma == 0.0
     assert [s.event for s in back.steps if s.event] == []
     np.testing.assert_allclose(opening(back.steps[-1]), 0.0, atol=1e-12)
+    with pytest.raises(ValueError, match="leaves its range"):
+        path.run(gamma_range=ENDS, direction="onwards")
     again = path.run(gamma_range=ENDS, direction="back", stop=lambda s: s.event)
     assert again.reason == event
     np.testing.assert_allclose(opening(again.steps[-1]), r, rtol=1e-8)

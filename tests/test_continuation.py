@@ -13,6 +13,7 @@ from dolfinx_contact.continuation import (
     Piece,
     StepControl,
     System,
+    explore,
     follow,
     points_at,
 )
@@ -85,6 +86,36 @@ def test_the_end_of_the_range_to_the_last_bit(end):
         system, start(system, [1.0]), 2.0, gamma_range=(end, 3.0), direction="decreasing"
     )
     assert branch.points[-1].gamma == values(system, branch.points[-1])[1] == end
+
+
+@pytest.mark.parametrize("route", ["auto", "steps"])
+@pytest.mark.parametrize("gamma", [-1.0, 1.0, 1.0 - 1e-15])
+def test_a_start_at_an_end_of_the_range(route, gamma):
+    """Outwards there is no branch; `explore` follows the one inwards to the other end."""
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    x = start(system, [gamma / 2, 0, gamma, 1.0])
+    ways = dict(gamma_range=(-1.0, 1.0), route=route)
+    inwards, outwards = "decreasing", "increasing"
+    if gamma < 0:
+        inwards, outwards = outwards, inwards
+    with pytest.raises(ValueError, match=r"leaves its range \[-1, 1\] at once"):
+        follow(system, x, gamma, direction=outwards, **ways)
+    branch = follow(system, x, gamma, direction=inwards, **ways)
+    diagram = explore(system, [(x, gamma)], **ways)
+    for followed in (branch, *diagram.branches):
+        assert [followed.points[k].gamma for k in (0, -1)] == [gamma, -np.sign(gamma)]
+    assert len(diagram.branches) == 1
+    assert diagram.complete
+
+
+@pytest.mark.parametrize("route", ["auto", "steps"])
+def test_a_start_next_to_an_end_of_the_range(route):
+    """The branch to the near end is too short to hide that to the far one."""
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    gamma = 1.0 - 1e-7
+    x = start(system, [gamma / 2, 0, gamma, 1.0])
+    diagram = explore(system, [(x, gamma)], gamma_range=(-1.0, 1.0), route=route)
+    assert sorted(b.points[-1].gamma for b in diagram.branches) == [-1.0, 1.0]
 
 
 @pytest.mark.verifies(

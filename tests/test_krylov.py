@@ -1,5 +1,7 @@
 """Branches followed with a Krylov method, beside those with an assembled matrix."""
 
+import itertools
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -9,10 +11,13 @@ import numpy as np
 import pytest
 from textbook import SymmetricGuess, Textbook
 
+from dolfinx_contact import ParametricContact
+from dolfinx_contact._forcing import Forcing
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.factorised import Factorised
 from dolfinx_contact.continuation.krylov import Krylov
+from dolfinx_contact.equations.rates import Driven
 
 COMM = MPI.COMM_WORLD
 
@@ -178,6 +183,46 @@ def test_3d_branch():
     assert len(mine.special) > 5
     assert mine.factorisations == 0
     assert 1 <= builds < len(mine.points)
+
+
+def steps_of_the_foot():
+    """Four steps over several kinks each, by multigrid."""
+    PETSc.Options()["contact_linear_solver"] = "amg"
+    system, _ = demo_3d_branch.foot(demo_3d_branch.arguments(["--n", "8"]), COMM)
+    x = system.create_vector()
+    x.set(0.0)
+    with Follower(system, StepControl(kinks="batched", initial=0.1), gamma_scale=1.0) as follower:
+        return follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0), max_steps=4)
+
+
+def test_work_of_a_step(monkeypatch):
+    """Nothing is evaluated twice, and no linear solve goes below what its model misses."""
+    residuals, interpolated = [], []
+    residual, put = ParametricContact.residual, Driven.set
+
+    def counted_residual(self, x, gamma, b, piece):
+        residuals.append((x.array_r.tobytes(), gamma))
+        return residual(self, x, gamma, b, piece)
+
+    def counted_set(self):
+        interpolated.append(len(residuals))
+        put(self)
+
+    monkeypatch.setattr(ParametricContact, "residual", counted_residual)
+    monkeypatch.setattr(Driven, "set", counted_set)
+    branch = steps_of_the_foot()
+    corrections = sum(p.corrections for p in branch.points)
+    assert sum(len(s.changes) for s in branch.special) > 10
+    again = [a == b for a, b in itertools.pairwise(residuals)]
+    assert not any(again)
+    assert len(interpolated) < 5 * corrections
+
+    monkeypatch.setattr(Forcing, "suffices", lambda *_: False)
+    longer = steps_of_the_foot()
+    assert branch.solves < longer.solves
+    assert [p.corrections for p in longer.points] == [p.corrections for p in branch.points]
+    gammas = ([p.gamma for p in b.points] for b in (branch, longer))
+    np.testing.assert_allclose(*gammas, rtol=1e-5)
 
 
 @pytest.mark.parametrize("n", [3, 5])

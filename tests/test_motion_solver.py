@@ -11,9 +11,9 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact._forcing import Forcing
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.hierarchy import condition
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter

@@ -27,6 +27,7 @@ from dolfinx_contact import (
     Tresca,
     solve_nested,
 )
+from dolfinx_contact._forcing import Forcing
 from dolfinx_contact._petsc import has_package
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.equations.jacobian import Jacobian
@@ -34,7 +35,6 @@ from dolfinx_contact.equations.scaling import softness
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.solvers import choice, hierarchy, multigrid
-from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED
 from dolfinx_contact.solvers.multigrid import Multigrid
 

@@ -97,6 +97,11 @@ def test_one_node_with_the_friction_coefficient():
         assert curve.points[:, 0].tolist() == sorted(curve.points[:, 0])
         assert len(curve.turns) == len(curve.meetings) == 0
     assert stuck.at(2.0) == pytest.approx([2.0])
+    ends = dict(mu_range=(1.0, 3.0), gamma_scale=5.0)
+    towards_less = follow_special(system, other, 3.0, branch, branch.folds[0], **ends)
+    mu = towards_less.points[:, 0]
+    assert mu[[0, -1]] == pytest.approx([1.0, 3.0])
+    assert np.diff(mu).min() > 0  # each once
 
 
 def test_a_curve_ends_where_its_point_lifts_off():

@@ -87,6 +87,7 @@ def test_two_loads():
     """One element under (-gamma, -mu): folds at gamma = F mu and gamma = kt / k mu."""
     body = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, 0.0)).problem
     domain = body.V.mesh
+    friction = body.surfaces[0].law.friction
     gamma = fem.Constant(domain, 0.0)
     mu = fem.Constant(domain, 1.0)
     side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
@@ -102,6 +103,18 @@ def test_two_loads():
         np.testing.assert_allclose(curves.folds_at(at), [3 * at, 2 * at], atol=1e-10)
     assert curves.cusps == ()
     assert [c.span for c in curves.folds] == [(0.5, 2.0)] * 2
+
+    # The starts are those of the branch: what it was followed under counts, not what is set now.
+    mu.value = 0.7
+    ends = dict(mu_range=(0.5, 2.0), gamma_range=(0.1, 10.0))
+    same = event_curves(system, mu, branches, **ends)
+    assert mu.value == 0.7
+    np.testing.assert_array_equal(same.folds_at(1.9), curves.folds_at(1.9))
+    with pytest.raises(ValueError, match=r"data have changed since .*\(1\.0 before, 1\.5 now"):
+        event_curves(system, mu, [(1.5, branches[0][1])], **ends)
+    friction.value = 2.9
+    with pytest.raises(ValueError, match=r"data have changed since .*\(3\.0 before, 2\.9 now"):
+        event_curves(system, mu, branches, **ends)
 
 
 @pytest.fixture(scope="module")

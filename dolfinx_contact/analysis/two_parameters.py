@@ -172,8 +172,11 @@ def event_curves(
 
     Raises:
         ValueError: on every rank; see `contact_family`; or if a branch is none, is of another
-            problem, or its mu is not in the range.
+            problem, its mu is not in the range, or data have changed since it was followed, under
+            that value of mu.
     """
+    for mu, branch in branches:
+        _refuse_other_data(other, mu, branch)
     family = contact_family(system, other, mu_range=mu_range)
     points = GatheredPoints(system)
     starts = [
@@ -185,6 +188,16 @@ def event_curves(
         system.comm,
         lambda: follow_events(family, starts, mu_range, gamma_range, folds_only=folds_only),
     )
+
+
+def _refuse_other_data(other: fem.Constant, mu: float, branch: Branch) -> None:
+    """Raise ``ValueError`` if a branch was followed with other data, mu included. Collective."""
+    before = other.value.copy()
+    other.value = mu
+    try:
+        branch.refuse_other_data()
+    finally:
+        other.value = before
 
 
 def _borders(

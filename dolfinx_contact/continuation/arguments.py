@@ -28,6 +28,7 @@ __all__ = [
     "check_vectors",
     "checked_gamma",
     "checked_range",
+    "leads_out",
     "reason_to_stop",
     "require_smooth",
     "samples_of",
@@ -90,6 +91,13 @@ def checked_range(
     if not max(_SHORTEST, _ROUND_OFF * max(-low, high)) < high - low < _LONGEST:
         raise ValueError(f"{name} [{low}, {high}] is too short or too long to be computed with")
     return low, high
+
+
+def leads_out(gamma: float, rate: float, gamma_range: tuple[float, float]) -> bool:
+    """Whether gamma is at that end of its range to which its rate leads, but for round-off."""
+    low, high = gamma_range
+    near = max(_ROUND_OFF * (high - low), 4 * float(np.spacing(max(-low, high))))
+    return high - gamma <= near if rate > 0 else rate < 0 and gamma - low <= near
 
 
 def check_vectors(states: Sequence[Any], what: str) -> None:

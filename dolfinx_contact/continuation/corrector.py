@@ -13,6 +13,7 @@ where few more of these lead to the tolerance (`chords`). Residuals are always t
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -20,6 +21,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._forcing import Forcing
 from dolfinx_contact._petsc import as_raised, options_in_database
 from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.continuation.bordered import Bordered
@@ -29,14 +31,14 @@ from dolfinx_contact.continuation.system import Piece
 
 __all__ = ["Corrector"]
 
+Array = npt.NDArray[np.float64]
+
 logger = logging.getLogger(__name__)
 
 #: Length of a solution of J t = (0, 1) beyond which the row determines the tangent too poorly.
 _NEARLY_SINGULAR = 1e8
-#: Relative residuals of linear solves, where exactness has a price: at most, beyond what the
-#: tolerance of the step requires, and for one more correction within it.
-_COARSEST = 1e-2
-_RESERVE = 0.1
+#: Relative residual of the linear solve for one more correction within the tolerance, where
+#: exactness has a price.
 _POLISHED = 1e-4
 #: Of the tolerance, down to which a point that a chord leads to is corrected once more: a step of
 #: Newton's method would have led further.
@@ -44,6 +46,23 @@ _SHARP = 3e-2
 _MOST_TESTS = 10  # over the number of corrections, for PETSc
 #: Relative residual of a tangent that is no more than a direction to step along.
 _TO_STEP_ALONG = 1e-4
+
+
+class _ModelTest:
+    """Ends a linear solve below the remainder of the linear model, as `Forcing` says.
+
+    Args:
+        forcing: the rule.
+        remainder: the norm of H after a correction, in the rows where the linear model errs.
+    """
+
+    def __init__(self, forcing: Forcing, remainder: Callable[[PETSc.Vec], float]):
+        self._remainder = remainder
+        self.is_due = forcing.is_due
+        self._suffices = forcing.suffices
+
+    def __call__(self, reduction: float, size: float, solution: PETSc.Vec) -> bool:
+        return self._suffices(reduction, self._remainder(solution) / size)
 
 
 class _BorderedSolve:
@@ -95,10 +114,15 @@ class Corrector:
         self._T: PETSc.Vec | None = None
         self._error = self._residual = 0.0
         self._chords = Chords()
+        self._rule = Forcing()
+        self._model = _ModelTest(self._rule, self._remainder)
         self._keeps = self._polished = False
         self._codes: npt.NDArray[np.int8] | None = None
+        self._last_codes: npt.NDArray[np.int8] | None = None
         self._scales: tuple[float, ...] = ()  # at the start of the run
         self._predicted: tuple[float, ...] | None = None  # with the state it started from
+        #: The y after a step, and the size of H and H there.
+        self._known: tuple[Array, float, Array] | None = None
         #: Relative residual to which a correction is worth solving.
         self.forcing = 0.0
 
@@ -185,9 +209,12 @@ class Corrector:
             ):
                 size = np.sqrt(b.inner(t, t))
                 if np.isfinite(size) and 0 < size < _NEARLY_SINGULAR:
-                    t.scale((1.0 if b.inner(t, towards) >= 0 else -1.0) / size)
+                    along = float(self._row.dot(t))  # of the row
+                    ahead = along if row is towards else b.inner(t, towards)
+                    sense = 1.0 if ahead >= 0 else -1.0
+                    t.scale(sense / size)
                     found = t
-                    b.sense = float(np.sign(b.inner(t, row)))
+                    b.sense = sense * float(np.sign(along))
                     break
             t.destroy()
         axis.destroy(), both.destroy()
@@ -209,6 +236,7 @@ class Corrector:
         self._chords.begin(kept=keep and self._serves)
         self._scales = self.bordered.system.scales
         self._predicted = None
+        self._known = None
         self.bordered.dual(t, self._row)
         self.snes.setJacobian(self._jacobian, self._matrix(y))
         with self.bordered.solver.options(), as_raised():
@@ -232,16 +260,36 @@ class Corrector:
         b = self.bordered
         x, gamma = b.split(y)
         # Beside a wild iterate every other one would be a solution.
-        if self._predicted is not None:
-            b.system.scales = self._predicted
-        self._residual = b.system.residual(x, gamma, self._hx, self._piece)
-        if self._predicted is None:
-            self._predicted = b.system.scales
+        if self._is_known(y):
+            assert self._known is not None
+            self._residual = self._known[1]
+            self._hx.array[:] = self._known[2]
+        else:
+            self._residual = self._evaluate(x, gamma, self._hx)
+        self._known = None
         last = 0.0
         if self._reference is not None:
             self._away.waxpy(-1.0, self._reference, y)
             last = float(self._row.dot(self._away)) - self._distance
         b.join(self._hx, last, out)
+
+    def _evaluate(self, x: PETSc.Vec, gamma: float, hx: PETSc.Vec) -> float:
+        """H into ``hx``, and its size in the scales that it has at the prediction. Collective."""
+        system = self.bordered.system
+        if self._predicted is not None:
+            system.scales = self._predicted
+        size = system.residual(x, gamma, hx, self._piece)
+        if self._predicted is None:
+            self._predicted = system.scales
+        return size
+
+    def _is_known(self, y: PETSc.Vec) -> bool:
+        """Whether H at ``y`` is what was evaluated last on the way there. Collective."""
+        known = self._known
+        if known is None:
+            return False
+        same = bool(np.array_equal(known[0], y.array_r))
+        return bool(self.bordered.comm.allreduce(same, op=MPI.LAND))
 
     def _jacobian(self, _snes: PETSc.SNES, y: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
         if self._keeps:
@@ -268,11 +316,21 @@ class Corrector:
 
     def solve(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
         """Solve for a correction, whose last row is that of the tangent as it is; for PETSc."""
-        ok = self.bordered.solver.solve(rhs, out, rtol=self.forcing)
+        enough = None if self._polished else self._model
+        ok = self.bordered.solver.solve(rhs, out, rtol=self.forcing, enough=enough)
         if ok and self._keeps and self._T is not None:
             # The tangent spans what the other rows leave free.
             out.axpy(self.bordered.gamma(rhs) - self._row.dot(out), self._T)
         return ok
+
+    def _remainder(self, step: PETSc.Vec) -> float:
+        """Norm of H after a full step, in the rows where its linear model errs. Collective."""
+        self._away.waxpy(-1.0, step, self.snes.getSolution())
+        x, gamma = self.bordered.split(self._away)
+        rows = self.bordered.system.contact_rows(x, gamma, self._piece)
+        if rows is None:
+            return 0.0
+        return float(np.sqrt(self.bordered.comm.allreduce(float(rows @ rows))))
 
     def _settle(self, y: PETSc.Vec, step: PETSc.Vec) -> None:
         """Put right after the step y - step what is cheap to solve on its own; see `settle`."""
@@ -283,8 +341,13 @@ class Corrector:
         x, gamma = b.split(self._away)
         x.copy(self._x)
 
+        size = 0.0
+        there = np.zeros(0)
+
         def evaluate(x: PETSc.Vec, hx: PETSc.Vec) -> None:
-            b.system.residual(x, gamma, hx, self._piece)
+            nonlocal size, there
+            size = self._evaluate(x, gamma, hx)
+            there = x.array_r.copy()
 
         def correct(x: PETSc.Vec, hx: PETSc.Vec, d: PETSc.Vec) -> bool:
             try:
@@ -297,6 +360,10 @@ class Corrector:
         if settle(evaluate, correct, self._x, self._hx, self._d, ROUNDS):
             b.join(self._x, gamma, self._away)
             step.waxpy(-1.0, self._away, y)
+        same = bool(np.array_equal(self._x.array_r, there))
+        if b.comm.allreduce(same, op=MPI.LAND):  # no correction was refused
+            self._away.waxpy(-1.0, step, y)  # as PETSc will
+            self._known = self._away.array_r.copy(), size, self._hx.array_r.copy()
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         reasons = PETSc.SNES.ConvergedReason
@@ -314,17 +381,34 @@ class Corrector:
         self._keeps = self._leads_on(snes.getSolution(), error)
         if not self._keeps and self.iterations >= self.control.corrections:
             return int(reasons.DIVERGED_MAX_IT)
-        self.forcing = self._forcing(error)
+        self.forcing = self._forcing(error, self._changed(snes.getSolution(), it))
         self._error = error
         return 0
 
-    def _forcing(self, error: float) -> float:
-        """To what part the residual is worth reducing, after Eisenstat and Walker (choice 2)."""
+    def _changed(self, y: PETSc.Vec, it: int) -> float:
+        """The share of the kinked points whose status the last correction changed. Collective.
+
+        Where exactness has a price; before the first correction all.
+        """
+        if self.bordered.solver.many_sides:
+            return 0.0
+        before = self._last_codes
+        codes = self._last_codes = self._codes_at(y)
+        if codes is None:
+            return 0.0
+        if it == 0 or before is None:
+            return 1.0
+        mine = np.array([np.sum(codes != before), len(before)])
+        changed, number = self.bordered.comm.allreduce(mine)
+        return float(changed / max(number, 1))
+
+    def _forcing(self, error: float, changed: float) -> float:
+        """To what part the residual is worth reducing. Collective."""
         if error <= self.control.tolerance:
             return _POLISHED
-        least = _RESERVE * self.control.tolerance / error
-        reduced = 0.9 * (error / self._error) ** 2 if self._error > 0 else _COARSEST
-        return max(min(reduced, _COARSEST), least)
+        if self._error == 0.0:
+            self._rule.restart(warm=True)
+        return self._rule.tolerance(error, self.control.tolerance, changed)
 
     def _improve(self, _snes: PETSc.SNES, it: int, _norm: float) -> None:
         """Moore-Penrose: a better tangent from the factorisation of the step just taken.

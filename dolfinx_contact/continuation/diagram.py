@@ -54,6 +54,7 @@ from dolfinx_contact.continuation.observer import (
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.system import System
+from dolfinx_contact.continuation.walk import leaves_range
 
 __all__ = ["explore"]
 
@@ -198,6 +199,12 @@ class _Explorer:
                 diagram.edges.append(Edge(branch, i, None))
                 self._observers.explored(diagram)
                 continue
+            if self._leaves(point):
+                branch = Branch([point])
+                branch.end(Ending.REACHED)
+                diagram.edges.append(Edge(branch, i, None))
+                self._observers.explored(diagram)
+                continue
             self._follow(point, i)
         else:
             short = [(k, e.branch) for k, e in enumerate(diagram.edges) if _is_cut_off(e.branch)]
@@ -294,12 +301,7 @@ class _Explorer:
 
     def _leaves(self, point: BranchPoint) -> bool:
         """Whether gamma leaves its range at once on a branch that begins at a point."""
-        low, high = self.range
-        rate = self.follower.bordered.gamma(point.tangent)
-        least = _SAME * self.follower.bordered.gamma_scale
-        return bool(
-            (rate > least and point.gamma >= high) or (rate < -least and point.gamma <= low)
-        )
+        return leaves_range(self.follower.bordered, point, self.range)
 
     def _arrive(self, special: SpecialPoint, number: int) -> int:
         """The node at which branch ``number`` ends, made if it is new."""
@@ -357,6 +359,8 @@ class _Explorer:
             if beyond and branch.ending is Ending.REACHED:
                 # It came to its last point by one ray, and passes none of the others.
                 last = beyond.pop()
+                if not beyond and self._is_at(last.y, first.y):
+                    continue  # too short to tell by which ray it came
                 if self._is_at(last.y, point.y):
                     back = last.tangent.copy()
                     back.scale(-1.0)

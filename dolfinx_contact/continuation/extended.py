@@ -11,7 +11,7 @@ smooth folds there is a cusp of these.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol, get_args
@@ -27,6 +27,7 @@ from dolfinx_contact.continuation.arguments import (
     check_system,
     checked_gamma,
     checked_range,
+    leads_out,
     require_smooth,
 )
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, SpecialPoint
@@ -37,10 +38,11 @@ from dolfinx_contact.continuation.conditions import (
     StatusChange,
     with_status,
 )
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.factorised import Factorised
 from dolfinx_contact.continuation.follow import follow
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.parameters import Direction, StepControl
+from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.system import Events, Piece, System
 
 __all__ = ["ParameterSystem", "SpecialCurve", "follow_special"]
@@ -341,10 +343,12 @@ def follow_special(
     way: dict[str, Any] = dict(gamma_range=(low, high), control=control, max_steps=max_steps)
     try:
         with system.restored(always=True):
-            down, up = (
-                follow(extended, X, mu, direction=to, route="steps", progress=False, **way)
-                for to in reversed(get_args(Direction))
-            )
+            ways = {
+                to: follow(extended, X, mu, direction=to, route="steps", progress=False, **way)
+                for to in get_args(Direction)
+                if not leads_out(mu, sign_of(to), (low, high))
+            }
+        down, up = (ways.get(to) or _nowhere(ways) for to in reversed(get_args(Direction)))
         return _curve(extended, down, up)
     finally:
         other.set_parameter(mu)
@@ -369,6 +373,14 @@ def _condition(
         return SmoothFold(system, x, gamma, before.piece)
     away, there = layout.split(before.y)
     return StatusChange(system, border, away.copy(), there, before.piece)
+
+
+def _nowhere(ways: Mapping[Direction, Branch]) -> Branch:
+    """The way that is none, from the end of the range: the start of the other one."""
+    (other,) = ways.values()
+    branch = Branch([other.points[0]])
+    branch.end(Ending.REACHED)
+    return branch
 
 
 def _curve(extended: _Extended, down: Branch, up: Branch) -> SpecialCurve:

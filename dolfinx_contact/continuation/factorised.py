@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._factor import Factor
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.linear import BorderedSolver
+from dolfinx_contact.continuation.linear import BorderedSolver, Enough
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.system import Piece
 
@@ -152,7 +152,13 @@ class Factorised(BorderedSolver):
         return taken
 
     def solve(
-        self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0, near: PETSc.Vec | None = None
+        self,
+        rhs: PETSc.Vec,
+        out: PETSc.Vec,
+        *,
+        rtol: float = 0.0,
+        near: PETSc.Vec | None = None,
+        enough: Enough | None = None,
     ) -> bool:
         if not self._current:
             a_little = self._is_large if self.reuse is None else self.reuse

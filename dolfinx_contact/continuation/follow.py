@@ -119,8 +119,9 @@ def follow(
 
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks, the range
-            is empty or does not contain ``gamma``, gamma does not appear in H, no solution is found
-            near the start, or H has kinks within its pieces, as where those of a bulk are.
+            is empty or does not contain ``gamma``, gamma does not appear in H or leaves its range
+            at once, no solution is found near the start, or H has kinks within its pieces, as where
+            those of a bulk are.
     """
     check_states(system, [x], "x")
     low, high = gamma_range

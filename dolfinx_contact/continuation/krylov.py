@@ -31,7 +31,7 @@ import numpy as np
 
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.linear import BorderedSolver
+from dolfinx_contact.continuation.linear import BorderedSolver, Enough
 from dolfinx_contact.continuation.system import Piece, Preconditioner
 
 __all__ = ["Krylov"]
@@ -39,9 +39,10 @@ __all__ = ["Krylov"]
 logger = logging.getLogger(__name__)
 
 _PRECISE = 1e-9  # relative residual when nothing less is required
-# And of solves that tell the sign of the determinant: well below 1 / sqrt(N), the part of a random
-# right-hand side along one of N eigenvectors.
-_SIGN = 1e-5
+# And of solves that tell the sign of the determinant, at most and over 1 / sqrt(N): well below the
+# part of a random right-hand side along one of N eigenvectors.
+_SIGN = 1e-4
+_BELOW = 1e-2
 
 
 class Krylov(BorderedSolver):
@@ -79,6 +80,10 @@ class Krylov(BorderedSolver):
         self.ksp.setOperators(self.matrix)
         self.ksp.getPC().setType(PETSc.PC.Type.PYTHON)
         self.ksp.getPC().setPythonContext(_Elimination(self))
+        self.ksp.addConvergenceTest(self._test)
+        self._asked: tuple[Enough, float, PETSc.Vec] | None = None  # of the solve under way
+        self._way = layout.vector()
+        self._way_more = layout.vector()
         self._most = self.ksp.getTolerances()[3]
         self._regular = False
         self._sign: float | None = None
@@ -127,7 +132,13 @@ class Krylov(BorderedSolver):
         return self._regular
 
     def solve(
-        self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0, near: PETSc.Vec | None = None
+        self,
+        rhs: PETSc.Vec,
+        out: PETSc.Vec,
+        *,
+        rtol: float = 0.0,
+        near: PETSc.Vec | None = None,
+        enough: Enough | None = None,
     ) -> bool:
         if not self._regular:
             return False
@@ -140,6 +151,7 @@ class Krylov(BorderedSolver):
             # What is near satisfies the last row as well once r_g is 0 in all that follows.
             self.multiply(near, r)
             r.aypx(-1.0, rhs)
+            before = r.norm()
             x, gamma = layout.split(near)
             g = layout.gamma(rhs) - float(self._w.dot(x)) - self._corner * gamma
             if layout.last:
@@ -153,26 +165,40 @@ class Krylov(BorderedSolver):
         # Both parts of the equation f = A x + gamma c count: of tangents f is zero.
         size = max(layout.split(rhs)[0].norm(), abs(layout.gamma(out)) * self._c.norm())
         start = r.norm()
+        before = size if near is None else before
         least = max(rtol, _PRECISE) * size
         if not np.isfinite(start):
             return False
         if start > least:
             self.ksp.setTolerances(rtol=0.0, atol=least, divtol=1e10, max_it=self._most)
+            self._asked = None if enough is None else (enough, size, out)
             with logged("ContinuationKrylov"):
                 self.ksp.solve(r, d)
+            self._asked = None
             out.axpy(1.0, d)
             iterations = self.ksp.getIterationNumber()
             end = self.ksp.getResidualNorm()
-            self._P.age(iterations, float(np.log10(max(start / max(end, 1e-300), 1.0))))
+            self._P.age(iterations, float(np.log10(max(before / max(end, 1e-300), 1.0))))
             if self.ksp.getConvergedReason() <= 0:
                 if self.comm.rank == 0:
                     logger.info("%d Krylov iterations: from %.2e to %.2e", iterations, start, end)
                 return False
         return bool(np.isfinite(out.norm()))
 
+    def _test(self, ksp: PETSc.KSP, _iteration: int, norm: float) -> int:
+        """End a solve whose solution is enough as it is, for PETSc. Collective."""
+        if self._asked is None:
+            return 0
+        enough, size, start = self._asked
+        if not enough.is_due(norm / size):
+            return 0
+        self._way.waxpy(1.0, start, ksp.buildSolution(self._way_more))
+        done = enough(norm / size, size, self._way)
+        return int(PETSc.KSP.ConvergedReason.CONVERGED_ITS) if done else 0
+
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
         before = self.solves
-        if not self.solve(rhs, out, rtol=_SIGN):
+        if not self.solve(rhs, out, rtol=min(_SIGN, _BELOW / float(np.sqrt(self.layout.size)))):
             return False
         values = self.ksp.computeEigenvalues() if self.solves > before + 1 else np.zeros(0)
         negative = int(np.sum((values.imag == 0) & (values.real < 0)))
@@ -206,7 +232,7 @@ class Krylov(BorderedSolver):
 
     def destroy(self) -> None:
         mine = (self._c, self._v, self._w, self._f, self._x, self._r, self._d)
-        for thing in (self.ksp, self.matrix, *mine):
+        for thing in (self.ksp, self.matrix, self._way, self._way_more, *mine):
             thing.destroy()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from contextlib import AbstractContextManager
-from typing import Any
+from typing import Any, Protocol
 
 from petsc4py import PETSc
 
@@ -13,7 +13,17 @@ from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.system import Piece
 
-__all__ = ["BorderedSolver"]
+__all__ = ["BorderedSolver", "Enough"]
+
+
+class Enough(Protocol):
+    """Whether a solution on the way to an exact one is good enough. Collective."""
+
+    def is_due(self, reduction: float) -> bool:
+        """Whether to ask where the residual has been reduced to a part of the right-hand side."""
+
+    def __call__(self, reduction: float, size: float, solution: PETSc.Vec) -> bool:
+        """Whether it is, the right-hand side of H having the norm ``size``."""
 
 
 class BorderedSolver(ABC):
@@ -56,7 +66,13 @@ class BorderedSolver(ABC):
 
     @abstractmethod
     def solve(
-        self, rhs: PETSc.Vec, out: PETSc.Vec, *, rtol: float = 0.0, near: PETSc.Vec | None = None
+        self,
+        rhs: PETSc.Vec,
+        out: PETSc.Vec,
+        *,
+        rtol: float = 0.0,
+        near: PETSc.Vec | None = None,
+        enough: Enough | None = None,
     ) -> bool:
         """Solve with J; False if that failed. Collective.
 
@@ -65,6 +81,7 @@ class BorderedSolver(ABC):
             out: receives the solution.
             rtol: relative residual that is good enough, if exactness has a price.
             near: something near the solution.
+            enough: says of a solution on the way that it is good enough, if exactness has a price.
         """
 
     @abstractmethod

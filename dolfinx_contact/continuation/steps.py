@@ -140,14 +140,19 @@ class ExactSteps:
         """
         b = self.bordered
         away = y - point.y
-        length = self._length(away)
-        along = b.inner(away, point.tangent)
+        row = b.vector()
+        b.dual(away, row)
+        length = np.sqrt(float(row.dot(away)))
+        beyond = float(row.dot(tangent))
+        b.dual(point.tangent, row)
+        along = float(row.dot(away))
         least = self.control.cosine
-        turns = b.inner(tangent, point.tangent) < least
-        aside = min(along, b.inner(away, tangent)) < least * length
+        turns = float(row.dot(tangent)) < least
+        aside = min(along, beyond) < least * length
         away.axpy(-h, point.tangent)
         off = self._length(away)
-        away.destroy()
+        for v in (away, row):
+            v.destroy()
         landed = not (turns or aside or abs(along - h) > _SHARE * h or off > h)
         if not landed:
             self.corrector.reject()

@@ -159,6 +159,15 @@ class System:
         """
         return False
 
+    def contact_rows(
+        self, x: PETSc.Vec, gamma: float, piece: Piece | None
+    ) -> npt.NDArray[np.float64] | None:
+        """Rows of H on this rank at which its linear model errs, where they cost next to nothing.
+
+        None, the default, if there are none: the same on every rank.
+        """
+        return None
+
     def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Condensed | None:
         """The points at (x, gamma) with all else eliminated.
 

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import Progress
-from dolfinx_contact.continuation.arguments import reason_to_stop
+from dolfinx_contact.continuation.arguments import leads_out, reason_to_stop
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Departures, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
@@ -31,7 +31,14 @@ from dolfinx_contact.continuation.observer import (
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
 
-__all__ = ["BranchProgress", "Walk", "Walker", "onwards_from"]
+__all__ = [
+    "BranchProgress",
+    "Walk",
+    "Walker",
+    "leaves_range",
+    "onwards_from",
+    "require_way",
+]
 
 logger = logging.getLogger(__name__)
 
@@ -41,6 +48,25 @@ Next: TypeAlias = tuple[BranchPoint, list[SpecialPoint]]
 
 #: Rate of gamma along a unit tangent, of its scale, up to which gamma is constant.
 _STILL = 1e-9
+#: And up to which it stays where it is at the end of its range.
+_ALONG = 1e-6
+
+
+def leaves_range(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float, float]) -> bool:
+    """Whether gamma leaves its range at once on a branch that begins at ``start``. Collective."""
+    rate = bordered.gamma(start.tangent)
+    moves = abs(rate) > _ALONG * bordered.gamma_scale
+    return moves and leads_out(start.gamma, rate, gamma_range)
+
+
+def require_way(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float, float]) -> None:
+    """Raise ``ValueError`` where a branch has no way to go within the range. Collective."""
+    if leaves_range(bordered, start, gamma_range):
+        low, high = gamma_range
+        raise ValueError(
+            f"gamma leaves its range [{low:g}, {high:g}] at once where the branch starts, at "
+            f"gamma = {start.gamma:.10g}: take the other direction, or a wider range"
+        )
 
 
 def onwards_from(
@@ -160,9 +186,13 @@ class Walker(ABC):
 
         Returns:
             The branch from ``start`` on.
+
+        Raises:
+            ValueError: on every rank, if gamma leaves its range at once.
         """
         branch = Branch([start])
         b = self.bordered
+        require_way(b, start, gamma_range)
         factorisations, solves = b.work
         first = 0
         if stepping is not None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 from petsc4py import PETSc
@@ -133,6 +133,9 @@ class ParametricEquations(System):
         kinks = next(filter(None, rough), "")
         self.kinks_in_gamma = f"the data have kinks or jumps in gamma: {kinks}" if kinks else ""
         self._data = self._given()
+        #: Gamma of the driven Functions where nobody else changes them; see `undisturbed`.
+        self._driven_at: float | None = None
+        self._alone = False
 
     # -- data ------------------------------------------------------------------------------------
 
@@ -194,8 +197,11 @@ class ParametricEquations(System):
     def _set(self, gamma: float) -> None:
         """Put gamma into forms and Dirichlet data. Collective."""
         self.constant.value = gamma
+        if self._driven_at == gamma:
+            return
         for d in self._driven:
             d.set()
+        self._driven_at = gamma if self._alone else None
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
@@ -211,9 +217,17 @@ class ParametricEquations(System):
                 for f, values in zip(functions, before, strict=True):
                     f.x.array[:] = values
                 self.constant.value = gamma
+                self._driven_at = None
 
-    def undisturbed(self) -> AbstractContextManager[None]:
-        return mesh_stays()
+    @contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        self._alone = True
+        try:
+            with mesh_stays():
+                yield
+        finally:
+            self._alone = False
+            self._driven_at = None
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
         surfaces = self.equations.surfaces
@@ -319,6 +333,10 @@ class ParametricEquations(System):
         if not linear.corrects:
             return False
         return linear.correct(self.contact(x, gamma, piece), residual, correction)
+
+    def contact_rows(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Array | None:
+        self._set(gamma)
+        return self.equations.contact_rows(x, self.statuses_of(piece))
 
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None

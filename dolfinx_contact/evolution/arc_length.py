@@ -188,7 +188,8 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
 
         Raises:
             ValueError: on every rank, for arguments that do not fit, a law that depends on the
-                time, or a start that is no solution; what ``stop`` or ``observer`` raises.
+                time, a start that is no solution, or a load that leaves its range at once; what
+                ``stop`` or ``observer`` raises.
             OSError: on every rank, if a point cannot be recorded.
         """
         assert control is not None

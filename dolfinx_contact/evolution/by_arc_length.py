@@ -10,6 +10,7 @@ import numpy as np
 
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.walk import require_way
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.accepted import SolvedStep
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
@@ -117,7 +118,8 @@ class ByArcLength(Rule[PathTask, PathState]):
         """Find the direction in which the path leaves the state in the problem. Collective.
 
         Raises:
-            ValueError: on every rank, if it is the start, and no solution.
+            ValueError: on every rank, if it is the start, and no solution, or the load leaves its
+                range at once.
         """
         if self.ending is not None:
             return
@@ -127,6 +129,7 @@ class ByArcLength(Rule[PathTask, PathState]):
             point = self._first(1.0 if direction == "increasing" else -1.0)
             directions = steps.rate_problem(point.y, point.piece).begun(point.piece, point.tangent)
             self._take(point, directions)
+            self._require_way()
             return
         point = self._arrived
         if not self.accepted_points:
@@ -139,6 +142,12 @@ class ByArcLength(Rule[PathTask, PathState]):
         else:
             directions = rates.onwards(point.piece, point.tangent, every=self.task.rays)
         self._take(point, directions)
+        self._require_way()
+
+    def _require_way(self) -> None:
+        """Raise ``ValueError`` if the load leaves its range at once. Collective."""
+        if self._leaves is not None:
+            require_way(self._steps.bordered, self._leaves, self.task.gamma_range)
 
     def _first(self, sense: float) -> BranchPoint:
         """The point at the state of the start, with the rate of the load as its tangent."""

@@ -68,6 +68,12 @@ class Loaded(ParametricEquations):
         b.axpy(gamma - 1.0, self._rest)
         return replace(state, rows=self.equations.blocks(b))
 
+    def contact_rows(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Array | None:
+        rows = super().contact_rows(x, gamma, piece)
+        assert rows is not None
+        first = self.equations.owned_sizes[0]
+        return np.asarray(rows + (gamma - 1.0) * self._rest.array_r[first : first + len(rows)])
+
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:

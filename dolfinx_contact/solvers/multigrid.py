@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 from dolfinx import la
 
+from dolfinx_contact._forcing import Forcing
 from dolfinx_contact._petsc import has_package, logged
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.trace import facet_closures
-from dolfinx_contact.solvers.forcing import Forcing
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
 from dolfinx_contact.solvers.linear import LinearSolver, reasons_of, seconds_of_multigrid
 from dolfinx_contact.solvers.operator import ContactOperator
