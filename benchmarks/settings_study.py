@@ -5,8 +5,8 @@ Cold solves of bodies of other shapes, cells, materials, friction and loads than
 `elasticity_ratio.py`: flat cells, rounded feet, plates, columns, P1 and P2, pairs, a neo-Hookean
 body, friction 0 to 1, Poisson's ratio to 0.49. All settings take turns in one process. The table
 has the processor seconds (of all ranks) of each over those of the default, Newton and Krylov
-iterations, and hierarchies built; geometric means at the end. Two thirds of the cases are those that
-settings are chosen by; ``--aside`` takes the others, which are for the end.
+iterations, and hierarchies built; geometric means at the end. Two thirds of the cases are those
+that settings are chosen by; ``--aside`` takes the others, which are for the end.
 
     python3 benchmarks/settings_study.py --output study.json
 """

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh

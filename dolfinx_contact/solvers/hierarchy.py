@@ -57,9 +57,9 @@ class Interpolation:
 
 
 #: Plain aggregates are cheap to set up. In V-cycles they take more iterations, the more levels
-#: there are (Braess, Computing 55, 1995). W-cycles visit the next coarser level, of a twelfth of the
-#: unknowns, twice, and take hardly more on a large mesh than on a small one. Levels of some hundred
-#: unknowns are factorised.
+#: there are (Braess, Computing 55, 1995). W-cycles visit the next coarser level, of a twelfth of
+#: the unknowns, twice, and take hardly more on a large mesh than on a small one. Levels of some
+#: hundred unknowns are factorised.
 PLAIN = Interpolation(
     {
         "pc_gamg_agg_nsmooths": 0,
