@@ -60,7 +60,7 @@ def test_twisting_hemisphere(folder, no_picture):
     papers = demo_twisting_hemisphere.PUBLISHED
     torque = found["torque_at"]
     assert abs(torque["0"]) < 1e-10
-    for angle, off in ((20, 0.01), (40, 0.03), (80, 0.05), (180, 0.06)):
+    for angle, off in ((20, 0.01), (40, 0.01), (80, 0.03), (180, 0.045)):
         one = papers["Sauer, De Lorenzis"]["torque"][angle]
         other = papers["FEBio"]["torque"][angle]
         assert (1 - off) * min(one, other) < torque[str(angle)] < (1 + off) * max(one, other)
