@@ -144,16 +144,23 @@ class Constraints:
                 f" (the first of {len(everyone)} such components)" if len(everyone) > 1 else "",
             )
 
-    def check_values(self, surfaces: Sequence[ContactSurface], size: float) -> None:
+    def check_values(
+        self, surfaces: Sequence[ContactSurface], size: float, where: str = ""
+    ) -> None:
         """Raise ``ValueError`` for values that surfaces cannot have. Collective.
 
         A clamped node is pushed into its obstacle, or a node off its plane of symmetry. Of
         conditions that contradict each other at a node it warns.
+
+        Args:
+            surfaces: of the problem.
+            size: of the body, a length.
+            where: part of the message, where that is.
         """
         self._warn_of_contradictions()
         values = self.values()
         prescribed = np.where(self.fixed, values, 0.0)
-        self.check_planes(surfaces, size)
+        self._check_planes(surfaces, size, where)
         for s, normals, held in zip(surfaces, self._normals, self.held, strict=True):
             fixed = held[s.points.vertex_trace_dofs]
             touched = fixed.any(axis=1)
@@ -161,7 +168,7 @@ class Constraints:
             require(
                 s.comm,
                 s.displaced is not None or not bool((touched & turned).any()),
-                f"{s.name}: the obstacle has turned at a contact node with Dirichlet data since "
+                f"{s.name}{where}: the obstacle has turned at a contact node with Dirichlet data since "
                 "the problem was made; make a new problem",
             )
             moved = prescribed - s.opposite(prescribed)
@@ -179,7 +186,7 @@ class Constraints:
                 require(
                     s.comm,
                     not opposite.matching or bool(least > -1e-9 * size),
-                    f"{s.name}: the gap is {least:.3g} at the front of the crack, where both sides "
+                    f"{s.name}{where}: the gap is {least:.3g} at the front of the crack, where both sides "
                     "have a node in common and no gap; let the interference fade there, as UFL of "
                     "the position",
                 )
@@ -189,19 +196,11 @@ class Constraints:
             require(
                 s.comm,
                 bool(worst > -1e-9 * size),
-                f"{s.name}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
+                f"{s.name}{where}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
             )
 
-    def check_planes(
-        self, surfaces: Sequence[ContactSurface], size: float, where: str = ""
-    ) -> None:
-        """Raise ``ValueError`` if values move nodes off their planes of symmetry. Collective.
-
-        Args:
-            surfaces: of the problem.
-            size: of the body, a length.
-            where: part of the message, where that is.
-        """
+    def _check_planes(self, surfaces: Sequence[ContactSurface], size: float, where: str) -> None:
+        """Raise ``ValueError`` if values move nodes off their planes of symmetry. Collective."""
         sliding = [s for s in surfaces if s.slides]
         if not sliding:
             return
