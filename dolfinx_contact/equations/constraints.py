@@ -162,13 +162,14 @@ class Constraints:
         prescribed = np.where(self.fixed, values, 0.0)
         self._check_planes(surfaces, size, where)
         for s, normals, held in zip(surfaces, self._normals, self.held, strict=True):
+            name = f"{s.name}{where}"
             fixed = held[s.points.vertex_trace_dofs]
             touched = fixed.any(axis=1)
             turned = np.abs(s.points.vertex_normals - normals).max(axis=1, initial=0.0) > _TOLERANCE
             require(
                 s.comm,
                 s.displaced is not None or not bool((touched & turned).any()),
-                f"{s.name}{where}: the obstacle has turned at a contact node with Dirichlet data since "
+                f"{name}: the obstacle has turned at a contact node with Dirichlet data since "
                 "the problem was made; make a new problem",
             )
             moved = prescribed - s.opposite(prescribed)
@@ -186,7 +187,7 @@ class Constraints:
                 require(
                     s.comm,
                     not opposite.matching or bool(least > -1e-9 * size),
-                    f"{s.name}{where}: the gap is {least:.3g} at the front of the crack, where both sides "
+                    f"{name}: the gap is {least:.3g} at the front of the crack, where both sides "
                     "have a node in common and no gap; let the interference fade there, as UFL of "
                     "the position",
                 )
@@ -196,7 +197,7 @@ class Constraints:
             require(
                 s.comm,
                 bool(worst > -1e-9 * size),
-                f"{s.name}{where}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
+                f"{name}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
             )
 
     def _check_planes(self, surfaces: Sequence[ContactSurface], size: float, where: str) -> None:
