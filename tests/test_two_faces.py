@@ -103,7 +103,7 @@ def total(face, name):
     aspects=("2D", "3D", "pairs", "large sliding"),
 )
 def test_pressure_of_a_slave_that_is_partly_covered(cell, given):
-    """Its integral is the sum of the normal forces, as where all of it is; so is that of supports."""
+    """Its integral is the sum of the normal forces, as where all of it is; supports likewise."""
     bodies = [box(COMM, n, cell) for n in (3, 4)]
     up = bodies[0].topology.dim - 1
     bodies[1].geometry.x[:, up] += 1.0
