@@ -384,7 +384,8 @@ class ContactProblem(ReadOnly):
         Returns:
             By name: ``displacement``; ``traction``, that of contact on the body, a vector, with its
             parts ``pressure``, positive in compression, and ``shear``, a vector (units of stress,
-            nominal: per area of the mesh);
+            nominal: per area of the mesh, also where only a part of it has another body opposite,
+            so that they are less there than the tractions of the table);
             ``gap``; ``slip``, the tangential displacement, a vector; ``status``, a number of
             `io.STATUS_CODES`; ``support``, the reaction of Dirichlet data on the body over the area
             of a vertex; and the variables of laws, as ``beta``, the intensity of adhesion.

@@ -324,7 +324,7 @@ ON_TWO = {
     "test_true_surface": ("a_press_fit", "bad_surfaces"),
     "test_two_faces": (
         *("forces_balance", "like_nodes_have_opposite_tractions", "files", "series"),
-        *("names_that_make_the_same_file",),
+        *("names_that_make_the_same_file", "pressure_of_a_slave_that_is_partly_covered"),
     ),
     "test_two_parameters": ("one_element", "what_is_refused", "a_chart_in_a_file"),
     "test_uniqueness": (

@@ -238,6 +238,30 @@ def test_gamma_must_be_a_scalar_constant():
     assert isinstance(system.piece_at(x, 0.5), Piece)
 
 
+@pytest.mark.refuses("branches", "Coulomb", aspects=("2D", "branches"))
+def test_clamped_nodes_that_are_pushed_into_the_obstacle():
+    """By values that have changed since the solve, or that the parameter drives."""
+    square = box(COMM, 4, "tri")
+    V = fem.functionspace(square, ("Lagrange", 1, (2,)))
+    u, moved = fem.Function(V), fem.Function(V)
+    gamma = fem.Constant(square, 0.0)
+    bcs = [fem.dirichletbc(moved, fem.locate_dofs_topological(V, 1, facets(square, 0, 1.0)))]
+    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx + gamma * u[0] * ufl.dx
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, facets(square, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    problem.solve()
+    down = ParametricContact(problem, gamma, driven=[(moved, gamma * ufl.as_vector((0, -0.01)))])
+    x = down.create_vector()
+    problem.write(x)
+    with pytest.raises(ValueError, match=r"at gamma = 0.0625: Dirichlet data push a contact node"):
+        follow(down, x, 0.0, gamma_range=(-1.0, 1.0))
+    np.testing.assert_array_equal(moved.x.array, 0.0)
+    moved.x.array[1::2] = -0.01
+    with pytest.raises(ValueError, match=r"push a contact node 0.01 into the obstacle"):
+        follow(ParametricContact(problem, gamma), x, 0.0, gamma_range=(-1.0, 1.0))
+
+
 @pytest.mark.parametrize("cell", ["tri", "tet"])
 @pytest.mark.verifies(
     "Tresca",

@@ -329,6 +329,9 @@ def test_a_plane_that_a_branch_moves():
     with pytest.raises(ValueError, match=r"at gamma = 0.03125: .*off the plane of symmetry x = 0"):
         follow(system, x, 0.0, gamma_range=(0.0, 1.0))
     np.testing.assert_array_equal(moved.x.array, 0.0)
+    moved.x.array[:] = 0.01  # the parameter does not drive it, and it has changed since the solve
+    with pytest.raises(ValueError, match=OFF):
+        follow(ParametricContact(problem, gamma), x, 0.0, gamma_range=(-0.1, 0.1))
 
 
 def side_by_side(first, second, names):

@@ -177,6 +177,42 @@ def test_jacobian(dim, cell, slave, law, remembers, monkeypatch):
     assert used > 1
 
 
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="differences: of the residual",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_jacobian_of_bodies_that_spin(monkeypatch):
+    """By 60 and 20 degrees in a step; of a node of the slave hardly anything is left covered."""
+    both = blocks(3, "hex")
+    bodies = Bodies(both, 2, Coulomb(0.3), interference=True)
+    problem, pair, V = bodies.problem, bodies.pair, bodies.u.function_space
+    n = problem.equations.owned_sizes[0]
+    X = V.tabulate_dof_coordinates()[: n // 3]
+    upper = of_upper(both, V)
+    moved = X + smooth(X, 3, 0.04)
+    moved[upper] += (0.07, 0.07, -0.03)
+    centre = X[upper].mean(axis=0)
+    for nodes, angle in ((upper, 60.0), (np.setdiff1d(np.arange(len(X)), upper), 20.0)):
+        turn = Rotation.from_rotvec([0.0, 0.0, np.radians(angle)])
+        moved[nodes] = turn.apply(moved[nodes] - centre) + centre
+    for f in (bodies.below, bodies.above):
+        f.x.array[:n] = (moved - X).reshape(-1)
+    waves = np.outer(pair.points.ids[:, 0], np.arange(1.0, 4.0))
+    x = problem.create_vector()
+    v = x.duplicate()
+    x.array[:n] = (moved - X).reshape(-1)
+    x.array[n:] = 2e-3 * np.sin(waves).reshape(-1)
+    v.array[:n] = np.where(problem.equations.fixed[:n], 0.0, smooth(X, 8, 1.0).reshape(-1))
+    v.array[n:] = 0.1 * np.cos(waves).reshape(-1)
+    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
+    assert errors[0] < 1e-5
+    assert errors[1] < 0.02 * errors[0] + 1e-9
+    nodal = state.surfaces[0].kinematics.operator.facing.nodal
+    assert np.degrees(nodal.spin).max() > 35.0
+    assert (nodal.weight == 0.0).any()
+
+
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("depth", [0.05, 1.0])
 def test_candidates(dim, depth):

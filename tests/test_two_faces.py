@@ -9,7 +9,7 @@ from test_doubled_nodes import branched, force, record
 from test_pair import MATERIAL, displacement, held, tagged
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
 from dolfinx_contact import (
     ContactPair,
@@ -92,6 +92,47 @@ def total(face, name):
     f = face.fields()[name]
     values = f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)
     return COMM.allreduce((values * face.areas[:, None])[:n].sum(axis=0))
+
+
+@pytest.mark.parametrize("cell", ["quad", "tet"])
+@pytest.mark.parametrize("given", [{}, {"method": "integral"}, {"sliding": "large"}], ids=str)
+@pytest.mark.verifies(
+    "mortar",
+    "sliding pairs",
+    reference="theorem: pressures make up the normal forces",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_pressure_of_a_slave_that_is_partly_covered(cell, given):
+    """Its integral is the sum of the normal forces, as where all of it is; supports likewise."""
+    bodies = [box(COMM, n, cell) for n in (3, 4)]
+    up = bodies[0].topology.dim - 1
+    bodies[1].geometry.x[:, up] += 1.0
+    bodies[1].geometry.x[:, 0] += 0.45
+    marks = [{"t1": (up, 0.0), "t2": (up, 1.0)}, {"t3": (up, 1.0), "t4": (up, 2.0)}]
+    tags = [tagged(body, **planes) for body, planes in zip(bodies, marks, strict=True)]
+    both = join(bodies, facet_tags=tags)
+    u = displacement(both.mesh)
+    pair = ContactPair(u, both, slave=2, master=3, law=Frictionless(), **given)
+    V = u.function_space
+    bcs = []
+    for tag, down in ((1, 0.0), (4, -0.01)):
+        dofs = fem.locate_dofs_topological(V, up, both.facet_tags.find(tag))
+        bcs.append(fem.dirichletbc(down * np.eye(up + 1)[-1], dofs, V))
+    alone = mesh.locate_entities_boundary(
+        both.mesh, up, lambda x: np.isclose(x[up], 1.0) & (x[0] < 0.4)
+    )
+    bcs.append(fem.dirichletbc(np.zeros(up + 1), fem.locate_dofs_topological(V, up, alone), V))
+    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=bcs)
+    table = problem.solve().tables["contact"]
+    fields = problem.contact_fields(pair)
+    parts = fields["pressure"], fields["support"][up]
+    sums = np.array([fem.assemble_scalar(fem.form(f * ufl.dx)) for f in parts])
+    whole, held = COMM.allreduce(sums)
+    assert whole == pytest.approx((table.pressure * table.area).sum(), rel=1e-9)
+    assert whole == pytest.approx(np.linalg.norm(table.force.sum(axis=0)), rel=1e-3)
+    reactions = problem.support_forces(pair)[: pair.points.vertices.dofmap.index_map.size_local]
+    assert held == pytest.approx(COMM.allreduce(reactions[:, up].sum()), rel=1e-9)
+    assert abs(held) > 0.05 * whole
 
 
 @pytest.mark.parametrize("case", CASES)

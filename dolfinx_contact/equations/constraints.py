@@ -147,24 +147,32 @@ class Constraints:
                 f" (the first of {len(everyone)} such components)" if len(everyone) > 1 else "",
             )
 
-    def check_values(self, surfaces: Sequence[ContactSurface], size: float) -> None:
+    def check_values(
+        self, surfaces: Sequence[ContactSurface], size: float, where: str = ""
+    ) -> None:
         """Raise ``ValueError`` for values that surfaces cannot have. Collective.
 
         A clamped node is pushed into its obstacle, or a node off its plane of symmetry. Of
         conditions that contradict each other at a node it warns.
+
+        Args:
+            surfaces: of the problem.
+            size: of the body, a length.
+            where: part of the message, where that is.
         """
         self._warn_of_contradictions()
         values = self.values()
         prescribed = np.where(self.fixed, values, 0.0)
-        self.check_planes(surfaces, size)
+        self._check_planes(surfaces, size, where)
         for s, normals, held in zip(surfaces, self._normals, self.held, strict=True):
+            name = f"{s.name}{where}"
             fixed = held[s.points.vertex_trace_dofs]
             touched = fixed.any(axis=1)
             turned = np.abs(s.points.vertex_normals - normals).max(axis=1, initial=0.0) > _TOLERANCE
             require(
                 s.comm,
                 s.displaced is not None or not bool((touched & turned).any()),
-                f"{s.name}: the obstacle has turned at a contact node with Dirichlet data since "
+                f"{name}: the obstacle has turned at a contact node with Dirichlet data since "
                 "the problem was made; make a new problem",
             )
             moved = prescribed - s.opposite(prescribed)
@@ -182,7 +190,7 @@ class Constraints:
                 require(
                     s.comm,
                     not opposite.matching or bool(least > -1e-9 * size),
-                    f"{s.name}: the gap is {least:.3g} at the front of the crack, where both sides "
+                    f"{name}: the gap is {least:.3g} at the front of the crack, where both sides "
                     "have a node in common and no gap; let the interference fade there, as UFL of "
                     "the position",
                 )
@@ -192,19 +200,11 @@ class Constraints:
             require(
                 s.comm,
                 bool(worst > -1e-9 * size),
-                f"{s.name}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
+                f"{name}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
             )
 
-    def check_planes(
-        self, surfaces: Sequence[ContactSurface], size: float, where: str = ""
-    ) -> None:
-        """Raise ``ValueError`` if values move nodes off their planes of symmetry. Collective.
-
-        Args:
-            surfaces: of the problem.
-            size: of the body, a length.
-            where: part of the message, where that is.
-        """
+    def _check_planes(self, surfaces: Sequence[ContactSurface], size: float, where: str) -> None:
+        """Raise ``ValueError`` if values move nodes off their planes of symmetry. Collective."""
         sliding = [s for s in surfaces if s.slides]
         if not sliding:
             return

@@ -230,7 +230,8 @@ class ParametricEquations(System):
             self._driven_at = None
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
-        surfaces = self.equations.surfaces
+        eq = self.equations
+        surfaces = eq.surfaces
         rates = zip(surfaces, self._rates, strict=True)
         varying = [s for s, rate in rates if rate.law_changes]
         for s in surfaces:
@@ -240,7 +241,7 @@ class ParametricEquations(System):
         with self.restored(always=True):
             for gamma in gammas:
                 self.constant.value = gamma
-                check_moduli(self.equations, f" at gamma = {gamma:g}")
+                check_moduli(eq, f" at gamma = {gamma:g}")
         with self.restored(always=True):
             for gamma in gammas:
                 # What lies opposite is searched anew: at the ends alone if the law stays.
@@ -252,9 +253,8 @@ class ParametricEquations(System):
                     self._set(gamma)
                 for s in looked_at:
                     check_surface(s, where)
-                if self._driven:
-                    eq = self.equations
-                    eq.constraints.check_planes(surfaces, eq.body_size, where)
+                if self._driven or varying or gamma == ends[0]:
+                    eq.constraints.check_values(surfaces, eq.body_size, where)
 
     @property
     def scales(self) -> tuple[float, ...]:  # type: ignore[override]

@@ -119,6 +119,8 @@ class ContactPoints(ABC):
     #: Overlaps with an obstacle that are taken from gaps, at points and vertices; None of none.
     removed_overlap: fem.Function | None = None
     removed_at_vertices: fem.Function | None = None
+    #: Areas of the local vertices that have something opposite, where that may be a part.
+    _covered_areas: Array | None = None
 
     def __init__(
         self,
@@ -325,6 +327,18 @@ class ContactPoints(ABC):
     def _swept(self) -> Array:
         """Areas of the local vertices of a body of revolution. Collective."""
         return PointEvaluator(self.vertices, self._exact, {}, self._maps, self._weight).areas
+
+    @cached_property
+    def whole_areas(self) -> Array:
+        """Areas of the local vertices, whether something is opposite or not. Collective."""
+        return self._apart[1] if self._covered_areas is None else self._swept()
+
+    @property
+    def covered(self) -> Array:
+        """Parts of the areas of the local vertices that have something opposite. Collective."""
+        if self._covered_areas is None:
+            return np.ones(len(self.vertex_areas))
+        return np.asarray(np.minimum(self._covered_areas / self.whole_areas, 1.0))
 
     @property
     def _owned_cells(self) -> int:

@@ -61,6 +61,7 @@ class FacetPoints(ContactPoints):
             self.circumferences = self.vertex_areas / sections
         if opposite is not None and opposite.areas is not None:
             self.vertex_areas = opposite.areas[self.vertex_trace_dofs]
+            self._covered_areas = self.vertex_areas
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         return PointEvaluator(self.space, self._rule, expressions, self._maps, self._weight)

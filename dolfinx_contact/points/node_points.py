@@ -46,6 +46,7 @@ class NodePoints(ContactPoints):
             self.circumferences = self.vertex_areas / sections
         if opposite is not None and opposite.areas is not None:
             self.vertex_areas = opposite.areas[self.vertex_trace_dofs]
+            self._covered_areas = self.vertex_areas
         self.areas = self.vertex_areas[: self.number].copy()
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:

@@ -51,6 +51,9 @@ def contact_fields(
     if s.method != "integral":
         for name in ("traction", "pressure", "shear"):
             state[name][clamped] = 0.0  # as in the table
+    part = s.points.covered
+    for name in ("traction", "pressure", "shear"):
+        state[name] = part.reshape(-1, *[1] * (state[name].ndim - 1)) * state[name]
     values = {
         "displacement": s.u.x.array.reshape(-1, s.dim)[s.points.vertex_trace_dofs],
         "traction": state["traction"],
@@ -59,7 +62,7 @@ def contact_fields(
         "gap": state["un"],
         "slip": state["ut"],
         "status": status,
-        "support": supports / s.points.vertex_areas[:, None],
+        "support": supports / s.points.whole_areas[:, None],
     }
     for name, inner in s.law.variables(s.dim).items():
         values[name] = s.points.at_vertices(s.bond(f"after.{inner}"))

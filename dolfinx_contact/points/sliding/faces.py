@@ -574,7 +574,7 @@ class SlidingFaces:
         turns = by * self.sums(facet, weighted.sum(axis=1) * spin[:, None])
         turns = self.free_to_spin * turns
         length = np.linalg.norm(m, axis=1)
-        others = self.sums(facet, around)
+        others = np.where(weight > 0, self.sums(facet, around), 0.0)
         share = np.where(others > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
         normal = m / length[:, None]
         return Nodal(weight, share, others, gaps, slips, normal, length, before, turns)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 from mpi4py import MPI
@@ -272,6 +273,14 @@ class SlidingPoints(NodePoints):
         planes = [float(v) for plane in sorted(self._opposite.planes.items()) for v in plane]
         # Without the digits that depend on the number of ranks.
         return [self.depth, *planes, float(f"{self.comm.allreduce(taken, op=max):.6g}")]
+
+    @cached_property
+    def whole_areas(self) -> Array:
+        return self._swept()
+
+    @property
+    def covered(self) -> Array:
+        return np.asarray(np.minimum(self.known.facing.nodal.weight / self.whole_areas, 1.0))
 
     @property
     def whole_size(self) -> float:
