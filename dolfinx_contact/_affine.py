@@ -122,7 +122,7 @@ def is_affine(form: ufl.Form, terminal: Any) -> bool:
     """
     constants = isinstance(terminal, fem.Constant)
     among = form.constants() if constants else form.coefficients()
-    places = [i for i, t in enumerate(among) if t is terminal]
+    places = [i for i, t in enumerate(among) if t == terminal]
     if not places:
         return True
     key = form.signature(), constants, places[0]

@@ -193,9 +193,10 @@ class _Writer:
 
     def __init__(self) -> None:
         self.words: list[Hashable] = []
-        self.functions: list[fem.Function] = []
-        self.constants: list[fem.Constant] = []
-        self.arguments: list[Any] = []
+        # Of two objects that are the same for UFL, as copies are, the first; with its number.
+        self.functions: dict[fem.Function, int] = {}
+        self.constants: dict[fem.Constant, int] = {}
+        self.arguments: dict[Any, int] = {}
         self._places: dict[int, int] = {}  # of nodes
         self._domains: dict[int, tuple[Any, int]] = {}
         self._indices: dict[int, int] = {}
@@ -249,24 +250,22 @@ class _Writer:
     def _terminal(self, node: Any) -> Hashable:
         kind = type(node)
         if kind is fem.Function:
-            self.functions.append(node)
             space = node.ufl_function_space()
             word = self.domain(space.ufl_domain()), space.ufl_element(), node.dtype
-            return kind, len(self.functions), word
+            return kind, _number(self.functions, node), word
         if kind is fem.Constant:
-            self.constants.append(node)
             return (
                 kind,
-                len(self.constants),
+                _number(self.constants, node),
                 node.ufl_shape,
                 self.domain(node.ufl_domain()),
                 node.dtype,
             )
         if kind is ufl.Argument:
-            self.arguments.append(node)
             space = node.ufl_function_space()
             return (
                 kind,
+                _number(self.arguments, node),
                 node.number(),
                 node.part(),
                 self.domain(space.ufl_domain()),
@@ -294,8 +293,8 @@ class _Writer:
         return int(i)
 
 
-def _number(known: dict[int, int], count: int) -> int:
-    return known.setdefault(count, len(known))
+def _number(known: dict[Any, int], thing: Any) -> int:
+    return known.setdefault(thing, len(known))
 
 
 def _ranks(values: list[Any]) -> tuple[int, ...]:

@@ -3,6 +3,7 @@
 The oracle is DOLFINx's own look-up, by the signature of the derivatives that are written out.
 """
 
+import copy
 from itertools import combinations
 
 from mpi4py import MPI
@@ -183,6 +184,27 @@ def test_no_two_of_them_say_the_same():
         assert found[:3] == keys[name][:3], name  # the last is the order in which all was made
     for world in (World(1, mesh.CellType.triangle), World(1, degree=2)):
         assert all(_forms.content_of(make(world)).key != keys[name] for name, make in FORMS.items())
+
+
+def test_copies_say_what_one_says():
+    """They are equal for UFL: of a Function and its copy one is compiled, of two others both."""
+    w = World(1)
+    for f, g in (("f", "g"), ("a", "b")):
+        for other in (copy.copy(getattr(w, f)), getattr(w, g)):
+            form = other * getattr(w, f) ** 2 * w.d * ufl.dx
+            found = COMM.allreduce(fem.assemble_scalar(_forms.compiled_form(form)))
+            expected = COMM.allreduce(fem.assemble_scalar(_forms._compiled_anew(form, None)))
+            assert found == pytest.approx(expected, rel=1e-14)
+
+
+def test_test_functions_of_one_space_are_one():
+    """A residual may call for one in each of its terms."""
+    for w in (World(1), World(2)):
+        v, other = w.v, ufl.TestFunction(w.v.ufl_function_space())
+        form = w.a * ufl.inner(ufl.grad(w.u), ufl.grad(v)) * ufl.dx + ufl.dot(w.u, other) * w.ds(1)
+        check(w, form)
+        rows = fem.assemble_vector(_forms.compiled_form(form)).array
+        np.testing.assert_allclose(rows, by_dolfinx(form, w.u)[0], rtol=0, atol=1e-13)
 
 
 def test_what_is_not_known_is_compiled_by_its_signature():

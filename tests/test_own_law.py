@@ -278,3 +278,32 @@ def test_fields_may_be_negative_where_the_law_allows_it():
     assert result.kkt_violation < 1e-9
     with pytest.raises(ValueError, match="friction of Coulomb must be finite and nonnegative"):
         dragged(Coulomb(-0.5))
+
+
+@dataclass(frozen=True)
+class Curved(FrictionLaw):
+    """A bound by what the class holds."""
+
+    friction: Any
+    curve = staticmethod(lambda p: p)
+    table = np.ones(1)
+
+    def bound(self, a, p):
+        return self.friction * self.table[0] * self.curve(p)
+
+
+@dataclass(frozen=True)
+class Steeper(Curved):
+    """Another class, with what it has from that one."""
+
+
+def test_what_a_class_holds_is_in_the_kind(monkeypatch):
+    """A method, a digit of an array, what a class has in place of its base: each makes another."""
+    law = Steeper(0.3)
+    found = [law.kind]
+    changes = {"curve": staticmethod(lambda p: 2 * p), "table": np.array([1 + 1e-9])}
+    for name, value in {**changes, "bound": lambda self, a, p: p}.items():
+        monkeypatch.setattr(Steeper, name, value, raising=False)
+        found.append(law.kind)
+        assert Steeper(0.3).kind == law.kind
+    assert len(set(found)) == len(found)

@@ -420,15 +420,23 @@ def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
     }[sign]
 
 
-def _settings(kind: type) -> tuple[tuple[str, str], ...]:
-    """What a class holds beside its fields and methods, which a law may use as well."""
+def _settings(kind: type) -> tuple[tuple[str, Hashable], ...]:
+    """What a class holds beside its fields, its methods among it, as a law has it now."""
     found = {
-        name: repr(value)
-        for base in kind.__mro__
+        name: _as_key(value)
+        for base in reversed(kind.__mro__)
         for name, value in vars(base).items()
-        if not name.startswith("__") and not callable(value) and not isinstance(value, property)
+        if not name.startswith("__")
     }
-    return tuple(sorted(found.items()))
+    return tuple(sorted(found.items(), key=lambda item: item[0]))
+
+
+def _as_key(value: Any) -> Hashable:
+    """A method is itself, an array all its digits, anything else what it prints."""
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        return value.shape, value.dtype.str, value.tobytes()
+    is_method = callable(value) or isinstance(value, property | classmethod)
+    return value if is_method and isinstance(value, Hashable) else repr(value)
 
 
 def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
