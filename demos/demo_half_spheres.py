@@ -25,12 +25,13 @@
 #
 # These meshes are coarse, two cells in a wall: without friction they are at 5 mm 5, 2 and 0.7 per
 # cent above the highest published curve. The three forces there are 2.382 + 2.71 / n^2 N, by the
-# first and the last; that gives 2.490 for n = 5, and the limit lies among the published ones. Normals at the planes of symmetry are means with their
-# mirror images (`symmetry`); one-sided ones give the same forces to 3e-4. With n = 4, back from 6.5
-# to 4 mm (`--back`), the plane finds the same forces to all digits that are printed: along this
-# path there is one state at each place of the plane. Where the force falls there are three at a
-# load. States that are not symmetric, which an octant does not have, and others that the path does
-# not reach were not looked for; nothing here proves that there are none.
+# first and the last; that gives 2.490 for n = 5, and the limit lies among the published ones.
+# Normals at the planes of symmetry are means with their mirror images (`symmetry`); one-sided ones
+# give the same forces to 3e-4. With n = 4, back from 6.5 to 4 mm (`--back`), the plane finds the
+# same forces to all digits that are printed: along this path there is one state at each place of
+# the plane. Where the force falls there are three at a load. States that are not symmetric, which
+# an octant does not have, and others that the path does not reach were not looked for; nothing
+# here proves that there are none.
 
 from mpi4py import MPI
 
