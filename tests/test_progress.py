@@ -54,14 +54,14 @@ def test_progress_when_wanted(capsys):
     assert re.fullmatch(r"contact solve: solved by full steps, \d+ iterations, \S+ s", found[-1])
 
 
-def test_progress_of_a_long_solve(capsys, monkeypatch):
+def test_progress_of_a_long_solve(capsys, caplog, monkeypatch):
     """By itself once a solve takes some seconds; never where it is not wanted, or all is logged."""
     monkeypatch.setattr(_progress, "_PATIENCE", 0.0)
     block().solve()
     assert len(on_root(lines(capsys))) > 1
     block().solve(progress=False)
     assert not on_root(lines(capsys))
-    monkeypatch.setattr(logging.getLogger("dolfinx_contact"), "level", logging.INFO)
+    caplog.set_level(logging.INFO, "dolfinx_contact")
     block().solve()
     assert not on_root(lines(capsys))
 

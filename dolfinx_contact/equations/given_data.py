@@ -109,12 +109,13 @@ def data_of_surface(s: ContactSurface) -> list[Datum]:
     parts = [f.name for f in fields(obstacle)] if is_dataclass(obstacle) else []
     kind = type(obstacle).__name__
     found = []
-    for name in ("gap", "normal"):
-        for d in _placed(f"the obstacle {kind} of {s.name!r}", *s.given.data[name]):
+    for name, e in (("gap", s.given.gap), ("normal", s.given.normal)):
+        for d in _placed(f"the obstacle {kind} of {s.name!r}", *s.given.data[name], e):
             mine = [name for name in parts if getattr(obstacle, name) is d.value]
             found.append(Datum(f"the {mine[0]} of {kind} of {s.name!r}", d.value) if mine else d)
-    for name in s.given.fields:
-        found += _placed(f"the {name} of {s.law.name} of {s.name!r}", *s.given.data[f":{name}"])
+    for name, e in s.given.fields.items():
+        place = f"the {name} of {s.law.name} of {s.name!r}"
+        found += _placed(place, *s.given.data[f":{name}"], e)
     return found
 
 
