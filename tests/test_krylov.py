@@ -185,6 +185,29 @@ def test_3d_branch():
     assert 1 <= builds < len(mine.points)
 
 
+@pytest.mark.verifies(
+    "branches", reference="itself: steps on H, which hold no piece", aspects=("3D", "branches")
+)
+def test_a_jump_to_another_solution_of_the_piece_is_no_event():
+    """Much friction: a step leaves the branch for another solution of its piece, beyond a border.
+
+    The distance to it jumps over zero between the two, where there is no event.
+    """
+    PETSc.Options()["contact_linear_solver"] = "direct"
+    ends = []
+    for kinks in ("exact", "batched"):
+        args = demo_3d_branch.arguments(["--n", "4", "--friction", "3"])
+        system, _ = demo_3d_branch.foot(args, COMM)
+        x = system.create_vector()
+        with Follower(system, StepControl(kinks=kinks), gamma_scale=1.0) as follower:
+            branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 0.46))
+        assert branch.complete, branch.reason
+        ends.append(branch.points[-1].y)
+    size = ends[0].norm()
+    ends[0].axpy(-1.0, ends[1])
+    assert ends[0].norm() < 1e-8 * size
+
+
 def steps_of_the_foot():
     """Four steps over several kinks each, by multigrid."""
     PETSc.Options()["contact_linear_solver"] = "amg"

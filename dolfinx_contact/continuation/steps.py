@@ -295,6 +295,7 @@ class ExactSteps:
         s = high
         y = y_high
         side = 0
+        least = np.inf
         for number in range(60):
             fraction = reached(e_low, e_high, (w_low, w_high))
             first = comm.allreduce(float(np.min(fraction, initial=np.inf)), op=min)
@@ -325,7 +326,8 @@ class ExactSteps:
                 w_low = 1.0
                 y_low = y
                 side = -1
-        return s, y
+        # Where two solutions of the piece are near each other a distance may jump over zero.
+        return (s, y) if abs(least) <= AT_BORDER * self._unit(y, piece) else None
 
     def _length(self, away: PETSc.Vec) -> float:
         return float(np.sqrt(self.bordered.inner(away, away)))
