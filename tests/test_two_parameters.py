@@ -17,7 +17,13 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ParametricContact, materials
-from dolfinx_contact.analysis import Chart, ChartCell, count_solutions, event_curves
+from dolfinx_contact.analysis import (
+    Chart,
+    ChartCell,
+    count_solutions,
+    critical_friction,
+    event_curves,
+)
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.family import ContactFamily, Frame
 from dolfinx_contact.analysis.two_parameters import contact_family
@@ -115,6 +121,17 @@ def test_two_loads():
     friction.value = 2.9
     with pytest.raises(ValueError, match=r"data have changed since .*\(3\.0 before, 2\.9 now"):
         event_curves(system, mu, branches, **ends)
+    friction.value = 3.0
+    domain.geometry.x[:] *= 2.0
+    with pytest.raises(ValueError, match=r"have changed since .*: the nodes of the mesh"):
+        event_curves(system, mu, branches, **ends)
+    with pytest.raises(ValueError, match="the mesh has moved"):
+        system.check_parameter([1.0])
+    with pytest.raises(ValueError, match="the mesh has moved"):
+        critical_friction(problem)
+    domain.geometry.x[:] /= 2.0
+    mu.value = 1.0
+    branches[0][1].refuse_other_data()
 
 
 @pytest.fixture(scope="module")

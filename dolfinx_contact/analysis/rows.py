@@ -57,6 +57,7 @@ def static_equations(problem: Any) -> ContactEquations:
     eq = getattr(problem, "equations", None)
     if not isinstance(eq, ContactEquations):
         raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+    eq.require_same_mesh()
     check_moduli(eq)
     for s in eq.surfaces:
         check_surface(s)

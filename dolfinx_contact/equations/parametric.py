@@ -231,6 +231,7 @@ class ParametricEquations(System):
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
         eq = self.equations
+        eq.require_same_mesh()
         surfaces = eq.surfaces
         rates = zip(surfaces, self._rates, strict=True)
         varying = [s for s, rate in rates if rate.law_changes]
