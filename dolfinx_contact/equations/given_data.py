@@ -215,12 +215,17 @@ class Constancy:
             for a, v in zip(off, self._values, strict=True)
         ]
         found = self._comm.allreduce(np.array(mine, dtype=float), op=np.maximum)
-        for d, v, (away, size) in zip(self._data, self._values, found, strict=True):
+        for d, v, (here, _), (away, size) in zip(
+            self._data, self._values, mine, found, strict=True
+        ):
             if not away <= _SAME * size:
-                if hasattr(d.value, "x"):
-                    return d.place
-                was, now = (np.asarray(a).tolist() for a in (v, d.value.value))
-                return f"{d.place} ({was} before, {now} now)"
+                words = d.place
+                if not hasattr(d.value, "x"):
+                    was, now = (np.asarray(a).tolist() for a in (v, d.value.value))
+                    words = f"{d.place} ({was} before, {now} now)"
+                # In the words of a rank on which it has changed.
+                told = self._comm.allgather("" if here <= _SAME * size else words)
+                return next(w for w in told if w)
         return ""
 
     def restore(self) -> None:
