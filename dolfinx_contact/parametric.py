@@ -26,7 +26,6 @@ from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._errors import on_root, require
 from dolfinx_contact._frozen import ReadOnly
-from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma
@@ -167,22 +166,14 @@ class ParametricContact(ReadOnly, ParametricEquations):
                 self._warned.add(name)
 
     def data_watch(self) -> Callable[[], str]:
-        """What says which Constants, Functions or nodes have changed since; see `System`.
+        """What says which Constants and Functions have changed since; see `System`.
 
         Gamma and the Functions that it drives are none of them.
         """
         mine = [d for d in placed_data(self.equations) if any(d.value is f for f in self._data)]
         driving = data_within(self._driven_expressions)
         data = [*mine, *(d for d in driving if d.value is not self.constant)]
-        constancy = Constancy(self.comm, data)
-        domain = self.equations.V.mesh
-        mark = mesh_mark(domain)
-
-        def changed() -> str:
-            moved = self.comm.allreduce(int(mesh_mark(domain) != mark), op=max)
-            return "the nodes of the mesh" if moved else constancy.changed()
-
-        return changed
+        return Constancy(self.comm, data).changed
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
         """What `ContactProblem.solve` finds at gamma from x; see `System`. Collective."""

@@ -66,6 +66,7 @@ def contact_family(
             friction and contact at nodes, or its data are not affine in mu, or do not contain it.
     """
     low, high = mu_range
+    system.equations.require_same_mesh()
     curved = system._not_affine_in(other)
     require(system.comm, not curved, f"{_MUST} ({curved})")
     found = [_condensed(system, other, mu) for mu in (low, high, (low + high) / 2)]

@@ -245,9 +245,10 @@ class System:
         return lambda: ""
 
     def undisturbed(self) -> AbstractContextManager[None]:
-        """A context in which nobody changes the data; by default it does nothing.
+        """A context in which nobody changes the data; by default it does nothing. Collective.
 
-        A step of a branch runs in it: what depends on the data may be kept there.
+        A step of a branch runs in it: what depends on the data may be kept there. It raises
+        ``ValueError`` if the mesh has been moved before.
         """
         return nullcontext()
 

@@ -163,7 +163,8 @@ class Constraints:
         self._warn_of_contradictions()
         values = self.values()
         prescribed = np.where(self.fixed, values, 0.0)
-        self._check_planes(surfaces, size, where)
+        for s in surfaces:
+            s.points.require_in_place(prescribed, size, f"{s.name}{where}")
         for s, normals, held in zip(surfaces, self._normals, self.held, strict=True):
             name = f"{s.name}{where}"
             fixed = held[s.points.vertex_trace_dofs]
@@ -202,15 +203,6 @@ class Constraints:
                 bool(worst > -1e-9 * size),
                 f"{name}: Dirichlet data push a contact node {-worst:.3g} into the obstacle",
             )
-
-    def _check_planes(self, surfaces: Sequence[ContactSurface], size: float, where: str) -> None:
-        """Raise ``ValueError`` if values move nodes off their planes of symmetry. Collective."""
-        sliding = [s for s in surfaces if s.slides]
-        if not sliding:
-            return
-        prescribed = np.where(self.fixed, self.values(), 0.0)
-        for s in sliding:
-            s.points.require_in_place(prescribed, size, f"{s.name}{where}")
 
     def removed_multipliers(self) -> npt.NDArray[np.bool_]:
         """Which of the owned unknowns after the displacement are removed multipliers."""

@@ -224,6 +224,7 @@ class ParametricEquations(System):
         self._alone = True
         try:
             with mesh_stays():
+                self.equations.require_same_mesh()
                 yield
         finally:
             self._alone = False

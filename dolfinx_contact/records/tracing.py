@@ -55,6 +55,7 @@ def journal_of(
         if not all(isinstance(b, Branch) for b in branches):
             raise ValueError("branches must be Branches, as `follow` and `explore` return them")
     same_everywhere(system.comm, points_of_the_branches=[len(b.points) for b in branches])
+    system.equations.require_same_mesh()
     for branch in branches:
         branch.refuse_other_data()
     values = compiled(system.problem, functionals or {})

@@ -25,7 +25,7 @@ sys.path[:0] = [str(HERE), str(HERE.parents[1])]
 
 from judge import REFUSED, RIGHT, SAID, WRONG, judged  # noqa: E402
 
-_SECONDS = 600  # that one attack may take before the run is aborted with its traceback
+_SECONDS = 180  # that one attack may take before the run is aborted with its traceback
 _TOOLS = ("bodies", "flying", "judge", "recorded", "rings", "run")
 
 
