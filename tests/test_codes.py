@@ -22,7 +22,7 @@ SMALL = {
     "greco": lambda: problems.greco(8),
     "dragged": lambda: problems.dragged(5),
     "three": lambda: problems.three(4),
-    "cyclic": lambda: problems.cyclic(6, 4),
+    "cyclic": lambda: problems.cyclic(6, 5),
     "wedge": lambda: problems.wedge(6),
 }
 
@@ -121,12 +121,84 @@ def test_a_motion_is_judged():
 
 def test_what_is_no_answer_is_refused():
     problem = problems.wedge(6)
-    with pytest.raises(ValueError, match="do not fit"):
-        figures(problem, np.full((1, *problem.x.shape), np.nan))
+    u, forces = answer(problem)
+    for wrong in (np.full_like(u, np.nan), u[:, :-1], np.concatenate([u, u])):
+        with pytest.raises(ValueError, match=r"displacements of shape .* do not fit"):
+            figures(problem, wrong)
+    for wrong in (np.full_like(forces, np.nan), forces[:, :1], np.concatenate([forces, forces])):
+        with pytest.raises(ValueError, match=r"forces of shape .* do not fit"):
+            figures(problem, u, wrong)
+    with pytest.raises(ValueError, match="nothing moves"):
+        figures(problems.cyclic(6, 1), np.zeros((1, 28, 2)))
+    # A figure that is no number compares with nothing.
+    with pytest.raises(ValueError, match="no number: slip"):
+        judge.worse(dict.fromkeys(judge.FIGURES, 0.0), {"slip": np.nan})
+
+
+def test_what_is_not_prescribed_is_found():
+    """Answers that obey the law under other data: half the load, or one step's at all times."""
+    import run
+
+    assert run.FIGURES == judge.FIGURES
+    problem = problems.cyclic(6, 5)
+    u, forces = answer(problem)
+    assert found(problem, 0.5 * u, 0.5 * forces) == {"held"}
+    assert found(problem, np.repeat(u[:1], 5, axis=0)) == {"held"}
+    # What is prescribed is the same backwards, and friction is not.
+    assert found(problem, u[::-1]) == {"slip"}
+    bar = problems.bar(5)
+    aside = np.zeros((bar.steps, *bar.x.shape))
+    aside[..., 0] = 0.1
+    assert figures(bar, aside)["held"] == pytest.approx(1)
+
+
+def test_an_answer_does_not_choose_its_judge():
+    problem = problems.greco(8)
+    arrays = {f.name: getattr(problem, f.name) for f in fields(problem)}
+    u, _ = answer(replace(problem, mu=2.0))
+    assert found(problem, u)
+    for said in ({"mu": 2.0}, {"mu": float("nan")}, {"law": "log"}):
+        with pytest.raises(ValueError, match=r"friction|law"):
+            judge.solved(arrays, said)
+
+
+def pushed(problem, u, nodes, forces):
+    """The displacements under further forces at nodes (k, 2): the bodies are linear."""
+    p = problem
+    K, _ = judge.assembled(p.x, p.cells, p.kind, p.E, p.nu, np.zeros(2))
+    free = np.setdiff1d(np.arange(problem.x.size), problem.held)
+    load = np.zeros(problem.x.shape)
+    load[nodes] = forces
+    more = np.zeros(problem.x.size)
+    more[free] = np.linalg.solve(K.toarray()[np.ix_(free, free)], load.reshape(-1)[free])
+    return u + more.reshape(problem.x.shape)
+
+
+def test_both_bodies_are_judged():
+    """Action and reaction: what the second body feels is as much a part of an answer."""
+    problem = problems.pair()
+    u, forces = answer(problem)
+    good = figures(problem, u, forces)
+    assert good["equilibrium"] < 1e-8
+    assert max(good[f] for f in judge.FIGURES) < 0.01
+    below = problem.x[:, 1] <= 0
+    below[problem.contact] = False
+    alone = np.where(below[:, None], 0.0, u)
+    assert figures(problem, alone)["equilibrium"] > 0.1
+    size = np.abs(forces).max()
+    row = np.flatnonzero(below & np.isclose(problem.x[:, 1], 0))  # along the face, from -0.2 on
+    # In balance, but outside of contact, or pulling there.
+    turned = pushed(problem, u, row[[0, 14]], size * np.array([[0.0, 0.1], [0.0, -0.1]]))
+    assert figures(problem, turned)["equilibrium"] > 0.05
+    between = pushed(problem, u, row[[6, 7, 8]], size * np.array([[0, -1], [0, 2], [0, -1]]))
+    report = figures(problem, between)
+    assert report["equilibrium"] < 1e-8
+    assert report["cone"] > 0.1
+    assert report["penetration"] > 0.01
 
 
 def test_a_code_without_friction_is_judged_without():
-    problem = problems.cyclic(6, 2)
+    problem = problems.cyclic(6, 3)
     u, _ = answer(replace(problem, mu=0.0))
     assert {"slip"} <= found(problem, u) <= {"cone", "slip"}
     arrays = {f.name: getattr(problem, f.name) for f in fields(problem)}
@@ -263,6 +335,13 @@ def test_the_table_compares_forces_of_one_law():
     assert "| CalculiX | tuned | iso1 | 190.0, 42.0 |  | -5.0%, +5.0% |  |" in text
     assert "| ironing | yes, not run | not run | not run, yes | not possible |" in text
     assert "| CalculiX | tuned | done, 84 of 84 steps | 1 | 1.00 |" in text
+    records[2]["figures"]["steps"] = 5  # that there are, whatever it says
+    text = run.table(records)
+    assert "| CalculiX | tuned | done, 5 of 84 steps | 1 | 1.00 |" in text
+    assert "| ironing | yes, not run | not run | not run, no | not possible |" in text
+    del records[2]["figures"]
+    records[2]["error"] = "forces do not fit"
+    assert "| CalculiX | tuned | no answer: forces do not fit |" in run.table(records)
 
 
 @pytest.mark.parametrize("law", list(judge.LAWS))

@@ -14,14 +14,17 @@ support or contact,
     complementarity   min(max(un, 0) / L, max(rn, 0) / F)
     slip          min(|w| / L, |rt + mu rn w/|w|| / F), w the slip of the step
 
-each at the worst node and step: 0 for a solution. Of a motion they are, over its largest
-displacement, ``penetration``, ``path``, by which the mean displacement is off its closed form, and
-``rest``, what is left of displacements at the end, where all are 0. ``closed`` is a problem's ratio
-of forces over its closed form, less 1; ``half_width`` and ``peak`` are those over Hertz', less 1:
-twice the root of the second moment of the normal forces, which is the half width of a half
-ellipse, and the largest force by area. The gap between two bodies is that of the nodes of the first
-over the faces of the second, at the place below before anything moves. A point is closed with more
-than 1e-5 F, and slips if it moves by more than 1e-3 L.
+each at the worst node and step: 0 for a solution. An answer in which one of them is no number is
+refused. Of two bodies penetration and cone are those of the nodes of either face, and equilibrium
+has what the faces together do to the bodies: their forces are opposite, in small displacements
+their moments too, and no node carries a force that has nothing near it. Of a motion they are, over
+its largest displacement, ``held``, ``penetration``, ``path``, by which the mean displacement is off
+its closed form, and ``rest``, what is left of displacements at the end, where all are 0. ``closed``
+is a problem's ratio of forces over its closed form, less 1; ``half_width`` and ``peak`` are those
+over Hertz', less 1: twice the root of the second moment of the normal forces, which is the half
+width of a half ellipse, and the largest force by area. The gap between two bodies is that of the
+nodes of the first over the faces of the second, at the place below before anything moves. A point
+is closed with more than 1e-5 F, and slips if it moves by more than 1e-3 L.
 
     python3 benchmarks/codes/judge.py problem.npz answer.npz
 """
@@ -117,18 +120,69 @@ def surface_loads(x, faces, tractions):
 def jumps(problem, u):
     """Displacement of the contact nodes over what is opposite (m, dim), and gaps at rest (m,)."""
     x, nodes = problem["x"], problem["contact"]
-    gap = (x[nodes] - problem["point"]) @ problem["normal"]
-    faces = problem["master_faces"]
-    if not len(faces):
-        return u[nodes], gap
+    if not len(problem["master_faces"]):
+        return u[nodes], (x[nodes] - problem["point"]) @ problem["normal"]
+    jump, gap, _ = over_faces(x, u, nodes, problem["master_faces"], problem["normal"])
+    return jump, gap
+
+
+def over_faces(x, u, nodes, faces, normal):
+    """Displacements of nodes over faces (m, 2), gaps (m,), and whether a face is opposite (m,)."""
     start, end = x[faces[:, 0]], x[faces[:, 1]]
     along = end - start
     at = ((x[nodes][:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1)
-    face = np.abs(np.clip(at, 0, 1) - at).argmin(axis=1)
+    beyond = np.abs(np.clip(at, 0, 1) - at)
+    face = beyond.argmin(axis=1)
     at = at[np.arange(len(nodes)), face][:, None]
     opposite = (1 - at) * u[faces[face, 0]] + at * u[faces[face, 1]]
     below = (1 - at) * start[face] + at * end[face]
-    return u[nodes] - opposite, (x[nodes] - below) @ problem["normal"]
+    gap = (x[nodes] - below) @ normal
+    return u[nodes] - opposite, gap, beyond.min(axis=1) < 1e-9
+
+
+def unbalanced(at, force, unheld, nodes, others):
+    """What of the forces on two faces is left (scalar).
+
+    Args:
+        at: places of all nodes (n, 2).
+        force: on the bodies (n, 2).
+        unheld: components that no support holds (n, 2).
+        nodes, others: of the faces; those of the second carry nothing if all of the first are
+            farther than twice the longest way from a node to the next.
+    """
+    carried = np.where(unheld, force, 0.0)
+    both = np.union1d(nodes, others)
+    far = distances(at[others], at[nodes]).min(axis=1)
+    next_one = [np.sort(distances(at[f], at[f]), axis=1)[:, 1].max() for f in (nodes, others)]
+    alone = carried[others][far > 2 * max(next_one)]
+    return max(np.abs(carried[both].sum(axis=0)).max(), np.abs(alone).max(initial=0))
+
+
+def turning(x, force, unheld, nodes, others, normal):
+    """The moment of the forces of pressure on two faces over their size (scalar)."""
+    both = np.union1d(nodes, others)
+    pressing = (np.where(unheld, force, 0.0) @ normal)[both]
+    along = x[both] @ tangent(normal)
+    return abs((along - along.mean()) @ pressing) / np.ptp(along)
+
+
+def tangent(normal):
+    """Across the normal, in the plane (2,)."""
+    return np.array([normal[1], -normal[0]])
+
+
+def distances(a, b):
+    """Of points (a, dim) from points (b, dim): (a, b)."""
+    return np.linalg.norm(a[:, None] - b, axis=2)
+
+
+def on_other_face(p, u, force, length, scale):
+    """Penetration and cone of the nodes of the second of two bodies, at the worst."""
+    nodes, normal = np.unique(p["master_faces"]), -p["normal"]
+    jump, gap, opposite = over_faces(p["x"], u, nodes, p["contact_faces"], normal)
+    law = at_nodes(jump, jump, gap, force[nodes], normal, p["mu"], length, scale)
+    penetration = law["penetration"][opposite].max(initial=0)
+    return {"penetration": penetration, "cone": law["cone"].max()}
 
 
 def at_nodes(jump, before, gap, force, normal, mu, length, scale):
@@ -161,12 +215,14 @@ def judged_motion(p, u):
     gap = (x[nodes] - p["point"]) @ p["normal"] + u[:, nodes] @ p["normal"]
     _, share = assembled(x, p["cells"], str(p["kind"]), p["E"], p["nu"], np.array([0.0, 1.0]))
     mean = u[:, :, 1] @ share[:, 1] / share[:, 1].sum()
+    held = u.reshape(len(u), -1)[:, p["held"]] - p["values"]
     figures = {
+        "held": np.abs(held).max(initial=0) / length,
         "penetration": np.maximum(-gap, 0).max() / length,
         "path": np.abs(mean - p["path"]).max() / length,
         "rest": np.abs(u[-1]).max() / length,
     }
-    return {name: float(value) for name, value in figures.items()}
+    return numbers(figures)
 
 
 def by_hertz(x, force, area, hertz):
@@ -226,10 +282,7 @@ def nearest(x, faces, points):
     """
     start, end = x[faces[:, 0]], x[faces[:, 1]]
     along = end - start
-    normals = np.zeros_like(x)
-    for column in faces.T:
-        np.add.at(normals, column, np.stack([along[:, 1], -along[:, 0]], axis=1))
-    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    normals = outward(x, faces)
     at = ((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1)
     at = np.clip(at, 0, 1)
     away = np.linalg.norm(points[:, None] - start - at[..., None] * along, axis=2)
@@ -237,6 +290,15 @@ def nearest(x, faces, points):
     at = at[np.arange(len(points)), face]
     normal = mixed(normals, faces[face], at)
     return face, at, normal / np.linalg.norm(normal, axis=1)[:, None]
+
+
+def outward(x, faces):
+    """Unit normals (n, 2) at the nodes of faces (f, 2), their mean there; 0 elsewhere."""
+    along = x[faces[:, 1]] - x[faces[:, 0]]
+    normals = np.zeros_like(x)
+    for column in faces.T:
+        np.add.at(normals, column, np.stack([along[:, 1], -along[:, 0]], axis=1))
+    return normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
 
 
 def mixed(values, faces, at):
@@ -250,18 +312,15 @@ def judged_far(p, u):
     Places and normals are those of the faces opposite where they are now (`nearest`), and the slip
     of a step is over the point there. ``pressed`` and ``slid`` are vertical and horizontal forces
     on the second body, by its supports: at the end of the press, and the mean of the slide. F is
-    the largest force of all steps, since the bodies are apart to begin with.
+    the largest force of all steps, since the bodies are apart to begin with. Of the second body's
+    nodes tension alone is looked for, since its normals turn from face to face.
     """
     x, nodes, faces = p["x"], p["contact"], p["master_faces"]
     steps = int(np.isfinite(u).all(axis=(1, 2)).cumprod().sum())
     if not steps:
         raise ValueError("there are no displacements")
-    unheld = np.ones(x.size, bool)
-    unheld[p["held"]] = False
-    touching = np.zeros(x.shape, bool)
-    touching[nodes] = touching[faces] = True
-    free = unheld & ~touching.reshape(-1)
-    touching &= unheld.reshape(x.shape)
+    unheld, free = free_of(p)
+    others = np.unique(faces)
     loaded = np.unique(p["held"][np.abs(p["values"]).max(axis=0) > 0] // 2)
     worst = dict.fromkeys(FIGURES, 0.0)
     supports, before = [], np.zeros_like(x)
@@ -279,9 +338,11 @@ def judged_far(p, u):
         found = {name: values.max() for name, values in law.items()}
         held = now.reshape(-1)[p["held"]] - p["values"][s]
         found["held"] = np.abs(held).max() / length
-        both = (r * touching).sum(axis=0)  # action and reaction
-        found["equilibrium"] = max(np.abs(r.reshape(-1)[free]).max(), np.abs(both).max()) / scale
-        worst = {name: max(worst[name], float(found[name])) for name in FIGURES}
+        pulled = (np.where(unheld, r, 0.0) * outward(at, faces)).sum(axis=1)
+        found["cone"] = max(found["cone"], pulled.max() / scale)
+        left = unbalanced(at, r, unheld, nodes, others)
+        found["equilibrium"] = max(np.abs(r[free]).max(), left) / scale
+        worst = worse(worst, found)
         supports.append(r[loaded].sum(axis=0) * [1, -1])
         before = now
     closed = (force * normal).sum(axis=1) > _CARRIES * scale
@@ -298,6 +359,31 @@ def judged_far(p, u):
     return worst
 
 
+def free_of(p):
+    """Components that no support holds (n, dim), and those of them off the faces that may touch."""
+    unheld = np.ones(p["x"].size, bool)
+    unheld[p["held"]] = False
+    unheld = unheld.reshape(p["x"].shape)
+    free = unheld.copy()
+    free[p["contact"]] = free[np.unique(p["master_faces"]).astype(int)] = False
+    return unheld, free
+
+
+def numbers(figures):
+    """Figures by name as numbers, or ValueError if one is none: that compares with nothing."""
+    found = {name: float(value) for name, value in figures.items()}
+    wrong = [name for name, value in found.items() if not np.isfinite(value)]
+    if wrong:
+        raise ValueError(f"no number: {', '.join(wrong)}")
+    return found
+
+
+def worse(worst, found):
+    """The larger of the figures of other steps and those of one."""
+    found = numbers(found)
+    return {name: max(worst[name], found[name]) for name in FIGURES}
+
+
 def judged(problem, u, forces=None):
     """The figures of an answer.
 
@@ -308,6 +394,9 @@ def judged(problem, u, forces=None):
 
     Returns:
         Figures by name, and statuses: how many contact nodes are open, stick and slip at the end.
+
+    Raises:
+        ValueError: if displacements or forces do not fit, are no numbers, or are all zero.
     """
     p = dict(problem)
     u = np.asarray(u, float)
@@ -318,29 +407,43 @@ def judged(problem, u, forces=None):
         raise ValueError(f"displacements of shape {u.shape} do not fit, or are not numbers")
     if p["density"]:
         return judged_motion(p, u)
+    if forces is not None:
+        forces = np.asarray(forces, float)
+        if forces.shape != u[:, p["contact"]].shape or not np.isfinite(forces).all():
+            raise ValueError(f"forces of shape {forces.shape} do not fit, or are not numbers")
+    return judged_near(p, u, forces)
+
+
+def judged_near(p, u, forces):
+    """The figures of linear bodies at rest, in small displacements."""
     x, nodes, normal = p["x"], p["contact"], p["normal"]
     kind = str(p["kind"])
     K, weight = assembled(x, p["cells"], kind, p["E"], p["nu"], p["body_force"], p["times"])
-    free = np.ones(x.size, bool)
-    free[p["held"]] = False
-    for of_contact in (nodes, np.unique(p["master_faces"]).astype(int)):
-        free.reshape(x.shape)[of_contact] = False
+    unheld, free = free_of(p)
     worst = dict.fromkeys(FIGURES, 0.0)
     before = np.zeros((len(nodes), x.shape[1]))
     for s, now in enumerate(u):
         load = weight + surface_loads(x, p["faces"], p["tractions"][s][p["tags"]])
         r = (K @ now.reshape(-1)).reshape(x.shape) - load
-        force = r[nodes] if forces is None else np.asarray(forces[s], float)
+        force = r[nodes] if forces is None else forces[s]
         length = np.abs(now).max()
         scale = max(np.linalg.norm(a, axis=1).max() for a in (r, load, force))
+        if not (length and scale):
+            raise ValueError("nothing moves, or no force is there")
         jump, gap = jumps(p, now)
         law = at_nodes(jump, before, gap, force, normal, p["mu"], length, scale)
         found = {name: values.max() for name, values in law.items()}
         held = now.reshape(-1)[p["held"]] - p["values"][s]
         found["held"] = np.abs(held).max(initial=0) / length
-        left = np.abs(r.reshape(-1)[free]).max(initial=0)
-        found["equilibrium"] = max(left, np.abs(r[nodes] - force).max()) / scale
-        worst = {name: max(worst[name], float(found[name])) for name in FIGURES}
+        left = [np.abs(r[free]).max(initial=0), np.abs(r[nodes] - force).max()]
+        if len(p["master_faces"]):
+            others = np.unique(p["master_faces"])
+            left.append(unbalanced(x, r, unheld, nodes, others))
+            left.append(turning(x, r, unheld, nodes, others, normal))
+            below = on_other_face(p, now, r, length, scale)
+            found |= {name: max(found[name], value) for name, value in below.items()}
+        found["equilibrium"] = max(left) / scale
+        worst = worse(worst, found)
         slip, before = jump - before, jump
     tangential = np.linalg.norm(slip - (slip @ normal)[:, None] * normal, axis=1)
     closed = force @ normal > _CARRIES * scale
@@ -357,12 +460,21 @@ def judged(problem, u, forces=None):
 
 
 def solved(problem, record):
-    """The problem that a code says it has solved: with another friction, or elastic law."""
-    if "law" in record:
-        problem = dict(problem) | {"law": record["law"]}
-    if "mu" not in record:
+    """The problem that a code says it has solved: without friction, or with another elastic law.
+
+    Raises:
+        ValueError: if it is another problem than these: an answer does not choose its judge.
+    """
+    law, mu = record.get("law"), record.get("mu")
+    if law is not None:
+        if not str(problem["law"]) or law not in LAWS:
+            raise ValueError(f"the elastic law {law!r} is none of this problem")
+        problem = dict(problem) | {"law": law}
+    if mu is None:
         return problem
-    return dict(problem) | {"mu": record["mu"], "closed": 0.0}
+    if mu != 0:
+        raise ValueError(f"it solved with the friction {mu!r}, neither the problem's nor none")
+    return dict(problem) | {"mu": 0.0, "closed": 0.0}
 
 
 def main(problem, answer):

@@ -30,8 +30,8 @@ PROBLEMS = (
     "bar", "ironing",
 )  # fmt: skip
 STEPS = 84  # of the ironing
-MOTION = ("penetration", "path", "rest")
-FIGURES = ("equilibrium", "penetration", "cone", "complementarity", "slip")
+MOTION = ("held", "penetration", "path", "rest")
+FIGURES = ("held", "equilibrium", "penetration", "cone", "complementarity", "slip")
 #: Of a processor at most, of a run, but of the larger problems; by a clock three times that.
 SECONDS = 300
 LONGER = {"dragged64": 900, "dragged256": 900, "ironing": 900}
@@ -276,11 +276,18 @@ def measured(folder, problem, code, way):
     return judged(folder, record)
 
 
+def is_there(folder, record):
+    """Whether there is an answer of a run."""
+    name = f"{record['problem']}-{record['code']}-{record['way']}"
+    return "record" in record and (folder / f"{name}.npz").exists()
+
+
 def judged(folder, record):
     """The record of a run with what the judge says of its answer."""
     name = f"{record['problem']}-{record['code']}-{record['way']}"
     given, answer = folder / f"{record['problem']}.npz", folder / f"{name}.npz"
     problem = record["problem"]
+    record = {k: v for k, v in record.items() if k not in ("error", "figures")}
     error, text = within("project", problem, "python3", HERE / "judge.py", given, answer)
     if error:
         return record | {"error": f"the judge: {error}"}
@@ -316,8 +323,8 @@ def row(record):
     name = f"| {CODES[record['code']].title} | {record['way']} "
     if "figures" not in record:
         reason = record.get("error")
-        says = record.get("record", {}).get("says")
-        words = f"no answer: {says or reason}".replace("|", "/")
+        said = record.get("record", {"converged": True})
+        words = f"no answer: {reason if said['converged'] else said['says']}".replace("|", "/")
         empty = len(figures_of(record["problem"])) + (2 if record["problem"] == "bar" else 3)
         return name + f"| {words} |" + " |" * empty
     said, figures = record["record"], record["figures"]
@@ -326,7 +333,7 @@ def row(record):
     places = [f"{counts['open']}/{counts['stick']}/{counts['slip']}"] if counts else []
     says = said["says"] + (", without friction" if said.get("mu") == 0 else "")
     if "steps" in figures:
-        says += f", {said['steps']} of {STEPS} steps"
+        says += f", {min(said['steps'], figures['steps'])} of {STEPS} steps"
     seconds = f"{said['seconds']:.2f}" + ("" if record.get("clock") == "processor" else " wall")
     words = [says, str(said["iterations"]), seconds, *numbers, *places]
     return f"{name}| {' | '.join(words)} |"
@@ -384,7 +391,8 @@ def outcome(record):
         return "not run"
     if "figures" not in record:
         return "no answer"
-    return "yes" if record["record"]["converged"] else "no"
+    complete = record["figures"].get("steps", STEPS) == STEPS
+    return "yes" if record["record"]["converged"] and complete else "no"
 
 
 def overview(records):
@@ -453,7 +461,7 @@ def main():
     ways = ("recommended", "tuned", *ONLY)
     parser.add_argument("--ways", nargs="*", choices=ways, default=ways)
     parser.add_argument("--table", type=Path, help="results that are there, of which to make one")
-    parser.add_argument("--judge", action="store_true", help="judge the answers there again")
+    parser.add_argument("--judge", action="store_true", help="judge answers that are there again")
     args = parser.parse_args()
     if args.table:
         results = args.table
@@ -461,7 +469,7 @@ def main():
         results = args.output / "results.json"
         before = json.loads(results.read_text())["runs"] if results.exists() else []
         if args.judge:
-            records = [r if "record" not in r else judged(args.output, r) for r in before]
+            records = [judged(args.output, r) if is_there(args.output, r) else r for r in before]
         else:
             records = merged(before, run(args.output, args.problems, args.codes, args.ways))
         settings = {
