@@ -19,6 +19,7 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
+    ParametricContact,
     RigidBody,
 )
 from dolfinx_contact.body.inertia import mass_matrix
@@ -402,6 +403,28 @@ def test_energy_is_kept(cell, n, degree, damping):
     assert largest(problem.u.x.array[: len(held)][held] - top.x.array[: len(held)][held]) < 1e-12
 
 
+@pytest.mark.verifies(
+    "energies of motions", reference="closed form: a body that drag slows", aspects=("2D",)
+)
+@pytest.mark.parametrize("theta", [0.5, 0.8])
+def test_drag_takes_what_the_body_loses(theta):
+    """m v' = -a m v by the theta scheme: velocities and the work of drag, step by step."""
+    a, h, m = 2.0, 0.1, 3.0
+    problem, _ = block(height=1.0)
+    velocity = at_speed(problem, 0.3, 0.2)
+    how = dict(theta=theta, mass="consistent", damping=(a, 0.0), velocity=velocity)
+    history = NSCD(problem, m, dt=h, **how).run([0.0, 3 * h], progress=False)
+    v = (
+        np.array([0.3, 0.2])
+        * ((1 - (1 - theta) * a * h) / (1 + theta * a * h)) ** np.arange(4)[:, None]
+    )
+    assert largest(velocity.x.array.reshape(-1, 2) - v[-1]) < 1e-12
+    dragged = a * h * m * (v[1:] + v[:-1]) / 2 * (theta * v[1:] + (1 - theta) * v[:-1])
+    wanted = dragged.sum(axis=1).cumsum()
+    np.testing.assert_allclose([s.energies.damping for s in history.steps], wanted, rtol=1e-10)
+    assert max(abs(s.energies.residue) for s in history.steps) < 1e-12
+
+
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "energies of motions", "hyperelastic bodies", reference="itself: half the step", aspects=("2D",)
@@ -415,6 +438,33 @@ def test_energy_of_a_hyperelastic_body():
         history = motion.run([0.0, 0.2], progress=False)
         found.append(np.abs([s.energies.residue for s in history.steps]).max())
     assert 1.8 < np.log2(found[0] / found[1]) < 2.2
+
+
+@pytest.mark.verifies(
+    "NSCD motion", "branches", reference="differences: of the rows of a step", aspects=("2D",)
+)
+def test_a_load_within_a_step():
+    """The derivative of the rows by a Constant of the load, which has the weight theta there."""
+    domain = box(COMM, 2, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    weight = fem.Constant(domain, 3.0)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    below = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx + weight * u[1] * ufl.dx
+    motion = NSCD(ContactProblem(energy, u, [below]), 2.0, dt=0.01, theta=0.8)
+    motion.run([0.0, 0.02], progress=False)
+    system = ParametricContact(motion.problem, weight)
+    x, up, down, found = (system.create_vector() for _ in range(4))
+    motion.problem.write(x)
+    piece = system.piece_at(x, 3.0)
+    system.residual(x, 4.0, up, piece)
+    system.residual(x, 2.0, down, piece)
+    system.parameter_derivative(x, 3.0, found, piece)
+    wanted = (up.array - down.array) / 2
+    assert largest(wanted) > 0.01
+    assert largest(found.array - wanted) < 1e-10
+    total = COMM.allreduce(found.array.sum())
+    assert total == pytest.approx(0.8)
 
 
 def dense(matrix):
