@@ -199,15 +199,20 @@ def test_hertz_sphere_on_a_plane():
     assert found["touching_radius"] == pytest.approx(10.3, abs=0.4)
 
 
-def stacked(sizes, degree, method, *, cell="tri", law=None, gap=None):
-    """Two discs on each other, of different materials without Poisson's effect."""
+def stacked(sizes, degree, method, *, cell="tri", law=None, gap=None, cone=0.0):
+    """Two discs on each other, of different materials without Poisson's effect.
+
+    The lower face of the upper one may be a cone, with its tip on the axis, by its slope.
+    """
     bodies = []
     tags = []
     for i, n in enumerate(sizes):
         domain = box(COMM, n, cell)
-        domain.geometry.x[:, 1] += i
+        x = domain.geometry.x
+        x[:, 1] += i
         bodies.append(domain)
         tags.append(tagged(domain, **{f"t{2 * i + 1}": (1, i), f"t{2 * i + 2}": (1, i + 1)}))
+        x[:, 1] += i * cone * x[:, 0] * (2 - x[:, 1])
     both = join(bodies, facet_tags=tags)
     V = fem.functionspace(both.mesh, ("Lagrange", degree, (2,)))
     u = fem.Function(V)
@@ -264,6 +269,22 @@ def test_uniform_pressure_between_discs(sizes, degree, method):
     exact = np.where(x > 1 + 1e-9, above, -pressure * x / 1000)
     inside = np.abs(x - 1) > 1e-9
     np.testing.assert_allclose(u[inside, 1], exact[inside], atol=1e-11)
+
+
+@pytest.mark.verifies(
+    "bodies of revolution", reference="closed form: the normals of a cone", aspects=("2D", "pairs")
+)
+@pytest.mark.parametrize("sizes", [(4, 4), (5, 7)])
+def test_the_tip_of_a_cone(sizes):
+    """On the axis the normal is the mean of those of opposite meridians: it is along the axis."""
+    table = stacked(sizes, 1, "nodal", cone=0.1).solve().tables["contact"]
+    tip = table.x[:, 0] < 1e-9
+    assert tip.sum() == 1
+    assert table.letters[tip] != "o"
+    np.testing.assert_allclose(table.n[tip], [[0.0, -1.0]], atol=1e-12)
+    aside = np.array([0.1, -1.0]) / np.sqrt(1.01)
+    np.testing.assert_allclose(table.n[~tip], np.tile(aside, (sizes[1], 1)), atol=1e-12)
+    np.testing.assert_allclose(table.force[tip, 0], 0.0, atol=1e-12)
 
 
 def fitted(n, ratio, method, degree=1, twist=None):

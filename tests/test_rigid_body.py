@@ -43,6 +43,30 @@ COMM = MPI.COMM_WORLD
 METHODS = [(None, 1), ("integral", 1), ("mixed", 1), ("integral", 2)]
 
 
+@pytest.mark.verifies(
+    "rigid bodies", reference="differences: of displacements of any size", aspects=("2D", "3D")
+)
+@pytest.mark.parametrize("size", [0.0, 5e-5, 1e-3, 0.7, 2.5])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_velocities_of_a_body_that_has_turned(dim, size):
+    """Velocities of material points against differences of where they come to.
+
+    In 3D the rate of a vector of rotation is no angular velocity but at the start.
+    """
+    rng = np.random.default_rng(0)
+    names = ["x", "y", "rz"] if dim == 2 else ["x", "y", "z", "rx", "ry", "rz"]
+    plane = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    body = RigidBody(plane, about=rng.normal(size=dim), held=names)
+    x = rng.normal(size=(3, dim))
+    turn = rng.normal(size=len(names) - dim)
+    change = rng.normal(size=len(names))
+    values = np.concatenate([rng.normal(size=dim), size * turn / np.linalg.norm(turn)])
+    there = x + body.carried(x, values)
+    h = 1e-6
+    wanted = (body.carried(x, values + h * change) - body.carried(x, values - h * change)) / (2 * h)
+    np.testing.assert_allclose(body.rate(there, values, change), wanted, rtol=0, atol=2e-9)
+
+
 def block(
     obstacle,
     dim=2,
