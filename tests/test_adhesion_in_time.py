@@ -7,8 +7,11 @@ import pytest
 from blocks import block
 from scipy.integrate import solve_ivp
 
+import ufl
+
 from dolfinx_contact import RCCM
 from dolfinx_contact.laws import LawAtPoints, PointData
+from dolfinx_contact.laws.damage import DamageStep
 from dolfinx_contact.points.memory import Memory, with_memory
 
 COMM = MPI.COMM_WORLD
@@ -190,3 +193,25 @@ def test_bad_exponents_and_orders():
     kinds = {RCCM(C, C, W, exponent=p, order=o).kind for p in (1, 1.0, 2) for o in (1, 2)}
     assert len(kinds) == 4
     assert block(law=RCCM(C, C, W, order=2)).solve().converged
+
+
+@pytest.mark.verifies(
+    "adhesion", reference="closed form: the slope of a parabola through three states"
+)
+@pytest.mark.parametrize("ratio", [0.25, 1.0, 1.7, 2.0, 6.0])
+def test_second_order_by_the_parabola(ratio):
+    """b beta' = w - E beta with the slope at the end of steps of any lengths, as far as 2 to 1."""
+    before, now, step, w, b, energy = 0.95, 0.8, 0.3, 1.0, 0.7, 4.0
+    length = step / ratio
+    known = {"rate": (before - now) / length, "length": length, "rest": w / energy}
+    values = {name: ufl.as_ufl(v) for name, v in known.items()}
+    found = DamageStep(*map(ufl.as_ufl, (now, w, b)), 1.0, ufl.as_ufl(step), values)
+    # Where a step is longer, the state before is taken as if it were half as far back.
+    back = max(length, step / 2)
+    places = np.array([-back, 0.0, step])
+    slopes = [
+        np.polyval(np.polyder(np.polyfit(places, row, 2)), step) for row in np.eye(3)
+    ]  # of the three states
+    old = now + back * known["rate"]
+    wanted = (w - b * (slopes[0] * old + slopes[1] * now)) / (energy + b * slopes[2])
+    assert found.now(energy)(()) == pytest.approx(wanted, rel=1e-10)

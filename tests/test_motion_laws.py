@@ -16,9 +16,11 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
+    Frictionless,
     HalfSpace,
     NormalCompliance,
     Regularised,
+    RigidBody,
 )
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
@@ -265,6 +267,109 @@ def test_a_body_of_revolution():
         history = motion.run([0.0, 0.2], progress=False)
         assert history.energies.kinetic == pytest.approx(0.5 * 3.0 * np.pi * 4.0, rel=1e-12)
         u.x.array[:] = 0.0
+
+
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "energies of motions",
+    reference="closed form: a body that drag slows",
+    aspects=("2D",),
+)
+def test_drag_of_a_body_of_revolution():
+    """Rayleigh's factor of the mass is of the mass around: all nodes are slowed alike."""
+    domain = box(COMM, 3, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    floor = HalfSpace((0, -5.0), (0, 1))
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=floor, law=Frictionless(), axisymmetric=True
+    )
+    energy = Axisymmetric(LinearElastic.from_young(1e3, 0.3)).energy(u)
+    problem = ContactProblem(energy * circumference(domain) * ufl.dx, u, [surface])
+    v = velocity(problem, 0.0, -2.0)
+    how = dict(dt=0.1, velocity=v, mass="consistent", damping=(2.0, 0.0))
+    history = NSCD(problem, 3.0, **how).run([0.0, 0.2], progress=False)
+    slowed = -2.0 * (0.9 / 1.1) ** 2
+    off = np.abs(v.x.array.reshape(-1, 2) - [0.0, slowed]).max(initial=0.0)
+    assert COMM.allreduce(off, op=MPI.MAX) < 1e-11
+    assert history.energies.damping == pytest.approx(1.5 * np.pi * (4 - slowed**2), rel=1e-10)
+
+
+@pytest.mark.verifies(
+    "normal compliance",
+    "energies of motions",
+    "energies of histories",
+    reference="closed form: springs hold C/2 un^2",
+    aspects=("2D",),
+)
+@pytest.mark.parametrize("moves", [True, False])
+def test_what_a_compliant_floor_holds(moves):
+    """The mean force times the way is exact for linear springs, from where they are at rest."""
+    C = 200.0
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    below = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=NormalCompliance(C))
+    bulk = LinearElastic.from_young(1e3, 0.3).energy(u) * ufl.dx
+    if moves:
+        problem = ContactProblem(bulk, u, [below])
+        motion = NSCD(problem, 1.0, dt=0.01, velocity=velocity(problem, 0.0, -1.0))
+        history = motion.run([0.0, 0.05], progress=False)
+    else:
+        top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+        held = fem.Function(V)
+
+        def load(t):
+            held.x.array[1::2] = -0.01 * t
+
+        problem = ContactProblem(bulk, u, [below], bcs=[fem.dirichletbc(held, top)])
+        history = QuasiStatic(problem, load).run([0.0, 0.3, 1.0], progress=False)
+        assert abs(history.energies.residue) < 1e-12
+    assert len(history.steps) > 1
+    table = history.steps[-1].result.tables["contact"]
+    assert table.un.max() < -1e-3
+    springs = C / 2 * np.sum(table.area * table.un**2)
+    inner = COMM.allreduce(fem.assemble_scalar(fem.form(bulk)))
+    assert history.energies.stored == pytest.approx(inner + springs, rel=1e-9)
+
+
+@pytest.mark.verifies(
+    "NSCD motion",
+    "rigid bodies",
+    reference="closed form: what sticks to a floor moves as it does",
+    aspects=("2D",),
+)
+@pytest.mark.parametrize("how", ["dragged", "lifted"])
+def test_a_floor_carries_what_it_touches(how):
+    """With theta beyond 1/2, where what contact is about is no displacement of the step's end."""
+    speed = 0.2
+    domain = box(COMM, 2, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    way = fem.Constant(domain, 0.0)
+    if how == "dragged":
+        motion = {"x": way}
+        shape = HalfSpace((0.0, 0.0), (0.0, 1.0))
+        obstacle = RigidBody(shape, about=(0.0, 0.0), motion=motion, held=["y", "rz"])
+    else:
+        obstacle = HalfSpace(ufl.as_vector((0.0, way)), (0.0, 1.0))
+    given = dict(obstacle=obstacle, law=Coulomb(2.0))
+    below = ContactSurface(u, facets(domain, 1, 0.0), **given)
+    energy = LinearElastic.from_young(1e3, 0.3).energy(u) * ufl.dx + 50.0 * u[1] * ufl.dx
+    problem = ContactProblem(energy, u, [below])
+
+    def load(t):
+        way.value = speed * t
+
+    level = {"dragged": "position", "lifted": "velocity"}[how]
+    v = velocity(problem, 0.0, 0.0)
+    method = dict(theta=0.6, level=level, mass="lumped", velocity=v, load=load)
+    step = NSCD(problem, 1.0, dt=0.001, **method).run([0.0, 0.002], progress=False).steps[-1]
+    assert step.result.tables["contact"].letters.tolist() == ["k"] * 3
+    wanted = [speed, 0.0] if how == "dragged" else [0.0, speed]
+    nodes = fem.locate_dofs_topological(problem.V, 1, facets(domain, 1, 0.0))
+    off = np.abs(v.x.array.reshape(-1, 2)[nodes] - wanted)
+    along = 0 if how == "dragged" else 1
+    assert COMM.allreduce(off[:, along].max(initial=0.0), op=MPI.MAX) < 1e-9
 
 
 @pytest.mark.chatty
