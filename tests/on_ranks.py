@@ -167,13 +167,16 @@ ON_TWO = {
     "test_mortar": ("a_rounded_face", "bad_mortars", "a_warped_face_in_space"),
     "test_motion": (
         *("a_bar_step_by_step", "ranks_change_nothing", "bad_input"),
-        *("what_the_velocity_level_refuses",),
+        *("what_the_velocity_level_refuses", "a_load_within_a_step"),
     ),
     "test_motion_data": (
         *("what_changes_in_mass_and_damping_is_refused", "a_start_off_what_is_prescribed"),
         *("a_density_that_is_negative_within_a_cell", "what_a_step_looks_at"),
     ),
-    "test_motion_laws": ("a_speed_is_needed", "what_differs_between_ranks", "a_body_of_revolution"),
+    "test_motion_laws": (
+        *("a_speed_is_needed", "what_differs_between_ranks", "a_body_of_revolution"),
+        *("what_a_compliant_floor_holds", "a_floor_carries"),
+    ),
     "test_motion_solver": (
         *("residual_by_one_product", "static_problems_keep_their_hierarchy"),
         *("forcing_in_motion", "krylov_vectors_vanish_on_the_surface"),

@@ -135,6 +135,7 @@ CODES = {
         "demo_static_contact.py; r of the order of Young's modulus, as its manual says; "
         "demo_elastic_ring_contact.py of bodies that slide far",
         {
+            ("three", "tuned"): {"r": 100.0, "solve": ["max_iter", 100, *_SEARCH]},
             ("ironing", "recommended"): _RING,
             ("ironing", "tuned"): _RING | {"r": 10.0, "solve": ["max_iter", 100, *_SEARCH]},
         },
