@@ -196,7 +196,7 @@ def test_bad_exponents_and_orders():
 
 
 @pytest.mark.verifies(
-    "adhesion", reference="closed form: the slope of a parabola through three states"
+    "RCCM adhesion", reference="closed form: the slope of a parabola through three states"
 )
 @pytest.mark.parametrize("ratio", [0.25, 1.0, 1.7, 2.0, 6.0])
 def test_second_order_by_the_parabola(ratio):
