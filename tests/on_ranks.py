@@ -68,11 +68,8 @@ ON_TWO = {
         *("a_branch_that_ends", "a_start_at_an_end_of_the_range"),
     ),
     "test_core_in_small": (
-        *(
-            "lengths_of_states_in_closed_form",
-            "marks_of_data",
-            "the_block_of_a_surface_is_inverted",
-        ),
+        *("lengths_of_states_in_closed_form", "marks_of_data"),
+        *("the_block_of_a_surface_is_inverted",),
     ),
     "test_creep": ("creep", "what_is_lacking_is_said"),
     "test_critical_friction": (
