@@ -7,10 +7,14 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from textbook import coulomb_system
+from textbook import Textbook, coulomb_system
 
 from dolfinx_contact._factor import Factor
+from dolfinx_contact.continuation import StepControl
+from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.borders import reached
+from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.ray_finder import Kink, RayFinder
 from dolfinx_contact.continuation.rays import _inverses, _kernel
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.system import Events
@@ -149,6 +153,55 @@ def test_matrices_that_differ_in_rows_and_a_column():
     noise = base * (1 + 1e-14 * rng.normal(size=(n, n)))
     assert update.take(of_all_ranks(noise), 0)
     update.destroy()
+
+
+def test_a_factorisation_serves_matrices_that_differ_in_a_few_rows():
+    """Solutions, signs and their quotients are numpy's; with more rows it is factorised anew."""
+    rng = np.random.default_rng(5)
+    n = 12
+    base = rng.normal(size=(n + 1, n + 1))
+    now = {}
+    system = Textbook(n, lambda x, g, s: x, lambda *_: now["J"][:n, :n], lambda *_: now["J"][:n, n])
+    b = Bordered(system, gamma_scale=1.0)
+    y, row, rhs, out = (b.vector() for _ in range(4))
+    rhs.array[:] = 1.0
+
+    def take(J):
+        now["J"] = J
+        x = system.create_vector()
+        x.array[:] = J[n, slice(*x.getOwnershipRange())]
+        b.join(x, J[n, n], row)
+        return row.copy()
+
+    for changed, factorisations in (((), 1), ((3, 7), 1), ((n,), 1), (range(9), 2)):
+        J = base.copy()
+        J[list(changed)] = rng.normal(size=(len(changed), n + 1))
+        take(J)
+        b.solver.assemble(y, row, None)
+        assert b.solver.solve(rhs, out)
+        whole = np.concatenate(COMM.allgather(out.array_r))
+        np.testing.assert_allclose(J @ whole, np.ones(n + 1), atol=1e-10)
+        sign = b.solver.determinant_sign()
+        assert sign == np.sign(np.linalg.det(J))
+        assert b.solver.factorisations == factorisations
+    b.destroy()
+
+
+def test_statuses_without_a_derivative():
+    """Where the shear grows as the length of a vector, no two changes add up."""
+
+    def H(x, _g, codes):
+        return x + np.array([np.hypot(x[0], x[1]) if codes[0] == PLUS else 2 * x[1], 0.0, 0.0])
+
+    system = Textbook(3, H, None, None, codes=lambda x, g: [OPEN])
+    corrector = Corrector(Bordered(system, gamma_scale=1.0), StepControl())
+    kink = Kink(COMM.size - 1, 0, OPEN, STICK, (OPEN, STICK, PLUS))
+    y = corrector.bordered.vector()
+    finder = RayFinder(corrector, y, bool, PETSc.Vec.norm)
+    piece = system.piece_at(system.create_vector(), 0.0)
+    assert finder.rough_statuses(piece, [kink]) == {PLUS}
+    y.array[:] = 1.0  # away from its kink it has one
+    assert finder.rough_statuses(piece, [kink]) == set()
 
 
 def test_slip_turns_by_way_of_stick():
