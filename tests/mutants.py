@@ -79,13 +79,15 @@ ROOMS = {
         ],
         [
             *("affine", "rays", "linear_triangle", "proved_rays", "continuation", "kinked_data"),
+            *("kink_starts", "paths_in_small"),
         ],
     ),
     "evolution": (
         ["evolution/[!_]*.py"],
         [
             *("evolution", "slip_memory", "increments", "sliding_steps", "at_rest", "motion"),
-            *("motion_data", "motion_solver", "friction_from_zero"),
+            *("motion_data", "motion_solver", "friction_from_zero", "arc_length", "jumps"),
+            "paths_in_small",
         ],
     ),
 }
