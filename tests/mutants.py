@@ -47,9 +47,10 @@ ROOMS = {
     ),
     "compiler": (["laws/compiled.py"], ["compiled_law", "law"]),
     "points": (
-        ["points/[!_]*.py", "obstacles.py"],
+        ["points/[!_]*.py", "points/sliding/[!_]*.py", "obstacles.py"],
         [
             *("surface", "kinematics", "pair", "sliding_pair", "mortar", "rigid_surface"),
+            *("sliding_revolution", "core_in_small"),
             *("rigid_body", "true_surface", "two_faces", "small_sliding", "held_ends"),
             *("curved_friction", "given_normals", "doubled_nodes", "common_points", "overlap"),
         ],
@@ -78,13 +79,15 @@ ROOMS = {
         ],
         [
             *("affine", "rays", "linear_triangle", "proved_rays", "continuation", "kinked_data"),
+            *("kink_starts", "paths_in_small"),
         ],
     ),
     "evolution": (
         ["evolution/[!_]*.py"],
         [
             *("evolution", "slip_memory", "increments", "sliding_steps", "at_rest", "motion"),
-            *("motion_data", "motion_solver", "friction_from_zero"),
+            *("motion_data", "motion_solver", "friction_from_zero", "arc_length", "jumps"),
+            "paths_in_small",
         ],
     ),
 }

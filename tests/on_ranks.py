@@ -67,7 +67,10 @@ ON_TWO = {
         *("slip_that_goes_on", "correctors_agree", "an_exhausted_budget_keeps_what_was_found"),
         *("a_branch_that_ends", "a_start_at_an_end_of_the_range"),
     ),
-    "test_core_in_small": ("lengths_of_states_in_closed_form", "marks_of_data"),
+    "test_core_in_small": (
+        *("lengths_of_states_in_closed_form", "marks_of_data"),
+        *("the_block_of_a_surface_is_inverted",),
+    ),
     "test_creep": ("creep", "what_is_lacking_is_said"),
     "test_critical_friction": (
         *("by_multigrid", "slips_of_one_sign_among_equal_coefficients"),
@@ -233,6 +236,7 @@ ON_TWO = {
         *("the_journal_says_what_was_followed",),
         *("what_is_refused",),
     ),
+    "test_paths_in_small": ("matrices_that_differ_in_rows_and_a_column",),
     "test_planes_of_symmetry": (
         *("half_is_the_whole", "part_sees_what_the_whole_sees", "refused", "a_plane_that_moves"),
         *("what_crosses_a_plane_is_doubted", "walls_of_one_height"),

@@ -20,9 +20,11 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
+    Frictionless,
     HalfSpace,
     LevelSet,
     MaxwellLayer,
+    NonlocalCoulomb,
     ParametricContact,
     Regularised,
     RigidBody,
@@ -42,13 +44,16 @@ from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.points.memory import Memory, with_memory
-from dolfinx_contact.reduced import Reduction
+from dolfinx_contact.reduced import Reduction, scope
 from dolfinx_contact.reduced.held_body import (
     HeldBody,
     HeldField,
     columns_of,
     is_positive_definite,
 )
+from dolfinx_contact.solvers.condensation import CondensedBlock
+from dolfinx_contact.solvers.operator import ContactOperator
+from dolfinx_contact.solvers.surface_block import SurfaceBlock, SurfaceSet
 
 COMM = MPI.COMM_WORLD
 
@@ -419,3 +424,76 @@ def test_which_stiffness_is_positive_definite():
     K.scale(-1.0)
     K.zeroRows(free.astype(PETSc.IntType), diag=eq.stiffness_scale)
     assert not is_positive_definite(eq, K)
+
+
+def test_the_block_of_a_surface_is_inverted():
+    """As it stands and condensed, which multipliers at nodes are, removed ones too."""
+    eq = half_block(n=2, method="nodal").equations
+    operator = ContactOperator(eq)
+    s = SurfaceSet(operator)
+    rng = np.random.default_rng(COMM.rank)
+    x, y = eq.create_vector(), eq.create_vector()
+    blocks = []
+    for _ in range(2):
+        x.array[:] = rng.normal(size=x.local_size)
+        operator.update(eq.contact(x))
+        if not blocks:
+            blocks = [of(operator, s, "block_") for of in (SurfaceBlock, CondensedBlock)]
+            assert blocks[1].applies
+        square = operator.stiffness.createSubMatrix(s.of_body, s.of_body)
+        for inverse in blocks:
+            inverse.set_stiffness(square)
+            inverse.update()
+            b = rng.normal(size=len(s.local))
+            x.set(0.0)
+            x.array[s.local] = inverse.solve(b)
+            operator.matrix.mult(x, y)
+            np.testing.assert_allclose(y.array[s.local], b, atol=1e-10)
+    for thing in (*blocks, s, operator):
+        thing.release()
+
+
+def has_pieces(problem, **how):
+    """Whether a problem has affine pieces at its contact points."""
+    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    return scope.can_condense(system, **how)
+
+
+def test_which_laws_have_affine_pieces():
+    """Coulomb's, whose pieces are cones, and Tresca's; not another with a bound of its own kind."""
+    for law, cones, pieces in (
+        (Coulomb(0.3), True, True),
+        (Tresca(0.3), False, True),
+        (NonlocalCoulomb(0.3, 0.5), False, False),
+        (Regularised(Coulomb(0.3), 1e-3), False, False),
+    ):
+        problem = block(n=2, law=law, method="nodal")
+        assert has_pieces(problem) is cones
+        assert has_pieces(problem, bounded=True) is pieces
+
+
+def test_so_many_points_have_affine_pieces(monkeypatch):
+    """As many as are allowed, of which the 3 of this block."""
+    monkeypatch.setattr(scope, "_MOST_POINTS", 3)
+    assert has_pieces(block(n=2))
+    monkeypatch.setattr(scope, "_MOST_POINTS", 2)
+    assert not has_pieces(block(n=2))
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.1])
+def test_points_that_are_held_along_their_floor(slope):
+    """Without friction: affine pieces where what is held is no part of the distance."""
+    domain = box(COMM, 2, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0), (slope, 1.0))
+    side, top = facets(domain, 0, 0.0), facets(domain, 1, 1.0)
+    bcs = [
+        fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), 1, side), V.sub(0)),
+        fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V),
+    ]
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Frictionless())
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    assert not has_pieces(problem)
+    assert has_pieces(problem, partly=True) is (slope == 0.0)
