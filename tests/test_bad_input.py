@@ -378,7 +378,7 @@ def test_an_energy_of_the_wrong_sign():
 @pytest.mark.chatty
 def test_missing_dirichlet_data():
     """Pressed on the floor by a load and held by nothing: friction 0 leaves it free to slide."""
-    domain, u = square()
+    domain, u = square(2)
     load = fem.Constant(domain, (0.0, -1.0))
     energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
     with pytest.raises(FloatingBodyError, match=r"free \(translation x\)") as info:

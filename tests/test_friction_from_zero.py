@@ -44,7 +44,7 @@ def pushed(law, push, cell, friction, n=2):
         ("coulomb", -0.004, "tri", "exact"),
         ("coulomb", -0.004, "tri", "stepping"),
         ("coulomb", 0.004, "tet", "exact"),
-        ("bonds", -0.004, "tri", "batched"),
+        pytest.param("bonds", -0.004, "tri", "batched", marks=pytest.mark.long),
         ("bonds", 0.004, "tet", "exact"),
         ("soft bonds", -0.004, "tri", "exact"),
     ],

@@ -417,7 +417,8 @@ def test_bodies_are_drawn(folder, look):
     problem = block(n=3, cell="hex", obstacle=above, top=(0.02, 0.0, -0.05))
     problem.solve()
     stress = MATERIAL.full_stress(problem.u)
-    for name in ("body.png", "body.pdf"):
+    # As a PDF of a body in 3D is drawn by the recipe of figures.
+    for name in ("body.png", "body.pdf") if "clip" in look else ("body.png",):
         file = plot.picture_of_body(folder / name, problem, stress=stress, **look)
         assert file == folder / name
         assert file.stat().st_size > 10_000

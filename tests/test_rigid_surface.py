@@ -293,8 +293,8 @@ def test_resumed(folder):
     """A record goes on with the surface that it was made with, and no other."""
 
     def made(start=0.0):
-        shape = RigidSurface(*disc(40, 1.0, (0.4, -1.0), start))
-        on_disc = OnBody(2, shape, Coulomb(0.3))
+        shape = RigidSurface(*disc(20, 1.0, (0.4, -1.0), start))
+        on_disc = OnBody(2, shape, Coulomb(0.3), n=2)
 
         def load(t):
             on_disc.move(lambda X: pressed_and_led(t, X, shear=0.2))
