@@ -1023,7 +1023,10 @@ def test_a_disc_that_spins(cell, slave, common):
         moves[0][0].interpolate(turned(angle * (1.0 + common), 0.02 * min(t, 1.0)))
         moves[1][0].interpolate(turned(angle * common, 0.0))
 
-    QuasiStatic(problem, load).run(np.arange(4.0), rays=False, sudden=np.inf)
+    history = QuasiStatic(problem, load).run(np.arange(4.0), rays=False, sudden=np.inf)
+    last = history.steps[-1].result
+    assert last.slidings["contact"].spin == pytest.approx(20.0, rel=5e-3)
+    assert not last.doubts
     state = pair.state()
     moved = u.x.array.reshape(-1, 3)[pair.points.vertex_trace_dofs[: pair.points.number]]
     x = state["x"] + moved
@@ -1032,6 +1035,37 @@ def test_a_disc_that_spins(cell, slave, common):
     pressed = 0.2 * state["pressure"] * state["area"] * np.hypot(x[:, 0], x[:, 1])
     torque, bound = COMM.allreduce(np.array([torque.sum(), pressed.sum()]))
     assert abs(torque) == pytest.approx(bound, rel=5e-3)  # of the mesh; 1.4e-3 of hexahedra
+
+
+@pytest.mark.verifies(
+    "sliding pairs",
+    "Coulomb",
+    reference="closed form: an angle",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_a_step_that_spins_too_far_is_doubted():
+    """By 60 degrees: friction works along a chord that is 4.5 % shorter than the arc."""
+    both, u, pair = disc_on_a_block("hex", 2, 3)
+    V = u.function_space
+    turned = fem.Function(V)
+    held = [fem.locate_dofs_topological(V, 2, both.facet_tags.find(tag)) for tag in (4, 5)]
+    bcs = [fem.dirichletbc(turned, held[0]), fem.dirichletbc(np.zeros(3), held[1], V)]
+    energy = NeoHookean(*lame(100.0, 0.0)).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
+    problem = ContactProblem(energy, u, [pair], bcs=bcs)
+
+    def load(t):
+        turn = Rotation.from_rotvec([0.0, 0.0, np.radians(60.0 * max(t - 1.0, 0.0))]).as_matrix()
+        down = np.array([[0.0], [0.0], [0.01 * min(t, 1.0)]])
+        turned.interpolate(lambda x: turn @ x - x - down)
+
+    history = QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf)
+    step = history.steps[-1]
+    angle = 60.0 * (step.time - history.steps[-2].time)
+    assert angle > 40.0
+    assert step.result.slidings["contact"].spin == pytest.approx(angle, rel=5e-3)
+    words = "degrees in one step, in which friction works along chords that are 0.045 shorter"
+    assert angle < 60.0 or words in step.result.doubts["contact"]
+    assert "in which friction works along chords" in step.result.doubts["contact"]
 
 
 def torque_of_a_punch(n, angle, pressure):
