@@ -36,6 +36,7 @@ __all__ = [
     "Obstacle",
     "Outline",
     "Sphere",
+    "Start",
     "gap_at",
     "has_ufl",
     "is_uniform",
@@ -120,6 +121,23 @@ class Outline(NamedTuple):
     normals: npt.NDArray[np.float64]
 
 
+class Start(NamedTuple):
+    """Where a face starts on an obstacle that ends.
+
+    Attributes:
+        gap: of its points, those past the rim as they leave by degrees (n,).
+        height: of what is below the rim and past it, over the surface as if that went on; else the
+            gap (n,).
+        normal: into the obstacle as if it went on (n, dim).
+        held: where the gap is not that of what has left (n,).
+    """
+
+    gap: npt.NDArray[np.float64]
+    height: npt.NDArray[np.float64]
+    normal: npt.NDArray[np.float64]
+    held: npt.NDArray[np.bool_]
+
+
 class Obstacle(ReadOnly):
     """A rigid foundation, bound to a mesh by `on`.
 
@@ -159,6 +177,15 @@ class Obstacle(ReadOnly):
             face: gives the sizes of the facets of the face and the overlap that is removed, in UFL.
         """
         return self
+
+    def starts(self, x: npt.NDArray[np.float64], widths: npt.NDArray[np.float64]) -> Start:
+        """Where a face starts on an obstacle that ends; see `ended`. Not collective.
+
+        Args:
+            x: points of the face (n, dim).
+            widths: sizes of the facets there (n,).
+        """
+        raise NotImplementedError
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         """UFL gap and unit normal (from the body into the obstacle) at a UFL point.

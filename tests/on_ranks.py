@@ -239,6 +239,7 @@ ON_TWO = {
     "test_paths_in_small": ("matrices_that_differ_in_rows_and_a_column",),
     "test_planes_of_symmetry": (
         *("half_is_the_whole", "part_sees_what_the_whole_sees", "refused", "a_plane_that_moves"),
+        *("a_plane_that_is_off_at_the_start",),
         *("what_crosses_a_plane_is_doubted", "walls_of_one_height"),
     ),
     "test_point_problem": (

@@ -56,8 +56,8 @@ def off_surface(dim, cell, friction, *, method="nodal", n=8, overlap=0.0, end=EN
     if dim == 2:
         tool = RigidSurface([[-3.0, overlap], [end, overlap]], [[1, 0]])
     else:
-        corners = [[-3.0, -1.0, 0.0], [END, -1.0, 0.0], [END, 1.0, 0.0], [-3.0, 1.0, 0.0]]
-        tool = RigidSurface(corners, [[0, 1, 2], [0, 2, 3]])
+        corners = [[-3.0, -1.0], [end, -1.0], [end, 1.0], [-3.0, 1.0]]
+        tool = RigidSurface([[*x, overlap] for x in corners], [[0, 1, 2], [0, 2, 3]])
     below = facets(body, dim - 1, 0.0)
     given = dict(obstacle=tool, law=law_of(friction), method=method)
     given |= {"remove_overlap": 1.01 * overlap} if overlap else {}
@@ -145,21 +145,26 @@ def test_slice_leaves_as_the_plane(friction):
     assert wanted[0, 1] > 40.0
 
 
-@pytest.mark.parametrize(("cell", "method"), [("tri", "nodal"), ("quad", "integral")])
+@pytest.mark.parametrize("overlap", [0.3, 1.4])
+@pytest.mark.parametrize(
+    ("dim", "cell", "method"), [(2, "tri", "nodal"), (2, "quad", "integral"), (3, "hex", "nodal")]
+)
 @pytest.mark.verifies(
     "surfaces of facets",
     "Coulomb",
     reference="itself: the block without an overlap",
-    aspects=("2D", "large sliding"),
+    aspects=("2D", "3D", "large sliding"),
 )
-def test_a_deep_start_leaves_as_a_start_on_the_tool(cell, method):
-    """By degrees too, where the overlap that is removed is larger than a facet of the face."""
+def test_a_deep_start_leaves_as_a_start_on_the_tool(dim, cell, method, overlap):
+    """By degrees too, where the overlap that is removed is more or less than a facet, also of what
+    begins past the rim, within a facet or farther off.
+    """
     n = 4
-    given = dict(method=method, n=n, end=1.1)
-    wanted, _ = off_surface(2, cell, 0.3, **given)
-    found, _ = off_surface(2, cell, 0.3, overlap=1.4 / n, **given)
-    assert wanted[-1, 1] < 0.5 * wanted[0, 1]
-    np.testing.assert_allclose(found, wanted, atol=1e-8 * wanted[0, 1])
+    given = dict(method=method, n=n, end=0.6)
+    wanted, _ = off_surface(dim, cell, 0.3, **given)
+    found, _ = off_surface(dim, cell, 0.3, overlap=overlap / n, **given)
+    assert 0.0 < wanted[3, -1] < 0.7 * wanted[0, -1]
+    np.testing.assert_allclose(found, wanted, atol=1e-8 * wanted[0, -1])
 
 
 @pytest.mark.refuses("surfaces of facets", aspects=("2D", "large sliding"))

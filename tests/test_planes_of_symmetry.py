@@ -20,7 +20,7 @@ from dolfinx_contact import (
     SelfContact,
 )
 from dolfinx_contact.continuation import follow
-from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.meshing import join
@@ -316,6 +316,33 @@ def test_a_plane_that_moves(dim, itself):
 
     with pytest.raises(ValueError, match=OFF):
         QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf)
+
+
+@pytest.mark.parametrize("evolution", ["history", "motion"])
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
+def test_a_plane_that_is_off_at_the_start(evolution):
+    """Also where the displacement is what is prescribed, and the first step takes it back."""
+    problem, moved, _ = led(2, "Constant", itself=False)
+    n = problem.equations.owned_sizes[0]
+    held = problem.equations.fixed[:n]
+
+    def load(t):
+        moved.value = 0.01 - t
+
+    def start():
+        if evolution == "motion":
+            NSCD(problem, 1.0, dt=0.01, load=load).run([0.0, 0.01])
+        else:
+            QuasiStatic(problem, load).run([0.0, 0.01])
+
+    moved.value = 0.01
+    given = problem.equations.prescribed.values().reshape(-1)[:n]
+    problem.u.x.array[:n][held] = given[held]
+    problem.u.x.scatter_forward()
+    before = problem.u.x.array.copy()
+    with pytest.raises(ValueError, match=f"contact at the start: Dirichlet data {OFF}"):
+        start()
+    np.testing.assert_array_equal(problem.u.x.array, before)
 
 
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))

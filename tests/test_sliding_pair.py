@@ -976,9 +976,8 @@ def test_self_contact_is_refused():
         ContactPair(u, tags, slave=1, master=1, law=Coulomb(0.3), sliding="large")
 
 
-def disc_on_a_block(cell, slave):
+def disc_on_a_block(cell, slave, n=4):
     """A disc of the radius 1 on a block, and the tags of their faces, 2 and 3."""
-    n = 4
     aside = [np.linspace(-1.0, 1.0, n + 1)] * 2
     disc = create_grid(COMM, [*aside, [0.0, 0.5]], CELLS[cell])
     x = disc.geometry.x
@@ -1024,7 +1023,10 @@ def test_a_disc_that_spins(cell, slave, common):
         moves[0][0].interpolate(turned(angle * (1.0 + common), 0.02 * min(t, 1.0)))
         moves[1][0].interpolate(turned(angle * common, 0.0))
 
-    QuasiStatic(problem, load).run(np.arange(4.0), rays=False, sudden=np.inf)
+    history = QuasiStatic(problem, load).run(np.arange(4.0), rays=False, sudden=np.inf)
+    last = history.steps[-1].result
+    assert last.slidings["contact"].spin == pytest.approx(20.0, rel=5e-3)
+    assert not last.doubts
     state = pair.state()
     moved = u.x.array.reshape(-1, 3)[pair.points.vertex_trace_dofs[: pair.points.number]]
     x = state["x"] + moved
@@ -1033,3 +1035,89 @@ def test_a_disc_that_spins(cell, slave, common):
     pressed = 0.2 * state["pressure"] * state["area"] * np.hypot(x[:, 0], x[:, 1])
     torque, bound = COMM.allreduce(np.array([torque.sum(), pressed.sum()]))
     assert abs(torque) == pytest.approx(bound, rel=5e-3)  # of the mesh; 1.4e-3 of hexahedra
+
+
+@pytest.mark.verifies(
+    "sliding pairs",
+    "Coulomb",
+    reference="closed form: an angle",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_a_step_that_spins_too_far_is_doubted():
+    """By 60 degrees: friction works along a chord that is 4.5 % shorter than the arc."""
+    both, u, pair = disc_on_a_block("hex", 2, 3)
+    V = u.function_space
+    turned = fem.Function(V)
+    held = [fem.locate_dofs_topological(V, 2, both.facet_tags.find(tag)) for tag in (4, 5)]
+    bcs = [fem.dirichletbc(turned, held[0]), fem.dirichletbc(np.zeros(3), held[1], V)]
+    energy = NeoHookean(*lame(100.0, 0.0)).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
+    problem = ContactProblem(energy, u, [pair], bcs=bcs)
+
+    def load(t):
+        turn = Rotation.from_rotvec([0.0, 0.0, np.radians(60.0 * max(t - 1.0, 0.0))]).as_matrix()
+        down = np.array([[0.0], [0.0], [0.01 * min(t, 1.0)]])
+        turned.interpolate(lambda x: turn @ x - x - down)
+
+    history = QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf)
+    step = history.steps[-1]
+    angle = 60.0 * (step.time - history.steps[-2].time)
+    assert angle > 40.0
+    assert step.result.slidings["contact"].spin == pytest.approx(angle, rel=5e-3)
+    words = "degrees in one step, in which friction works along chords that are 0.045 shorter"
+    assert angle < 60.0 or words in step.result.doubts["contact"]
+    assert "in which friction works along chords" in step.result.doubts["contact"]
+
+
+def torque_of_a_punch(n, angle, pressure):
+    """Torque of friction by the normal force on a disc of the radius 1 that spins in one step.
+
+    Args:
+        n: cells across it.
+        angle: by which it turns.
+        pressure: of the distance from the axis, taken to the nodes by their means.
+    """
+    friction = 0.2
+    both, u, pair = disc_on_a_block("hex", 2, n)
+    owned = pair.owned_nodes
+    X = u.function_space.tabulate_dof_coordinates()[:owned]
+    disc = np.unique(u.function_space.dofmap.list[both.cell_tags.find(1)])
+    disc = disc[disc < owned]
+    moved = np.zeros((owned, 3))
+    moved[disc] = Rotation.from_rotvec([0.0, 0.0, angle]).apply(X[disc]) - X[disc]
+    operator = pair.points.at(moved, np.zeros((owned, 3)))
+    facing = operator.facing
+    m = operator.number
+    at = np.einsum("pqa,pad->pqd", facing.basis, operator.x[facing.facet])
+    p = pressure(np.hypot(at[..., 0], at[..., 1]))
+    forces = pair.points.faces.sums(facing.facet, np.einsum("pqa,pq->pa", facing.weighted, p))[:m]
+    jump = facing.nodal.jump[:m]
+    size = np.linalg.norm(jump, axis=1)
+    way = np.divide(jump, size[:, None], out=np.zeros_like(jump), where=size[:, None] > 1e-9)
+    shear = -friction * (forces / operator.areas)[:, None] * way
+    on_bodies = operator.transpose(shear).reshape(-1, 3)[disc]
+    x = (X + moved)[disc]
+    torque = np.sum(x[:, 0] * on_bodies[:, 1] - x[:, 1] * on_bodies[:, 0])
+    torque, force = COMM.allreduce(np.array([torque, forces.sum()]))
+    return -torque / (friction * force)
+
+
+@pytest.mark.parametrize("angle", [1.0, 60.0])
+@pytest.mark.parametrize("pressure", ["uniform", "Boussinesq"])
+@pytest.mark.verifies(
+    "sliding pairs",
+    "Coulomb",
+    reference="closed form: the torque of a flat punch",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_torque_of_a_flat_punch(pressure, angle):
+    """2/3 mu P a of a uniform pressure, of the second order in the mesh size; pi/4 mu P a of that
+    of a rigid punch without friction, of the first, since it has no bound at its rim.
+    """
+    known = {
+        "uniform": (np.ones_like, 2.0 / 3.0, 1.9, 0.02),
+        "Boussinesq": (lambda r: np.maximum(1.0 - r**2, 1e-9) ** -0.5, np.pi / 4.0, 1.0, 0.06),
+    }
+    of_radius, wanted, order, most = known[pressure]
+    off = [torque_of_a_punch(n, np.radians(angle), of_radius) / wanted - 1.0 for n in (4, 8)]
+    assert abs(off[1]) < most
+    assert np.log2(off[0] / off[1]) > order

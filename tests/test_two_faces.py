@@ -23,6 +23,7 @@ from dolfinx_contact.io import Report, write_fields
 from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.meshing import join
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, pictures
+from dolfinx_contact.points.vertex_state import vertex_state
 from dolfinx_contact.records import BranchRecord, write_series
 from dolfinx_contact.solvers.history import FloatingBodyError
 
@@ -103,7 +104,9 @@ def total(face, name):
     aspects=("2D", "3D", "pairs", "large sliding"),
 )
 def test_pressure_of_a_slave_that_is_partly_covered(cell, given):
-    """Its integral is the sum of the normal forces, as where all of it is; supports likewise."""
+    """Its integral is the sum of the normal forces, as where all of it is; supports likewise. The
+    bound of friction that pictures show is that of the pressures which they show.
+    """
     bodies = [box(COMM, n, cell) for n in (3, 4)]
     up = bodies[0].topology.dim - 1
     bodies[1].geometry.x[:, up] += 1.0
@@ -112,7 +115,7 @@ def test_pressure_of_a_slave_that_is_partly_covered(cell, given):
     tags = [tagged(body, **planes) for body, planes in zip(bodies, marks, strict=True)]
     both = join(bodies, facet_tags=tags)
     u = displacement(both.mesh)
-    pair = ContactPair(u, both, slave=2, master=3, law=Frictionless(), **given)
+    pair = ContactPair(u, both, slave=2, master=3, law=Coulomb(0.01), **given)
     V = u.function_space
     bcs = []
     for tag, down in ((1, 0.0), (4, -0.01)):
@@ -133,6 +136,11 @@ def test_pressure_of_a_slave_that_is_partly_covered(cell, given):
     reactions = problem.support_forces(pair)[: pair.points.vertices.dofmap.index_map.size_local]
     assert held == pytest.approx(COMM.allreduce(reactions[:, up].sum()), rel=1e-9)
     assert abs(held) > 0.05 * whole
+    shown = vertex_state(pair)
+    largest = COMM.allreduce(shown["pressure"].max(initial=0.0), op=MPI.MAX)
+    if pair.method != "integral":
+        closed = np.maximum(shown["pressure"], 0.0)
+        np.testing.assert_allclose(shown["bound"], 0.01 * closed, atol=1e-9 * largest)
 
 
 @pytest.mark.parametrize("case", CASES)

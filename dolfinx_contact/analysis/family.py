@@ -63,8 +63,8 @@ class ContactFamily:
         S_error: by which entries of S may be off (2 m, 2 m); None: not at all.
         p_error: the same of the load (2 m,).
         q_error: how that grows with the size of gamma (2 m,).
-        reach: slips up to which sliding is small (m,), half a facet where the opposing body moves
-            or is curved, infinite on flat obstacles; None: everywhere infinite.
+        reach: slips up to which sliding is small (m,), infinite on flat obstacles
+            (`reduced.gathered.GatheredPoints`); None: everywhere infinite.
         comm: ranks that have it alike, and share the work on it.
     """
 

@@ -203,9 +203,15 @@ class Stepper:
         self._progress = progress
 
     def start(self, time: float) -> AcceptedState:
-        """The state in the Functions, from which slips are counted. Collective."""
+        """The state in the Functions, from which slips are counted. Collective.
+
+        Raises:
+            ValueError: on every rank, for Dirichlet data that a solve refuses.
+        """
         eq = self.problem.equations
         with self._loaded(time):
+            eq.refresh()
+            self._require_data()
             eq.remember([None] * len(eq.surfaces))
             state = self.problem.state()
         residual = Scales(eq, settled=True).measure(state).worst
@@ -225,6 +231,11 @@ class Stepper:
             )
         forces = forces_at(eq, state)
         return self.accepted(time, None, eq.advanced(state), forces, Energies(), solved=solved)
+
+    def _require_data(self) -> None:
+        """Refuse a start with Dirichlet data that a solve refuses. Collective."""
+        eq = self.problem.equations
+        eq.constraints.check_values(eq.surfaces, eq.body_size, " at the start")
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool

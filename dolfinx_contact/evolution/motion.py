@@ -134,13 +134,15 @@ class MotionStepper(Stepper):
         """The state in the Functions. Collective.
 
         Raises:
-            ValueError: on every rank, if a point is within an obstacle, or the state not finite.
+            ValueError: on every rank, if a point is within an obstacle, the state not finite or not
+                what Dirichlet data prescribe, or these are such that a solve refuses them.
         """
         eq = self.problem.equations
         with self._loaded(time):
             eq.refresh()
             self._require_finite()
             self._require_held()
+            self._require_data()
             eq.remember([None] * len(eq.surfaces))
             state = self._contact()
             self._require_no_penetration(state)

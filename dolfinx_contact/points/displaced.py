@@ -35,6 +35,7 @@ Whatever a law is given, `TrueGaps` has how far the points are from the obstacle
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -58,6 +59,8 @@ from dolfinx_contact.points.rigid_body import RigidBody
 __all__ = ["DisplacedPoints", "SlidingKind", "TrueGaps", "check_sliding", "displaced_points"]
 
 Array = npt.NDArray[np.float64]
+_FACING = 0.5  # cosine of the normals of a face and of what it faces, the least
+_SAME = 1e-9  # of an overlap that is removed, by which one is that still
 _ROUND_OFF = 1e-14  # of the largest coordinate, a gap that is none
 #: How far points are expected to slide: small beside the curvature of the obstacle, or any way.
 SlidingKind: TypeAlias = Literal["small", "large"]
@@ -184,11 +187,38 @@ class DisplacedPoints:
         largest = float(np.max(np.abs(points.positions), initial=0.0))
         self._no_gap = _ROUND_OFF * points.comm.allreduce(largest, op=max)
 
-    def start_gaps(self) -> tuple[Array, Array]:
-        """Gaps of the undeformed body, at the points of this rank (n,) and the local vertices."""
-        self._place(np.zeros_like(self._points.positions), None)
-        at_vertices = np.zeros((len(self._points.vertex_gaps), self._points.dim))
-        return self._evaluate()["gap"][: self._points.number], self.at_vertices(at_vertices)[0]
+    def starts(self, most: float) -> tuple[Array, Array, Array]:
+        """Gaps of the undeformed body on an obstacle that ends. Collective.
+
+        What is below its rim and past it has its height over the rim as its gap, as the face beside
+        it, where that is an overlap that is removed; what the obstacle does not hold there only
+        where the face looks to it.
+
+        Args:
+            most: the largest overlap that is removed; 0 for none.
+
+        Returns:
+            Gaps at the points of this rank (n,) and at the local vertices, and the normals at the
+            points (n, dim).
+        """
+        points = self._points
+        out = ufl.FacetNormal(self._domain)
+        given = {"width": points.facet_widths, "out": out}
+        here = points.evaluator(given | {"taken": _taken(points.removed_overlap)})()
+        mine = {name: values[: points.number] for name, values in here.items()}
+        gap, normal = self._started(points.positions, mine, most)
+        there = self._evaluator_at_vertices(given | {"taken": _taken(points.removed_at_vertices)})
+        x = points.vertices.tabulate_dof_coordinates()[:, : points.dim]
+        return gap, self._started(x, there(), most)[0], normal
+
+    def _started(self, x: Array, of_face: Mapping[str, Array], most: float) -> tuple[Array, Array]:
+        """Gaps (n,) and normals (n, dim) as `starts` has them at points x (n, dim)."""
+        start = self.shape.starts(x, of_face["width"])
+        facing = np.sum(start.normal * of_face["out"], axis=1) > _FACING
+        removed = (
+            (start.height < 0.0) & (start.height >= -most * (1.0 + _SAME)) & (start.held | facing)
+        )
+        return np.where(removed, start.height, start.gap) + of_face["taken"], start.normal
 
     def _place(self, place: Array, before: Array | None) -> None:
         """Let the points be, and have been, where these displacements (n, dim) bring them."""
@@ -260,18 +290,18 @@ class DisplacedPoints:
         return values["gap"], values["normal"]
 
     def _vertices(self) -> tuple[fem.Function, PointEvaluator]:
-        W = self._points.vertices
-        submesh = self._points.submesh
         domain = self._domain
-        ds = measure_of(domain, submesh.parent_facets, 1, "vertex")
-        moved = fem.Function(blocked_space(W, self._points.dim))
+        moved = fem.Function(blocked_space(self._points.vertices, self._points.dim))
         taken = self._points.removed_at_vertices
         shape = self._whole.ended(lambda: (self._points.facet_widths, _taken(taken)))
         gap, normal = shape.at(domain, ufl.SpatialCoordinate(domain) + moved)
         gap = _without(gap, taken)
-        expressions: dict[str, Any] = {"gap": gap, "normal": normal}
-        maps = merge_entity_maps([submesh])
-        return moved, PointEvaluator(W, ds, expressions, maps)
+        return moved, self._evaluator_at_vertices({"gap": gap, "normal": normal})
+
+    def _evaluator_at_vertices(self, expressions: dict[str, Any]) -> PointEvaluator:
+        submesh = self._points.submesh
+        ds = measure_of(self._domain, submesh.parent_facets, 1, "vertex")
+        return PointEvaluator(self._points.vertices, ds, expressions, merge_entity_maps([submesh]))
 
 
 def _without(gap: Any, taken: fem.Function | None) -> Any:

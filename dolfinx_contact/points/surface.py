@@ -223,7 +223,7 @@ class ContactSurface(ReadOnly):
         self._create_points(local, quadrature_degree)
         overlap = Overlap.of(name, interference, remove_overlap)
         self._overlap = overlap
-        self._settle_overlap(self.points.gaps, self.points.vertex_gaps, self.normal)
+        self._settle_overlap(self.points.gaps, self.points.vertex_gaps, self.points.data.n)
         self.sliding = sliding
         self._displaced: DisplacedPoints | None = None
         self.memory: Memory | None = None
@@ -293,14 +293,14 @@ class ContactSurface(ReadOnly):
         self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
 
     def _settle_overlap(
-        self, gaps: Array, vertex_gaps: Array, normal: Any, where: str = ""
+        self, gaps: Array, vertex_gaps: Array, normals: Array, where: str = ""
     ) -> None:
         """Refuse a start too far within the obstacle, or take the overlap away. Collective.
 
         Args:
             gaps: at the points of this rank (n,).
             vertex_gaps: at the local vertices.
-            normal: from the body into the obstacle, in UFL.
+            normals: from the body into the obstacle, at the points (n, dim).
             where: part of the message, where that is.
 
         Raises:
@@ -318,19 +318,19 @@ class ContactSurface(ReadOnly):
             )
             overlap.require(self.comm, worst, allowed, f"{self.name}{where}", unless)
         if overlap.removed:
-            self._require_this_side(gaps, normal, where)
+            self._require_this_side(gaps, normals, where)
             self.points.remove_overlap(gaps, vertex_gaps)
 
-    def _require_this_side(self, gaps: Array, normal: Any, where: str) -> None:
+    def _require_this_side(self, gaps: Array, normals: Array, where: str) -> None:
         """Refuse what begins beyond the middle of the obstacle, which would pull it. Collective.
 
         Args:
             gaps: at the points of this rank (n,).
-            normal: from the body into the obstacle, in UFL.
+            normals: from the body into the obstacle, at the points (n, dim).
             where: part of the message, where that is.
         """
-        along = ufl.dot(ufl.FacetNormal(self.domain), normal)
-        cosine = self.points.evaluator({"along": along})()["along"][: self.points.number]
+        out = self.points.evaluator({"out": ufl.FacetNormal(self.domain)})()["out"]
+        cosine = np.sum(out[: self.points.number] * normals, axis=1)
         deep = gaps < -_NO_OVERLAP * self.points.mean_width
         turned = np.where(deep, cosine, 1.0)
         i = int(np.argmin(turned)) if len(turned) else 0
@@ -462,7 +462,8 @@ class ContactSurface(ReadOnly):
         if self._displaced is not None and self._displaced.ended:
             # What begins below a rim, and within a facet past it, is held as what slid there.
             past = ", also past the rim, which holds a face that slides up to a facet"
-            self._settle_overlap(*self._displaced.start_gaps(), self._displaced.given.normal, past)
+            most = self._overlap.most if self._overlap.removed else 0.0
+            self._settle_overlap(*self._displaced.starts(most), past)
         self._true_gaps = TrueGaps(self.u, self.points, self.obstacle, shape)
 
     # -- nodes and points ------------------------------------------------------------------------

@@ -39,8 +39,9 @@ class GatheredPoints:
         bound: shear forces up to which Tresca's law holds points (m,); 0 for other laws.
         augmentation: stiffness with which Newton's method augments forces, force by length (m,).
         gap: distances to the obstacle where nothing moves, un there (m,).
-        reach: slips up to which sliding is small (m,): half a facet where the opposing body is
-            another body or curved, infinite on flat obstacles.
+        reach: slips up to which sliding is small (m,): half the mean size of the facets of the
+            surface itself, in space the root of their area, where it has another body
+            opposite or a curved obstacle; infinite on flat ones.
         guided: whether Dirichlet data prescribe tangential displacements of some.
     """
 

@@ -38,6 +38,7 @@ _LARGEST_PART = 0.5  # of a facet
 _LARGEST_TURN = 3.0  # degrees
 _CARRIES = 1e-3  # of the largest traction, above which an open point carries something
 _FAR = 10.0  # body sizes
+_LARGEST_SPIN = 35.0  # degrees in a step, whose chord is by 1.5 % shorter than the arc
 _BEHIND = 1e-2  # of a facet, by which a node may be behind a plane of symmetry
 
 
@@ -80,6 +81,9 @@ class Sliding:
         turn: of a pair, the angle in degrees by which normals have turned at closed points: its
             root mean square by the normal forces, or half the largest if that is more, which counts
             where a body bends to the shape of the other and the pressure falls off; else 0.
+        spin: of faces that slide over each other, the angle in degrees by which one has turned over
+            the other in the last step, about their normals: its root mean square by the work of
+            friction; else 0.
         entered: how deep a corner or edge of a `RigidSurface` is in a facet of the body, between
             contact points, which do not see it; a length.
         doubt: why nothing is proved of the state, "" where the sliding is small: a misfit of 1e-3
@@ -87,12 +91,14 @@ class Sliding:
             has left the face of the master by half a facet. Of curved obstacles also an edge that
             is a tenth of a facet in it (by the integral method half of one), points past a rim, and
             more than a fiftieth of the normal forces where normals of obstacle and body are more
-            than 66 degrees apart.
+            than 66 degrees apart. Of faces that slide over each other also a spin of 35 degrees,
+            of which steps have the chords.
     """
 
     misfit: float | None
     distance: float = 0.0
     turn: float = 0.0
+    spin: float = 0.0
     entered: float = 0.0
     doubt: str = ""
 
@@ -170,7 +176,25 @@ def _of_sliding(
             f"their normals, more than the search distance {depth:.3g}: the bodies may have "
             "passed through each other; take shorter steps, or a longer search distance"
         )
-    return Sliding(0.0, way_along, doubt="; ".join(reasons))
+    spin = _spin(s, contact, operator.facing.nodal.apart[: points.number])
+    if spin > _LARGEST_SPIN:
+        half = np.radians(spin) / 2
+        reasons.append(
+            f"the faces have turned over each other by {spin:.3g} degrees in one step, in which "
+            f"friction works along chords that are {1 - np.sin(half) / half:.2g} shorter than "
+            f"their arcs, and supports do {1 - np.sin(2 * half) / (2 * half):.2g} less work; take "
+            "shorter steps"
+        )
+    return Sliding(0.0, way_along, spin=spin, doubt="; ".join(reasons))
+
+
+def _spin(s: ContactSurface, contact: ContactState, apart: Array) -> float:
+    """The mean of angles (n,) by the work of friction, in degrees; see `Sliding`. Collective."""
+    at = contact.kinematics
+    along = contact.traction - np.sum(contact.traction * at.data.n, axis=1)[:, None] * at.data.n
+    work = np.abs(np.sum(along * at.increment, axis=1)) * at.operator.areas
+    sums = s.comm.allreduce(np.array([work @ apart**2, work.sum()]))
+    return float(np.degrees(np.sqrt(sums[0] / sums[1]))) if sums[1] > 0 else 0.0
 
 
 def _behind_planes(eq: ContactEquations, s: ContactSurface, state: State) -> list[str]:

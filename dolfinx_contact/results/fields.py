@@ -51,9 +51,6 @@ def contact_fields(
     if s.method != "integral":
         for name in ("traction", "pressure", "shear"):
             state[name][clamped] = 0.0  # as in the table
-    part = s.points.covered
-    for name in ("traction", "pressure", "shear"):
-        state[name] = part.reshape(-1, *[1] * (state[name].ndim - 1)) * state[name]
     values = {
         "displacement": s.u.x.array.reshape(-1, s.dim)[s.points.vertex_trace_dofs],
         "traction": state["traction"],

@@ -19,9 +19,11 @@ the closest point c, the height z = m.(x - c) and the way a = |x - c - z m| past
     g = z + b - sqrt(b^2 - a^2)    for a < b and z > -b - o,
 
 with the overlap o that is removed from the gap, where one is, as if the surface turned down there
-by a quarter of a circle, and its normal stays m. So forces fall
-to zero as points move off, and are not turned: across the surface of a sharper end they would push
-points off it, from where there is no equilibrium nearby. Where facets become small the end does.
+by a quarter of a circle, and its normal stays m. So forces fall to zero as
+points move off, and are not turned: across the surface of a sharper end they would push points off
+it, from where there is no equilibrium nearby. Where facets become small the end does. The overlap
+of what starts below the rim and past it is -z, as of the face beside it, so that it leaves as from
+a start on the surface.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._frozen import copy_with
 from dolfinx_contact._numbers import is_number
-from dolfinx_contact.obstacles import Measured, Obstacle, Outline
+from dolfinx_contact.obstacles import Measured, Obstacle, Outline, Start
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.distance import Distances, distances_from
 from dolfinx_contact.rigid_surfaces.files import facets_in
@@ -208,12 +208,31 @@ class RigidSurface(Obstacle):
     def ended(self, face: Callable[[], tuple[Any, Any]]) -> RigidSurface:
         return self if self.closed else copy_with(self, _face=face())
 
+    def starts(self, x: Array, widths: Array) -> Start:
+        ends = self._ends(widths)
+        gap, _, normal, _ = self._measure(x, widths)
+        found = distances_from(self._surface, self._closest, x)
+        rim = found.past
+        feet = found.feet[rim]
+        at_rim = distances_from(self._surface, self._closest, feet, np.ones(len(feet))).normal
+        away = (x - found.feet)[rim]
+        z = np.einsum("ni,ni->n", away, at_rim)
+        height = gap.copy()
+        height[rim] = z - self.rounding
+        normal[rim] = -at_rim
+        held = np.ones(len(x), dtype=bool)
+        held[rim] = (z > -ends[rim]) & (np.sum(away**2, axis=1) - z**2 < ends[rim] ** 2)
+        return Start(gap, height, normal, held)
+
+    def _ends(self, widths: Array) -> Array:
+        """Within which a face leaves the rim; an end that is given is round as it is given."""
+        return np.where(widths > self.rounding, widths, 0.0)
+
     def _measure(
         self, x: Array, width: Array | None = None, removed: Array | None = None
     ) -> tuple[Array, Array, Array, Array]:
         """Gaps, their gradients, normals into the obstacle and their derivatives."""
-        # An end that is given is round as it is given.
-        ends = None if width is None else np.where(width > self.rounding, width, 0.0)
+        ends = None if width is None else self._ends(width)
         found = distances_from(self._surface, self._closest, x, ends, removed)
         return found.distance - self.rounding, found.slope, -found.normal, -found.turn
 

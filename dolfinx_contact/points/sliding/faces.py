@@ -482,7 +482,8 @@ class SlidingFaces:
             spins(old_theirs, theirs, self._found.senses),
         )
         # Normals of the master look the other way.
-        spun = 0.5 * (mine_spun[facet] - theirs_spun[master])
+        both_spun = mine_spun[facet], -theirs_spun[master]
+        spun = np.stack([0.5 * sum(both_spun), both_spun[0] - both_spun[1]], axis=1)
         by_corners = 0.5 * by_mine[facet], -0.5 * by_theirs[master]
         way = np.einsum("pqb,pbd->pqd", rays.weights, old_theirs[master])
         way -= np.einsum("pqa,pad->pqd", shape, old[facet])
@@ -571,13 +572,13 @@ class SlidingFaces:
         gaps = np.where(weight > 0, gaps + self.removed, self._depth)
         slips = by[:, None] * self.sums(facet, np.einsum("pqa,pqad->pad", weighted, slip))
         slips = self.kept * slips
-        turns = by * self.sums(facet, weighted.sum(axis=1) * spin[:, None])
-        turns = self.free_to_spin * turns
+        turns = self.sums(facet, weighted.sum(axis=1)[..., None] * spin[:, None])
+        turns = (by * self.free_to_spin)[:, None] * turns
         length = np.linalg.norm(m, axis=1)
         others = np.where(weight > 0, self.sums(facet, around), 0.0)
         share = np.where(others > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
         normal = m / length[:, None]
-        return Nodal(weight, share, others, gaps, slips, normal, length, before, turns)
+        return Nodal(weight, share, others, gaps, slips, normal, length, before, *turns.T)
 
 
 def _mirrors(planes: Mapping[int, float], dim: int) -> Array:

@@ -79,6 +79,7 @@ class Nodal:
         length: |m| (n,).
         before: normal of the last accepted state (n, dim).
         spin: psi (n,), 0 in the plane.
+        apart: psi_slave - psi_master, by which one has turned over the other (n,), likewise.
     """
 
     weight: Array
@@ -90,6 +91,7 @@ class Nodal:
     length: Array
     before: Array
     spin: Array
+    apart: Array
 
     @cached_property
     def _turned(self) -> Array:
