@@ -9,8 +9,8 @@ block elimination
 is the exact inverse of [P P v; w^T w_gamma] and preconditions J. It costs one P^-1 for each vector.
 After its first application the last row is satisfied, exactly; it is left out of all that follows.
 
-Where (t_x, t_gamma) is near the tangent of the branch, -t_x / t_gamma is near A^-1 c, and taken for
-v if A v - c is small. Else v = P^-1 c, at the cost of one more P^-1: so near folds, where the
+Where (t_x, t_gamma) is near the tangent of the branch, -t_x / t_gamma is near A^-1 c, and serves
+as v if A v - c is small. Else v = P^-1 c, at the cost of one more P^-1: so near folds, where the
 elimination stays regular and A does not.
 
 The sign of det J comes with a solve whose right-hand side has a part along every eigenvector. Its
