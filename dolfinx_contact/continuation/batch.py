@@ -106,7 +106,9 @@ class FreeSteps(ExactSteps):
         changes = self.changes(point, y, piece)
         before = self._orientation(point) if changes else 0.0
         several = bool(changes)
-        tangent = self.corrector.tangent(y, point.tangent, piece, factorise=several, precise=False)
+        tangent = self.corrector.tangent(
+            y, point.tangent, piece, start=point.y, factorise=several, precise=False
+        )
         if tangent is None or not self.lands(point, h, y, tangent):
             return Crossed(None, changes)
         tau = self.test(accepted=True)

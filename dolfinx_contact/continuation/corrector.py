@@ -112,6 +112,7 @@ class Corrector:
         self._distance = 0.0
         self._polish = False
         self._T: PETSc.Vec | None = None
+        self._along: PETSc.Vec | None = None  # whose dual vector the last row is
         self._error = self._residual = 0.0
         self._chords = Chords()
         self._rule = Forcing()
@@ -182,13 +183,15 @@ class Corrector:
         towards: PETSc.Vec,
         piece: Piece | None,
         *,
+        start: PETSc.Vec | None = None,
         factorise: bool = False,
         precise: bool = True,
     ) -> PETSc.Vec | None:
         """Unit tangent of ``piece`` at ``y``, on the side of ``towards``; None if there is no one.
 
         The matrix stays behind for other right-hand sides, with ``factorise`` factorised. Where
-        exactness has a price, a tangent to step along need not be ``precise``.
+        exactness has a price, a tangent to step along need not be ``precise``, and is looked for
+        near that of the parabola to ``y`` from ``start``, where ``towards`` is tangent.
         """
         b = self.bordered
         solver = self.bordered.solver
@@ -201,9 +204,11 @@ class Corrector:
         found = None
         for row in rows:
             b.dual(row, self._row)
-            solver.assemble(y, self._row, piece)
+            near = None
+            if row is towards:
+                near = self._extrapolated(towards, start, y)
+            solver.assemble(y, self._row, piece, along=near)
             t = b.vector()
-            near = towards if row is towards else None
             if (not factorise or solver.factorise()) and solver.solve(
                 self._e, t, rtol=rtol, near=near
             ):
@@ -219,6 +224,21 @@ class Corrector:
             t.destroy()
         axis.destroy(), both.destroy()
         return found
+
+    def _extrapolated(self, t: PETSc.Vec, start: PETSc.Vec | None, y: PETSc.Vec) -> PETSc.Vec:
+        """The tangent at ``y`` of a parabola from ``start``, where it is ``t``. Collective.
+
+        Its part along ``t`` is 1, by the row as it is; without a start it is ``t``.
+        """
+        if start is None or self.bordered.solver.many_sides:
+            return t
+        self._away.waxpy(-1.0, start, y)
+        along = float(self._row.dot(self._away))
+        if not along > 0:
+            return t
+        self._away.scale(2.0 / along)
+        self._away.axpy(-1.0, t)
+        return self._away
 
     def orientation(self) -> float:
         """Sign of det [grad H; t^T] at the `tangent` t that was computed last.
@@ -238,6 +258,7 @@ class Corrector:
         self._predicted = None
         self._known = None
         self.bordered.dual(t, self._row)
+        self._along = t
         self.snes.setJacobian(self._jacobian, self._matrix(y))
         with self.bordered.solver.options(), as_raised():
             self.snes.solve(None, y)
@@ -253,7 +274,7 @@ class Corrector:
     def _matrix(self, y: PETSc.Vec) -> PETSc.Mat:
         solver = self.bordered.solver
         if not solver.matrix:
-            solver.assemble(y, self._row, self._piece)
+            solver.assemble(y, self._row, self._piece, along=self._along)
         return solver.matrix
 
     def _function(self, _snes: PETSc.SNES, y: PETSc.Vec, out: PETSc.Vec) -> None:
@@ -295,7 +316,7 @@ class Corrector:
         if self._keeps:
             self._chords.number += 1
             return
-        self.bordered.solver.assemble(y, self._row, self._piece)
+        self.bordered.solver.assemble(y, self._row, self._piece, along=self._along)
         self._chords.new_matrix(serves=self._serves)
         self._codes = self._codes_at(y) if self._serves else None
 

@@ -93,7 +93,9 @@ class Factorised(BorderedSolver):
         self._at, self._base_at = (self.system.create_vector() for _ in range(2))
         self._changes_everywhere = False
 
-    def assemble(self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None) -> None:
+    def assemble(
+        self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None, *, along: PETSc.Vec | None = None
+    ) -> None:
         layout, x, gamma = self.layout, *self.layout.split(y)
         self.system.jacobian(x, gamma, piece)
         self.system.parameter_derivative(x, gamma, self._c, piece)

@@ -57,8 +57,17 @@ class BorderedSolver(ABC):
         return options_in_database(self.prefix, self.defaults)
 
     @abstractmethod
-    def assemble(self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None) -> None:
-        """Take J at ``y`` with the dual vector ``row`` as its last row. Collective."""
+    def assemble(
+        self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None, *, along: PETSc.Vec | None = None
+    ) -> None:
+        """Take J at ``y`` with the dual vector ``row`` as its last row. Collective.
+
+        Args:
+            y: where.
+            row: the last row.
+            piece: on which H is taken.
+            along: something near the direction in which the branch runs there.
+        """
 
     @abstractmethod
     def factorise(self) -> bool:

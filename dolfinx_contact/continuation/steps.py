@@ -88,7 +88,9 @@ class ExactSteps:
                 continue
             corrections = self.corrector.iterations
             t.destroy()
-            tangent = self.corrector.tangent(y, point.tangent, point.piece, precise=False)
+            tangent = self.corrector.tangent(
+                y, point.tangent, point.piece, start=point.y, precise=False
+            )
             if tangent is None or not self.lands(point, h, y, tangent):
                 if h * control.decrease >= control.minimum:
                     h *= control.decrease

@@ -365,26 +365,34 @@ class ParametricEquations(System):
         if self._metric is None:
             self._metric = self._mass()
             self._mass_in, self._mass_out = self._metric.createVecs()
-        n = self._mass_in.getLocalSize()
-        self._mass_in.array[:] = x.array_r[:n]
-        self._metric.mult(self._mass_in, self._mass_out)
+        dim = self.equations.dim
+        n = dim * self._mass_in.getLocalSize()
         out.set(0.0)
-        out.array[:n] = self._mass_out.array_r
+        for component in range(dim):
+            part = slice(component, n, dim)
+            self._mass_in.array[:] = x.array_r[part]
+            self._metric.mult(self._mass_in, self._mass_out)
+            out.array[part] = self._mass_out.array_r
         rigid = out.getLocalSize() - self.equations.rigid.owned
         out.array[rigid:] = x.array_r[rigid:] / self.equations.body_size**2
 
     def _mass(self) -> PETSc.Mat:
-        """Mass matrix of the displacement over the volume and the square of the body's size."""
+        """Mass matrix of a component of u over the volume and the square of the body's size."""
         V = self.equations.V
         u = ufl.TrialFunction(V)
         v = ufl.TestFunction(V)
-        mass = dolfinx.fem.petsc.assemble_matrix(compiled_form(ufl.inner(u, v) * ufl.dx))
-        mass.assemble()
-        translation, volume = mass.createVecs()
-        translation.array.reshape(-1, self.equations.dim)[:, 0] = 1.0
-        mass.mult(translation, volume)
-        mass.scale(1.0 / (translation.dot(volume) * self.equations.body_size**2))
-        translation.destroy(), volume.destroy()
+        whole = dolfinx.fem.petsc.assemble_matrix(compiled_form(ufl.inner(u, v) * ufl.dx))
+        whole.assemble()
+        start, end = whole.getOwnershipRange()
+        dim = self.equations.dim
+        first = PETSc.IS().createStride((end - start) // dim, start, dim, comm=self.comm)
+        mass = whole.createSubMatrix(first, first)
+        ones, volume = mass.createVecs()
+        ones.set(1.0)
+        mass.mult(ones, volume)
+        mass.scale(1.0 / (volume.sum() * self.equations.body_size**2))
+        for thing in (whole, first, ones, volume):
+            thing.destroy()
         return mass
 
     def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:

@@ -48,10 +48,12 @@ class _Glued:
     Attributes:
         held: owned displacement dofs of the nodes that touch an obstacle.
         joined: points of this rank that are closed, pair of bodies by pair.
+        guessed: whether nothing is closed on a surface, so that what will be is a guess.
     """
 
     held: npt.NDArray[np.bool_]
     joined: list[npt.NDArray[np.bool_]]
+    guessed: bool
 
     def differs(self, other: _Glued | None) -> bool:
         """Whether anything is glued otherwise on this rank."""
@@ -165,8 +167,9 @@ class Multigrid(LinearSolver):
     def age(self, iterations: int, digits: float) -> None:
         """Add what a solve took more than a new hierarchy would; `update` acts on it."""
         if self._unused and digits > _SEEN:
-            # The first hierarchy is built from a guess of what will be closed.
-            self._measured = iterations / digits if self.builds > 1 else 0.0
+            # What a hierarchy takes that was built from a guess is no measure of the next.
+            guessed = self.builds == 1 or self._glued is None or self._glued.guessed
+            self._measured = 0.0 if guessed else iterations / digits
             self._unused = False
         self._excess += max(iterations - self._per_digit * digits, 0.0)
         self._dearer = max(self._dearer + iterations - _SMOOTHED_PER_DIGIT * digits, 0.0)
@@ -230,9 +233,11 @@ class Multigrid(LinearSolver):
         marks = la.vector(V.dofmap.index_map, 1)
         marks.array[:] = 0.0
         joined = []
+        guessed = False
         for s, found in zip(eq.surfaces, state.surfaces, strict=True):
             points = closed(found.statuses)
             touching = bool(self.comm.allreduce(int(points.any())))
+            guessed = guessed or not touching
             # A hierarchy that is glued too far costs less than one that is glued too little.
             reach = eq.reach(s, state.u) or np.inf
             if s.between_bodies:
@@ -252,7 +257,7 @@ class Multigrid(LinearSolver):
                 closures = facet_closures(V, s.submesh.parent_facets)
                 whole = vertices[closures].sum(axis=1) >= V.mesh.geometry.dim
                 marks.array[closures[whole].reshape(-1)] = 1.0
-        return _Glued(np.repeat(marks.array[:n] > 0, bs), joined)
+        return _Glued(np.repeat(marks.array[:n] > 0, bs), joined, guessed)
 
     def prepare(
         self, ksp: PETSc.KSP, step: Step, target: float, state: State, *, warm: bool
