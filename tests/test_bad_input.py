@@ -39,7 +39,7 @@ from dolfinx_contact.continuation import (
     follow,
     points_at,
 )
-from dolfinx_contact.evolution import NSCD, ArcLength, NoContinuation
+from dolfinx_contact.evolution import NSCD, ArcLength, NoContinuation, QuasiStatic
 from dolfinx_contact.materials import (
     Axisymmetric,
     CiarletGeymonat,
@@ -289,9 +289,15 @@ def test_functions_that_jump(caplog):
 
 
 def test_nan_in_dirichlet_data():
+    """Before a solve, a history or a motion."""
     problem = block(top=(np.nan, 0.0))
     with pytest.raises(ValueError, match="a Dirichlet value is not finite"):
         problem.solve()
+    match = "a Dirichlet value is not finite at the start"
+    with pytest.raises(ValueError, match=match):
+        QuasiStatic(problem, lambda _: None).run([0.0, 1.0])
+    with pytest.raises(ValueError, match=match):
+        NSCD(problem, 1.0, dt=0.01).run([0.0, 0.01])
 
 
 def test_nan_in_the_mesh():

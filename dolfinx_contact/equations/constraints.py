@@ -152,16 +152,18 @@ class Constraints:
     ) -> None:
         """Raise ``ValueError`` for values that surfaces cannot have. Collective.
 
-        A clamped node is pushed into its obstacle, or a node off its plane of symmetry. Of
-        conditions that contradict each other at a node it warns.
+        One is not finite, a clamped node is pushed into its obstacle, or a node off its plane of
+        symmetry. Of conditions that contradict each other at a node it warns.
 
         Args:
             surfaces: of the problem.
             size: of the body, a length.
             where: part of the message, where that is.
         """
-        self._warn_of_contradictions()
         values = self.values()
+        finite = bool(np.isfinite(values[self.fixed]).all())
+        require(self._V.mesh.comm, finite, f"a Dirichlet value is not finite{where}")
+        self._warn_of_contradictions()
         prescribed = np.where(self.fixed, values, 0.0)
         for s in surfaces:
             s.points.require_in_place(prescribed, size, f"{s.name}{where}")

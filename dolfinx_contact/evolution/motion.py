@@ -141,8 +141,8 @@ class MotionStepper(Stepper):
         with self._loaded(time):
             eq.refresh()
             self._require_finite()
-            self._require_held()
             self._require_data()
+            self._require_held()
             eq.remember([None] * len(eq.surfaces))
             state = self._contact()
             self._require_no_penetration(state)

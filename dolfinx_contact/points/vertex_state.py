@@ -42,10 +42,10 @@ def vertex_state(s: ContactSurface) -> dict[str, Array]:
         shares["plus"] = slips & np.where(grips, friction == PLUS, along > 0)
         shares["minus"] = slips & np.where(grips, friction == MINUS, along < 0)
     found = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
-    at_points = s.method != "integral"
-    found |= (
-        {k: points.with_ghosts(state[k]) for k in kept} if at_points else _of_functions(s, state)
-    )
+    if s.method == "integral":
+        found |= _of_functions(s, state)
+    else:
+        found |= {k: points.with_ghosts(state[k]) for k in kept}
     for name in _OF_FORCES:
         found[name] = (points.covered * found[name].T).T
     return found

@@ -206,9 +206,6 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
     require(eq.comm, not lost, lost)
     for s in eq.surfaces:
         require_finite_geometry(s)
-    values = eq.constraints.values()
-    prescribed = bool(np.isfinite(values[eq.constraints.fixed]).all())
-    require(eq.comm, prescribed, "a Dirichlet value is not finite")
     given = bool(np.isfinite(eq.rigid.numbers()).all())
     require(eq.comm, given, "a load or motion of a rigid body is not finite")
     eq.constraints.check_values(eq.surfaces, eq.body_size)
