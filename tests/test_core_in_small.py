@@ -497,3 +497,15 @@ def test_points_that_are_held_along_their_floor(slope):
     problem = ContactProblem(energy, u, [surface], bcs=bcs)
     assert not has_pieces(problem)
     assert has_pieces(problem, partly=True) is (slope == 0.0)
+
+
+def test_what_is_along_a_surface_that_turns():
+    """The rate of the part of a jump along it, by differences; normals keep their length."""
+    rng = np.random.default_rng(2)
+    jump, n, rate = rng.normal(size=(3, 5, 3))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    rate -= np.sum(rate * n, axis=1)[:, None] * n
+    memory = Memory(jump)
+    h = 1e-6
+    differences = (memory.reference(n + h * rate) - memory.reference(n - h * rate)) / (2 * h)
+    np.testing.assert_allclose(memory.reference_rate(n, rate), differences, atol=1e-8)

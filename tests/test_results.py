@@ -15,6 +15,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
 from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
+from dolfinx_contact.results.balance import forces_at_vertices
 from dolfinx_contact.results.result import collect
 
 COMM = MPI.COMM_WORLD
@@ -236,7 +237,34 @@ def test_support_as_a_field(degree):
         assert not fields["pressure"].x.array[clamped].any()
 
 
-def test_a_prescribed_slip_is_no_violation():
+def test_forces_of_nodes_between_vertices():
+    """A half of each goes to either end of its edge, across the borders of ranks too."""
+    domain = box(COMM, 3, "tet")
+    V = fem.functionspace(domain, ("Lagrange", 2, (3,)))
+    below = facets(domain, 2, 0.0)
+    surface = ContactSurface(fem.Function(V), below, obstacle=floor(3), law=Coulomb(0.3))
+    nodes = V.tabulate_dof_coordinates()
+    forces = np.where(np.isclose(nodes[:, 2:], 0.0), 1.0 + nodes, 0.0)
+    trace = surface.points.vertex_trace_dofs
+    found = forces_at_vertices(V, surface.submesh, trace, forces)
+    X = nodes[np.isclose(nodes[:, 2], 0.0)]
+    X = np.unique(np.round(np.vstack(COMM.allgather(X)), 9), axis=0)
+    grid = np.isclose(3 * X % 1, 0) | np.isclose(3 * X % 1, 1)
+    vertices, middles = X[grid.all(axis=1)], X[~grid.all(axis=1)]
+    # On the diagonals of squares, which all run one way, and on their sides.
+    for x, force in zip(nodes[trace], found, strict=True):
+        away = np.abs(middles - x)
+        side = np.isclose(np.sort(away, axis=1), [0.0, 0.0, 1 / 6]).all(axis=1)
+        along = np.isclose((middles - x)[:, 0], (middles - x)[:, 1])
+        diagonal = np.isclose(np.sort(away, axis=1), [0.0, 1 / 6, 1 / 6]).all(axis=1) & along
+        wanted = 1.0 + x + 0.5 * (1.0 + middles[side | diagonal]).sum(axis=0)
+        np.testing.assert_allclose(force, wanted, rtol=1e-8)
+    assert len(vertices) == 16
+    assert len(middles) == 33
+
+
+@pytest.mark.parametrize(("aside", "letter"), [(0.01, "+"), (0.0, "k"), (-0.001, "-")])
+def test_a_prescribed_slip_is_no_violation(aside, letter):
     """Where the support moves a closed node along the floor friction has nothing to hold."""
     domain = box(COMM, 3, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -246,12 +274,12 @@ def test_a_prescribed_slip_is_no_violation():
     )
     top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
     side = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
-    bcs = [fem.dirichletbc(np.array([0.01, -0.01]), top, V), fem.dirichletbc(0.01, side, V.sub(0))]
+    bcs = [fem.dirichletbc(np.array([0.01, -0.01]), top, V), fem.dirichletbc(aside, side, V.sub(0))]
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     result = ContactProblem(energy, u, [surface], bcs=bcs).solve()
     assert result.kkt_violation < 1e-9
     table = result.tables["contact"]
-    assert table.letters[0] == "+"
+    assert table.letters[0] == letter
     assert table.bound[0] == 0.0 < table.rn[0]
 
 
