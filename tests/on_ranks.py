@@ -382,7 +382,11 @@ ON_THREE = {
     "test_point_problem": ("what_is_saved_is_the_problem",),
     "test_properties": ("ranks",),
     "test_renard": ("of_a_solution",),
-    "test_results": ("balance_of_all_forces", "support_as_a_field", "forces_of_nodes_between"),
+    "test_results": (
+        "balance_of_all_forces",
+        "support_as_a_field",
+        "forces_of_nodes_between_vertices",
+    ),
     "test_rigid_body": ("ranks", "the_jacobian"),
     "test_rigid_surface": ("jacobian", "flat_punch_and_ranks"),
     "test_scales": ("what_stays",),
