@@ -34,6 +34,13 @@ def pytest_addoption(parser):
     parser.addoption("--long", action="store_true", help="run the tests that take long as well")
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Files of which several ranks run nothing are not read there."""
+    if config.getoption("--long") or collection_path.suffix != ".py":
+        return None
+    return None if _on_ranks(collection_path.stem) else True
+
+
 def pytest_collection_modifyitems(config, items):
     """Leave out what takes long, and on several ranks what is seen serially (all run with --long).
 
@@ -65,7 +72,7 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
         elif COMM.size > 1 and item.get_closest_marker("chatty"):
             item.add_marker(pytest.mark.skip(reason="sends many messages"))
-        elif COMM.size > 1 and not _on_ranks(item):
+        elif not _on_ranks(item.path.stem, item.originalname.removeprefix("test_")):
             item.add_marker(pytest.mark.skip(reason="runs on fewer ranks"))
         elif COMM.size > 1 and (COMM.size > 2 or item.path.stem not in EVERY_CASE):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
@@ -100,12 +107,14 @@ def _beside_each_value(items):
     return left_out
 
 
-def _on_ranks(item):
-    """Whether a test is among those that so many ranks run."""
-    stem, name = item.path.stem, item.originalname.removeprefix("test_")
-    if COMM.size == 2 and (stem in EVERY_CASE or name in ON_TWO.get(stem, ())):
+def _on_ranks(stem, name=None):
+    """Whether a test, or any of its file, is among those that so many ranks run."""
+    if COMM.size == 1 or stem in ON_ANY:
         return True
-    return name in ON_THREE.get(stem, ())
+    if COMM.size == 2 and stem in EVERY_CASE:
+        return True
+    names = (*(ON_TWO.get(stem, ()) if COMM.size == 2 else ()), *ON_THREE.get(stem, ()))
+    return name in names if name else bool(names)
 
 
 @pytest.hookimpl(hookwrapper=True)
