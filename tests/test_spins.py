@@ -273,6 +273,35 @@ def test_what_is_no_spin(kind):
 
 
 @pytest.mark.verifies(
+    "cylinders",
+    "rigid bodies",
+    "Coulomb",
+    reference="closed form: a circle",
+    aspects=("3D", "large sliding"),
+)
+def test_a_drum_that_turns_does_not_spin():
+    """About its own axis, by 50 degrees below a disc that is held."""
+    turned = {}
+
+    def drum(domain):
+        turned["ry"] = fem.Constant(domain, 0.0)
+        held = ["x", "y", "z", "rx", "rz"]
+        return RigidBody(DRUM, about=(0.0, 0.0, -2.0), motion=turned, held=held)
+
+    disc = Disc(drum, sliding="large")
+
+    def load(t):
+        turned["ry"].value = np.radians(50.0) * max(t - 1.0, 0.0)
+        disc.move(down=0.03 * min(t, 1.0))
+
+    before, last = disc.run(load)[-2:]
+    assert last.time - before.time > 0.7
+    assert last.energies.dissipated > 1e-4
+    assert last.result.slidings["contact"].spin < 2.0
+    assert "turned over" not in last.result.slidings["contact"].doubt
+
+
+@pytest.mark.verifies(
     "planes",
     "Coulomb",
     "NSCD motion",
