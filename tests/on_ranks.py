@@ -306,6 +306,7 @@ ON_TWO = {
     "test_small_sliding": ("far_and_turned", "uniqueness", "a_history_says_it_once"),
     "test_solutions": ("bad_input", "what_was_not_found_is_said"),
     "test_special_curves": ("what_is_refused",),
+    "test_spins": ("on_any_number_of_ranks",),
     "test_stability": (
         *("stuck_neighbours", "few_eigenproblems", "3d", "bad_input"),
         *("damping_that_feeds_in_energy",),

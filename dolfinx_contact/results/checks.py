@@ -38,7 +38,6 @@ _LARGEST_PART = 0.5  # of a facet
 _LARGEST_TURN = 3.0  # degrees
 _CARRIES = 1e-3  # of the largest traction, above which an open point carries something
 _FAR = 10.0  # body sizes
-_LARGEST_SPIN = 35.0  # degrees in a step, whose chord is by 1.5 % shorter than the arc
 _BEHIND = 1e-2  # of a facet, by which a node may be behind a plane of symmetry
 
 
@@ -81,9 +80,9 @@ class Sliding:
         turn: of a pair, the angle in degrees by which normals have turned at closed points: its
             root mean square by the normal forces, or half the largest if that is more, which counts
             where a body bends to the shape of the other and the pressure falls off; else 0.
-        spin: of faces that slide over each other, the angle in degrees by which one has turned over
-            the other in the last step, about their normals: its root mean square by the work of
-            friction; else 0.
+        spin: of faces that slide over each other, and of a face on a rigid obstacle, in space, the
+            angle in degrees by which one has turned over the other in the last step, about their
+            normals: its root mean square by the work of friction; else 0.
         entered: how deep a corner or edge of a `RigidSurface` is in a facet of the body, between
             contact points, which do not see it; a length.
         doubt: why nothing is proved of the state, "" where the sliding is small: a misfit of 1e-3
@@ -91,8 +90,8 @@ class Sliding:
             has left the face of the master by half a facet. Of curved obstacles also an edge that
             is a tenth of a facet in it (by the integral method half of one), points past a rim, and
             more than a fiftieth of the normal forces where normals of obstacle and body are more
-            than 66 degrees apart. Of faces that slide over each other also a spin of 35 degrees,
-            of which steps have the chords.
+            than 66 degrees apart. Of faces that slide over each other and of obstacles also a
+            spin of 35 degrees, of which steps have the chords.
     """
 
     misfit: float | None
@@ -106,7 +105,7 @@ class Sliding:
 def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
     """By surface, whether the sliding is small in the state in the Functions. Collective.
 
-    It is zero on flat obstacles, for which any sliding is exact.
+    It is zero on flat obstacles but for the spin, for which any sliding along lines is exact.
     """
     found: dict[str, Sliding] = {}
     parts = zip(eq.surfaces, eq.constraints.clamped, state.surfaces, strict=True)
@@ -126,10 +125,11 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
                 eq, s, moved, closed_points & ~held, acting & ~held, held, forces
             )
         elif s.obstacle.flat:
-            found[s.name] = Sliding(0.0)
+            found[s.name] = _with_spin(s, Sliding(0.0), contact)
         else:
             small = _of_obstacle(eq, s, eq.gaps(s, state), closed_points, held)
-            found[s.name] = _with_edges(s, small, state, contact, held)
+            small = _with_edges(s, small, state, contact, held)
+            found[s.name] = _with_spin(s, small, contact)
     return found
 
 
@@ -164,6 +164,7 @@ def _of_sliding(
     far = s.comm.allreduce(far, op=max)
     operator = contact.kinematics.operator
     from dolfinx_contact.points.sliding.operator import SlidingOperator  # loaded where it slides
+    from dolfinx_contact.results.spins import LARGEST_SPIN, spin_by_work
 
     assert isinstance(operator, SlidingOperator)
     passed = operator.facets_passed[closed(contact.statuses)]
@@ -176,8 +177,8 @@ def _of_sliding(
             f"their normals, more than the search distance {depth:.3g}: the bodies may have "
             "passed through each other; take shorter steps, or a longer search distance"
         )
-    spin = _spin(s, contact, operator.facing.nodal.apart[: points.number])
-    if spin > _LARGEST_SPIN:
+    spin = spin_by_work(s, contact, operator.facing.nodal.apart[: points.number])
+    if spin > LARGEST_SPIN:
         half = np.radians(spin) / 2
         reasons.append(
             f"the faces have turned over each other by {spin:.3g} degrees in one step, in which "
@@ -186,15 +187,6 @@ def _of_sliding(
             "shorter steps"
         )
     return Sliding(0.0, way_along, spin=spin, doubt="; ".join(reasons))
-
-
-def _spin(s: ContactSurface, contact: ContactState, apart: Array) -> float:
-    """The mean of angles (n,) by the work of friction, in degrees; see `Sliding`. Collective."""
-    at = contact.kinematics
-    along = contact.traction - np.sum(contact.traction * at.data.n, axis=1)[:, None] * at.data.n
-    work = np.abs(np.sum(along * at.increment, axis=1)) * at.operator.areas
-    sums = s.comm.allreduce(np.array([work @ apart**2, work.sum()]))
-    return float(np.degrees(np.sqrt(sums[0] / sums[1]))) if sums[1] > 0 else 0.0
 
 
 def _behind_planes(eq: ContactEquations, s: ContactSurface, state: State) -> list[str]:
@@ -272,6 +264,17 @@ def _with_edges(
     across = pressed_across(s, contact, np.zeros_like(u) if s.displaced is None else u, held)
     reasons = [r for r in (sliding.doubt, across, *passed.reasons) if r]
     return replace(sliding, entered=passed.depth, doubt="; ".join(reasons))
+
+
+def _with_spin(s: ContactSurface, sliding: Sliding, contact: ContactState) -> Sliding:
+    """With the spin of the face over a rigid obstacle, in space. Collective."""
+    if s.dim == 2:
+        return sliding
+    from dolfinx_contact.results.spins import spin_doubt, spin_over_obstacle
+
+    spin = spin_over_obstacle(s, contact)
+    reasons = [r for r in (sliding.doubt, spin_doubt(s, spin)) if r]
+    return replace(sliding, spin=spin, doubt="; ".join(reasons))
 
 
 def _of_pair(

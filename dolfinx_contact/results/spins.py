@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""By which angle a face has turned over what it touches in a step, about their normals.
+
+Between bodies that slide over each other the slip turns with both, and by half of what one turns
+over the other (`points.sliding.facing`). On a rigid obstacle it is the chord of the step as it is,
+in the frame of the obstacle: of a spin by the angle psi friction acts off its direction by psi/2,
+and works along a chord shorter than the arc,
+
+    torque: cos(psi/2),    work: sin(psi/2) / (psi/2)
+
+of what they are (a disc of the radius R under the pressure p: 2/3 mu p R torque, times psi).
+
+The angle is that of the facets of the face (`points.sliding.spins`) between the last accepted state
+and now, both seen from the obstacle, so that nothing spins that turns with it. Their corners are
+means of the contact points around them, B X before anything has moved: what B averages of an affine
+motion moves as that does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import la
+
+from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.points.sliding.rays import area_vectors
+from dolfinx_contact.points.sliding.spins import spins
+from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.trace import facet_normals
+
+__all__ = ["LARGEST_SPIN", "spin_by_work", "spin_doubt", "spin_over_obstacle"]
+
+Array = npt.NDArray[np.float64]
+
+LARGEST_SPIN = 35.0  # degrees in a step, whose chord is by 1.5 % shorter than the arc
+_NO_WORK = 1e-9  # of what all tractions would do along a facet, what is round-off
+_TURNED_ROUND = -0.9  # cosine of the normals before and now, below which a spin is none
+_NO_FACET = 1e-6  # of the mean area, below which means of points span no facet
+
+
+def spin_by_work(s: ContactSurface, contact: ContactState, apart: Array) -> float:
+    """The mean of angles at the points, squared, by the work of friction, in degrees. Collective.
+
+    Args:
+        s: the surface.
+        contact: at the state.
+        apart: angles (n,).
+    """
+    at = contact.kinematics
+    along = contact.traction - np.sum(contact.traction * at.data.n, axis=1)[:, None] * at.data.n
+    work = np.abs(np.sum(along * at.increment, axis=1)) * at.operator.areas
+    size = np.linalg.norm(contact.traction, axis=1) @ at.operator.areas
+    sums = s.comm.allreduce(np.array([work @ apart**2, work.sum(), size]))
+    if not sums[1] > _NO_WORK * sums[2] * s.points.mean_width:
+        return 0.0
+    return float(np.degrees(np.sqrt(sums[0] / sums[1])))
+
+
+def spin_over_obstacle(s: ContactSurface, contact: ContactState) -> float:
+    """By how many degrees a face has turned over a rigid obstacle in the last step. Collective.
+
+    Args:
+        s: the surface, in space.
+        contact: at the state.
+    """
+    at = contact.kinematics
+    start = at.operator.apply(s.node_positions[: s.owned_nodes])
+    memory = s.memory
+    before = np.zeros_like(start)
+    if memory is not None:
+        before = memory.jump if memory.place is None else memory.place
+    return spin_by_work(s, contact, _at_points(s, start + before, start + at.path[0]))
+
+
+def spin_doubt(s: ContactSurface, spin: float) -> str:
+    """Why a state is to be doubted that spins by so many degrees on an obstacle, or ""."""
+    if not spin > LARGEST_SPIN:
+        return ""
+    body = s.rigid_body
+    if body is not None and body.turns and not s.turns:
+        return (
+            f"the face and {body.name} have turned over each other by {spin:.3g} degrees in one "
+            "step, and in small sliding a rigid body turns by small angles: take shorter steps, "
+            "and sliding='large', which needs its rotation to be prescribed"
+        )
+    half = np.radians(spin) / 2
+    return (
+        f"the face has turned over the obstacle by {spin:.3g} degrees in one step, in which "
+        f"friction acts and works along chords: its torque is {1 - np.cos(half):.2g} too low, its "
+        f"work {1 - np.sin(half) / half:.2g}; take shorter steps"
+    )
+
+
+def _at_points(s: ContactSurface, before: Array, now: Array) -> Array:
+    """Angles at the points (n,) between two places of them (n, dim). Collective."""
+    points = s.points
+    vertices = points.vertices
+    m = s.submesh.mesh.topology.index_map(s.dim - 1).size_local
+    cells = vertices.dofmap.list[:m]
+    reference = vertices.tabulate_dof_coordinates()[:, : s.dim][cells]
+    old, new = (points.at_vertices(x)[cells] for x in (before, now))
+    out = facet_normals(s.domain, s.submesh.parent_facets[:m], unit=False)
+    sense = np.sign(np.sum(area_vectors(reference) * out, axis=1))
+    area = np.linalg.norm(out, axis=1)
+    first, second = area_vectors(old), area_vectors(new)
+    a, b = (np.linalg.norm(v, axis=1) for v in (first, second))
+    wide = np.minimum(a, b) > _NO_FACET * area
+    good = wide & (np.sum(first * second, axis=1) > _TURNED_ROUND * a * b)
+    angle = np.zeros(m)
+    angle[good] = spins(old[good], new[good], sense[good])[0]
+    # Means at the vertices by the areas of the facets around them.
+    sums = la.vector(vertices.dofmap.index_map, 2)
+    sums.array[:] = 0.0
+    weights = np.where(good, area, 0.0)
+    parts = np.stack([weights * angle, weights], axis=1)
+    np.add.at(sums.array.reshape(-1, 2), cells, parts[:, None])
+    sums.scatter_reverse(la.InsertMode.add)
+    sums.scatter_forward()
+    total, weight = sums.array.reshape(-1, 2).T
+    means = np.divide(total, weight, out=np.zeros_like(total), where=weight > 0)
+    return points.from_vertices(means)

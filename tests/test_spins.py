@@ -1,0 +1,340 @@
+"""Faces that turn over rigid obstacles in a step, about their normals."""
+
+import re
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import CELLS
+from scipy.spatial.transform import Rotation
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    HalfSpace,
+    LevelSet,
+    RigidBody,
+    RigidSurface,
+    Sphere,
+)
+from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.materials import NeoHookean, lame
+
+COMM = MPI.COMM_WORLD
+FRICTION = 0.2
+FLOOR = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+BALL = Sphere((0.0, 0.0, -20.0), 20.0)
+#: The half-space again, as a shape of which nothing but a function is known.
+PLANE = LevelSet(lambda x: x[2])
+DRUM = Cylinder((0.0, 0.0, -2.0), (0.0, 1.0, 0.0), 2.0)
+
+
+class Disc:
+    """A disc of the radius 1 on an obstacle, that is moved at its top.
+
+    Args:
+        obstacle: below it, or what makes it of the mesh.
+        cell: of the mesh.
+        n: cells across it.
+        law: of contact.
+        degree: of the displacement.
+        comm: of the mesh.
+        given: to the surface.
+    """
+
+    def __init__(self, obstacle, cell="hex", n=4, law=None, degree=1, comm=COMM, **given):
+        aside = [np.linspace(-1.0, 1.0, n + 1)] * 2
+        domain = create_grid(comm, [*aside, [0.0, 0.5]], CELLS[cell])
+        x = domain.geometry.x
+        squares = x[:, :2] ** 2
+        x[:, :2] *= np.sqrt(1.0 - 0.5 * squares[:, ::-1])
+        V = fem.functionspace(domain, ("Lagrange", degree, (3,)))
+        self.u = fem.Function(V)
+        self.top = fem.Function(V)
+        bottom, above = (
+            mesh.locate_entities_boundary(domain, 2, lambda x, z=z: np.isclose(x[2], z))
+            for z in (0.0, 0.5)
+        )
+        law = law or Coulomb(FRICTION)
+        obstacle = obstacle(domain) if callable(obstacle) else obstacle
+        self.surface = ContactSurface(self.u, bottom, obstacle=obstacle, law=law, **given)
+        held = fem.dirichletbc(self.top, fem.locate_dofs_topological(V, 2, above))
+        material = NeoHookean(*lame(100.0, 0.0))
+        energy = material.energy(self.u) * ufl.dx(metadata={"quadrature_degree": 3})
+        self.problem = ContactProblem(energy, self.u, [self.surface], bcs=[held])
+
+    def move(self, axis=(0.0, 0.0, 0.0), down=0.0, about=(0.0, 0.0, 0.0)):
+        """Turn the top by a rotation vector about a point, after it was moved down."""
+        turn = Rotation.from_rotvec(axis).as_matrix()
+        about = np.array(about)[:, None]
+        shift = np.array([[0.0], [0.0], [down]])
+        self.top.interpolate(lambda x: turn @ (x - shift - about) + about - x)
+
+    def run(self, load, times=(0.0, 1.0, 2.0)):
+        return QuasiStatic(self.problem, load).run(list(times), rays=False, sudden=np.inf).steps
+
+
+def plate():
+    """A square of two facets in the plane z = 0."""
+    corners = [[-3.0, -3.0, 0.0], [3.0, -3.0, 0.0], [3.0, 3.0, 0.0], [-3.0, 3.0, 0.0]]
+    return RigidSurface(corners, [[0, 1, 2], [0, 2, 3]])
+
+
+def torques(disc):
+    """Torque of friction about z, and that of friction coefficient and pressures. Collective."""
+    s = disc.surface
+    state = s.state()
+    n = s.owned_nodes
+    u = disc.u.x.array.reshape(-1, 3)[:n]
+    x = state["x"] + s.points.operator.apply(u)
+    force = state["traction"] * state["area"][:, None]
+    torque = x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]
+    bound = FRICTION * state["pressure"] * state["area"] * np.hypot(x[:, 0], x[:, 1])
+    return disc.problem.equations.comm.allreduce(np.array([abs(torque.sum()), bound.sum()]))
+
+
+def spinning(disc, angle):
+    """The data of a disc that is pressed, and then spins by an angle in degrees."""
+
+    def load(t):
+        turn = np.radians(angle) * max(t - 1.0, 0.0)
+        disc.move((0.0, 0.0, turn), 0.01 * min(t, 1.0))
+
+    return load
+
+
+def in_words(doubt):
+    """By how much torque and work are too low, as a doubt says."""
+    found = re.search(r"its torque is ([\d.]+) too low, its work ([\d.]+)", doubt)
+    return [float(v) for v in found.groups()]
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "cell", "given"),
+    [
+        (FLOOR, "hex", {}),
+        (FLOOR, "tet", {"method": "integral", "degree": 2}),
+        (FLOOR, "hex", {"method": "mixed"}),
+        (BALL, "hex", {"method": "integral"}),
+        (PLANE, "tet", {}),
+        (plate(), "hex", {}),
+    ],
+    ids=["floor", "floor by Gauss points", "mixed", "ball", "level set", "facets"],
+)
+@pytest.mark.verifies(
+    "planes",
+    "spheres",
+    "level sets",
+    "surfaces of facets",
+    "Coulomb",
+    reference="closed form: an angle, and the torque of the pressures that are found",
+    aspects=("3D", "large sliding"),
+)
+def test_a_face_that_spins(obstacle, cell, given):
+    """By 45 degrees in a step: friction acts along chords, of which there is a doubt."""
+    disc = Disc(obstacle, cell, **given)
+    before, last = disc.run(spinning(disc, 45.0))[-2:]
+    angle = 45.0 * (last.time - before.time)
+    assert angle == 45.0
+    assert last.result.slidings["contact"].spin == pytest.approx(angle, rel=1e-2)
+    half = np.radians(angle) / 2.0
+    less = 1.0 - np.cos(half), 1.0 - np.sin(half) / half
+    assert in_words(last.result.doubts["contact"]) == pytest.approx(less, rel=0.05)
+    if disc.surface.method != "mixed":  # which averages directions too
+        torque, bound = torques(disc)
+        assert torque / bound == pytest.approx(1.0 - less[0], rel=4e-3)
+        work = last.energies.dissipated - before.energies.dissipated
+        assert work / (bound * 2 * half) == pytest.approx(1.0 - less[1], rel=1e-2)
+
+
+@pytest.mark.verifies(
+    "planes",
+    "Coulomb",
+    reference="closed form: the torque of the pressures that are found",
+    aspects=("3D", "large sliding"),
+)
+def test_short_steps_are_not_doubted():
+    """The torque of a disc that spins by 20 degrees in a step is 1.5 % low."""
+    disc = Disc(FLOOR)
+    last = disc.run(spinning(disc, 20.0))[-1]
+    assert last.result.slidings["contact"].spin == pytest.approx(20.0, rel=2e-2)
+    assert not last.result.doubts
+    torque, bound = torques(disc)
+    assert torque / bound == pytest.approx(np.cos(np.radians(10.0)), rel=2e-3)
+
+
+def on_a_body(sliding, together=0.0):
+    """A disc that is pressed on a rigid body, which turns below it by 60 degrees in a step.
+
+    Args:
+        sliding: of the surface.
+        together: part of the turn that the disc makes as well.
+    """
+    turned = {}
+
+    def body(domain):
+        turned["rz"] = fem.Constant(domain, 0.0)
+        held = ["x", "y", "z", "rx", "ry"]
+        return RigidBody(FLOOR, about=(0.0, 0.0, 0.0), motion=turned, held=held)
+
+    disc = Disc(body, sliding=sliding)
+
+    def load(t):
+        turn = np.radians(60.0) * max(t - 1.0, 0.0)
+        turned["rz"].value = turn
+        disc.move((0.0, 0.0, together * turn), 0.01 * min(t, 1.0))
+
+    steps = disc.run(load)
+    assert [step.time for step in steps][-2:] == [1.0, 2.0]
+    return disc, steps
+
+
+@pytest.mark.verifies(
+    "rigid bodies",
+    "Coulomb",
+    reference="closed form: an angle, and the torque of the pressures that are found",
+    aspects=("3D", "large sliding"),
+)
+def test_a_rigid_body_that_spins():
+    """Below a disc that is held: what counts is the spin of both over each other."""
+    disc, steps = on_a_body("large")
+    sliding = steps[-1].result.slidings["contact"]
+    assert sliding.spin == pytest.approx(60.0, rel=1e-2)
+    assert "has turned over the obstacle" in sliding.doubt
+    torque, bound = torques(disc)
+    assert torque / bound == pytest.approx(np.cos(np.radians(30.0)), rel=5e-3)
+
+
+@pytest.mark.verifies(
+    "rigid bodies",
+    "Coulomb",
+    reference="theorem: nothing slips where both turn as one",
+    aspects=("3D", "large sliding"),
+)
+def test_what_turns_together_does_not_spin():
+    _, steps = on_a_body("large", together=1.0)
+    before, last = steps[-2:]
+    assert last.result.slidings["contact"].spin < 1e-6
+    assert not last.result.doubts
+    assert last.energies.dissipated == pytest.approx(before.energies.dissipated, abs=1e-10)
+
+
+@pytest.mark.verifies(
+    "rigid bodies",
+    "Coulomb",
+    reference="closed form: the angle of a linear motion",
+    aspects=("3D",),
+)
+def test_a_rigid_body_that_spins_in_small_sliding():
+    """Its motion is linear there, so that a turn of 60 degrees is one of arctan(pi/3)."""
+    _, steps = on_a_body(None)
+    sliding = steps[-1].result.slidings["contact"]
+    assert sliding.spin == pytest.approx(np.degrees(np.arctan(np.pi / 3.0)), rel=1e-2)
+    assert "sliding='large'" in sliding.doubt
+
+
+@pytest.mark.verifies(
+    "cylinders",
+    "spheres",
+    "Coulomb",
+    "Signorini",
+    reference="closed form: great circles",
+    aspects=("3D", "large sliding"),
+)
+@pytest.mark.parametrize("kind", ["around a ball", "around a drum", "frictionless"])
+def test_what_is_no_spin(kind):
+    """Normals that turn with an obstacle, by 50 degrees, and a spin in which nothing rubs."""
+    small = Sphere((0.0, 0.0, -3.0), 3.0)
+    obstacle, about, axis, law = {
+        "around a ball": (small, (0.0, 0.0, -3.0), (0.6, 0.8, 0.0), None),
+        "around a drum": (DRUM, (0.0, 0.0, -2.0), (0.0, 1.0, 0.0), None),
+        "frictionless": (FLOOR, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), Frictionless()),
+    }[kind]
+    disc = Disc(obstacle, law=law)
+
+    def load(t):
+        turn = np.radians(50.0) * max(t - 1.0, 0.0)
+        disc.move(turn * np.array(axis), 0.03 * min(t, 1.0), about)
+
+    before, last = disc.run(load)[-2:]
+    assert last.time - before.time > 0.7
+    sliding = last.result.slidings["contact"]
+    assert sliding.spin < 2.0
+    assert "turned over" not in sliding.doubt
+    assert (last.energies.dissipated > 1e-4) == (kind != "frictionless")
+
+
+@pytest.mark.verifies(
+    "cylinders",
+    "rigid bodies",
+    "Coulomb",
+    reference="closed form: a circle",
+    aspects=("3D", "large sliding"),
+)
+def test_a_drum_that_turns_does_not_spin():
+    """About its own axis, by 50 degrees below a disc that is held."""
+    turned = {}
+
+    def drum(domain):
+        turned["ry"] = fem.Constant(domain, 0.0)
+        held = ["x", "y", "z", "rx", "rz"]
+        return RigidBody(DRUM, about=(0.0, 0.0, -2.0), motion=turned, held=held)
+
+    disc = Disc(drum, sliding="large")
+
+    def load(t):
+        turned["ry"].value = np.radians(50.0) * max(t - 1.0, 0.0)
+        disc.move(down=0.03 * min(t, 1.0))
+
+    before, last = disc.run(load)[-2:]
+    assert last.time - before.time > 0.7
+    assert last.energies.dissipated > 1e-4
+    assert last.result.slidings["contact"].spin < 2.0
+    assert "turned over" not in last.result.slidings["contact"].doubt
+
+
+@pytest.mark.verifies(
+    "planes",
+    "Coulomb",
+    "NSCD motion",
+    reference="closed form: an angle",
+    aspects=("3D",),
+)
+@pytest.mark.parametrize("given", [{}, {"mass": "lumped"}, {"mass": "lumped", "level": "velocity"}])
+def test_a_motion_that_spins(given):
+    """By 50 degrees in a step of time."""
+    disc = Disc(FLOOR)
+    load = spinning(disc, 50.0)
+    load(1.0)
+    disc.problem.solve()
+    motion = NSCD(disc.problem, 1e-3, dt=1.0, load=load, theta=1.0, **given)
+    sliding = motion.run([1.0, 2.0]).steps[-1].result.slidings["contact"]
+    assert sliding.spin == pytest.approx(50.0, rel=2e-2)
+    assert "turned over the obstacle" in sliding.doubt
+
+
+@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
+@pytest.mark.parametrize("given", [{}, {"method": "integral"}], ids=["nodal", "integral"])
+@pytest.mark.verifies(
+    "planes",
+    "Coulomb",
+    reference="itself: on one rank",
+    aspects=("3D", "large sliding"),
+)
+def test_on_any_number_of_ranks(given):
+    found = []
+    for comm in (COMM, MPI.COMM_SELF):
+        disc = Disc(FLOOR, "tet", comm=comm, **given)
+        found.append(disc.run(spinning(disc, 45.0))[-1].result.slidings["contact"])
+    mine, alone = found
+    assert alone.spin > 40.0
+    assert mine.spin == pytest.approx(alone.spin, rel=1e-8)
+    assert mine.doubt == alone.doubt
