@@ -53,6 +53,7 @@ ROOMS = {
             *("sliding_revolution", "core_in_small"),
             *("rigid_body", "true_surface", "two_faces", "small_sliding", "held_ends"),
             *("curved_friction", "given_normals", "doubled_nodes", "common_points", "overlap"),
+            *("points_in_small", "planes_of_symmetry"),
         ],
     ),
     "equations": (

@@ -69,7 +69,7 @@ ON_TWO = {
     ),
     "test_core_in_small": (
         *("lengths_of_states_in_closed_form", "marks_of_data"),
-        *("the_block_of_a_surface_is_inverted",),
+        *("the_block_of_a_surface_is_inverted", "the_stiffness_of_points_of_two_surfaces"),
     ),
     "test_creep": ("creep", "what_is_lacking_is_said"),
     "test_critical_friction": (
@@ -236,11 +236,18 @@ ON_TWO = {
         *("the_journal_says_what_was_followed",),
         *("what_is_refused",),
     ),
-    "test_paths_in_small": ("matrices_that_differ_in_rows_and_a_column",),
+    "test_paths_in_small": (
+        *("matrices_that_differ_in_rows_and_a_column", "changes_of_a_step_in_order"),
+        *("a_mass_that_lies_elsewhere_is_said_once",),
+    ),
     "test_planes_of_symmetry": (
         *("half_is_the_whole", "part_sees_what_the_whole_sees", "refused", "a_plane_that_moves"),
         *("a_plane_that_is_off_at_the_start",),
         *("what_crosses_a_plane_is_doubted", "walls_of_one_height"),
+    ),
+    "test_points_in_small": (
+        *("normals_at_nodes_of_a_face_on_any_rank", "the_nearest_of_simplices_on_any_rank"),
+        *("the_size_of_facets_in_space",),
     ),
     "test_point_problem": (
         *("round_trip", "the_file_of_fclib", "what_is_refused", "what_one_rank_gives"),

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from blocks import block, box, facets, half_block
-from scipy.linalg import null_space
+from scipy.linalg import block_diag, null_space
 from scipy.optimize import brentq
 from scipy.special import exp1
 
@@ -250,9 +250,21 @@ def test_a_held_body_in_numpy(symmetric):
     body.destroy()
 
 
-def on_two_sides(number, beyond=-1.0):
+def test_a_body_is_positive_definite_by_both():
+    """Where it is symmetric, and has no pivot that is not positive."""
+    for A, definite in (
+        ([[2.0, 1.0], [1.0, 2.0]], True),
+        ([[1.0, 2.0], [2.0, 1.0]], False),
+        ([[2.0, 1.0], [0.0, 2.0]], False),
+    ):
+        body = HeldBody(MPI.COMM_SELF, [HeldField(on_this_rank(np.array(A)), [])], 1.0)
+        assert body.definite is definite
+        body.destroy()
+
+
+def on_two_sides(number, beyond=-1.0, n=2):
     """A square in a corner, held on its top; on the wall there is contact above a height."""
-    domain = box(COMM, 2, "tri")
+    domain = box(COMM, n, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
     floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
@@ -303,6 +315,52 @@ def test_what_is_a_problem_of_its_points():
             points = reduction.problem(0.5)
             for error, of in ((points.S_error, points.S), (points.p_error, points.p)):
                 assert 0 <= error.max() <= 1e-10 * np.abs(of).max()
+
+
+def test_the_stiffness_of_points_of_two_surfaces():
+    """That of the body on the nodes of both, as numpy condenses it, in the frames of the points."""
+    eq = on_two_sides(2, beyond=0.4, n=4).equations
+    K = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
+    n = K.getLocalSize()[0]
+    rows = K.getValues(range(*K.getOwnershipRange()), range(K.size[1]))
+    X = eq.V.tabulate_dof_coordinates()[: n // 2, :2]
+    rows, X, fixed = (np.concatenate(COMM.allgather(v)) for v in (rows, X, eq.fixed[:n]))
+    with Reduction.of(eq) as reduction:
+        points = reduction.problem()
+        normals = reduction.points.frames[:, :, 1]
+    distance = np.linalg.norm(points.positions[:, None] - X, axis=2)
+    np.testing.assert_allclose(distance.min(axis=1), 0.0, atol=1e-12)
+    on_wall = points.positions[:, 0] == 0.0
+    on_wall &= points.positions[:, 1] > 0.0
+    assert on_wall.tolist() == [False, True, True, False, False, False, False]
+    np.testing.assert_allclose(np.abs(normals), np.where(on_wall[:, None], [1, 0], [0, 1]))
+    mine = (2 * distance.argmin(axis=1)[:, None] + [0, 1]).reshape(-1)
+    rest = np.setdiff1d(np.flatnonzero(~fixed.astype(bool)), mine)
+    schur = rows[np.ix_(mine, mine)]
+    inner = rows[np.ix_(rest, rest)]
+    schur = schur - rows[np.ix_(mine, rest)] @ np.linalg.solve(inner, rows[np.ix_(rest, mine)])
+    T = block_diag(*points.frames)
+    np.testing.assert_allclose(points.S, T.T @ schur @ T, rtol=0, atol=1e-11 * np.abs(schur).max())
+
+
+IN_SPACE = {
+    "": lambda: block(n=1, cell="tet"),
+    "the problem is not one in 3D": lambda: block(n=1),
+    "the body, its loads or its motions are not linear": lambda: block(
+        n=1, cell="tet", material=NeoHookean(400.0, 600.0)
+    ),
+    "contact is not at nodes": lambda: block(n=1, cell="tet", method="integral"),
+    "there are more than 3 contact points": lambda: block(n=1, cell="tet"),
+}
+
+
+@pytest.mark.parametrize("what", IN_SPACE)
+def test_what_is_no_problem_of_its_points_in_space(what, monkeypatch):
+    """Nothing of a cube of one cell, whose 4 points may be too many."""
+    monkeypatch.setattr(scope, "_MOST_POINTS", 3 if "more than" in what else 4)
+    problem = IN_SPACE[what]()
+    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    assert scope.obstacle_in_space(system) == what
 
 
 def test_how_far_points_slide_on_a_sphere():
@@ -451,6 +509,9 @@ def test_the_block_of_a_surface_is_inverted():
             np.testing.assert_allclose(y.array[s.local], b, atol=1e-10)
     for thing in (*blocks, s, operator):
         thing.release()
+    known = [v for v in vars(blocks[1]).values() if isinstance(v, PETSc.Object)]
+    assert known
+    assert not any(known)  # all are destroyed
 
 
 def has_pieces(problem, **how):

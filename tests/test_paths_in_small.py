@@ -1,5 +1,6 @@
 """Small parts of continuation and evolution whose answers are known beforehand."""
 
+import logging
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -7,20 +8,37 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
+from blocks import block, box, facets
 from textbook import Textbook, coulomb_system
 
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact._factor import Factor
+from dolfinx_contact.body.inertia import mass_matrix
 from dolfinx_contact.continuation import StepControl
+from dolfinx_contact.continuation.affine import TOLERANCE
+from dolfinx_contact.continuation.batch import BatchedSteps, Crossed, FreeSteps
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.borders import reached
+from dolfinx_contact.continuation.branch import BranchPoint, Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder
-from dolfinx_contact.continuation.rays import _inverses, _kernel
+from dolfinx_contact.continuation.rays import AffineRay, Rays, _inverses, _kernel
 from dolfinx_contact.continuation.row_update import RowUpdate
-from dolfinx_contact.continuation.system import Events
-from dolfinx_contact.evolution.arc_steps import _cubic, _end_reached
+from dolfinx_contact.continuation.steps import ExactSteps
+from dolfinx_contact.continuation.system import Events, Piece
+from dolfinx_contact.evolution import jumps, step_branch
+from dolfinx_contact.evolution.accepted import AtRest, Stepper, largest_at_points
+from dolfinx_contact.evolution.arc_steps import _IDLE, ArcSteps, _cubic, _end_reached
+from dolfinx_contact.evolution.nscd import _touching, _warn_of_inertia
+from dolfinx_contact.evolution.rate_problem import RateProblem
 from dolfinx_contact.evolution.through_times import _aim, checked_times
+from dolfinx_contact.laws import Internal
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
+from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.solvers.pivoting import _by_stick
 
 COMM = MPI.COMM_WORLD
@@ -266,3 +284,283 @@ def test_times_begin_where_the_evolution_is():
     for wrong in (0.3 + 1e-8, 0.3 - 1e-8):
         with pytest.raises(ValueError, match="the evolution is at the time"):
             checked_times([wrong, 5.0], now)
+
+
+def along(corrector, *coordinates):
+    """States of a system of as many unknowns, and gamma = 0."""
+    b = corrector.bordered
+    x = b.system.create_vector()
+    x.array[:] = np.array(coordinates)[slice(*x.getOwnershipRange())]
+    y = b.vector()
+    b.join(x, 0.0, y)
+    return y
+
+
+def of_distances(*statuses):
+    """A corrector of a system whose points have the unknowns as distances to one border each."""
+    n = len(statuses)
+
+    def distances(x, _g, _codes):
+        return [[(value, OPEN)] for value in x]
+
+    codes = np.array(statuses, dtype=np.int8)
+    system = Textbook(n, lambda x, g, c: x, None, None, distances, lambda x, g: codes)
+    return Corrector(Bordered(system, gamma_scale=1.0), StepControl())
+
+
+def test_changes_of_a_step_in_order():
+    """To larger and to smaller codes, each where its distance vanishes; none of what stays."""
+    corrector = of_distances(OPEN, PLUS, STICK, MINUS)
+    last = COMM.size - 1
+    codes = np.array([PLUS, OPEN, STICK, STICK], dtype=np.int8)
+    system = corrector.bordered.system
+    old = system.piece_at(system.create_vector(), 0.0)
+    new = Piece(codes if COMM.rank == last else old.codes)
+    start = BranchPoint(along(corrector, 1.0, 1.0, -1.0, 3.0), None, old, 0.0, 0.0, 0)
+    found = FreeSteps(corrector).changes(start, along(corrector, -1.0, -3.0, 1.0, -1.0), new)
+    assert [change for _, change in found] == [
+        Change(last, 1, PLUS, OPEN),
+        Change(last, 0, OPEN, PLUS),
+        Change(last, 3, MINUS, STICK),
+    ]
+    np.testing.assert_allclose([fraction for fraction, _ in found], [0.25, 0.5, 0.75])
+
+
+@pytest.mark.parametrize(("changes", "tried"), [(1, 1), (3, 1), (4, 6), (0, 6)])
+def test_how_often_a_step_is_shortened(changes, tried, monkeypatch):
+    """Until it holds a few changes, or has been as often as is allowed; each length once."""
+    lengths = []
+    step = Crossed(None, tuple((0.5, Change(0, i, STICK, OPEN)) for i in range(changes)))
+    corrector = of_distances(STICK)
+    steps = BatchedSteps(corrector)
+    monkeypatch.setattr(steps, "try_step", lambda point, h: lengths.append(h) or step)
+    monkeypatch.setattr(ExactSteps, "step", lambda self, point, h: (None, [], h))
+    first = corrector.control.maximum
+    steps.step(None, first)
+    np.testing.assert_allclose(lengths, first * corrector.control.decrease ** np.arange(tried))
+
+
+# -- by pivots ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("rate", "exact"), [(1.0, True), (-1.0, True), (0.0, False)])
+def test_the_state_at_a_vertex(rate, exact):
+    """That of the piece, which along a ray without load does not know it; else of the segment."""
+    w = np.array([[1.0, 2.0]])
+    ray = AffineRay(np.zeros(1, dtype=np.int8), np.array([[0.5, -1.0]]), rate)
+    end = w + 2.0 * ray.direction
+    for off in (0.5 * TOLERANCE, 2.0 * TOLERANCE):
+        at = end + 4.0 * off
+        piece = SimpleNamespace(at=lambda gamma, at=at: at)
+        known = SimpleNamespace(_piece=lambda codes, piece=piece: piece, _unit=4.0)
+        found = Pivoting.moved(known, w, 0.7, 2.0, ray)
+        np.testing.assert_array_equal(found, at if exact and off < TOLERANCE else end)
+
+
+@pytest.mark.parametrize(
+    ("signs", "rates", "kind", "parity"),
+    [
+        ((1, -1), (1.0, -1.0), "fold", 1),
+        ((1, -1), (1.0, 1.0), "event", -1),
+        ((1, None), (1.0, 0.0), "event", 0),
+        ((None, 1), (0.0, 1.0), "event", 0),
+    ],
+)
+def test_the_parity_at_a_vertex(signs, rates, kind, parity):
+    """The sign of the ratio of det A/gamma' on both sides; 0 where a piece is singular."""
+    first, second = (
+        AffineRay(np.array([code], dtype=np.int8), np.ones((1, 4)), rate)
+        for code, rate in zip((STICK, PLUS), rates, strict=True)
+    )
+    pieces = [s and SimpleNamespace(sign=s) for s in signs]
+    known = SimpleNamespace(
+        _piece=lambda codes: pieces[int(codes[0] == PLUS)],
+        _rays_onwards=lambda *_: Rays((second,), True, "all"),
+        _parity=Pivoting._parity,
+        point=lambda *_: SimpleNamespace(y=None, piece=None, tangent=None),
+        condensed=SimpleNamespace(point=lambda i: (0, i)),
+    )
+    _, special, onwards = Pivoting.cross(known, np.zeros((1, 4)), 0.5, first, 1.0)
+    assert onwards is second
+    assert (special.kind, special.parity) == (kind, parity)
+    assert special.changes == (Change(0, 0, STICK, PLUS),)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_the_one_ray_onwards_in_any_units(unit):
+    """Of two points with F = 1/2 that stick, one begins to slip when its shear is half of rn = 1:
+
+    it is the only one there, so that nothing else is looked for.
+    """
+    system = coulomb_system(
+        np.eye(4), unit * np.array([0.0, -1.0, 0.0, -1.0]), unit * np.array([1.0, 0, 0.1, 0]), 0.5
+    )
+    codes = np.full(2, STICK, dtype=np.int8)
+    before = system.piece(codes)
+    w = before.at(0.5)
+    expected = unit * np.array([[0.0, 0.0, -0.5, 1.0], [0.0, 0.0, -0.05, 1.0]])
+    np.testing.assert_allclose(w, expected, atol=1e-14 * unit)
+    ray = AffineRay(codes, before.coefficients[1], 1.0)
+    known = SimpleNamespace(
+        condensed=SimpleNamespace(system=system), _unit=unit, _parity=Pivoting._parity
+    )
+    found = Pivoting._rays_onwards(known, w, 0.5, ray, before)
+    (only,) = found.rays
+    assert (only.codes.tolist(), only.rate, found.method) == ([PLUS, STICK], 1.0, "")
+    rates = unit * np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -0.1, 0.0]])
+    np.testing.assert_allclose(only.direction, rates, atol=1e-14 * unit)
+
+
+# -- evolutions -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rates", "rise", "scale", "twice"),
+    [
+        ((1.0, 1.0), 0.1, 1.0, True),
+        ((-1.0, -1.0), -0.1, 1.0, True),
+        ((0.5, 0.5), 0.05, 1.0, True),
+        ((0.5, 0.5), 0.5, 1.0, False),
+        ((0.5, -0.5), 0.05, 1.0, False),
+        ((-1.0, 0.0), 0.1, 1.0, False),
+        ((2 * _IDLE, 2 * _IDLE), -1.0, 4.0, False),
+        ((8 * _IDLE, 1.0), -1.0, 4.0, True),
+        ((1.0, 0.0), 0.1, 1.0, False),
+    ],
+)
+def test_where_a_load_turns_twice_in_a_step(rates, rise, scale, twice):
+    """Where it rises, or falls, at both ends, and its cubic does not in between."""
+    ends = []
+    for s, gamma, rate in zip((0.0, 1.0), (0.0, rise), rates, strict=True):
+        y = PETSc.Vec().createWithArray(np.array([s]), comm=MPI.COMM_SELF)
+        ends.append(SimpleNamespace(y=y, gamma=gamma, tangent=rate, piece=None))
+    known = SimpleNamespace(
+        bordered=SimpleNamespace(gamma=float, gamma_scale=scale),
+        _length=lambda v: v.norm() if isinstance(v, PETSc.Vec) else 1.0,
+        _events=lambda *_: None,
+        _again=lambda *_: np.zeros(0),
+        _unit=lambda *_: 1.0,
+        _any=lambda which: bool(which.any()),
+    )
+    assert ArcSteps._turns_twice(known, *ends) is twice
+
+
+def resting(field, jump):
+    """A state of equilibrium of one surface with a bond, whose two points have jumps."""
+    bond, values = field
+    surface = SimpleNamespace(law=SimpleNamespace(weakening=bond), method="integral")
+    forces = SimpleNamespace(
+        equations=SimpleNamespace(surfaces=[surface]), surfaces=[SimpleNamespace(jump=jump)]
+    )
+    state = object.__new__(AtRest)
+    vars(state).update(forces=forces, memory=(SimpleNamespace(fields={bond.name: values}),))
+    return state
+
+
+@pytest.mark.parametrize(
+    ("kind", "end", "share"),
+    [("falls", None, 0.75), ("falls", -0.4, 0.5), ("grows", 2.0, 0.5), ("grows", None, 0.0)],
+)
+def test_how_much_of_a_bond_goes_in_a_step(kind, end, share):
+    """Of what it has left to its end, which is 0 of one that falls unless it is said."""
+    bond = Internal("b", kind, end=end)
+    values = np.array([0.8, 0.7]), np.array([0.2, 0.6])
+    if kind == "grows":
+        values = np.array([0.2, 0.8]), np.array([1.1, 0.9])
+    jumps_at = np.zeros((2, 2)), np.array([[3.0, 4.0], [0.0, 1.0]])
+    before, after = (resting((bond, v), j) for v, j in zip(values, jumps_at, strict=True))
+    distances, shares = largest_at_points(COMM, before, after)
+    np.testing.assert_allclose(distances, 5.0)
+    np.testing.assert_allclose(shares, share)
+
+
+def test_a_start_is_known_by_what_it_is():
+    """A solution put into a problem that was not solved; away from it none is one."""
+    solved = block(n=2)
+    solved.solve()
+    other = block(n=2)
+    for f, g in zip(other.fields, solved.fields, strict=True):
+        f.x.array[:] = g.x.array
+    for problem in (solved, other):
+        assert Stepper(problem, lambda t: None, False).start(0.0).solved
+    other.surfaces[0].statuses = np.full_like(other.surfaces[0].statuses, OPEN)
+    assert Stepper(other, lambda t: None, False).start(0.0).solved
+    other.fields[0].x.array[:] *= 1.1
+    assert not Stepper(other, lambda t: None, False).start(0.0).solved
+
+
+def test_a_branch_that_is_at_the_end_of_a_step():
+    """Within a share of the way, which may be no way at all."""
+    search = object.__new__(jumps._Search)
+    search._stepper = SimpleNamespace(problem=SimpleNamespace(comm=COMM))
+    for way, off, there in (
+        (1e3, 0.5, True),
+        (1e3, 2.0, False),
+        (1e-3, 0.5, True),
+        (1e-3, 2.0, False),
+        (0.0, 0.0, True),
+    ):
+        before, after = np.array([1.0, 2.0]), np.array([1.0 + way, 2.0])
+        ends = (SimpleNamespace(unknowns=v) for v in (before, after))
+        step = SimpleNamespace(**dict(zip(("before", "after"), ends, strict=True)))
+        branch = SimpleNamespace(unknowns=after + np.array([0.0, off * jumps._SAME * way]))
+        assert search._is_at(branch, step) is there
+
+
+@pytest.mark.parametrize(("kind", "times"), [("consistent", 0), ("redistributed", 1)])
+def test_a_mass_that_lies_elsewhere_is_said_once(kind, times, caplog):
+    """On one rank, of a loose square of few cells; the consistent one is that of the body."""
+    domain = box(COMM, 2, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    problem = ContactProblem(LinearElastic(1.0, 1.0).energy(u) * ufl.dx, u, [surface])
+    M = mass_matrix(V, 1.0, kind, _touching(problem.equations))
+    with caplog.at_level(logging.WARNING):
+        _warn_of_inertia(problem, M, 1.0)
+    said = sum("elsewhere than the body" in r.message for r in caplog.records)
+    assert said == (times if COMM.rank == 0 else 0)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_directions_from_a_start(known):
+    """That of Newton's method if it finds one; else the first of those that H leads to."""
+    ray, *others = (Ray(None, i) for i in range(3))
+    asked = SimpleNamespace(
+        _by_newton=lambda *_, **__: ray if known else None, _led_by_H=lambda t: others
+    )
+    found = RateProblem.begun(asked, None, None)
+    assert found.onwards is (ray if known else others[0])
+    none = SimpleNamespace(_by_newton=lambda *_, **__: None, _led_by_H=lambda t: [])
+    assert RateProblem.begun(none, None, None).onwards is None
+
+
+def test_a_branch_ends_with_its_last_point(monkeypatch):
+    """That it reaches the whole load is known of no other."""
+    monkeypatch.setattr(step_branch, "_with_more", lambda follower, x, found: [None])
+    y = [PETSc.Vec().createWithArray(np.array([float(i)]), comm=MPI.COMM_SELF) for i in range(4)]
+    loads = (0.0, 0.5, 0.75, 1.0)
+    points = [SimpleNamespace(y=v, gamma=g, piece=g) for v, g in zip(y, loads, strict=True)]
+    follower = SimpleNamespace(
+        departures=lambda x, gamma: SimpleNamespace(method="", complete=True),
+        run=lambda *_, **__: SimpleNamespace(points=points),
+        bordered=SimpleNamespace(split=lambda y: (y, None)),
+    )
+    found = step_branch._followed(follower, SimpleNamespace(statuses_of=lambda piece: piece), None)
+    assert (found.reaches_end, found.statuses, found.unknowns.tolist()) == (True, 1.0, [3.0])
+
+
+def test_what_leads_on_where_a_load_turns():
+    """What has a rate; nothing is known where branches meet, or where no ray was followed."""
+    follower = SimpleNamespace(bordered=SimpleNamespace(gamma=float))
+    up, still, down = (Ray(None, rate) for rate in (0.5, 0.0, -0.5))
+    turn = dict(kind="fold", smooth=False, complete=True, method="trial", onwards=down)
+    turn |= {"others": [still, up]}
+    found = step_branch._at_turn(follower, SimpleNamespace(**turn))
+    assert (found.known, list(found.rays), found.method) == (True, [up], "by trial")
+    found = step_branch._at_turn(follower, SimpleNamespace(**turn | {"smooth": True}))
+    assert (found.known, found.why) == (True, "the load turns back while all statuses stay")
+    for other in ({"onwards": None}, {"kind": "bifurcation", "smooth": True}):
+        found = step_branch._at_turn(follower, SimpleNamespace(**turn | other))
+        assert (found.known, found.why) == (False, "branches of solutions meet there")

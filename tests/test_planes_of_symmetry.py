@@ -63,13 +63,14 @@ def touching(u, body, slave, **given):
     return ContactPair(u, body.facet_tags, **faces, **given)
 
 
-def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, **start):
+def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, plane=0.0, **start):
     """The table of the pair after two steps with friction, and the iterations of each."""
     body = bodies(dim, whole=whole, overlap=overlap)
     domain = body.mesh
+    domain.geometry.x[:, : dim - 1] += plane
     u = displacement(domain)
     V = u.function_space
-    planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
+    planes = {} if whole else dict.fromkeys(range(dim - 1), plane)
     given = dict(law=Coulomb(0.3), search_distance=0.5, symmetry=planes, **start)
     pair = touching(u, body, slave, **given)
     down = fem.Constant(domain, [0.0] * dim)
@@ -84,7 +85,7 @@ def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, **start):
     bcs = [held(down, V, dim - 1, 1.0), held(np.zeros(dim), V, dim - 1, -1.0)]
     for axis in planes:
         W = V.sub(axis)
-        bcs.append(held(fem.Constant(domain, 0.0), W, axis, 0.0))
+        bcs.append(held(fem.Constant(domain, 0.0), W, axis, plane))
     problem = ContactProblem(RUBBER.energy(u) * ufl.dx, u, [pair], bcs=bcs)
 
     def load(t):
@@ -126,6 +127,17 @@ def test_half_is_the_whole(start):
         there, here = (np.nan_to_num(getattr(t, name)) for t in (whole, part))
         np.testing.assert_allclose(here, there[match], atol=1e-10, err_msg=name)
     assert same_steps == steps
+
+
+@pytest.mark.parametrize("slave", [MASTER, 0])
+def test_planes_may_be_anywhere(slave):
+    """Half a model with its plane at x = 0.7 is that with its plane at x = 0."""
+    given = dict(whole=False, interference=True, overlap=0.04, slave=slave)
+    (there, _), (here, _) = (pressed(2, plane=x, **given) for x in (0.0, 0.7))
+    np.testing.assert_allclose(here.x - [0.7, 0.0], there.x, atol=1e-12)
+    for name in ("un", "ut", "pressure", "shear"):
+        values = (np.nan_to_num(getattr(t, name)) for t in (here, there))
+        np.testing.assert_allclose(*values, atol=1e-10, err_msg=name)
 
 
 def paired(dim, overlap, *, whole, slave=SLAVE):

@@ -1,0 +1,255 @@
+"""Small parts of contact points and pairs whose answers are known beforehand."""
+
+import logging
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import KINDS, block, box
+from test_pair import displacement, refused, stacked
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, NonlocalCoulomb
+from dolfinx_contact.laws import OPEN, PLUS, Border, Law, StatusPiece
+from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
+from dolfinx_contact.obstacles import has_ufl
+from dolfinx_contact.points.pair_motion import PairMotion, _closest
+from dolfinx_contact.points.trace import facet_closures, facet_normals
+from dolfinx_contact.results.tables import violation
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+def test_areas_of_facets(dim, cell):
+    """Of an affine image: the area vector of a face turns with the cofactors of the map."""
+    domain = box(COMM, 2, cell)
+    A = np.eye(dim) + 0.3 * np.random.default_rng(3).normal(size=(dim, dim))
+    assert np.linalg.det(A) > 0
+    x = domain.geometry.x
+    x[:, :dim] = x[:, :dim] @ A.T + 1.0
+    cofactors = np.linalg.det(A) * np.linalg.inv(A).T
+    domain.topology.create_connectivity(dim - 1, dim)
+    owned = domain.topology.index_map(dim - 1).size_local
+    every = mesh.exterior_facet_indices(domain.topology)
+    every = every[every < owned]
+    areas = facet_normals(domain, every, unit=False)
+    units = facet_normals(domain, every)
+    middles = mesh.compute_midpoints(domain, dim - 1, every)[:, :dim]
+    before = np.linalg.solve(A, (middles - 1.0).T).T
+    outward = np.where(np.abs(before - 0.5) > 0.499, np.sign(before - 0.5), 0.0)
+    share = 0.5 if cell == "tet" else 1.0
+    expected = share * 0.5 ** (dim - 1) * outward @ cofactors.T
+    np.testing.assert_allclose(areas, expected, atol=1e-13)
+    lengths = np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(units, expected / lengths, atol=1e-13)
+
+
+@pytest.mark.parametrize("cell", ["tet", "hex"])
+def test_the_size_of_facets_in_space(cell, caplog):
+    """A radius below that of their edges at right angles is said, on one rank; one above is not."""
+    for radius, times in ((0.505, 0), (0.495, 1)):
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            law = NonlocalCoulomb(0.3, radius)
+            problem = block(domain=box(COMM, 4, cell, size=2.0), law=law)
+            assert problem.surfaces[0].law_at_points.neighbours.matrix.size[0] == 25
+        said = [r.message for r in caplog.records if "below the mesh size, 0.5:" in r.message]
+        assert len(said) == (times if COMM.rank == 0 else 0)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_nearest_place_of_a_simplex(dim):
+    """Inside, on each edge and at each corner, by the angles at that place."""
+    rng = np.random.default_rng(4)
+    n = 40
+    corners = rng.normal(size=(n, dim, dim))
+    y = 1.5 * rng.normal(size=(n, dim)) + corners.mean(axis=1)
+    weights = _closest(corners, y)
+    assert weights.min() >= 0.0
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-13)
+    kinds = {tuple(w > 1e-9) for w in weights}
+    assert len(kinds) == 2**dim - 1  # all corners, edges, and the inside
+    for C, p, w in zip(corners, y, weights, strict=True):
+        # Of a convex set the nearest place is where no corner is on the side of the point.
+        off = p - w @ C
+        assert ((C - w @ C) @ off).max() <= 1e-12
+
+
+def test_the_nearest_of_simplices_on_any_rank():
+    """Of segments of all ranks that of the least distance, wherever the points are."""
+    rng = np.random.default_rng(6)
+    n = 7
+    ends = rng.normal(size=(COMM.size, n, 2, 2)) + np.arange(COMM.size)[:, None, None, None]
+    values = np.zeros((COMM.size, n, 2, 8))
+    values[..., :2] = ends
+    moved = values[..., 2:4] = rng.normal(size=(COMM.size, n, 2, 2))
+    rows = np.column_stack([values[COMM.rank].reshape(n, -1), np.ones((n, 2))])
+    pair = SimpleNamespace(_comm=COMM, _dim=2)
+    for now in (False, True):
+        every = (ends + now * moved).reshape(-1, 2, 2)
+        own = every.reshape(COMM.size, n, 2, 2)[COMM.rank]
+        away = 3.0 * rng.normal(size=(9, 2))
+        wanted = np.vstack([own.mean(axis=1), own[:, 0], away, [[30.0, 4.0]]])
+        found = PairMotion._nearest(pair, wanted, rows, now=now)
+        t = np.linspace(0.0, 1.0, 2001)[:, None, None]
+        line = every[:, 0] + t * (every[:, 1] - every[:, 0])
+        least = np.linalg.norm(line[:, None] - wanted[:, None], axis=3).min(axis=(0, 2))
+        np.testing.assert_allclose(np.hypot(found.gap, found.aside), least, atol=5e-3)
+
+
+def test_components_in_ufl():
+    """Of tuples, lists and arrays with one axis, one is enough; it is a scalar."""
+    x = ufl.SpatialCoordinate(box(COMM, 1, "tri"))
+    for listed in ((x[0], 1.0), [0.0, x[1]], np.array([x[0], 0.0], dtype=object)):
+        assert has_ufl(listed)
+    table = np.array([[x[0], 0.0], [0.0, x[1]]], dtype=object)
+    none = (0.0, 1.0), [1.0], np.zeros(2), np.zeros((2, 2)), np.array(1.0), 1.0
+    for other in (*none, table, x, (x, x), x[0]):
+        assert not has_ufl(other)
+
+
+@pytest.mark.parametrize("sliding", ["small", None])
+def test_what_is_for_large_sliding_alone(sliding):
+    both = stacked(2, "quad", 2)
+    u = displacement(both.mesh)
+    for what, given in (
+        ("a search distance is", {"search_distance": 0.1}),
+        ("planes of symmetry are", {"symmetry": {0: 0.0}}),
+    ):
+        refused(f"{what} for sliding='large'", u, both, sliding=sliding, **given)
+
+
+def test_normals_at_nodes_of_a_face_on_any_rank():
+    """Before and after a displacement: of the sum of the area vectors of the facets around each."""
+    domain = box(COMM, 5, "tri")
+    x = domain.geometry.x
+    x[:, :2] += 0.2 * x[:, 1::-1] ** 2
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    X = V.tabulate_dof_coordinates()[:, :2]
+    u = np.stack([np.sin(3.0 * X[:, 1]), X[:, 0] ** 2], axis=1) / 5.0
+    domain.topology.create_connectivity(1, 2)
+    every = mesh.exterior_facet_indices(domain.topology)
+    pair = SimpleNamespace(_V=V, _dim=2, _corners=2)
+    found = PairMotion._turning(pair, every, u)
+
+    owned = every[every < domain.topology.index_map(1).size_local]
+    ends = facet_closures(V, owned)
+    outward = facet_normals(domain, owned)
+    parts = []
+    for places in (X, X + u):
+        along = places[ends[:, 1]] - places[ends[:, 0]]
+        parts.append(np.stack([along[:, 1], -along[:, 0]], axis=1))
+    parts = np.hstack(parts) * np.sign(np.sum(parts[0] * outward, axis=1))[:, None]
+    ends, parts = (np.concatenate(COMM.allgather(v)) for v in (X[ends], parts))
+    here = np.linalg.norm(X[:, None, None] - ends, axis=3).min(axis=2) < 1e-9
+    sums = np.where(here[:, :, None], parts, 0.0).sum(axis=1)
+    on_face = here.any(axis=1)
+    for expected, normals in zip(np.hsplit(sums, 2), np.hsplit(found, 2), strict=True):
+        expected = expected[on_face]
+        expected /= np.linalg.norm(expected, axis=1)[:, None]
+        np.testing.assert_allclose(normals[on_face], expected, atol=1e-12)
+        np.testing.assert_array_equal(normals[~on_face], 0.0)
+
+
+@pytest.mark.parametrize("method", ["nodal", "mixed"])
+def test_circumferences_of_a_ring(method):
+    """Areas, gaps and slips are means with the weight 2 pi r and the hats of the mixed method."""
+    n = 4
+    domain = box(COMM, n, "tri")
+    domain.geometry.x[:, 0] += 1.0
+    domain.geometry.x[:, 1] += 0.1 * domain.geometry.x[:, 0] * (1.0 - domain.geometry.x[:, 1])
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    u.interpolate(lambda x: np.vstack([0.02 * x[0], 0.0 * x[0]]))
+    foot = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.1 * x[0]))
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    kind = dict(obstacle=floor, law=Coulomb(0.3), method=method, axisymmetric=True)
+    surface = ContactSurface(u, foot, **kind)
+    energy = circumference(domain) * Axisymmetric(LinearElastic.from_young(1.0, 0.3)).energy(u)
+    problem = ContactProblem(energy * ufl.dx, u, [surface])
+
+    points = problem.surfaces[0].points
+    r = points.positions[:, 0]
+    t, w = np.polynomial.legendre.leggauss(3)
+    areas, sections, means = np.zeros((3, len(r)))
+    for side in (-1.0, 1.0):
+        s = 0.5 * (1.0 + t)  # from the node to the next
+        inside = np.abs(r + side / n - 1.5) < 0.5 + 1e-9
+        places = r[:, None] + side * s / n
+        hats = 0.5 * w * (1.0 - s) * np.sqrt(1.01) / n
+        sections += inside * hats.sum()
+        areas += inside * (2.0 * np.pi * places * hats).sum(axis=1)
+        means += inside * (2.0 * np.pi * places**2 * hats).sum(axis=1)
+    if method == "nodal":
+        places = r
+    else:
+        places = means / areas
+        np.testing.assert_allclose(points.areas, areas, rtol=1e-12)
+        around = areas / sections
+        np.testing.assert_allclose(points.circumferences[: len(r)], around, rtol=1e-12)
+    total = COMM.allreduce(float(points.areas.sum()))
+    np.testing.assert_allclose(total, 3.0 * np.pi * np.sqrt(1.01), rtol=1e-12)
+    (at,) = problem.state().surfaces
+    un = -np.sum((at.jump - points.data.gap[:, None] * points.data.n) * points.data.n, axis=1)
+    np.testing.assert_allclose(un, 0.1 * places, rtol=1e-12)
+    np.testing.assert_allclose(at.jump[:, 0], 0.02 * places, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("state", "off"),
+    [
+        ((0.0, 0.0, 0.2, 1.0), 0.0),
+        ((0.7, 0.0, -0.3, 1.0), 0.0),
+        ((0.7, 0.4, 0.0, 0.0), 0.0),
+        ((0.0, -0.1, 0.0, 0.0), 0.1),  # in the floor
+        ((0.0, 0.0, 0.0, -0.1), 0.1),  # drawn
+        ((0.0, 0.1, 0.0, 0.1), 0.1),  # pressed across a gap
+        ((0.0, 0.0, 0.4, 1.0), 0.1),  # outside of the cone
+        ((0.1, 0.0, 0.0, 1.0), 0.1),  # slips without friction
+        ((0.5, 0.0, 0.3, 1.0), 0.5),  # with the drag
+        ((0.0, 0.2, 0.1, 0.0), 0.1),  # sheared where it is open
+    ],
+)
+@pytest.mark.parametrize("scale", [1.0, 1e4])
+def test_every_way_to_violate_friction(state, off, scale):
+    """One point of a floor, (ut, un, rt, rn), with F = 0.3: by how much r misses its projection."""
+    found = violated(block(n=2), *state, force=scale)
+    assert found == pytest.approx(off, abs=1e-12)
+
+
+def violated(problem, ut, un, rt, rn, *, force):
+    """What violates the law at the middle of the foot of a block of two cells, forces over one."""
+    eq = problem.equations
+    points = problem.surfaces[0].points
+    X = problem.V.tabulate_dof_coordinates()[: eq.owned_sizes[0] // 2]
+    here = np.isclose(X[:, 0], 0.5) & np.isclose(X[:, 1], 0.0)
+    there = np.isclose(points.positions[:, 0], 0.5)
+    u = np.where(here[:, None], [ut, un], 0.0)
+    traction = np.where(there[:, None], [rt * force, rn * force], 0.0) / points.areas[:, None]
+    x = eq.create_vector()
+    eq.put([u.reshape(-1), traction.reshape(-1)], np.zeros(0), x)
+    return violation(eq, eq.contact(x), force, 1.0)
+
+
+@dataclass(frozen=True)
+class Hollow(Law):
+    """A floor without friction that has no answer where it is drawn by less than 1."""
+
+    def pieces(self, a):
+        return {
+            OPEN: StatusPiece(0.0 * a.n, [Border(-a.p - 1.0, PLUS)]),
+            PLUS: StatusPiece(-a.p * a.n, [Border(a.p, OPEN)]),
+        }
+
+
+@pytest.mark.parametrize(("drawn", "off"), [(0.0, 0.0), (0.25, 0.125), (-1.0, 0.0)])
+def test_what_no_status_holds_violates_the_law(drawn, off):
+    """By its distance to the nearest, on an area of 1/2; its traction is what that answers."""
+    found = violated(block(n=2, law=Hollow()), 0.0, 0.0, 0.0, -0.5 * drawn, force=1.0)
+    assert found == pytest.approx(off, abs=1e-12)
