@@ -40,6 +40,7 @@ _CARRIES = 1e-3  # of the largest traction, above which an open point carries so
 _FAR = 10.0  # body sizes
 _LARGEST_SPIN = 35.0  # degrees in a step, whose chord is by 1.5 % shorter than the arc
 _BEHIND = 1e-2  # of a facet, by which a node may be behind a plane of symmetry
+_ON_THE_WAY = 32  # parts of a step, at whose ends it is looked whether points are in the obstacle
 
 
 # -- states --------------------------------------------------------------------------------------
@@ -91,7 +92,8 @@ class Sliding:
             has left the face of the master by half a facet. Of curved obstacles also an edge that
             is a tenth of a facet in it (by the integral method half of one), points past a rim, and
             more than a fiftieth of the normal forces where normals of obstacle and body are more
-            than 66 degrees apart. Of faces that slide over each other also a spin of 35 degrees,
+            than 66 degrees apart, and points that came through the obstacle in the last step. Of
+            faces that slide over each other also a spin of 35 degrees,
             of which steps have the chords.
     """
 
@@ -270,8 +272,40 @@ def _with_edges(
     passed = passed_of(s, u)
     # In small sliding normals are those of the reference configuration.
     across = pressed_across(s, contact, np.zeros_like(u) if s.displaced is None else u, held)
-    reasons = [r for r in (sliding.doubt, across, *passed.reasons) if r]
+    reasons = [r for r in (sliding.doubt, across, _through(s, contact), *passed.reasons) if r]
     return replace(sliding, entered=passed.depth, doubt="; ".join(reasons))
+
+
+def _through(s: ContactSurface, contact: ContactState) -> str:
+    """That points came through the obstacle in the last step, in words; "" if none. Collective.
+
+    There the normal has turned by more than a quarter of a turn, and the way between, a straight
+    one, leads through the obstacle.
+    """
+    now = contact.kinematics.place
+    if s.displaced is None or now is None:
+        return ""
+    memory = s.memory
+    if memory is not None and memory.place is None:  # it is not known where the step began
+        return ""
+    before = np.zeros_like(now) if memory is None or memory.place is None else memory.place
+    _, normal = s.displaced.gaps_and_normals(before)
+    _, normal_now = s.displaced.gaps_and_normals(now)
+    turned = np.sum(normal * normal_now, axis=1) < 0.0
+    if not s.comm.allreduce(int(turned.any())):
+        return ""
+    depth = np.zeros(len(now))
+    for part in np.linspace(0.0, 1.0, _ON_THE_WAY + 1)[1:-1]:
+        gap, _ = s.displaced.gaps_and_normals(before + part * (now - before))
+        depth = np.maximum(depth, np.where(turned, -gap, 0.0))
+    worst, at, _ = _worst(s, depth, depth)
+    if not worst > _BEHIND * s.points.mean_width:
+        return ""
+    return (
+        f"the point which was at {_shown(at)} came to the other side of the obstacle in one step, on "
+        f"a way that is up to {worst:.3g} within it: the body may have passed through; take shorter "
+        "steps"
+    )
 
 
 def _of_pair(
