@@ -2,11 +2,12 @@
 
 from mpi4py import MPI
 
+import blocks
 import demo_punch
 import numpy as np
 import pytest
 from _surfaces import ball, brick, cylinder, disc, write_stl
-from blocks import box, facets, same_tables
+from blocks import same_tables
 from test_curved_friction import (
     OnBody,
     Stopped,
@@ -467,10 +468,10 @@ def test_bad_use():
 
 def thrown_at_a_thin_tool(law, speed):
     """A motion of a block towards a tool of which a step may be longer than it is thick."""
-    domain = box(COMM, 3, "quad")
+    domain = blocks.box(COMM, 3, "quad")
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
     tool = RigidSurface(*brick((-1.0, -0.07), (2.0, -0.02)))
-    face = ContactSurface(u, facets(domain, 1, 0.0), obstacle=tool, law=law, sliding="large")
+    face = ContactSurface(u, blocks.facets(domain, 1, 0.0), obstacle=tool, law=law, sliding="large")
     dx = ufl.dx(metadata={"quadrature_degree": 2})
     problem = ContactProblem(NeoHookean(*lame(1000.0, 0.3)).energy(u) * dx, u, [face])
     velocity = fem.Function(u.function_space)

@@ -93,8 +93,8 @@ class Sliding:
             is a tenth of a facet in it (by the integral method half of one), points past a rim, and
             more than a fiftieth of the normal forces where normals of obstacle and body are more
             than 66 degrees apart, and points that came through the obstacle in the last step. Of
-            faces that slide over each other also a spin of 35 degrees,
-            of which steps have the chords.
+            faces that slide over each other also a spin of 35 degrees, of which steps have the
+            chords.
     """
 
     misfit: float | None
@@ -302,9 +302,9 @@ def _through(s: ContactSurface, contact: ContactState) -> str:
     if not worst > _BEHIND * s.points.mean_width:
         return ""
     return (
-        f"the point which was at {_shown(at)} came to the other side of the obstacle in one step, on "
-        f"a way that is up to {worst:.3g} within it: the body may have passed through; take shorter "
-        "steps"
+        f"the point which was at {_shown(at)} came to the other side of the obstacle in one step, "
+        f"on a way that is up to {worst:.3g} within it: the body may have passed through; take "
+        "shorter steps"
     )
 
 

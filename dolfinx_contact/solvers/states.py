@@ -20,13 +20,13 @@ _FAR = 1e5  # sizes of the body, a displacement that is no equilibrium
 #: set has a gradient, 1/m where it vanishes like the m-th power of the distance.
 _STEEPEST = -0.75
 _NO_NORMAL = (
-    "the obstacle has no normal at a contact point that is at ({}) or next to it: the gradient of a "
-    "level set vanishes there, or it is the centre of a sphere"
+    "the obstacle has no normal at a contact point that is at ({}) or next to it: the gradient of "
+    "a level set vanishes there, or it is the centre of a sphere"
 )
 _TURNED = (
-    "the normal of the obstacle has turned by half a turn in this step at a contact point that is at "
-    "({}), as where a body passes through a thin tool: how far it slipped is not known; take shorter "
-    "steps"
+    "the normal of the obstacle has turned by half a turn in this step at a contact point that is "
+    "at ({}), as where a body passes through a thin tool: how far it slipped is not known; take "
+    "shorter steps"
 )
 _ACROSS = 1e-6  # of a unit normal, a component along a held direction
 
