@@ -289,6 +289,7 @@ ON_TWO = {
     ),
     "test_rigid_surface": (
         *("edge_that_ploughs_is_said", "bad_use", "ranks_with_other_tools", "files"),
+        "a_step_through_a_thin_tool_is_said",
     ),
     "test_rooms": ("floors",),
     "test_scales": ("material_that_changes",),

@@ -2,6 +2,7 @@
 
 from mpi4py import MPI
 
+import blocks
 import demo_punch
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ from dolfinx_contact import (
     Sphere,
     plot,
 )
-from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.records import EvolutionRecord
 from dolfinx_contact.rigid_surfaces.closest import closest_on
@@ -463,6 +464,30 @@ def test_bad_use():
     ):
         with pytest.raises(ValueError, match=message):
             OnBody(dim, RigidSurface(*shape), Coulomb(0.3), **given)
+
+
+def thrown_at_a_thin_tool(law, speed):
+    """A motion of a block towards a tool of which a step may be longer than it is thick."""
+    domain = blocks.box(COMM, 3, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    tool = RigidSurface(*brick((-1.0, -0.07), (2.0, -0.02)))
+    face = ContactSurface(u, blocks.facets(domain, 1, 0.0), obstacle=tool, law=law, sliding="large")
+    dx = ufl.dx(metadata={"quadrature_degree": 2})
+    problem = ContactProblem(NeoHookean(*lame(1000.0, 0.3)).energy(u) * dx, u, [face])
+    velocity = fem.Function(u.function_space)
+    velocity.x.array.reshape(-1, 2)[:, 1] = -speed
+    return NSCD(problem, density=1.0, dt=0.02, velocity=velocity, mass="lumped")
+
+
+@pytest.mark.refuses("surfaces of facets", aspects=("2D",))
+def test_a_step_through_a_thin_tool_is_said():
+    """With friction it is refused; without, there is a doubt of the step, and of no shorter one."""
+    with pytest.raises(ValueError, match=r"turned by half a turn .* at a contact point that is at"):
+        thrown_at_a_thin_tool(Coulomb(0.3), 4.0).run([0.0, 0.1])
+    for speed, through in ((10.0, True), (0.5, False)):
+        steps = thrown_at_a_thin_tool(Frictionless(), speed).run([0.0, 0.06]).steps
+        doubts = [step.result.doubts.get("contact", "") for step in steps]
+        assert ["came to the other side" in doubt for doubt in doubts].count(True) == through
 
 
 @pytest.mark.skipif(COMM.size == 1, reason="ranks that differ")

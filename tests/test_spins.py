@@ -26,7 +26,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.grids import create_grid
-from dolfinx_contact.materials import NeoHookean, lame
+from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 
 COMM = MPI.COMM_WORLD
 FRICTION = 0.2
@@ -115,6 +115,25 @@ def in_words(doubt):
     """By how much torque and work are too low, as a doubt says."""
     found = re.search(r"its torque is ([\d.]+) too low, its work ([\d.]+)", doubt)
     return [float(v) for v in found.groups()]
+
+
+def test_a_linear_body_does_not_turn():
+    """A twist of any size is a small one there: the solution may be of any scale."""
+    domain = mesh.create_unit_cube(COMM, 2, 2, 2, CELLS["hex"])
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    u = fem.Function(V)
+    bottom, above = (
+        mesh.locate_entities_boundary(domain, 2, lambda x, z=z: np.isclose(x[2], z))
+        for z in (0.0, 1.0)
+    )
+    face = ContactSurface(u, bottom, obstacle=FLOOR, law=Coulomb(FRICTION))
+    twist = fem.Function(V)
+    twist.interpolate(lambda x: np.stack([0.5 - x[1], x[0] - 0.5, 0.0 * x[2] - 0.1]))
+    held = fem.dirichletbc(twist, fem.locate_dofs_topological(V, 2, above))
+    energy = LinearElastic.from_young(1.0, 0.0).energy(u) * ufl.dx
+    result = ContactProblem(energy, u, [face], bcs=[held]).solve()
+    assert result.counts["slip"] > 0
+    assert not result.doubts
 
 
 @pytest.mark.parametrize(

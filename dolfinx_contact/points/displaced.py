@@ -276,6 +276,16 @@ class DisplacedPoints:
         data = PointData(values["normal"] @ turn.T, none, none, fields_of(values))
         return data, values["seen"] @ turn.T
 
+    def gaps_and_normals(self, place: Array) -> tuple[Array, Array]:
+        """Gaps (n,) and normals (n, dim) of the points, in the frame of the obstacle.
+
+        Args:
+            place: displacements of the points (n, dim).
+        """
+        self._place(place, None)
+        found = self._evaluate()
+        return found["gap"][: self._points.number], found["normal"][: self._points.number]
+
     def at_vertices(self, place: Array) -> tuple[Array, Array]:
         """Gaps (n,) and normals (n, dim) at the local vertices.
 

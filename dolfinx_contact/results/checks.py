@@ -39,6 +39,7 @@ _LARGEST_TURN = 3.0  # degrees
 _CARRIES = 1e-3  # of the largest traction, above which an open point carries something
 _FAR = 10.0  # body sizes
 _BEHIND = 1e-2  # of a facet, by which a node may be behind a plane of symmetry
+_ON_THE_WAY = 32  # parts of a step, at whose ends it is looked whether points are in the obstacle
 
 
 # -- states --------------------------------------------------------------------------------------
@@ -90,8 +91,9 @@ class Sliding:
             has left the face of the master by half a facet. Of curved obstacles also an edge that
             is a tenth of a facet in it (by the integral method half of one), points past a rim, and
             more than a fiftieth of the normal forces where normals of obstacle and body are more
-            than 66 degrees apart. Of faces that slide over each other and of obstacles also a
-            spin of 35 degrees, of which steps have the chords.
+            than 66 degrees apart, and points that came through the obstacle in the last step. Of
+            faces that slide over each other also a spin of 35 degrees, of which steps have the
+            chords, and of obstacles, where friction acts along these, one of 21 degrees.
     """
 
     misfit: float | None
@@ -125,11 +127,11 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
                 eq, s, moved, closed_points & ~held, acting & ~held, held, forces
             )
         elif s.obstacle.flat:
-            found[s.name] = _with_spin(s, Sliding(0.0), contact)
+            found[s.name] = _with_spin(eq, s, Sliding(0.0), contact)
         else:
             small = _of_obstacle(eq, s, eq.gaps(s, state), closed_points, held)
             small = _with_edges(s, small, state, contact, held)
-            found[s.name] = _with_spin(s, small, contact)
+            found[s.name] = _with_spin(eq, s, small, contact)
     return found
 
 
@@ -262,19 +264,58 @@ def _with_edges(
     passed = passed_of(s, u)
     # In small sliding normals are those of the reference configuration.
     across = pressed_across(s, contact, np.zeros_like(u) if s.displaced is None else u, held)
-    reasons = [r for r in (sliding.doubt, across, *passed.reasons) if r]
+    reasons = [r for r in (sliding.doubt, across, _through(s, contact), *passed.reasons) if r]
     return replace(sliding, entered=passed.depth, doubt="; ".join(reasons))
 
 
-def _with_spin(s: ContactSurface, sliding: Sliding, contact: ContactState) -> Sliding:
-    """With the spin of the face over a rigid obstacle, in space. Collective."""
-    if s.dim == 2:
+def _with_spin(
+    eq: ContactEquations, s: ContactSurface, sliding: Sliding, contact: ContactState
+) -> Sliding:
+    """With the spin of the face over a rigid obstacle, in space. Collective.
+
+    Linear bodies do not turn: their displacements are small by assumption, at any scale.
+    """
+    turns = s.rigid_body is not None and s.rigid_body.turns
+    small = eq.bulk.linear and s.displaced is None and not turns
+    if s.dim == 2 or small:
         return sliding
     from dolfinx_contact.results.spins import spin_doubt, spin_over_obstacle
 
     spin = spin_over_obstacle(s, contact)
     reasons = [r for r in (sliding.doubt, spin_doubt(s, spin)) if r]
     return replace(sliding, spin=spin, doubt="; ".join(reasons))
+
+
+def _through(s: ContactSurface, contact: ContactState) -> str:
+    """That points came through the obstacle in the last step, in words; "" if none. Collective.
+
+    There the normal has turned by more than a quarter of a turn, and the way between, a straight
+    one, leads through the obstacle.
+    """
+    now = contact.kinematics.place
+    if s.displaced is None or now is None:
+        return ""
+    memory = s.memory
+    if memory is not None and memory.place is None:  # it is not known where the step began
+        return ""
+    before = np.zeros_like(now) if memory is None or memory.place is None else memory.place
+    _, normal = s.displaced.gaps_and_normals(before)
+    _, normal_now = s.displaced.gaps_and_normals(now)
+    turned = np.sum(normal * normal_now, axis=1) < 0.0
+    if not s.comm.allreduce(int(turned.any())):
+        return ""
+    depth = np.zeros(len(now))
+    for part in np.linspace(0.0, 1.0, _ON_THE_WAY + 1)[1:-1]:
+        gap, _ = s.displaced.gaps_and_normals(before + part * (now - before))
+        depth = np.maximum(depth, np.where(turned, -gap, 0.0))
+    worst, at, _ = _worst(s, depth, depth)
+    if not worst > _BEHIND * s.points.mean_width:
+        return ""
+    return (
+        f"the point which was at {_shown(at)} came to the other side of the obstacle in one step, "
+        f"on a way that is up to {worst:.3g} within it: the body may have passed through; take "
+        "shorter steps"
+    )
 
 
 def _of_pair(

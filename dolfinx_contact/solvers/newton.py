@@ -430,8 +430,10 @@ class Newton:
         reason = self.snes.getConvergedReason()
         if reason == reasons.DIVERGED_LINEAR_SOLVE:
             return self.linear.explain(self.snes.getKSP())
-        doubt = self.linear.doubt(self.snes.getKSP())
-        because = f"; {doubt}" if doubt and self.snes.getIterationNumber() > 0 else ""
+        # Without a linear solve in this run there is nothing that could be doubted, nor a matrix.
+        stepped = self.snes.getIterationNumber() > 0
+        doubt = self.linear.doubt(self.snes.getKSP()) if stepped else ""
+        because = f"; {doubt}" if doubt else ""
         if reason == reasons.DIVERGED_LINE_SEARCH:
             return f"the line search found no decrease of the norm of H{because}"
         if reason == reasons.DIVERGED_MAX_IT:

@@ -19,6 +19,15 @@ _FAR = 1e5  # sizes of the body, a displacement that is no equilibrium
 #: How steeply a gap falls along the normal at a point on the obstacle, at least: 1 where a level
 #: set has a gradient, 1/m where it vanishes like the m-th power of the distance.
 _STEEPEST = -0.75
+_NO_NORMAL = (
+    "the obstacle has no normal at a contact point that is at ({}) or next to it: the gradient of "
+    "a level set vanishes there, or it is the centre of a sphere"
+)
+_TURNED = (
+    "the normal of the obstacle has turned by half a turn in this step at a contact point that is "
+    "at ({}), as where a body passes through a thin tool: how far it slipped is not known; take "
+    "shorter steps"
+)
 _ACROSS = 1e-6  # of a unit normal, a component along a held direction
 
 
@@ -92,13 +101,12 @@ def without_normal(eq: ContactEquations, state: State) -> str:
         lost = ~np.isfinite(fall + found.kinematics.gap) | (
             closed(found.statuses) & (fall > _STEEPEST)
         )
-        mine = sorted(np.round((s.positions + place)[lost] / eq.body_size, 9).tolist())
-        places = sorted(place for part in eq.comm.allgather(mine) for place in part)
-        if places:
-            where = ", ".join(f"{c * eq.body_size:.6g}" for c in places[0])
-            return (
-                f"{s.name}: the obstacle has no normal at a contact point that is at ({where}) or "
-                "next to it: the gradient of a level set vanishes there, or it is the centre of a "
-                "sphere"
-            )
+        # Where there is a normal the slip since then is what is lost.
+        turned = lost & np.isfinite(data.n).all(axis=1) & ~np.isfinite(fall)
+        for which, why in ((lost & ~turned, _NO_NORMAL), (turned, _TURNED)):
+            mine = sorted(np.round((s.positions + place)[which] / eq.body_size, 9).tolist())
+            places = sorted(p for part in eq.comm.allgather(mine) for p in part)
+            if places:
+                where = ", ".join(f"{c * eq.body_size:.6g}" for c in places[0])
+                return f"{s.name}: {why.format(where)}"
     return ""
