@@ -356,6 +356,44 @@ def test_data_that_change_between_branches():
         np.testing.assert_allclose(known, force, atol=1e-10 * np.abs(force).max())
 
 
+@pytest.mark.parametrize("kind", ["Constant", "Function"])
+def test_what_drives_changes_between_branches(kind):
+    """The condensed body is that of the expression of gamma as it is, which no form holds."""
+    domain = box(COMM, 4, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, top = fem.Function(V), fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    if kind == "Constant":
+        way = fem.Constant(domain, 0.05)
+    else:
+        way = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
+        way.x.array[:] = 0.05
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.5))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
+    driven = [(top, ufl.as_vector((way * gamma, -0.02)))]
+    system = ParametricContact(problem, gamma, driven=driven)
+    x = system.create_vector()
+    for value in (0.05, 0.01, 0.05):
+        if kind == "Constant":
+            way.value = value
+        else:
+            way.x.array[:] = value
+        system.set_parameter(0.0)
+        problem.solve()
+        problem.write(x)
+        branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+        force = system.result_at(branch.points[-1]).tables["contact"].force
+        known = problem.solve().tables["contact"].force
+        np.testing.assert_allclose(force, known, atol=1e-10 * np.abs(known).max())
+        solved = u.x.array.copy()
+        (found,) = find_solutions(system, [x], 1.0).found
+        problem.read(found.x)
+        np.testing.assert_allclose(u.x.array, solved, rtol=0, atol=1e-12)
+
+
 def test_looking_for_solutions_leaves_no_trace():
     system, _ = loaded_block(0.3)
     system.set_parameter(0.25)

@@ -27,6 +27,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import (
     check_moduli,
     check_surface,
+    data_within,
     given_data,
 )
 from dolfinx_contact.equations.measures import Scales
@@ -140,14 +141,18 @@ class ParametricEquations(System):
     # -- data ------------------------------------------------------------------------------------
 
     def _given(self) -> list[Any]:
-        """What the user may change between two calls: Functions and Constants but gamma's own."""
+        """What the user may change between two calls: Functions and Constants but gamma's own.
+
+        Those in the expressions that drive Dirichlet data are among them: rates by gamma hold them.
+        """
         driven = [
             dirichlet_value(bc)
             for bc in self.equations.bcs
             if any(is_value_of(d.function, bc) for d in self._driven)
         ]
         ours = (*driven, self.constant)
-        found = given_data(self.equations)
+        driving = [d.value for d in data_within(self._driven_expressions)]
+        found = [*given_data(self.equations), *driving]
         return [f for f in found if not any(f is other for other in ours)]
 
     @property
