@@ -29,12 +29,12 @@ from dolfinx_contact.points.sliding.spins import spins
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import facet_normals
 
-__all__ = ["LARGEST_SPIN", "LARGEST_SPIN_OVER_OBSTACLE", "spin_by_work", "spin_doubt", "spin_over_obstacle"]
+__all__ = ["LARGEST_SPIN", "spin_by_work", "spin_doubt", "spin_over_obstacle"]
 
 Array = npt.NDArray[np.float64]
 
 LARGEST_SPIN = 35.0  # degrees in a step, whose chord is by 1.5 % shorter than the arc
-LARGEST_SPIN_OVER_OBSTACLE = 21.0  # degrees in a step, by which the torque is 1.7 % low
+_LARGEST_OVER_OBSTACLE = 21.0  # degrees in a step, by which the torque is 1.7 % low
 _NO_WORK = 1e-9  # of what all tractions would do along a facet, what is round-off
 _TURNED_ROUND = -0.9  # cosine of the normals before and now, below which a spin is none
 _NO_FACET = 1e-6  # of the mean area, below which means of points span no facet
@@ -76,7 +76,7 @@ def spin_over_obstacle(s: ContactSurface, contact: ContactState) -> float:
 
 def spin_doubt(s: ContactSurface, spin: float) -> str:
     """Why a state is to be doubted that spins by so many degrees on an obstacle, or ""."""
-    if not spin > LARGEST_SPIN_OVER_OBSTACLE:
+    if not spin > _LARGEST_OVER_OBSTACLE:
         return ""
     body = s.rigid_body
     if body is not None and body.turns and not s.turns:
