@@ -19,6 +19,7 @@ from dolfinx_contact import (
     Coulomb,
     HalfSpace,
     ParametricContact,
+    RigidBody,
     Sphere,
     Tresca,
 )
@@ -260,6 +261,39 @@ def test_clamped_nodes_that_are_pushed_into_the_obstacle():
     moved.x.array[1::2] = -0.01
     with pytest.raises(ValueError, match=r"push a contact node 0.01 into the obstacle"):
         follow(ParametricContact(problem, gamma), x, 0.0, gamma_range=(-1.0, 1.0))
+
+
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
+@pytest.mark.parametrize("moved", ["half-space", "rigid body"])
+@pytest.mark.refuses("branches", "planes", "rigid bodies", aspects=("2D", "branches"))
+def test_an_obstacle_that_is_moved_into_clamped_nodes(moved, route):
+    """By the parameter, before the branch comes there."""
+    square = box(COMM, 4, "tri")
+    V = fem.functionspace(square, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    gamma = fem.Constant(square, -1.0)
+    bcs = [
+        fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, facets(square, 0, 1.0)), V)
+    ]
+    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx + 2.0 * u[1] * ufl.dx
+    if moved == "half-space":
+        floor = HalfSpace(ufl.as_vector((0.0, 0.03 * gamma)), (0, 1))
+    else:
+        motion = {"y": 0.03 * gamma}
+        floor = RigidBody(HalfSpace((0, 0), (0, 1)), about=(0, 0), motion=motion, held=["x", "rz"])
+    surface = ContactSurface(u, facets(square, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    problem.solve()
+    system = ParametricContact(problem, gamma)
+    x = system.create_vector()
+    problem.write(x)
+    gamma.value = 1.0
+    words = r"at gamma = 0.0625: Dirichlet data push a contact node 0.00187 into the obstacle"
+    with pytest.raises(ValueError, match=words):
+        follow(system, x, -1.0, gamma_range=(-1.0, 1.0), route=route)
+    assert gamma.value == 1.0
+    branch = follow(system, x, -1.0, gamma_range=(-1.0, 0.0), route="steps")
+    assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("cell", ["tri", "tet"])

@@ -240,11 +240,12 @@ class ParametricEquations(System):
         eq.require_same_mesh()
         surfaces = eq.surfaces
         rates = zip(surfaces, self._rates, strict=True)
-        varying = [s for s, rate in rates if rate.law_changes]
+        varying = [s for s, rate in rates if rate.applies]
         for s in surfaces:
             if s not in varying and not s.between_bodies:
                 check_surface(s)
         ends = (gammas[0], gammas[-1])
+        changing = bool(self._driven or varying or self._rigid_rates.apply)
         with self.restored(always=True):
             for gamma in gammas:
                 self.constant.value = gamma
@@ -256,11 +257,11 @@ class ParametricEquations(System):
                 if gamma in ends:
                     looked_at += [s for s in surfaces if s.between_bodies and s not in varying]
                 where = f" at gamma = {gamma:g}"
-                if looked_at or self._driven:
+                if looked_at or changing:
                     self._set(gamma)
                 for s in looked_at:
                     check_surface(s, where)
-                if self._driven or varying or gamma == ends[0]:
+                if changing or gamma == ends[0]:
                     eq.constraints.check_values(surfaces, eq.body_size, where)
 
     @property
