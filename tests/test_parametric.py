@@ -263,6 +263,43 @@ def test_clamped_nodes_that_are_pushed_into_the_obstacle():
         follow(ParametricContact(problem, gamma), x, 0.0, gamma_range=(-1.0, 1.0))
 
 
+@pytest.mark.parametrize("kinks", ["exact", "batched"])
+@pytest.mark.verifies(
+    "branches",
+    "Coulomb",
+    reference="theorem: the load, not what it is counted from",
+    aspects=("2D", "branches"),
+)
+def test_a_parameter_that_is_counted_from_elsewhere(kinks):
+    """Steps are as long as its digits allow, not shorter than these."""
+
+    def found(origin):
+        square = box(COMM, 8, "tri")
+        V = fem.functionspace(square, ("Lagrange", 1, (2,)))
+        u = fem.Function(V)
+        gamma = fem.Constant(square, origin - 1.0)
+        held = [fem.locate_dofs_topological(V, 1, facets(square, k, 1.0)) for k in (0, 1)]
+        bcs = [fem.dirichletbc(np.zeros(2), dofs, V) for dofs in held]
+        load = ufl.as_vector((-26.0 * (gamma - origin), -4.0))
+        energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx - ufl.inner(load, u) * ufl.dx
+        floor = HalfSpace((0, 0), (0, 1))
+        surface = ContactSurface(u, facets(square, 1, 0.0), obstacle=floor, law=Coulomb(0.5))
+        problem = ContactProblem(energy, u, [surface], bcs=bcs)
+        problem.solve()
+        system = ParametricContact(problem, gamma)
+        x = system.create_vector()
+        problem.write(x)
+        ends = (origin - 1.0, origin + 1.0)
+        control = StepControl(kinks=kinks)
+        branch = follow(system, x, ends[0], gamma_range=ends, route="steps", control=control)
+        assert branch.reason == "gamma reached the end of its range"
+        return np.array([s.gamma - origin for s in branch.special])
+
+    near, far = found(0.0), found(1e6)
+    assert len(near) > 20
+    np.testing.assert_allclose(far, near, rtol=0, atol=1e-7)
+
+
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 @pytest.mark.parametrize("moved", ["half-space", "rigid body"])
 @pytest.mark.refuses("branches", "planes", "rigid bodies", aspects=("2D", "branches"))

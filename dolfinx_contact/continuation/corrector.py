@@ -44,6 +44,7 @@ _POLISHED = 1e-4
 #: Newton's method would have led further.
 _SHARP = 3e-2
 _MOST_TESTS = 10  # over the number of corrections, for PETSc
+_ROUND_OFF = 4 * float(np.finfo(np.float64).eps)  # of gamma
 #: Relative residual of a tangent that is no more than a direction to step along.
 _TO_STEP_ALONG = 1e-4
 
@@ -393,8 +394,7 @@ class Corrector:
         error = self._residual
         if not np.isfinite(error + last):
             return int(reasons.DIVERGED_LOCAL_MIN)
-        scale = max(abs(self._distance), 1e-6) if self._reference is not None else 1.0
-        if error <= self.control.tolerance and abs(last) <= 1e-10 * scale:
+        if error <= self.control.tolerance and self._is_there(snes.getSolution(), last):
             blunt = self._chords.number > 0 and error > _SHARP * self.control.tolerance
             if self._polished or not (self._polish or blunt):
                 return int(reasons.CONVERGED_FNORM_RELATIVE)
@@ -405,6 +405,14 @@ class Corrector:
         self.forcing = self._forcing(error, self._changed(snes.getSolution(), it))
         self._error = error
         return 0
+
+    def _is_there(self, y: PETSc.Vec, last: float) -> bool:
+        """Whether the last row, here ``last``, holds up to the round-off of gamma. Collective."""
+        scale = max(abs(self._distance), 1e-6) if self._reference is not None else 1.0
+        if abs(last) <= 1e-10 * scale:
+            return True
+        b = self.bordered
+        return abs(last) <= _ROUND_OFF * abs(b.gamma(self._row) * b.gamma(y))
 
     def _changed(self, y: PETSc.Vec, it: int) -> float:
         """The share of the kinked points whose status the last correction changed. Collective.
