@@ -230,7 +230,9 @@ ON_TWO = {
             "gamma_must_be_a_scalar_constant",
         ),
         *("data_that_change_between_branches", "looking_for_solutions_leaves_no_trace"),
-        *("evaluating_writes_no_function",),
+        *("evaluating_writes_no_function", "what_drives_changes_between_branches"),
+        *("an_obstacle_that_is_moved_into_clamped_nodes",),
+        *("a_parameter_that_is_counted_from_elsewhere",),
     ),
     "test_path_record": (
         *("the_journal_says_what_was_followed",),

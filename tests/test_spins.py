@@ -180,14 +180,15 @@ def test_a_face_that_spins(obstacle, cell, given):
     reference="closed form: the torque of the pressures that are found",
     aspects=("3D", "large sliding"),
 )
-def test_short_steps_are_not_doubted():
-    """The torque of a disc that spins by 20 degrees in a step is 1.5 % low."""
+@pytest.mark.parametrize(("angle", "doubted"), [(20.0, False), (25.0, True)])
+def test_short_steps_are_not_doubted(angle, doubted):
+    """The torque of a disc that spins by 20 degrees in a step is 1.5 % low, by 25 2.4 %."""
     disc = Disc(FLOOR)
-    last = disc.run(spinning(disc, 20.0))[-1]
-    assert last.result.slidings["contact"].spin == pytest.approx(20.0, rel=2e-2)
-    assert not last.result.doubts
+    last = disc.run(spinning(disc, angle))[-1]
+    assert last.result.slidings["contact"].spin == pytest.approx(angle, rel=2e-2)
+    assert bool(last.result.doubts) == doubted
     torque, bound = torques(disc)
-    assert torque / bound == pytest.approx(np.cos(np.radians(10.0)), rel=2e-3)
+    assert torque / bound == pytest.approx(np.cos(np.radians(angle / 2.0)), rel=2e-3)
 
 
 def on_a_body(sliding, together=0.0):

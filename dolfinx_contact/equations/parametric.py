@@ -245,7 +245,7 @@ class ParametricEquations(System):
             if s not in varying and not s.between_bodies:
                 check_surface(s)
         ends = (gammas[0], gammas[-1])
-        changing = bool(self._driven or varying or self._rigid_rates.apply)
+        changing = bool(self._driven or varying or self._rigid_rates.applies)
         with self.restored(always=True):
             for gamma in gammas:
                 self.constant.value = gamma

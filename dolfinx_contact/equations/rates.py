@@ -189,7 +189,7 @@ class RigidRates:
         given = [e for b in bodies.bodies for e in b.expressions]
         self._rates = [rate.of_expression(e) for e in given]
         #: Whether anything depends on gamma.
-        self.apply = depends_on(rate.gamma, *given)
+        self.applies = depends_on(rate.gamma, *given)
         self.kinks = next(filter(None, map(rate.kinks, given)), "")
         #: What makes one of them not affine in gamma; "" if all are.
         self.not_affine = next(filter(None, map(rate.not_affine, given)), "")

@@ -298,7 +298,7 @@ def _through(s: ContactSurface, contact: ContactState) -> str:
     memory = s.memory
     if memory is not None and memory.place is None:  # it is not known where the step began
         return ""
-    before = np.zeros_like(now) if memory is None or memory.place is None else memory.place
+    before = np.zeros_like(now) if memory is None else memory.place
     _, normal = s.displaced.gaps_and_normals(before)
     _, normal_now = s.displaced.gaps_and_normals(now)
     turned = np.sum(normal * normal_now, axis=1) < 0.0
