@@ -295,10 +295,11 @@ def _through(s: ContactSurface, contact: ContactState) -> str:
     now = contact.kinematics.place
     if s.displaced is None or now is None:
         return ""
-    memory = s.memory
-    if memory is not None and memory.place is None:  # it is not known where the step began
-        return ""
-    before = np.zeros_like(now) if memory is None else memory.place
+    before = np.zeros_like(now)
+    if s.memory is not None:
+        if s.memory.place is None:  # it is not known where the step began
+            return ""
+        before = s.memory.place
     _, normal = s.displaced.gaps_and_normals(before)
     _, normal_now = s.displaced.gaps_and_normals(now)
     turned = np.sum(normal * normal_now, axis=1) < 0.0
