@@ -301,6 +301,7 @@ ON_TWO = {
     ),
     "test_settling": ("rounds",),
     "test_shakedown": ("bad_input",),
+    "test_shared_values": ("values_from_owners",),
     "test_sliding_pair": (
         *("history",),
         *("patch_in_space", "branch", "a_record_of_another_sliding", "refused"),
@@ -402,6 +403,7 @@ ON_THREE = {
     "test_rigid_surface": ("jacobian", "flat_punch_and_ranks"),
     "test_scales": ("what_stays",),
     "test_self_contact_in_space": ("a_folded_plate", "jacobian"),
+    "test_shared_values": ("sums_over_ranks",),
     "test_sliding_pair": (
         *("jacobian", "patch", "wedge"),
         "a_motion_continues_from_its_record",

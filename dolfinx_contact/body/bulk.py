@@ -36,6 +36,7 @@ from dolfinx_contact._affine import dependence, has_branches, is_affine, jumps_i
 from dolfinx_contact._forms import Content, content_of, derived_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk", "check_jumps"]
@@ -109,6 +110,7 @@ class Bulk:
         self._loads = [*(f for f in self.functions if f is not own), *self.constants]
         self.require_continuous()
         self._owned = self._V.dofmap.index_map.size_local * self._V.dofmap.index_map_bs
+        self._rows = SharedValues(self._V.dofmap.index_map)
         self._K: PETSc.Mat | None = None
         self._half: PETSc.Mat | None = None
         self._K_mark = self._f_mark = 0
@@ -247,7 +249,7 @@ class Bulk:
         """
         rows = self.affine_residual(u)
         # Every rank's contributions count once, whoever owns the rows.
-        rows = self._local(self.residual_form, u).array if rows is None else rows
+        rows = self._local(self.residual_form, u).array.copy() if rows is None else rows
         return np.asarray(rows).reshape(-1, self._V.dofmap.index_map_bs)
 
     def assembled(self, form: fem.Form, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -258,8 +260,7 @@ class Bulk:
 
     def _local(self, form: fem.Form, u: npt.NDArray[np.float64]) -> la.Vector:
         self.displacement.x.array[:] = u
-        b = la.vector(self._V.dofmap.index_map, self._V.dofmap.index_map_bs)
-        b.array[:] = 0.0
+        b = self._rows.zeros(self._V.dofmap.index_map_bs)
         fem.assemble_vector(b.array, form)
         return b
 
@@ -271,8 +272,7 @@ class Bulk:
     ) -> npt.NDArray[np.float64]:
         """K(u) (g - start), g what ``bcs`` prescribe and start elsewhere. Collective."""
         self.displacement.x.array[:] = u
-        b = la.vector(self._V.dofmap.index_map, self._V.dofmap.index_map_bs)
-        b.array[:] = 0.0
+        b = self._rows.zeros(self._V.dofmap.index_map_bs)
         fem.apply_lifting(b.array, [self.jacobian_form], [list(bcs)], x0=[start], alpha=-1.0)
         b.scatter_reverse(la.InsertMode.add)
         return b.array[: self._owned].copy()

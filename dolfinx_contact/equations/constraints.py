@@ -17,9 +17,10 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem, la
+from dolfinx import fem
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.held_ends import resting
@@ -335,17 +336,12 @@ def _node_normals(s: ContactSurface) -> npt.NDArray[np.float64]:
 
 def _fixed_on_support(s: ContactSurface, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Multiplier nodes x dim whose whole support has displacements marked in ``fixed``."""
-    count = la.vector(s.points.Q.dofmap.index_map, s.dim)
-    count.array[:] = 0.0
     cells = s.points.cells
     closures = facet_closures(s.u.function_space, s.submesh.parent_facets[cells])
     any_free = (~fixed)[closures].any(axis=1).astype(float)
-    rows = count.array.reshape(-1, s.dim)
-    for nodes in s.points.Q.dofmap.list[cells].T:
-        np.add.at(rows, nodes, any_free)
-    count.scatter_reverse(la.InsertMode.add)
-    count.scatter_forward()
-    return np.asarray(count.array.reshape(-1, s.dim) == 0)
+    nodes = s.points.Q.dofmap.list[cells]
+    at_nodes = np.repeat(any_free[:, None], nodes.shape[1], axis=1)
+    return np.asarray(SharedValues(s.points.Q.dofmap.index_map).sums(nodes, at_nodes) == 0)
 
 
 class PrescribedDisplacement:

@@ -25,10 +25,11 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.materials import circumference
 from dolfinx_contact.points.evaluation import (
@@ -394,13 +395,13 @@ class ContactPoints(ABC):
         weighted = self.areas[:, None] * values
         return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
 
+    @cached_property
+    def _at_places(self) -> SharedValues:
+        return SharedValues(self.space.dofmap.index_map)
+
     def with_ghosts(self, values: Array) -> Array:
         """Values at the points of this rank, then at its ghosts. Collective."""
-        width = int(np.prod(values.shape[1:], dtype=int))
-        v = la.vector(self.space.dofmap.index_map, width)
-        v.array.reshape(-1, width)[: self.number] = values.reshape(-1, width)
-        v.scatter_forward()
-        return v.array.reshape(-1, *values.shape[1:]).copy()
+        return self._at_places.from_owners(values)
 
     def give(
         self, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]

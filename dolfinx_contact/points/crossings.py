@@ -23,8 +23,9 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem, la
+from dolfinx import fem
 
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.points.held_ends import resting
 from dolfinx_contact.points.trace import at_global_places
 
@@ -76,15 +77,11 @@ def crossings(
     found = mine[_in_loops(comm.allgather(mine), comm.rank)]
     marks = []
     for i, s in enumerate(surfaces):
-        marked = la.vector(s.points.vertices.dofmap.index_map, 1)
-        marked.array[:] = 0.0
-        marked.array[found[found[:, 0] == i, 1]] = 1.0
-        marked.scatter_forward()
-        marks.append(np.asarray(marked.array > 0))
-    counts = la.vector(index_map, 1)
-    counts.array[: index_map.size_local] = _counts(V, found)
-    counts.scatter_forward()
-    return marks, np.asarray(counts.array > 0)
+        here = found[found[:, 0] == i, 1]
+        marked = SharedValues(s.points.vertices.dofmap.index_map).sums(here, np.ones(len(here)))
+        marks.append(np.asarray(marked > 0))
+    counts = SharedValues(index_map).from_owners(_counts(V, found))
+    return marks, np.asarray(counts > 0)
 
 
 def _none(index_map: Any) -> npt.NDArray[np.bool_]:

@@ -29,6 +29,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 from dolfinx_contact._agreement import data_of
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
 from dolfinx_contact._forms import Part, compiled_expression, content_by, derived_form
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.obstacles import Measured, Obstacle
 from dolfinx_contact.points.trace import owned_exterior
 
@@ -85,7 +86,7 @@ class PointEvaluator:
         for name, e in zip(expressions, given, strict=True):
             self._places[name] = self._width, e.ufl_shape
             self._width += int(np.prod(e.ufl_shape, dtype=int))
-        self._index_map = W.dofmap.index_map
+        self._rows = SharedValues(W.dofmap.index_map)
         Q = blocked_space(W, self._width)
         require_same_numbering(W, Q)
         test = ufl.TestFunction(Q)
@@ -119,8 +120,7 @@ class PointEvaluator:
                 f.x.array[:] = m.values(places[str(i)]).reshape(-1)
 
     def _integrals(self) -> Array:
-        b = la.vector(self._index_map, self._width)
-        b.array[:] = 0.0
+        b = self._rows.zeros(self._width)
         fem.assemble_vector(b.array, self._form)
         b.scatter_reverse(la.InsertMode.add)
         b.scatter_forward()

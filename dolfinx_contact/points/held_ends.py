@@ -31,6 +31,7 @@ import numpy.typing as npt
 from dolfinx import fem, la
 
 from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.points.operators import multiplied, rows_of
 from dolfinx_contact.points.opposite import Opposite
 
@@ -148,12 +149,10 @@ def receiving_vertices(
     comm = vertices.mesh.comm
     nodes, weights = rows_of(shares, np.ones(index_map.size_local))
     width = comm.allreduce(nodes.shape[1], op=max)
-    table = la.vector(index_map, 2 * width)
-    rows = table.array.reshape(-1, 2 * width)
-    rows[:] = 0.0
+    rows = np.zeros((index_map.size_local, 2 * width))
     rows[: len(nodes), : nodes.shape[1]] = nodes
     rows[: len(nodes), width : width + nodes.shape[1]] = weights
-    table.scatter_forward()
+    rows = SharedValues(index_map).from_owners(rows)
     return rows[:, :width].astype(np.int64), rows[:, width:].copy(), given
 
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem, la
+from dolfinx import fem
 
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Method, Trace
 from dolfinx_contact.points.evaluation import (
     PointEvaluator,
@@ -75,19 +77,16 @@ class FacetPoints(ContactPoints):
         found[self._gauss.numbers] = np.einsum("gpv,gv->gp", self._hats, corners)
         return found
 
+    @cached_property
+    def _of_corners(self) -> SharedValues:
+        return SharedValues(self.vertices.dofmap.index_map)
+
     def at_vertices(self, values: Array) -> Array:
-        width = int(np.prod(values.shape[1:], dtype=int)) + 1
-        columns = [np.ones(self.number), values.reshape(self.number, width - 1)]
-        weighted = np.column_stack(columns)
-        weighted *= self.areas[:, None]
-        v = la.vector(self.vertices.dofmap.index_map, width)
-        v.array[:] = 0.0
+        columns = [np.ones(self.number), values.reshape(self.number, -1)]
+        weighted = self.areas[:, None] * np.column_stack(columns)
         corners = self.vertices.dofmap.list[self._gauss.cells]
         parts = np.einsum("gpv,gpw->gvw", self._hats, weighted[self._gauss.numbers])
-        np.add.at(v.array.reshape(-1, width), corners, parts)
-        v.scatter_reverse(la.InsertMode.add)
-        v.scatter_forward()
-        sums = v.array.reshape(-1, width)
+        sums = self._of_corners.sums(corners, parts)
         # Of faces in part opposite to nothing some vertices have no point.
         means = np.divide(
             sums[:, 1:], sums[:, :1], out=np.zeros_like(sums[:, 1:]), where=sums[:, :1] > 0

@@ -23,11 +23,12 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem, la, mesh
+from dolfinx import fem, mesh
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact._numbers import is_number
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, cover
@@ -463,19 +464,15 @@ def _mortar(
     degree = V.ufl_element().degree
     found = coupling(common, degree, axisymmetric=axisymmetric)
     corners = mine.nodes[:, : mine.corners]
-    sums = la.vector(index_map, 1)
-    sums.array[:] = 0.0
     local = index_map.global_to_local(corners.reshape(-1))
-    np.add.at(sums.array, local, found.areas.reshape(-1))
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
+    sums = SharedValues(index_map).sums(local, found.areas.reshape(-1))
     n = index_map.size_local
     A = matrix_of(comm, (n, n), entries := Entries(found.slave, found.master))
     entries.add(found.values, A)
     if degree > 1:
         A = between(comm, A, mine.nodes[marked], mine.corners)
     # There any area serves, as there is no traction.
-    areas = np.where(sums.array > 0, sums.array, size ** (dim - 1))
+    areas = np.where(sums > 0, sums, size ** (dim - 1))
     sides = on_slave, on_master
 
     def opposite(A: PETSc.Mat, common: Common | None) -> Opposite:
@@ -500,9 +497,7 @@ def _means(
     counts = np.diff(indptr)
     width = comm.allreduce(int(counts.max(initial=1)), op=max)
     # By way of a vector, so that the ghosts have them too: nodes, then weights, whether there are.
-    table = la.vector(index_map, 2 * width + 1)
-    rows = table.array.reshape(-1, 2 * width + 1)
-    rows[:] = 0.0
+    rows = np.zeros((index_map.size_local, 2 * width + 1))
     for i in np.flatnonzero(on_slave[: index_map.size_local]):
         here = slice(indptr[i], indptr[i + 1])
         # A node without a partner is its own partner, and has no jump.
@@ -513,7 +508,7 @@ def _means(
             # The sum is the area, but for round-off.
             rows[i, width : width + counts[i]] = values[here] / values[here].sum()
             rows[i, -1] = 1.0
-    table.scatter_forward()
+    rows = SharedValues(index_map).from_owners(rows)
     on = np.flatnonzero(on_slave)
     places = np.full(len(on_slave), -1, dtype=np.int64)
     places[on] = np.arange(len(on))

@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem, la, mesh
+from dolfinx import fem, mesh
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import require
 from dolfinx_contact._kept import keep
 from dolfinx_contact._numbers import is_number
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle, has_ufl
@@ -336,12 +337,8 @@ class ContactPair(ContactSurface):
         )
         if matching:
             return
-        marks = la.vector(V.dofmap.index_map, 1)
-        marks.array[:] = 0.0
-        marks.array[trace] = given
-        marks.scatter_reverse(la.InsertMode.add)
-        marks.scatter_forward()
-        object.__setattr__(self.obstacle, "opposite", in_place(self._apart, marks.array > 0))
+        marks = SharedValues(V.dofmap.index_map).sums(trace, given.astype(float))
+        object.__setattr__(self.obstacle, "opposite", in_place(self._apart, marks > 0))
 
     def _check_crossing(self, crossing: npt.NDArray[np.bool_]) -> None:
         """Raise ``ValueError`` if multipliers cannot leave out a crossing. Collective."""

@@ -20,8 +20,9 @@ import numpy.typing as npt
 import scipy
 
 import basix
-from dolfinx import fem, la
+from dolfinx import fem
 
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.points.clipping import basis, nodal_points
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator
 from dolfinx_contact.points.search import exchanged, nearest, ranks_nearby
@@ -167,14 +168,9 @@ class PairMotion:
         X = V.tabulate_dof_coordinates()[:, :dim]
         before, after = (_area_vectors(v[corners]) for v in (X, X + u))
         outward = np.sign(np.sum(before * facet_normals(domain, owned), axis=1))[:, None]
-        sums = la.vector(V.dofmap.index_map, 2 * dim)
-        sums.array[:] = 0.0
-        for nodes in closures.T:
-            both = np.hstack([outward * before, outward * after])
-            np.add.at(sums.array.reshape(-1, 2 * dim), nodes, both)
-        sums.scatter_reverse(la.InsertMode.add)
-        sums.scatter_forward()
-        parts = np.hsplit(sums.array.reshape(-1, 2 * dim), 2)
+        both = np.hstack([outward * before, outward * after])
+        at_nodes = np.repeat(both[:, None], closures.shape[1], axis=1)
+        parts = np.hsplit(SharedValues(V.dofmap.index_map).sums(closures, at_nodes), 2)
         return np.hstack([_unit(v) for v in parts])
 
     # -- the master ------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from dolfinx import fem, la, mesh
 from dolfinx_contact._compat import is_topology_of
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._numbers import is_number
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.cells import midpoints
 
 __all__ = [
@@ -158,15 +159,11 @@ def outward_normals(
     dim = V.mesh.geometry.dim
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
     normals = facet_normals(domain, owned, unit=False)
-    sums = la.vector(V.dofmap.index_map, dim)
-    sums.array[:] = 0.0
-    for nodes in facet_closures(V, owned).T:
-        np.add.at(sums.array.reshape(-1, dim), nodes, normals)
+    nodes = facet_closures(V, owned)
+    at_nodes = np.repeat(normals[:, None], nodes.shape[1], axis=1)
+    values = SharedValues(V.dofmap.index_map).sums(nodes, at_nodes)
     areas = np.linalg.norm(normals, axis=1)
     size = float(np.min(areas, initial=np.inf) ** (1 / (dim - 1)))
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
-    values = sums.array.reshape(-1, dim).copy()
     length = np.linalg.norm(values, axis=1, keepdims=True)
     return np.divide(values, length, out=np.zeros_like(values), where=length > 0), size
 
@@ -267,12 +264,9 @@ def across_planes(
 
 def nodes_on(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
     """Which local nodes lie on facets of any rank. Collective."""
-    marks = la.vector(V.dofmap.index_map, 1)
-    marks.array[:] = 0.0
-    marks.array[facet_closures(V, facets).reshape(-1)] = 1.0
-    marks.scatter_reverse(la.InsertMode.add)
-    marks.scatter_forward()
-    return np.asarray(marks.array > 0)
+    nodes = facet_closures(V, facets)
+    counts = SharedValues(V.dofmap.index_map).sums(nodes, np.ones(nodes.shape))
+    return np.asarray(counts > 0)
 
 
 def at_global_places(

@@ -24,9 +24,10 @@ import numpy as np
 import numpy.typing as npt
 
 import basix
-from dolfinx import fem, la
+from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.points.trace import facet_closures
@@ -153,21 +154,13 @@ def forces_at_vertices(
     nodes = V.dofmap.list[to_cells.array[to_cells.offsets[facets]]]
     closures = facet_closures(V, facets)
     # A node of several facets is shared among these first, whichever rank has them.
-    count = la.vector(index_map, 1)
-    count.array[:] = 0.0
-    np.add.at(count.array, closures, 1.0)
-    count.scatter_reverse(la.InsertMode.add)
-    count.scatter_forward()
-    share = forces / np.maximum(count.array, 1.0)[:, None]
+    at_nodes = SharedValues(index_map)
+    count = at_nodes.sums(closures, np.ones(closures.shape))
+    share = forces / np.maximum(count, 1.0)[:, None]
     on_facet = (nodes[:, :, None] == closures[:, None, :]).any(axis=2)
     hats, corners = _hats(V)
     parts = np.einsum("pv,cp,cpd->cvd", hats, on_facet, share[nodes])
-    sums = la.vector(index_map, tdim)
-    sums.array[:] = 0.0
-    np.add.at(sums.array.reshape(-1, tdim), nodes[:, corners], parts)
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
-    return np.asarray(sums.array.reshape(-1, tdim)[trace])
+    return at_nodes.sums(nodes[:, corners], parts)[trace]
 
 
 def _hats(V: fem.FunctionSpace) -> tuple[npt.NDArray[np.float64], list[int]]:

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import la
-
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.equations.state import ContactState
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.surface import ContactSurface
@@ -163,13 +162,8 @@ def _face(s: ContactSurface, u: Array) -> tuple[Array, Ints, Array]:
 def _outward(s: ContactSurface, u: Array) -> Array:
     """Outward normals at the local vertices, sums by the angles of facets (n, dim)."""
     now, cells, normals = _face(s, u)
-    found = la.vector(s.points.vertices.dofmap.index_map, s.dim)
-    found.array[:] = 0.0
     shares = angles_of(now[cells])[..., None] * normals[:, None]
-    np.add.at(found.array.reshape(-1, s.dim), cells, shares)
-    found.scatter_reverse(la.InsertMode.add)
-    found.scatter_forward()
-    return np.asarray(found.array).reshape(-1, s.dim).copy()
+    return SharedValues(s.points.vertices.dofmap.index_map).sums(cells, shares)
 
 
 def _deepest(s: ContactSurface, shape: RigidSurface, u: Array) -> tuple[float, float, Array]:

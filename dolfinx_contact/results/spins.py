@@ -21,8 +21,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import la
-
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.equations.state import ContactState
 from dolfinx_contact.points.sliding.rays import area_vectors
 from dolfinx_contact.points.sliding.spins import spins
@@ -111,13 +110,9 @@ def _at_points(s: ContactSurface, before: Array, now: Array) -> Array:
     angle = np.zeros(m)
     angle[good] = spins(old[good], new[good], sense[good])[0]
     # Means at the vertices by the areas of the facets around them.
-    sums = la.vector(vertices.dofmap.index_map, 2)
-    sums.array[:] = 0.0
     weights = np.where(good, area, 0.0)
     parts = np.stack([weights * angle, weights], axis=1)
-    np.add.at(sums.array.reshape(-1, 2), cells, parts[:, None])
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
-    total, weight = sums.array.reshape(-1, 2).T
+    at_corners = np.repeat(parts[:, None], cells.shape[1], axis=1)
+    total, weight = SharedValues(vertices.dofmap.index_map).sums(cells, at_corners).T
     means = np.divide(total, weight, out=np.zeros_like(total), where=weight > 0)
     return points.from_vertices(means)

@@ -19,11 +19,12 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem, la
+from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._errors import require
 from dolfinx_contact._petsc import logged
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.cells import cells_around
 from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.facing import faces_of
@@ -104,7 +105,8 @@ class SlidingFaces:
         self.dim = domain.geometry.dim
         self._V = V
         self._trace = trace
-        self._map = vertices.dofmap.index_map
+        self._nodes = SharedValues(V.dofmap.index_map)
+        self._vertices = SharedValues(vertices.dofmap.index_map)
         #: Of vectors at the local vertices what a mean with a mirror image leaves (n, dim).
         self.kept: Array = np.where(across[trace], 0.0, 1.0)
         #: Of sums around them what the mirror images make of these: each plane doubles them.
@@ -141,7 +143,7 @@ class SlidingFaces:
         self._found: Candidates
         self._direction = direction
         #: Of the local vertices, overlaps of the mesh that are no gaps.
-        self.removed: Array = np.zeros(self._map.size_local + self._map.num_ghosts)
+        self.removed: Array = np.zeros(len(trace))
         #: Of facets of one face that start within the body, those with nothing to meet in reach.
         self.lost: npt.NDArray[np.bool_] = np.zeros(len(self.corners), dtype=bool)
         #: How far the bodies may overlap at each facet: of one face not through the body.
@@ -162,33 +164,15 @@ class SlidingFaces:
 
     def spread(self, u: Array) -> Array:
         """Values at all local nodes from those at the owned ones (n, dim)."""
-        index_map = self._V.dofmap.index_map
-        v = la.vector(index_map, self.dim)
-        v.array[: self.dim * index_map.size_local] = u[: index_map.size_local].reshape(-1)
-        v.scatter_forward()
-        return v.array.reshape(-1, self.dim).copy()
+        return self._nodes.from_owners(u)
 
     def sums(self, facet: Nodes, values: Array) -> Array:
         """Values of corners (p, k, ...) of facets, added up at the local vertices (n, ...)."""
-        shape = values.shape[2:]
-        width = int(np.prod(shape, dtype=int))
-        v = la.vector(self._map, width)
-        v.array[:] = 0.0
-        rows = v.array.reshape(-1, width)
-        at = self.corners[facet].reshape(-1)
-        np.add.at(rows, at, values.reshape(-1, width))
-        v.scatter_reverse(la.InsertMode.add)
-        v.scatter_forward()
-        return v.array.reshape(-1, *shape).copy()
+        return self._vertices.sums(self.corners[facet], values)
 
     def ghosted(self, values: Array) -> Array:
         """Values at the local vertices from those at the owned ones (n, ...)."""
-        shape = values.shape[1:]
-        width = int(np.prod(shape, dtype=int))
-        v = la.vector(self._map, width)
-        v.array[: values.size] = values.reshape(-1)
-        v.scatter_forward()
-        return v.array.reshape(-1, *shape).copy()
+        return self._vertices.from_owners(values)
 
     def positions(self, u: Array) -> Array:
         """Where the corners of the slave's facets are at a displacement (n, k, dim)."""
@@ -413,7 +397,7 @@ class SlidingFaces:
 
     def slave_vertices(self) -> Nodes:
         """Global vertices there (n, k)."""
-        found = self._map.local_to_global(self.corners.reshape(-1).astype(np.int32))
+        found = self._vertices.index_map.local_to_global(self.corners.reshape(-1).astype(np.int32))
         return np.asarray(found, dtype=np.int64).reshape(self.corners.shape)
 
     # -- the mesh --------------------------------------------------------------------------------

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Values at places that ranks share: sums of what every rank adds, and values from their owners.
+
+DOLFINx makes communicators of neighbours for every vector, a collective call of a millisecond and
+more. What is asked often keeps a `SharedValues`, which makes one vector for each number of entries.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import common, la
+
+Array = npt.NDArray[np.float64]
+
+
+class SharedValues:
+    """Values at the places of an index map, by rank the owned ones first and then its ghosts.
+
+    Args:
+        index_map: of the places.
+    """
+
+    def __init__(self, index_map: common.IndexMap):
+        self.index_map = index_map
+        self._size: int = index_map.size_local + index_map.num_ghosts
+        self._vectors: dict[int, la.Vector] = {}
+
+    def zeros(self, width: int) -> la.Vector:
+        """The kept vector of as many entries at a place, all 0. Collective at its first call.
+
+        The next call of this width, of any method, overwrites it.
+        """
+        found = self._vectors.get(width)
+        if found is None:
+            found = self._vectors[width] = la.vector(self.index_map, width)
+        found.array[:] = 0.0
+        return found
+
+    def sums(self, places: npt.NDArray[np.integer], parts: Array) -> Array:
+        """Parts (..., s) at local places (...), added over all ranks, by local place (n, s).
+
+        Collective; ``s`` is any shape.
+        """
+        shape = parts.shape[places.ndim :]
+        v, rows = self._rows(shape)
+        np.add.at(rows, places.reshape(-1), parts.reshape(-1, rows.shape[1]))
+        v.scatter_reverse(la.InsertMode.add)
+        v.scatter_forward()
+        return rows.reshape(self._size, *shape).copy()
+
+    def from_owners(self, values: Array) -> Array:
+        """Values at the local places (n, s) from those at the owned ones, which come first.
+
+        Collective.
+        """
+        shape = values.shape[1:]
+        v, rows = self._rows(shape)
+        owned = self.index_map.size_local
+        rows[:owned] = values[:owned].reshape(owned, rows.shape[1])
+        v.scatter_forward()
+        return rows.reshape(self._size, *shape).copy()
+
+    def _rows(self, shape: tuple[int, ...]) -> tuple[la.Vector, Array]:
+        """A vector for values of a shape, and its rows (n, entries)."""
+        width = int(np.prod(shape, dtype=int))
+        v = self.zeros(width)
+        return v, v.array.reshape(self._size, width)

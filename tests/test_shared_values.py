@@ -1,0 +1,56 @@
+"""Values at places that ranks share: sums of what every rank adds, and values from their owners."""
+
+from mpi4py import MPI
+
+import numpy as np
+
+from dolfinx import fem, mesh
+
+from dolfinx_contact._shared import SharedValues
+
+
+def _cells_of_a_square():
+    domain = mesh.create_unit_square(MPI.COMM_WORLD, 5, 4)
+    V = fem.functionspace(domain, ("Lagrange", 1))
+    owned = domain.topology.index_map(2).size_local
+    return V, V.dofmap.list[:owned]
+
+
+def test_sums_over_ranks():
+    """Each cell adds a third of its area at its corners: integrals of the hats, ghosts included."""
+    V, cells = _cells_of_a_square()
+    shared = SharedValues(V.dofmap.index_map)
+    area = 1 / 40
+    for shape in ((), (2,), (2, 3)):
+        factor = 1.0 + np.arange(np.prod(shape, dtype=int)).reshape(shape)
+        parts = np.full((*cells.shape, *shape), area / 3) * factor
+        found = shared.sums(cells, parts)
+        x = V.tabulate_dof_coordinates()
+        ends_x = np.isclose(x[:, 0], 0) | np.isclose(x[:, 0], 1)
+        ends_y = np.isclose(x[:, 1], 0) | np.isclose(x[:, 1], 1)
+        around = np.where(ends_x & ends_y, 0, np.where(ends_x | ends_y, 3, 6))
+        # Diagonals of the square start and end at two of its corners.
+        along = np.isclose(x[:, 0], x[:, 1])
+        around = np.where(ends_x & ends_y, np.where(along, 2, 1), around)
+        expected = around.reshape(-1, *[1] * len(shape)) * (area / 3) * factor
+        np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+
+def test_values_from_owners():
+    """Ghosts have what their owners have; values are kept when others are asked for."""
+    V, _ = _cells_of_a_square()
+    index_map = V.dofmap.index_map
+    shared = SharedValues(index_map)
+    n = index_map.size_local
+    size = n + index_map.num_ghosts
+    numbers = index_map.local_to_global(np.arange(size, dtype=np.int32)).astype(float)
+    expected = np.column_stack([numbers, numbers**2])
+    values = expected.copy()
+    values[n:] = np.nan
+    found = shared.from_owners(values)
+    again = shared.from_owners(2 * values[:n])
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(again, 2 * expected)
+    np.testing.assert_array_equal(shared.zeros(2).array, 0.0)
+    np.testing.assert_array_equal(again, 2 * expected)
+    assert shared.from_owners(np.zeros((n, 0))).shape == (size, 0)
