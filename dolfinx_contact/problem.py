@@ -44,7 +44,6 @@ from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.proofs import theory_of, uniqueness
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
-from dolfinx_contact.results.fields import contact_fields
 from dolfinx_contact.results.result import Result, collect, warn_of_doubts
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import OTHER_DATA, Theory, Uniqueness, checked_seconds
@@ -405,6 +404,8 @@ class ContactProblem(ReadOnly):
                 force, area = comm.allreduce(np.array(sums))
                 mean = force / area
         """
+        from dolfinx_contact.results.fields import contact_fields
+
         self._require_mine(s)
         return contact_fields(self.equations, self.surfaces.index(s), self.support_forces(s))
 
