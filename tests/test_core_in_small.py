@@ -1,6 +1,6 @@
 """Small parts of the core whose answers are known beforehand."""
 
-from dataclasses import dataclass
+from dataclasses import FrozenInstanceError, dataclass
 from typing import Any
 
 from mpi4py import MPI
@@ -31,15 +31,18 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
+from dolfinx_contact.algorithms import load_points
 from dolfinx_contact.equations.given_data import mark_of_data
 from dolfinx_contact.equations.measures import least_scales
 from dolfinx_contact.equations.order import Gathered
+from dolfinx_contact.equations.sliding import _Block
 from dolfinx_contact.equations.state import _turning, differs
 from dolfinx_contact.laws import Internal, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import _bounds, _plane
 from dolfinx_contact.laws.damage import _solved
 from dolfinx_contact.laws.interface import Interface
-from dolfinx_contact.laws.law import Border, StatusPiece, checked_pieces
+from dolfinx_contact.laws.interface_state import Rates
+from dolfinx_contact.laws.law import Border, StatusPiece, _as_key, checked_pieces
 from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.materials import LinearElastic, NeoHookean
@@ -115,6 +118,51 @@ def test_an_open_point_closes_against_its_displacement():
         np.testing.assert_allclose(borders.distance[k, there], gap, rtol=1e-14)
 
 
+@pytest.mark.skipif(COMM.size > 1, reason="five points")
+def test_an_open_point_closes_to_one_status():
+    """Under friction that is linear up to a slip: creeping below it, slipping beyond."""
+    u = np.array([-0.2, -0.12, 0.05, 0.12, 0.2])
+    law = Regularised(Coulomb(0.5), 0.1)
+    found = at_points(law, np.column_stack([u, np.full(5, 0.03)]), np.zeros((5, 2)))
+    borders = found.borders(np.full(5, OPEN, dtype=np.int8))
+    for k, code in enumerate([MINUS, MINUS, STICK, PLUS, PLUS]):
+        there = np.isfinite(borders.distance[k])
+        assert borders.target[k, there].tolist() == [code]
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="three points")
+def test_what_a_status_holds_misses_nothing():
+    """However far inside it a point is."""
+    jump = np.array([[0.0, 0.5], [0.0, 0.0], [0.3, 0.0]])
+    traction = np.array([[0.0, 0.0], [0.1, 1.0], [-0.5, 1.0]])
+    found = at_points(Coulomb(0.5), jump, traction)
+    np.testing.assert_array_equal(found.required, [OPEN, STICK, PLUS])
+    np.testing.assert_array_equal(found.missed, 0.0)
+
+
+def test_what_is_given_to_a_law_does_not_change():
+    with pytest.raises(FrozenInstanceError):
+        Rates(1.0, {}).slip = 2.0
+
+
+def test_settings_of_laws_that_are_equal_numbers_differ():
+    """By what they print; what has no hash is known by that as well."""
+    for a, b in ((0.0, -0.0), (1, True), (1, 1.0)):
+        assert a == b
+        assert _as_key(a) != _as_key(b)
+    for method in (len, property(len)):
+        assert _as_key(method) is method
+
+    class NoHash:
+        __hash__ = None
+
+        def __call__(self):
+            pass
+
+    one = NoHash()
+    assert _as_key(one) == repr(one)
+
+
 @pytest.mark.parametrize("place", ["exists", "where"])
 def test_conditions_of_pieces_that_are_none(place):
     """Numbers, truths and UFL that is no condition, in the second of two pieces."""
@@ -177,6 +225,20 @@ def test_a_step_of_damage_in_closed_form(p):
         y = _solved(ufl.as_ufl(float(log)), p)(())
         x = brentq(lambda x, k=log: np.logaddexp(-x, k - p * x), -1.0, 200.0, xtol=1e-15)
         assert y == pytest.approx(np.exp(-x), rel=2e-11)
+
+
+def test_the_pattern_of_blocks_has_every_entry_once():
+    """Of nodes that several blocks have, without those whose places are negative."""
+    two = np.arange(2)
+    rows = np.array([[0, 1], [1, 3]])[:, :, None] * 2 + two
+    columns = np.array([[0, 2, 4], [4, 1, -1]])[:, :, None] * 2 + two
+    columns[1, 2] = -1
+    rows_found, columns_found = _Block(rows, columns).pattern()
+    nodes = {(0, 0), (0, 2), (0, 4), (1, 0), (1, 2), (1, 4), (1, 1), (3, 4), (3, 1)}
+    expected = {(2 * i + k, 2 * j + l) for i, j in nodes for k in two for l in two}
+    found = list(zip(rows_found.tolist(), columns_found.tolist(), strict=True))
+    assert set(found) == expected
+    assert len(found) == len(expected)
 
 
 def test_points_of_all_ranks_in_one_order():
@@ -317,6 +379,19 @@ def test_what_is_a_problem_of_its_points():
                 assert 0 <= error.max() <= 1e-10 * np.abs(of).max()
 
 
+def test_what_is_saved_is_at_a_parameter(tmp_path):
+    """At 0 unless it is said."""
+    file = COMM.bcast(tmp_path) / "points.npz"
+    with Reduction.of(block(n=2).equations) as reduction:
+        reduction.rate = np.ones_like(reduction.load)
+        for given, gamma in (((), 0.0), ((2.0,), 2.0)):
+            reduction.save(file, *given)
+            COMM.barrier()
+            np.testing.assert_array_equal(load_points(file).p, reduction.problem(gamma).p)
+            COMM.barrier()
+        assert (reduction.problem(0.0).p != reduction.problem(2.0).p).all()
+
+
 def test_the_stiffness_of_points_of_two_surfaces():
     """That of the body on the nodes of both, as numpy condenses it, in the frames of the points."""
     eq = on_two_sides(2, beyond=0.4, n=4).equations
@@ -361,6 +436,33 @@ def test_what_is_no_problem_of_its_points_in_space(what, monkeypatch):
     problem = IN_SPACE[what]()
     system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
     assert scope.obstacle_in_space(system) == what
+
+
+@pytest.mark.parametrize(
+    ("slope", "law", "axes", "what"),
+    [
+        (0.0, Frictionless(), (0,), ""),
+        (0.1, Frictionless(), (0,), "hold a component of contact nodes that is not a tangential"),
+        (0.0, Coulomb(0.3), (0,), "hold one tangential displacement of contact nodes with friction"),
+        (0.0, Coulomb(0.3), (0, 1), ""),
+    ],
+)
+def test_points_in_space_that_are_held_along_their_floor(slope, law, axes, what):
+    """On one side of a cube: nothing against it where that is no part of distance or friction."""
+    domain = box(COMM, 1, "tet")
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0, 0.0), (slope, 0.0, 1.0))
+    side, top = facets(domain, 0, 0.0), facets(domain, 2, 1.0)
+    bcs = [
+        fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(i), 2, side), V.sub(i)) for i in axes
+    ]
+    bcs.append(fem.dirichletbc(np.zeros(3), fem.locate_dofs_topological(V, 2, top), V))
+    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=law)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    found = scope.obstacle_in_space(ParametricContact(problem, fem.Constant(domain, 0.0)))
+    assert what in found if what else found == ""
 
 
 def test_how_far_points_slide_on_a_sphere():
@@ -512,6 +614,19 @@ def test_the_block_of_a_surface_is_inverted():
     known = [v for v in vars(blocks[1]).values() if isinstance(v, PETSc.Object)]
     assert known
     assert not any(known)  # all are destroyed
+
+
+def test_a_multiplier_that_several_dofs_answer_is_not_condensed():
+    """As of contact at points between the nodes; nothing of it is left."""
+    eq = block(n=2, method="integral").equations
+    operator = ContactOperator(eq)
+    s = SurfaceSet(operator)
+    operator.update(eq.contact(eq.create_vector()))
+    condensed = CondensedBlock(operator, s, "block_")
+    assert not condensed.applies
+    assert condensed._T.getInfo()["nz_used"] == 0
+    for thing in (condensed, s, operator):
+        thing.release()
 
 
 def has_pieces(problem, **how):

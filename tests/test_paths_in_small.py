@@ -26,19 +26,22 @@ from dolfinx_contact.continuation.branch import BranchPoint, Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder
-from dolfinx_contact.continuation.rays import AffineRay, Rays, _inverses, _kernel
+from dolfinx_contact.continuation.rays import AffineRay, Rays, _enumerate, _inverses, _kernel
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.continuation.system import Events, Piece
 from dolfinx_contact.evolution import jumps, step_branch
 from dolfinx_contact.evolution.accepted import AtRest, Stepper, largest_at_points
 from dolfinx_contact.evolution.arc_steps import _IDLE, ArcSteps, _cubic, _end_reached
+from dolfinx_contact.evolution.motion import Method
 from dolfinx_contact.evolution.nscd import _touching, _warn_of_inertia
 from dolfinx_contact.evolution.rate_problem import RateProblem
-from dolfinx_contact.evolution.through_times import _aim, checked_times
+from dolfinx_contact.evolution.sliding_steps import _FOLDS, SlidingSteps
+from dolfinx_contact.evolution.through_times import ThroughTimes, _aim, checked_times
 from dolfinx_contact.laws import Internal
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.solvers.history import ConvergenceError
 from dolfinx_contact.solvers.pivoting import _by_stick
 
 COMM = MPI.COMM_WORLD
@@ -119,6 +122,27 @@ def test_inverses_with_singular_ones_among_them():
             np.testing.assert_allclose(inverses[i] @ A[i], np.eye(3), atol=1e-12)
 
 
+def test_rays_of_points_that_leave_a_body_free():
+    """Two open points that move together under no force, whatever a third one does."""
+    S = np.eye(6)
+    S[np.ix_([0, 2], [0, 2])] = [[1.0, -1.0], [-1.0, 1.0]]
+    rate = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # no displacement bears it
+    system = coulomb_system(S, np.zeros(6), rate, 0.5)
+    choices = [np.array([OPEN]), np.array([OPEN]), np.array([OPEN, STICK])]
+    wide = []
+    rays = list(_enumerate(system, choices, wide))
+    assert wide == []
+    along = np.zeros((3, 4))
+    along[:2, 0] = 1.0
+    for code in choices[2]:
+        mine = [r for r in rays if r.codes.tolist() == [OPEN, OPEN, code]]
+        first, second = sorted(mine, key=lambda r: -r.direction[0, 0])
+        assert (first.rate, second.rate) == (0.0, 0.0)
+        np.testing.assert_allclose(first.direction, along, atol=1e-12)
+        np.testing.assert_allclose(second.direction, -along, atol=1e-12)
+    assert len(rays) == 4
+
+
 def of_all_ranks(A):
     """A dense matrix as one of PETSc, its rows on all ranks, with all entries."""
     n = len(A)
@@ -184,17 +208,16 @@ def test_a_factorisation_serves_matrices_that_differ_in_a_few_rows():
     y, row, rhs, out = (b.vector() for _ in range(4))
     rhs.array[:] = 1.0
 
-    def take(J):
+    def put(J):
         now["J"] = J
         x = system.create_vector()
         x.array[:] = J[n, slice(*x.getOwnershipRange())]
         b.join(x, J[n, n], row)
-        return row.copy()
 
     for changed, factorisations in (((), 1), ((3, 7), 1), ((n,), 1), (range(9), 2)):
         J = base.copy()
         J[list(changed)] = rng.normal(size=(len(changed), n + 1))
-        take(J)
+        put(J)
         b.solver.assemble(y, row, None)
         assert b.solver.solve(rhs, out)
         whole = np.concatenate(COMM.allgather(out.array_r))
@@ -202,6 +225,18 @@ def test_a_factorisation_serves_matrices_that_differ_in_a_few_rows():
         sign = b.solver.determinant_sign()
         assert sign == np.sign(np.linalg.det(J))
         assert b.solver.factorisations == factorisations
+    # At states that change most rows the formula is tried once, and no more.
+    tried = []
+    take = b.solver._take
+    b.solver._take = lambda: tried.append(0) or take()
+    for number in (1.0, 2.0):
+        y.array[:] = number
+        J = rng.normal(size=(n + 1, n + 1))
+        put(J)
+        b.solver.assemble(y, row, None)
+        assert b.solver.solve(rhs, out)
+        assert len(tried) == 1
+    assert b.solver.factorisations == 4
     b.destroy()
 
 
@@ -286,6 +321,53 @@ def test_times_begin_where_the_evolution_is():
             checked_times([wrong, 5.0], now)
 
 
+@pytest.mark.parametrize(("length", "next_one"), [(0.2, 0.4), (0.7, 1.0)])
+def test_steps_grow_to_twice_their_length(length, next_one):
+    """After one that was accepted, but not beyond the longest."""
+    known = SimpleNamespace(
+        task=SimpleNamespace(follow_rays=False, longest=1.0),
+        _length=length,
+        _step=lambda *_: SimpleNamespace(number=4),
+        _sizes=SimpleNamespace(accept=lambda solved, jump: None),
+        _end_if_reached=lambda solved: None,
+    )
+    forked = SimpleNamespace(solved=SimpleNamespace(after="after"), directions=None)
+    ThroughTimes._accept(known, forked, jump=True)
+    assert (known._length, known._number, known._accepted) == (next_one, 4, "after")
+    assert (known._rejected, known._settled) == (0, True)
+
+
+def test_which_forces_alternate():
+    """Of the trapezoidal rule with contact at positions, where what touches has mass."""
+    plain = ("theta", 0.5, "position", 0.0, False)
+    assert Method(*plain).alternates
+    others = "theta-euler", 0.75, "velocity", None, True
+    for i in (0, 1, 2, 4):
+        assert not Method(*plain[:i], others[i], *plain[i + 1 :]).alternates
+
+
+def test_what_counts_as_folded():
+    """Of a state that is not folded the smallest det F falls below a part of it, or of 1."""
+    for before, after, folded in (
+        (1.0, 1.01 * _FOLDS, False),
+        (1.0, 0.99 * _FOLDS, True),
+        (4.0, 1.01 * _FOLDS, False),
+        (0.5, 0.51 * _FOLDS, False),
+        (0.5, 0.49 * _FOLDS, True),
+        (0.0, -1.0, False),
+        (-0.1, -1.0, False),
+    ):
+        known = SimpleNamespace(_folds=True, _smallest=lambda state: state.det)
+        ends = (SimpleNamespace(solved=True, det=det) for det in (before, after))
+        solved = SimpleNamespace(**dict(zip(("before", "after"), ends, strict=True)))
+        if folded:
+            with pytest.raises(ConvergenceError, match="is folded"):
+                SlidingSteps.require_unfolded(known, solved)
+        else:
+            SlidingSteps.require_unfolded(known, solved)
+            assert known._known == (solved.after, after)
+
+
 def along(corrector, *coordinates):
     """States of a system of as many unknowns, and gamma = 0."""
     b = corrector.bordered
@@ -340,6 +422,34 @@ def test_how_often_a_step_is_shortened(changes, tried, monkeypatch):
     np.testing.assert_allclose(lengths, first * corrector.control.decrease ** np.arange(tried))
 
 
+@pytest.mark.parametrize(("fractions", "parity"), [((0.25,), -1), ((0.25, 0.75), 0)])
+def test_events_of_one_step(fractions, parity):
+    """As far along as their changes; a parity is that of the step, which has one of them."""
+    corrector = of_distances(STICK)
+    start, new = (BranchPoint(None, None, None, gamma, 0.0, 0) for gamma in (1.0, 3.0))
+    changes = tuple((part, Change(0, i, STICK, OPEN)) for i, part in enumerate(fractions))
+    found = FreeSteps(corrector).events(start, new, Crossed(new, changes, parity=-1))
+    for special, (part, change) in zip(found, changes, strict=True):
+        assert (special.kind, special.smooth, special.gamma) == ("event", False, 1.0 + 2 * part)
+        assert (special.changes, special.parity) == ((change,), parity)
+        assert special.bracket == (1.0, 3.0)
+
+
+@pytest.mark.parametrize(("located", "batched"), [(None, True), (False, True), (True, False)])
+def test_changes_that_are_located_are_not_batched(located, batched, monkeypatch):
+    """Even those at the very end of a step."""
+    corrector = of_distances(STICK)
+    start, new = (BranchPoint(None, None, None, gamma, 0.0, 0) for gamma in (1.0, 3.0))
+    step = Crossed(new, ((1.0, Change(COMM.rank, 0, STICK, OPEN)),), False, 1)
+    steps = BatchedSteps(corrector, None if located is None else lambda change: located)
+    monkeypatch.setattr(steps, "try_step", lambda point, h: step)
+    monkeypatch.setattr(steps, "rescaled", lambda point: point)
+    monkeypatch.setattr(ExactSteps, "step", lambda self, point, h: (None, [], h))
+    found, special, _ = steps.step(start, corrector.control.maximum)
+    assert found is (new if batched else None)
+    assert len(special) == batched
+
+
 # -- by pivots ------------------------------------------------------------------------------------
 
 
@@ -362,6 +472,7 @@ def test_the_state_at_a_vertex(rate, exact):
     [
         ((1, -1), (1.0, -1.0), "fold", 1),
         ((1, -1), (1.0, 1.0), "event", -1),
+        ((1, 1), (-1.0, -1.0), "event", 1),
         ((1, None), (1.0, 0.0), "event", 0),
         ((None, 1), (0.0, 1.0), "event", 0),
     ],
@@ -384,6 +495,29 @@ def test_the_parity_at_a_vertex(signs, rates, kind, parity):
     assert onwards is second
     assert (special.kind, special.parity) == (kind, parity)
     assert special.changes == (Change(0, 0, STICK, PLUS),)
+
+
+def test_points_by_pivots():
+    """They are exact, without corrections; at a special point a branch begins with no step."""
+
+    def vector():
+        return PETSc.Vec().createWithArray(np.zeros(1), comm=MPI.COMM_SELF)
+
+    known = SimpleNamespace(
+        bordered=SimpleNamespace(vector=vector, join=lambda *_: None),
+        system=SimpleNamespace(create_vector=vector),
+        condensed=SimpleNamespace(expand=lambda *_: None, piece=lambda codes: "piece"),
+        _tangent=lambda *_: None,
+        _unit=1.0,
+    )
+    w = np.array([[3.0, -4.0]])
+    ray = AffineRay(np.zeros(1, dtype=np.int8), w, 1.0)
+    found = Pivoting.point(known, w, 0.5, ray, 2.0)
+    assert (found.piece, found.gamma, found.step, found.corrections) == ("piece", 0.5, 2.0, 0)
+    assert known._unit == 4.0
+    special = SimpleNamespace(y=None, gamma=0.5)
+    start = Pivoting.branch_off(known, special, Ray("other", None))
+    assert (start.piece, start.gamma, start.step, start.corrections) == ("other", 0.5, 0.0, 0)
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
@@ -487,6 +621,32 @@ def test_a_start_is_known_by_what_it_is():
     assert Stepper(other, lambda t: None, False).start(0.0).solved
     other.fields[0].x.array[:] *= 1.1
     assert not Stepper(other, lambda t: None, False).start(0.0).solved
+
+
+@pytest.mark.parametrize(("last", "halves"), [(1.0, True), (2.0, False)])
+def test_halves_of_a_step_that_are_even(last, halves):
+    """Both change the state by no more than a part of the whole; else each is looked at."""
+    looked = []
+    part = jumps._EVEN * np.ones(1)
+    ends = (SimpleNamespace(time=t, size=size) for t, size in ((0.0, 0), (0.5, 0), (1.0, last)))
+    start, middle, end = ends
+    first, second = (
+        SimpleNamespace(before=a, after=b) for a, b in ((start, middle), (middle, end))
+    )
+    step = SimpleNamespace(before=start, after=end)
+    sizes = {id(step): np.ones(1), id(first): part, id(second): last * part}
+    known = SimpleNamespace(
+        _change=lambda s: sizes[id(s)],
+        _small=np.zeros(1),
+        _slow=np.zeros(1),
+        _least=0.0,
+        _is_straight=lambda s: False,
+        _first=lambda state, time: first if state is start else second,
+        _is_elsewhere=lambda *_: False,
+        look=lambda path, s, even=False: looked.append((s, even)),
+    )
+    assert jumps._Search.look(known, [], step, even=True) is None
+    assert looked == ([] if halves else [(first, False), (second, False)])
 
 
 def test_a_branch_that_is_at_the_end_of_a_step():
