@@ -26,18 +26,27 @@ from dolfinx_contact.continuation.branch import BranchPoint, Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder
-from dolfinx_contact.continuation.rays import AffineRay, Rays, _enumerate, _inverses, _kernel
+from dolfinx_contact.continuation.rays import (
+    AffineRay,
+    Rays,
+    _enumerate,
+    _far_end,
+    _inverses,
+    _kernel,
+)
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.continuation.system import Events, Piece
-from dolfinx_contact.evolution import jumps, step_branch
+from dolfinx_contact.evolution import forks, jumps, step_branch
 from dolfinx_contact.evolution.accepted import AtRest, Stepper, largest_at_points
-from dolfinx_contact.evolution.arc_steps import _IDLE, ArcSteps, _cubic, _end_reached
+from dolfinx_contact.evolution.arc_steps import _IDLE, ArcSteps, Known, _cubic, _end_reached
 from dolfinx_contact.evolution.motion import Method
-from dolfinx_contact.evolution.nscd import _touching, _warn_of_inertia
+from dolfinx_contact.evolution.motion_energy import MotionEnergies
+from dolfinx_contact.evolution.nscd import _of_matrices, _touching, _warn_of_inertia
 from dolfinx_contact.evolution.rate_problem import RateProblem
 from dolfinx_contact.evolution.sliding_steps import _FOLDS, SlidingSteps
 from dolfinx_contact.evolution.through_times import ThroughTimes, _aim, checked_times
+from dolfinx_contact.evolution.to_rest import RestTask, ToRest
 from dolfinx_contact.laws import Internal
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.materials import LinearElastic
@@ -141,6 +150,32 @@ def test_rays_of_points_that_leave_a_body_free():
         np.testing.assert_allclose(first.direction, along, atol=1e-12)
         np.testing.assert_allclose(second.direction, -along, atol=1e-12)
     assert len(rays) == 4
+
+
+def test_directions_that_lead_out_of_a_state():
+    """Of what is inside a cone nothing is left, and all of what is at its border."""
+    system = coulomb_system(np.eye(4), np.zeros(4), np.zeros(4), 0.5)
+    w = np.array([[0.0, 0.0, 0.1, 1.0], [0.0, 0.0, -0.5, 1.0]])
+    cone = system.tangent_cone(w, 1e-12)
+    np.testing.assert_array_equal(cone.allowed, system.statuses_at(w, 1e-12))
+    np.testing.assert_array_equal(cone.inequalities[0, STICK], 0.0)
+    slack = system.inequalities[1, STICK] @ w[1]
+    assert np.sort(np.abs(slack) < 1e-15).tolist()[-1]
+    kept = np.where((np.abs(slack) < 1e-15)[:, None], system.inequalities[1, STICK], 0.0)
+    np.testing.assert_array_equal(cone.inequalities[1, STICK], kept)
+    assert np.abs(kept).max() > 0 and np.abs(kept).sum() < np.abs(system.inequalities[1, 1]).sum()
+
+
+@pytest.mark.parametrize("rate", [(0.3, 0.0), (0.0, 0.0)])
+def test_a_branch_that_meets_no_border(rate):
+    """An open point that is moved along its obstacle, or not at all, stays as it is."""
+    system = coulomb_system(np.eye(2), np.array([0.0, 1.0]), np.array(rate), 0.5)
+    piece = system.piece(np.array([OPEN], dtype=np.int8))
+    for sense in (1.0, -1.0):
+        found = _far_end(piece, 7.0, sense)
+        assert (found.codes.tolist(), found.rate) == ([OPEN], sense)
+        expected = sense * np.array([[*rate, 0.0, 0.0]])
+        np.testing.assert_allclose(found.direction, expected, atol=1e-15)
 
 
 def of_all_ranks(A):
@@ -337,6 +372,35 @@ def test_steps_grow_to_twice_their_length(length, next_one):
     assert (known._rejected, known._settled) == (0, True)
 
 
+@pytest.mark.parametrize(
+    ("time", "kinetic", "quiet", "ended"),
+    [
+        (0.5, 0.0, 9, False),
+        (1.0, 0.0, 9, True),
+        (1.0, 0.0, 8, False),
+        (1.0, 2.0, 9, False),
+        (3.0, 2.0, 0, True),
+    ],
+)
+def test_when_a_body_is_at_rest(time, kinetic, quiet, ended, monkeypatch):
+    """After ten whole steps of little energy; or the time is over. It is said how long that is."""
+    monkeypatch.setattr(ThroughTimes, "__init__", lambda self, *_: None)
+    task = RestTask.__new__(RestTask)
+    vars(task).update(times=(0.0,), max_time=3.0, rest=1e-6, longest=1.0)
+    run = ToRest(None, task, SimpleNamespace(accepted=SimpleNamespace(time=1.0)))
+    assert (run._peak, run._quiet, run._goal) == (0.0, 0, 1.0)
+    run.task, run._peak, run._quiet = task, 5.0, quiet
+    ends = []
+    run.end = lambda ending, words: ends.append(words)
+    energies = MotionEnergies.__new__(MotionEnergies)
+    vars(energies).update(kinetic=kinetic)
+    run._end_if_reached(SimpleNamespace(after=SimpleNamespace(time=time, energies=energies)))
+    assert len(ends) == ended
+    counted = 0 if kinetic > 0 else quiet + 1
+    assert run._quiet == (counted if time >= 1.0 else quiet)
+    assert run.where(SimpleNamespace(time=2.0, number=7)) == "time 2, at most 3  step 7"
+
+
 def test_which_forces_alternate():
     """Of the trapezoidal rule with contact at positions, where what touches has mass."""
     plain = ("theta", 0.5, "position", 0.0, False)
@@ -435,6 +499,21 @@ def test_events_of_one_step(fractions, parity):
         assert special.bracket == (1.0, 3.0)
 
 
+@pytest.mark.parametrize(("gamma", "end"), [(-3.0, -2.0), (1.5, 1.0)])
+def test_the_end_that_a_step_goes_beyond(gamma, end, monkeypatch):
+    """Is where the branch is cut; what is found beyond it is left out."""
+    corrector = of_distances(STICK)
+    monkeypatch.setattr(corrector, "natural", lambda y, gamma, piece: False)
+    steps = FreeSteps(corrector)
+    cut = []
+    monkeypatch.setattr(steps, "piece_between", lambda a, c: None)
+    monkeypatch.setattr(steps, "between", lambda a, c, at: (cut.append(at), at))
+    start, new = (BranchPoint(None, None, None, g, 0.0, 0) for g in (0.0, gamma))
+    special = [SimpleNamespace(smooth=s, gamma=g) for s in (True, False) for g in (-2.5, 0.5, 1.2)]
+    assert steps.end_at(start, new, special, (-2.0, 1.0)) == (new, [special[1]])
+    assert cut == [end]
+
+
 @pytest.mark.parametrize(("located", "batched"), [(None, True), (False, True), (True, False)])
 def test_changes_that_are_located_are_not_batched(located, batched, monkeypatch):
     """Even those at the very end of a step."""
@@ -472,9 +551,9 @@ def test_the_state_at_a_vertex(rate, exact):
     [
         ((1, -1), (1.0, -1.0), "fold", 1),
         ((1, -1), (1.0, 1.0), "event", -1),
-        ((1, 1), (-1.0, -1.0), "event", 1),
         ((1, None), (1.0, 0.0), "event", 0),
         ((None, 1), (0.0, 1.0), "event", 0),
+        ((1, 1), (-1.0, -1.0), "event", 1),
     ],
 )
 def test_the_parity_at_a_vertex(signs, rates, kind, parity):
@@ -518,6 +597,27 @@ def test_points_by_pivots():
     special = SimpleNamespace(y=None, gamma=0.5)
     start = Pivoting.branch_off(known, special, Ray("other", None))
     assert (start.piece, start.gamma, start.step, start.corrections) == ("other", 0.5, 0.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("start", "codes", "passed"),
+    [
+        ((0.6, 0.8), STICK, True),
+        ((1.2, 1.6), STICK, True),
+        ((1.5, 2.0), STICK, False),
+        ((-0.6, -0.8), STICK, False),
+        ((0.0, 0.0), STICK, False),
+        ((0.6, 0.81), STICK, False),
+        ((0.6, 0.8), PLUS, False),
+    ],
+)
+def test_segments_that_pass_a_start(start, codes, passed):
+    """In their own statuses, beyond their first point and up to their last."""
+    ray = AffineRay(np.array([STICK], dtype=np.int8), np.array([[0.6, 0.8]]), 1.0)
+    known = SimpleNamespace(condensed=SimpleNamespace(codes=lambda piece: piece), _unit=1.0)
+    w_start = np.array([start])
+    at = SimpleNamespace(piece=np.array([codes], dtype=np.int8))
+    assert Pivoting.passes(known, np.zeros((1, 2)), ray, 2.0, w_start, at) is passed
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
@@ -577,6 +677,105 @@ def test_where_a_load_turns_twice_in_a_step(rates, rise, scale, twice):
         _any=lambda which: bool(which.any()),
     )
     assert ArcSteps._turns_twice(known, *ends) is twice
+
+
+@pytest.mark.parametrize(
+    ("distance", "rises", "dips"),
+    [
+        ((0.1, 0.1), (-1.0, 1.0), True),
+        ((0.3, 0.3), (-1.0, 1.0), False),
+        ((0.1, 0.1), (1.0, -1.0), False),
+        ((0.1, -0.1), (-1.0, 1.0), False),
+        ((0.1, 0.1), (-1.0, -1.0), False),
+    ],
+)
+def test_where_a_border_is_reached_and_left_in_a_step(distance, rises, dips):
+    """Where a cubic through distances that are positive at both ends is negative in between."""
+    ends = []
+    for s in (0, 1):
+        y = PETSc.Vec().createWithArray(np.array([float(s)]), comm=MPI.COMM_SELF)
+        ends.append(SimpleNamespace(y=y, gamma=0.0, tangent=0.0, piece=s))
+    known = SimpleNamespace(
+        bordered=SimpleNamespace(gamma=float, gamma_scale=1.0),
+        _length=lambda v: v.norm() if isinstance(v, PETSc.Vec) else 1.0,
+        _events=lambda *_: None,
+        _again=lambda _, p, away: np.array([distance[p.piece] + away * rises[p.piece]]),
+        _unit=lambda *_: 1.0,
+        _any=lambda which: bool(which.any()),
+    )
+    assert ArcSteps._turns_twice(known, *ends) is dips
+
+
+def test_what_steps_know_again():
+    """Signs of as many test functions as there are; in units of gamma."""
+    for signs, expected in (((1.0, -1.0), [1.0, -1.0]), ((), [0.0, 0.0])):
+        steps = SimpleNamespace(
+            bordered=SimpleNamespace(gamma_scale=2.0, x_scale=None),
+            system=SimpleNamespace(scales=()),
+            test=SimpleNamespace(signs=np.zeros(2)),
+        )
+        ArcSteps.know(steps, Known(3.0, 4.0, (5.0,), signs))
+        assert (steps.bordered.x_scale, steps.largest_distance) == (12.0, 4.0)
+        assert steps.system.scales == (5.0,)
+        assert steps.test.signs.tolist() == expected
+
+
+def test_points_that_a_direction_leads_over_a_border():
+    """What is at its border and falls, the steepest last; and what is beyond one."""
+    distance = np.array([0.0, 1e-9, 0.0, 0.0, 1.0, -1.0])
+    slope = np.array([-1.0, -3.0, -2.0, 1.0, -5.0, 0.0])
+    known = SimpleNamespace(
+        _comm=COMM,
+        _tolerance=1e-8,
+        _outside=0.5,
+        _distances=lambda ray, away: events(
+            *((d + away * k, i, OPEN) for i, (d, k) in enumerate(zip(distance, slope, strict=True)))
+        ),
+    )
+    points, targets, fall = RateProblem._falling(known, None)
+    assert points.tolist() == [5, 0, 2, 1]
+    np.testing.assert_allclose(fall, [0.0, 1.0, 2.0, 3.0], atol=1e-6)
+    assert targets.tolist() == [OPEN] * 4
+
+
+@pytest.mark.parametrize(
+    ("wanted", "few", "statuses", "looked"),
+    [
+        (None, True, (), True),
+        (None, False, (), False),
+        (True, False, (), True),
+        (False, True, (), False),
+        (True, True, None, False),
+    ],
+)
+def test_when_rays_of_a_step_are_looked_for(wanted, few, statuses, looked, monkeypatch):
+    """If they are wanted, or nothing is said and the points are few; from known statuses."""
+    monkeypatch.setattr(forks, "rays_of_step", lambda problem: "rays")
+    calls = []
+    stepper = SimpleNamespace(
+        problem=None,
+        prepare=lambda state, time: calls.append("there"),
+        put=lambda state: calls.append("back"),
+    )
+    asked = SimpleNamespace(_wanted=wanted, _few=few, _stepper=stepper)
+    found = forks.Forks._rays(asked, SimpleNamespace(statuses=statuses), 1.0)
+    assert found == ("rays" if looked else None)
+    assert calls == (["there", "back"] if looked else [])
+
+
+def test_what_the_matrices_of_a_motion_depend_on():
+    """Damping by a form of velocities or of two arguments; a wind is a load."""
+    domain = box(COMM, 1, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    velocity = fem.Function(V)
+    density, factor = (fem.Constant(domain, v) for v in (1.0, 2.0))
+    wind = fem.Constant(domain, np.ones(2))
+    test = ufl.TestFunction(V)
+    both = factor * ufl.dot(ufl.TrialFunction(V), test) * ufl.dx
+    drag = factor * ufl.dot(velocity - wind, test) * ufl.dx
+    for damping in (both, drag):
+        found = _of_matrices(density, damping, velocity)
+        assert [d.value for d in found] == [density, factor]
 
 
 def resting(field, jump):
