@@ -280,3 +280,22 @@ def test_where_a_law_has_the_time(place):
     symbols = Symbols(2, law.given, [], {}, from_memory(2), local=True)
     found = symbols.used(_Written(law, symbols).scalars)
     assert found == ([STEP] if place else [])
+
+
+class Sometimes(Frictionless):
+    """A law one of whose statuses there is under a condition."""
+
+    of_slip = True
+
+    def pieces(self, a):
+        found = dict(super().pieces(a))
+        condition = ufl.gt(ufl.dot(a.u_t, a.u_t), 1.0) if self.of_slip else ufl.gt(a.step, -2.0)
+        return {**found, OPEN: replace(found[OPEN], exists=condition)}
+
+
+@pytest.mark.parametrize("of_slip", [True, False])
+def test_statuses_that_come_and_go_with_a_displacement(of_slip):
+    """A law that has them is not linear status by status."""
+    law = type("Named", (Sometimes,), {"of_slip": of_slip})()
+    compiled = LawAtPoints(law, 2, N, COMM).compiled
+    assert compiled.is_piecewise_linear is not of_slip

@@ -515,7 +515,12 @@ def test_what_is_no_problem_of_its_points_in_space(what, monkeypatch):
     [
         (0.0, Frictionless(), (0,), ""),
         (0.1, Frictionless(), (0,), "hold a component of contact nodes that is not a tangential"),
-        (0.0, Coulomb(0.3), (0,), "hold one tangential displacement of contact nodes with friction"),
+        (
+            0.0,
+            Coulomb(0.3),
+            (0,),
+            "hold one tangential displacement of contact nodes with friction",
+        ),
         (0.0, Coulomb(0.3), (0, 1), ""),
     ],
 )

@@ -99,6 +99,10 @@ def test_statuses_that_hold_a_state():
     for i, wanted in enumerate(states.values()):
         assert set(np.flatnonzero(held[i])) == wanted, w[i]
         np.testing.assert_array_equal(system.statuses_of(i, w[i], 1e-12), held[i])
+    # What Newton's method takes is one of them, if there is one.
+    codes = system.classify(w)
+    for i, wanted in enumerate(states.values()):
+        assert codes[i] in (wanted or {OPEN, STICK, PLUS, MINUS})
 
 
 def test_kernels_of_pieces():
@@ -159,11 +163,11 @@ def test_directions_that_lead_out_of_a_state():
     cone = system.tangent_cone(w, 1e-12)
     np.testing.assert_array_equal(cone.allowed, system.statuses_at(w, 1e-12))
     np.testing.assert_array_equal(cone.inequalities[0, STICK], 0.0)
-    slack = system.inequalities[1, STICK] @ w[1]
-    assert np.sort(np.abs(slack) < 1e-15).tolist()[-1]
-    kept = np.where((np.abs(slack) < 1e-15)[:, None], system.inequalities[1, STICK], 0.0)
+    at_border = np.abs(system.inequalities[1, STICK] @ w[1]) < 1e-15
+    assert 0 < at_border.sum() < len(at_border)
+    kept = np.where(at_border[:, None], system.inequalities[1, STICK], 0.0)
     np.testing.assert_array_equal(cone.inequalities[1, STICK], kept)
-    assert np.abs(kept).max() > 0 and np.abs(kept).sum() < np.abs(system.inequalities[1, 1]).sum()
+    assert np.abs(kept).max() > 0
 
 
 @pytest.mark.parametrize("rate", [(0.3, 0.0), (0.0, 0.0)])

@@ -1,9 +1,9 @@
-"""Mutants of the core by Python's own syntax tree: a fresh sample where Cosmic Ray is not there.
+"""Mutants of the core by Python's own syntax tree: fresh samples, without Cosmic Ray.
 
-The operators are those of `mutants.py` and those of assignments (`+=`). A sample is the first so many
-of an order that a seed shuffles; those of another seed are other ones. Mutants are tried as there:
-by tests that run their line, for some seconds together. What is known is in `ROOM-SEED.json`, and
-nothing is tried twice but with `--again`.
+The operators are those of `mutants.py` and those of assignments (`+=`). A sample is the first so
+many of an order that a seed shuffles; those of another seed are other ones. Mutants are tried as
+there: by tests that run their line, for some seconds together. What is known is in
+`ROOM-SEED.json`, and nothing is tried twice but with `--again`.
 
     docker/run python3 tests/tree_mutants.py --output output/mutants --seed 27 --sample 20 laws
 """
@@ -104,7 +104,8 @@ def of_node(source, node):
             value = node.value + d
             yield *whole, f"({value!r})" if value < 0 else repr(value), f"number {d:+d}", node
     elif kind is ast.Compare:
-        for a, op, b in zip([node.left, *node.comparators], node.ops, node.comparators, strict=False):
+        parts = [node.left, *node.comparators]
+        for a, op, b in zip(parts, node.ops, node.comparators, strict=False):
             word = COMPARED.get(type(op))
             for other in COMPARED.values() if word else ():
                 if other != word:
@@ -195,7 +196,8 @@ def main():
             said = by or "killed" if killed[key] else f"survives {len(tests)} tests"
             print(f"{key}: {said}", flush=True)
             path.write_text(json.dumps(killed, indent=1))
-        print(f"{room}: {sum(killed[k] for k in keys)} of {len(keys)} mutants were seen", flush=True)
+        number = sum(killed[key] for key in keys)
+        print(f"{room}: {number} of {len(keys)} mutants were seen", flush=True)
 
 
 if __name__ == "__main__":
