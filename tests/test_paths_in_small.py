@@ -33,6 +33,7 @@ from dolfinx_contact.continuation.rays import (
     _far_end,
     _inverses,
     _kernel,
+    _other_end,
 )
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.steps import ExactSteps
@@ -182,6 +183,19 @@ def test_a_branch_that_meets_no_border(rate):
         np.testing.assert_allclose(found.direction, expected, atol=1e-15)
 
 
+@pytest.mark.parametrize("rate", [1.0, -1.0, 0.0])
+def test_where_a_branch_comes_out_again(rate):
+    """By the other end of a straight line; of a ray without load it is not known."""
+    system = coulomb_system(np.eye(2), np.array([0.0, 1.0]), np.array([0.3, 0.0]), 0.5)
+    along = np.array([[0.3, 0.0, 0.0, 0.0]])
+    found = _other_end(system, AffineRay(np.array([OPEN], dtype=np.int8), rate * along, rate))
+    if rate == 0:
+        assert found is None
+    else:
+        assert (found.codes.tolist(), found.rate) == ([OPEN], -rate)
+        np.testing.assert_allclose(found.direction, -rate * along, atol=1e-12)
+
+
 def of_all_ranks(A):
     """A dense matrix as one of PETSc, its rows on all ranks, with all entries."""
     n = len(A)
@@ -276,6 +290,12 @@ def test_a_factorisation_serves_matrices_that_differ_in_a_few_rows():
         assert b.solver.solve(rhs, out)
         assert len(tried) == 1
     assert b.solver.factorisations == 4
+    # A sign is that of the matrix as it is, solved with or not.
+    for _ in range(6):
+        J = rng.normal(size=(n + 1, n + 1))
+        put(J)
+        b.solver.assemble(y, row, None)
+        assert b.solver.determinant_sign() == np.sign(np.linalg.det(J))
     b.destroy()
 
 
