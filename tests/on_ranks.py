@@ -373,7 +373,9 @@ ON_THREE = {
     "test_common_points": ("patch", "patch_of_a_short_block"),
     "test_compliant": ("jacobian_by_taylor",),
     "test_continuation": ("path_with_two_nonsmooth_folds", "parity_is_that_of_mumps"),
-    "test_core_in_small": ("points_of_all_ranks_in_one_order",),
+    "test_core_in_small": (
+        *("points_of_all_ranks_in_one_order", "places_of_columns_that_other_ranks_have"),
+    ),
     "test_critical_friction": ("of_a_solution",),
     "test_crossing_cracks": ("blocks_under_unequal_pressures", "planes_that_cross"),
     "test_curved_friction": ("ranks", "jacobian"),

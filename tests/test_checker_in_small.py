@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import io
 import itertools
+from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -1002,3 +1003,22 @@ def test_letters_of_statuses():
         problem = ReducedProblem(np.eye(3 * dim), np.ones(3 * dim), F, g)
         for letters, numbers in codes.items():
             assert cp._letters(problem, np.array(numbers, dtype=np.int8)) == letters
+
+
+@pytest.mark.parametrize("slacks", [(1.0, 0.0), (0.0, 1.0)])
+def test_a_stick_at_the_border_of_its_cone_is_one(slacks):
+    """A slack that is known to be nothing is none that is negative."""
+
+    def one(value):
+        return cp.Interval(np.array([value]), np.zeros(1))
+
+    piece = SimpleNamespace(
+        codes=np.array([1]),
+        problem=SimpleNamespace(friction=np.array([0.5])),
+        slacks=tuple(map(one, slacks)),
+        rn=one(1.0),
+        rt=one(slacks[1] - 0.5),
+    )
+    assert min(s.low[0] for s in piece.slacks) == 0.0
+    (row,) = cp._coulomb(piece, 0, 0b1111, np.ones(2))
+    assert row.x == 0.5 - slacks[1]

@@ -1,6 +1,6 @@
 """Laws that are compiled, at points alone: every derivative against differences of the values."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 from mpi4py import MPI
@@ -31,6 +31,22 @@ from dolfinx_contact.laws.symbols import STEP, Symbols, from_memory
 
 COMM = MPI.COMM_WORLD
 N = 6
+
+
+@dataclass(frozen=True)
+class RoughNonlocal(NonlocalCoulomb):
+    """A law of two fields, and what is around: the third."""
+
+    roughness: float = 1.5
+
+    @property
+    def given(self):
+        return {"friction": self.friction, "roughness": self.roughness}
+
+    def bound(self, a, p):
+        return self.roughness * super().bound(a, p)
+
+
 LAWS = {
     "Frictionless": Frictionless(),
     "Coulomb": Coulomb(0.3),
@@ -44,6 +60,7 @@ LAWS = {
     "Maxwell": MaxwellLayer(3.0, 2.0, 1.0),
 }
 KINDS = [(name, dim) for name in LAWS for dim in (2, 3)]
+ROUGH = RoughNonlocal(0.3, 0.5)
 #: Of laws by energy and dissipation, which take two seconds to derive, one in each dimension.
 FEW = [kind for kind in KINDS if kind not in (("bilinear", 3), ("Maxwell", 2))]
 
@@ -51,7 +68,7 @@ FEW = [kind for kind in KINDS if kind not in (("bilinear", 3), ("Maxwell", 2))]
 @cache
 def at_points(name, dim):
     """A law, jumps, tractions and data of points, and rates of all that is given."""
-    law = LAWS[name]
+    law = ROUGH if name == "rough" else LAWS[name]
     known = LawAtPoints(law, dim, N, COMM)
     rng = np.random.default_rng(3)
     jump, traction = 0.2 * rng.normal(size=(2, N, dim))
@@ -149,9 +166,10 @@ def test_derivatives_where_normals_turn(name, dim):
         np.testing.assert_array_equal(plain, known(jump, traction, data).by_jump(codes))
 
 
-def test_what_spreads():
+@pytest.mark.parametrize("name", ["nonlocal", "rough"])
+def test_what_spreads(name):
     """The pressure that others see, and the answer by what they send."""
-    known, jump, traction, data, _ = at_points("nonlocal", 2)
+    known, jump, traction, data, _ = at_points(name, 2)
     q, by_jump, by_traction = known(jump, traction, data).pressure
     for i, e in enumerate(np.eye(2)):
         near(by_jump[:, i], slope(lambda h: known(jump + h, traction, data).pressure[0], e))
@@ -262,3 +280,22 @@ def test_where_a_law_has_the_time(place):
     symbols = Symbols(2, law.given, [], {}, from_memory(2), local=True)
     found = symbols.used(_Written(law, symbols).scalars)
     assert found == ([STEP] if place else [])
+
+
+class Sometimes(Frictionless):
+    """A law one of whose statuses there is under a condition."""
+
+    of_slip = True
+
+    def pieces(self, a):
+        found = dict(super().pieces(a))
+        condition = ufl.gt(ufl.dot(a.u_t, a.u_t), 1.0) if self.of_slip else ufl.gt(a.step, -2.0)
+        return {**found, OPEN: replace(found[OPEN], exists=condition)}
+
+
+@pytest.mark.parametrize("of_slip", [True, False])
+def test_statuses_that_come_and_go_with_a_displacement(of_slip):
+    """A law that has them is not linear status by status."""
+    law = type("Named", (Sometimes,), {"of_slip": of_slip})()
+    compiled = LawAtPoints(law, 2, N, COMM).compiled
+    assert compiled.is_piecewise_linear is not of_slip

@@ -1,6 +1,7 @@
 """Small parts of the core whose answers are known beforehand."""
 
-from dataclasses import dataclass
+from dataclasses import FrozenInstanceError, dataclass, is_dataclass
+from types import SimpleNamespace
 from typing import Any
 
 from mpi4py import MPI
@@ -17,6 +18,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import (
+    BilinearCohesive,
     ContactProblem,
     ContactSurface,
     Coulomb,
@@ -30,18 +32,28 @@ from dolfinx_contact import (
     RigidBody,
     Sphere,
     Tresca,
+    laws,
 )
-from dolfinx_contact.equations.given_data import mark_of_data
-from dolfinx_contact.equations.measures import least_scales
+from dolfinx_contact.algorithms import load_points
+from dolfinx_contact.equations.given_data import Constancy, Datum, check_time, mark_of_data
+from dolfinx_contact.equations.jacobian import _Numbering
+from dolfinx_contact.equations.measures import held_back, least_scales
 from dolfinx_contact.equations.order import Gathered
+from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.rigid_bodies import RigidBodies
+from dolfinx_contact.equations.scaling import automatic_augmentation, softness
+from dolfinx_contact.equations.sliding import _Block
 from dolfinx_contact.equations.state import _turning, differs
 from dolfinx_contact.laws import Internal, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import _bounds, _plane
+from dolfinx_contact.laws.coulomb import violation
 from dolfinx_contact.laws.damage import _solved
 from dolfinx_contact.laws.interface import Interface
-from dolfinx_contact.laws.law import Border, StatusPiece, checked_pieces
+from dolfinx_contact.laws.interface_state import Rates
+from dolfinx_contact.laws.law import Border, StatusPiece, _as_key, checked_pieces
 from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
+from dolfinx_contact.laws.still import _Decided
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.reduced import Reduction, scope
@@ -115,6 +127,99 @@ def test_an_open_point_closes_against_its_displacement():
         np.testing.assert_allclose(borders.distance[k, there], gap, rtol=1e-14)
 
 
+@pytest.mark.skipif(COMM.size > 1, reason="five points")
+def test_an_open_point_closes_to_one_status():
+    """Under friction that is linear up to a slip: creeping below it, slipping beyond."""
+    u = np.array([-0.2, -0.12, 0.05, 0.12, 0.2])
+    law = Regularised(Coulomb(0.5), 0.1)
+    found = at_points(law, np.column_stack([u, np.full(5, 0.03)]), np.zeros((5, 2)))
+    borders = found.borders(np.full(5, OPEN, dtype=np.int8))
+    for k, code in enumerate([MINUS, MINUS, STICK, PLUS, PLUS]):
+        there = np.isfinite(borders.distance[k])
+        assert borders.target[k, there].tolist() == [code]
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="three points")
+def test_what_a_status_holds_misses_nothing():
+    """However far inside it a point is."""
+    jump = np.array([[0.0, 0.5], [0.0, 0.0], [0.3, 0.0]])
+    traction = np.array([[0.0, 0.0], [0.1, 1.0], [-0.5, 1.0]])
+    found = at_points(Coulomb(0.5), jump, traction)
+    np.testing.assert_array_equal(found.required, [OPEN, STICK, PLUS])
+    np.testing.assert_array_equal(found.missed, 0.0)
+
+
+def test_what_is_given_to_a_law_does_not_change():
+    with pytest.raises(FrozenInstanceError):
+        Rates(1.0, {}).slip = 2.0
+
+
+def test_laws_do_not_change():
+    """So that they may be shared, and known by what they are."""
+    with_fields = [k for k in (getattr(laws, name) for name in laws.__all__) if is_dataclass(k)]
+    assert {Coulomb, BilinearCohesive} <= set(with_fields)
+    assert all(law.__dataclass_params__.frozen for law in with_fields)
+
+
+def test_settings_of_laws_that_are_equal_numbers_differ():
+    """By what they print; what has no hash is known by that as well."""
+    for a, b in ((0.0, -0.0), (1, True), (1, 1.0)):
+        assert a == b
+        assert _as_key(a) != _as_key(b)
+    for method in (len, property(len)):
+        assert _as_key(method) is method
+
+    class NoHash:
+        __hash__ = None
+
+        def __call__(self):
+            pass
+
+    one = NoHash()
+    assert _as_key(one) == repr(one)
+
+
+def test_violations_of_the_law_in_the_plane():
+    """In units of the largest force, if that is above 1."""
+    for (ut, un, rt, rn), expected in (
+        ((0.0, 0.0, 0.0, 0.5), 0.0),
+        ((0.0, -0.1, 0.0, 0.0), 0.1),
+        ((0.0, 0.0, 0.0, -4.0), 1.0),
+        ((0.0, 0.2, 0.0, 0.1), 0.1),
+        ((0.0, 0.3, 0.0, 5.0), 0.3),
+        ((0.0, 0.0, 3.0, 4.0), 0.25),
+        ((0.1, 0.0, -2.0, 4.0), 0.0),
+        ((0.1, 0.0, 2.0, 4.0), 0.1),
+        ((2.0, 0.0, 2.0, 4.0), 1.0),
+    ):
+        state = (np.array([v, w]) for v, w in zip((ut, un, rt, rn), (0, 0, 0, 0), strict=True))
+        found = violation(*state, np.full(2, 0.5), np.zeros(2))
+        assert found == pytest.approx(expected, rel=1e-14, abs=1e-300)
+
+
+def test_conditions_that_a_step_decides():
+    """Of no length; what depends on more is not decided, unless the rest does that."""
+    domain = box(COMM, 1, "tri")
+    step, more = (ufl.variable(fem.Constant(domain, 1.0)) for _ in range(2))
+    yes, no, other = ufl.gt(step, -1.0), ufl.gt(step, 1.0), ufl.gt(more, 0.0)
+    decided = _Decided(step, 0.0)
+    for condition, expected in (
+        (yes, True),
+        (no, False),
+        (other, None),
+        (ufl.Not(no), True),
+        (ufl.Not(other), None),
+        (ufl.And(yes, yes), True),
+        (ufl.And(yes, no), False),
+        (ufl.And(other, no), False),
+        (ufl.And(other, yes), None),
+        (ufl.Or(no, no), False),
+        (ufl.Or(other, yes), True),
+        (ufl.Or(other, no), None),
+    ):
+        assert decided._answer(condition) is expected
+
+
 @pytest.mark.parametrize("place", ["exists", "where"])
 def test_conditions_of_pieces_that_are_none(place):
     """Numbers, truths and UFL that is no condition, in the second of two pieces."""
@@ -177,6 +282,35 @@ def test_a_step_of_damage_in_closed_form(p):
         y = _solved(ufl.as_ufl(float(log)), p)(())
         x = brentq(lambda x, k=log: np.logaddexp(-x, k - p * x), -1.0, 200.0, xtol=1e-15)
         assert y == pytest.approx(np.exp(-x), rel=2e-11)
+
+
+def test_the_pattern_of_blocks_has_every_entry_once():
+    """Of nodes that several blocks have, one of which is fixed along its second axis."""
+    two = np.arange(2)
+    rows = np.array([[0, 1], [1, 3]])[:, :, None] * 2 + two
+    rows[rows == 3] = -1
+    columns = np.array([[0, 2, 4], [4, 1, -1]])[:, :, None] * 2 + two
+    columns[1, 2] = -1
+    rows_found, columns_found = _Block(rows, columns).pattern()
+    nodes = {(0, 0), (0, 2), (0, 4), (1, 0), (1, 2), (1, 4), (1, 1), (3, 4), (3, 1)}
+    places = {0: (0, 1), 1: (2, -1), 3: (6, 7)}
+    expected = {(row, 2 * j + k) for i, j in nodes for row in places[i] for k in two}
+    found = list(zip(rows_found.tolist(), columns_found.tolist(), strict=True))
+    assert set(found) == expected
+    assert len(found) == len(expected)
+
+
+def test_places_of_columns_that_other_ranks_have():
+    """In any order, as of each dof by itself."""
+    eq = block(n=4).equations
+    numbering = _Numbering(eq)
+    nodes = eq.V.dofmap.index_map
+    columns = np.random.default_rng(COMM.rank).permutation(2 * nodes.size_global)
+    first, end = nodes.local_range
+    found = numbering.column_places(columns, (2 * first, 2 * end))
+    np.testing.assert_array_equal(found, numbering.dof_places(0, columns))
+    fixed = COMM.allreduce(int(eq.fixed[: 2 * nodes.size_local].sum()))
+    assert (found < 0).sum() == fixed > 0
 
 
 def test_points_of_all_ranks_in_one_order():
@@ -317,6 +451,19 @@ def test_what_is_a_problem_of_its_points():
                 assert 0 <= error.max() <= 1e-10 * np.abs(of).max()
 
 
+def test_what_is_saved_is_at_a_parameter(tmp_path):
+    """At 0 unless it is said."""
+    file = COMM.bcast(tmp_path) / "points.npz"
+    with Reduction.of(block(n=2).equations) as reduction:
+        reduction.rate = np.ones_like(reduction.load)
+        for given, gamma in (((), 0.0), ((2.0,), 2.0)):
+            reduction.save(file, *given)
+            COMM.barrier()
+            np.testing.assert_array_equal(load_points(file).p, reduction.problem(gamma).p)
+            COMM.barrier()
+        assert (reduction.problem(0.0).p != reduction.problem(2.0).p).all()
+
+
 def test_the_stiffness_of_points_of_two_surfaces():
     """That of the body on the nodes of both, as numpy condenses it, in the frames of the points."""
     eq = on_two_sides(2, beyond=0.4, n=4).equations
@@ -361,6 +508,38 @@ def test_what_is_no_problem_of_its_points_in_space(what, monkeypatch):
     problem = IN_SPACE[what]()
     system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
     assert scope.obstacle_in_space(system) == what
+
+
+@pytest.mark.parametrize(
+    ("slope", "law", "axes", "what"),
+    [
+        (0.0, Frictionless(), (0,), ""),
+        (0.1, Frictionless(), (0,), "hold a component of contact nodes that is not a tangential"),
+        (
+            0.0,
+            Coulomb(0.3),
+            (0,),
+            "hold one tangential displacement of contact nodes with friction",
+        ),
+        (0.0, Coulomb(0.3), (0, 1), ""),
+    ],
+)
+def test_points_in_space_that_are_held_along_their_floor(slope, law, axes, what):
+    """On one side of a cube: nothing against it where that is no part of distance or friction."""
+    domain = box(COMM, 1, "tet")
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0, 0.0), (slope, 0.0, 1.0))
+    side, top = facets(domain, 0, 0.0), facets(domain, 2, 1.0)
+    bcs = [
+        fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(i), 2, side), V.sub(i)) for i in axes
+    ]
+    bcs.append(fem.dirichletbc(np.zeros(3), fem.locate_dofs_topological(V, 2, top), V))
+    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=law)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    found = scope.obstacle_in_space(ParametricContact(problem, fem.Constant(domain, 0.0)))
+    assert what in found if what else found == ""
 
 
 def test_how_far_points_slide_on_a_sphere():
@@ -443,6 +622,113 @@ def test_marks_of_data():
         assert mark_of_data(eq) == first
 
 
+def test_data_that_are_to_stay():
+    """What has changed is said with its place, and put back; nothing is where there are none."""
+    domain = box(COMM, 1, "tri")
+    number = fem.Constant(domain, 2.0)
+    stays = Constancy(COMM, [Datum("of the law", number)])
+    none = Constancy(COMM, [])
+    for value, changed in ((2.0, ""), (2.0 + 1e-9, ""), (3.0, "of the law (2.0 before, 3.0 now)")):
+        number.value = value
+        assert stays.changed() == changed
+        assert none.changed() == ""
+    stays.restore()
+    assert number.value == 2.0
+
+
+@pytest.mark.parametrize(
+    ("step", "names", "known"),
+    [(None, (), False), (0.0, (), False), (0.0, ("speed",), True), (0.5, (), True)],
+)
+def test_which_laws_lack_a_time(step, names, known):
+    """Of those that need it: in a history none, in a step of no length those that say nothing."""
+    law = SimpleNamespace(name="Rates", lacks=lambda history: "", needs_time=names)
+    compiled = SimpleNamespace(needs_time=lambda step: True)
+    surface = SimpleNamespace(
+        name="floor",
+        comm=COMM,
+        law=law,
+        memory=None if step is None else SimpleNamespace(step=step),
+        law_at_points=SimpleNamespace(compiled=compiled),
+    )
+    if known:
+        check_time(surface)
+    else:
+        with pytest.raises(ValueError, match="floor: the law Rates depends on the time of a step"):
+            check_time(surface)
+
+
+@pytest.mark.parametrize(("step", "kind"), [(None, "statically"), (0.5, "in a history")])
+def test_what_a_law_lacks_is_said(step, kind):
+    memory = None if step is None else SimpleNamespace(step=step)
+    law = SimpleNamespace(name="Rates", lacks=lambda history: "a speed" if history else "a time")
+    surface = SimpleNamespace(name="floor", comm=COMM, law=law, memory=memory)
+    lack = "a time" if step is None else "a speed"
+    with pytest.raises(ValueError, match=f"floor: {kind} the law Rates lacks {lack}"):
+        check_time(surface)
+
+
+@pytest.mark.parametrize(("cell", "parts"), [("tri", 3), ("quad", 3), ("tet", 4), ("hex", 4)])
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
+def test_the_softness_of_an_isotropic_body(cell, parts, poisson):
+    """Of 2 mu among 2 mu and 3 lambda + 2 mu (2 lambda + 2 mu in the plane) it is closed."""
+    problem = block(n=1, cell=cell, poisson=poisson)
+    found = softness(problem.equations.bulk.for_products, problem.V)
+    mu, lame = 1 / (2 * (1 + poisson)), poisson / ((1 + poisson) * (1 - 2 * poisson))
+    assert found == pytest.approx(parts * mu / (parts * mu + lame), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("gap", "rate", "distance"),
+    [
+        ((0.5, 0.8), (0.25, 1.0), 0.8),
+        ((0.5, 0.8), (0.25, -1.0), 2.0),
+        ((0.0, 0.8), (0.25, 1.0), 0.0),
+        ((0.5, 0.8), (-0.25, -1.0), 0.0),
+    ],
+)
+def test_how_far_a_body_may_go(gap, rate, distance):
+    """Until it touches first; nowhere where it does, or never will."""
+    surface = SimpleNamespace(rigid_body="punch")
+    bodies = SimpleNamespace(
+        comm=COMM, size=1, bodies=["punch"], slices=[slice(0, 1)], surfaces=[surface]
+    )
+    found = RigidBodies.free_distances(bodies, [np.array(gap)], [np.array(rate)])
+    assert found.tolist() == [distance]
+
+
+def test_how_far_contact_holds_nodes_back():
+    """The traction over the stiffness of a node; between nodes over the largest of all."""
+    found = SimpleNamespace(traction=np.array([[3.0, 4.0], [0.0, 2.0], [9.0, 0.0]]))
+    stiffness = np.array([10.0, 1.0, 0.0, 20.0])
+    for E, expected in ((None, 2.0), ("operator", 9.0 / 20.0)):
+        surface = SimpleNamespace(points=SimpleNamespace(E=E))
+        assert held_back(surface, found, stiffness) == pytest.approx(expected, rel=1e-14)
+        assert held_back(surface, SimpleNamespace(traction=np.zeros((0, 2))), np.zeros(0)) == 0.0
+
+
+@pytest.mark.parametrize("value", [0.0, np.inf, np.nan])
+def test_a_body_without_a_stiffness_is_refused(value):
+    problem = block(n=1)
+    K = problem.equations.bulk.stiffness(problem.u.x.array.copy()).copy()
+    K.zeroEntries()
+    diagonal = K.createVecLeft()
+    diagonal.set(value)
+    K.setDiagonal(diagonal)
+    with pytest.raises(ValueError, match="the stiffness of the bulk is zero or not finite"):
+        automatic_augmentation(K, 0.5, problem.V, problem.surfaces, 1.0)
+
+
+def test_what_a_system_has_made_is_freed():
+    freed = []
+    things = [SimpleNamespace(destroy=lambda i=i: freed.append(i)) for i in range(3)]
+    names = "_metric", "_mass_in", "_mass_out"
+    system = SimpleNamespace(**dict(zip(names, things, strict=True)))
+    for _ in range(2):
+        ParametricEquations.destroy(system)
+        assert freed == [0, 1, 2]
+
+
 def test_where_statuses_differ():
     a, b = (np.array(codes, dtype=np.int8) for codes in ([0, 1, 2, 3], [0, 2, 1, 3]))
     both = differs([a, b], [b, b])
@@ -512,6 +798,19 @@ def test_the_block_of_a_surface_is_inverted():
     known = [v for v in vars(blocks[1]).values() if isinstance(v, PETSc.Object)]
     assert known
     assert not any(known)  # all are destroyed
+
+
+def test_a_multiplier_that_several_dofs_answer_is_not_condensed():
+    """As of contact at points between the nodes; nothing of it is left."""
+    eq = block(n=2, method="integral").equations
+    operator = ContactOperator(eq)
+    s = SurfaceSet(operator)
+    operator.update(eq.contact(eq.create_vector()))
+    condensed = CondensedBlock(operator, s, "block_")
+    assert not condensed.applies
+    assert condensed._T.getInfo()["nz_used"] == 0
+    for thing in (condensed, s, operator):
+        thing.release()
 
 
 def has_pieces(problem, **how):

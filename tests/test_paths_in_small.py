@@ -26,19 +26,32 @@ from dolfinx_contact.continuation.branch import BranchPoint, Change, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder
-from dolfinx_contact.continuation.rays import AffineRay, Rays, _inverses, _kernel
+from dolfinx_contact.continuation.rays import (
+    AffineRay,
+    Rays,
+    _enumerate,
+    _far_end,
+    _inverses,
+    _kernel,
+    _other_end,
+)
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.continuation.system import Events, Piece
-from dolfinx_contact.evolution import jumps, step_branch
+from dolfinx_contact.evolution import forks, jumps, step_branch
 from dolfinx_contact.evolution.accepted import AtRest, Stepper, largest_at_points
-from dolfinx_contact.evolution.arc_steps import _IDLE, ArcSteps, _cubic, _end_reached
-from dolfinx_contact.evolution.nscd import _touching, _warn_of_inertia
+from dolfinx_contact.evolution.arc_steps import _IDLE, ArcSteps, Known, _cubic, _end_reached
+from dolfinx_contact.evolution.motion import Method
+from dolfinx_contact.evolution.motion_energy import MotionEnergies
+from dolfinx_contact.evolution.nscd import _of_matrices, _touching, _warn_of_inertia
 from dolfinx_contact.evolution.rate_problem import RateProblem
-from dolfinx_contact.evolution.through_times import _aim, checked_times
+from dolfinx_contact.evolution.sliding_steps import _FOLDS, SlidingSteps
+from dolfinx_contact.evolution.through_times import ThroughTimes, _aim, checked_times
+from dolfinx_contact.evolution.to_rest import RestTask, ToRest
 from dolfinx_contact.laws import Internal
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.solvers.history import ConvergenceError
 from dolfinx_contact.solvers.pivoting import _by_stick
 
 COMM = MPI.COMM_WORLD
@@ -87,6 +100,10 @@ def test_statuses_that_hold_a_state():
     for i, wanted in enumerate(states.values()):
         assert set(np.flatnonzero(held[i])) == wanted, w[i]
         np.testing.assert_array_equal(system.statuses_of(i, w[i], 1e-12), held[i])
+    # What Newton's method takes is one of them, if there is one.
+    codes = system.classify(w)
+    for i, wanted in enumerate(states.values()):
+        assert codes[i] in (wanted or {OPEN, STICK, PLUS, MINUS})
 
 
 def test_kernels_of_pieces():
@@ -117,6 +134,66 @@ def test_inverses_with_singular_ones_among_them():
             assert not np.isfinite(inverses[i]).any()
         else:
             np.testing.assert_allclose(inverses[i] @ A[i], np.eye(3), atol=1e-12)
+
+
+def test_rays_of_points_that_leave_a_body_free():
+    """Two open points that move together under no force, whatever a third one does."""
+    S = np.eye(6)
+    S[np.ix_([0, 2], [0, 2])] = [[1.0, -1.0], [-1.0, 1.0]]
+    rate = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # no displacement bears it
+    system = coulomb_system(S, np.zeros(6), rate, 0.5)
+    choices = [np.array([OPEN]), np.array([OPEN]), np.array([OPEN, STICK])]
+    wide = []
+    rays = list(_enumerate(system, choices, wide))
+    assert wide == []
+    along = np.zeros((3, 4))
+    along[:2, 0] = 1.0
+    for code in choices[2]:
+        mine = [r for r in rays if r.codes.tolist() == [OPEN, OPEN, code]]
+        first, second = sorted(mine, key=lambda r: -r.direction[0, 0])
+        assert (first.rate, second.rate) == (0.0, 0.0)
+        np.testing.assert_allclose(first.direction, along, atol=1e-12)
+        np.testing.assert_allclose(second.direction, -along, atol=1e-12)
+    assert len(rays) == 4
+
+
+def test_directions_that_lead_out_of_a_state():
+    """Of what is inside a cone nothing is left, and all of what is at its border."""
+    system = coulomb_system(np.eye(4), np.zeros(4), np.zeros(4), 0.5)
+    w = np.array([[0.0, 0.0, 0.1, 1.0], [0.0, 0.0, -0.5, 1.0]])
+    cone = system.tangent_cone(w, 1e-12)
+    np.testing.assert_array_equal(cone.allowed, system.statuses_at(w, 1e-12))
+    np.testing.assert_array_equal(cone.inequalities[0, STICK], 0.0)
+    at_border = np.abs(system.inequalities[1, STICK] @ w[1]) < 1e-15
+    assert 0 < at_border.sum() < len(at_border)
+    kept = np.where(at_border[:, None], system.inequalities[1, STICK], 0.0)
+    np.testing.assert_array_equal(cone.inequalities[1, STICK], kept)
+    assert np.abs(kept).max() > 0
+
+
+@pytest.mark.parametrize("rate", [(0.3, 0.0), (0.0, 0.0)])
+def test_a_branch_that_meets_no_border(rate):
+    """An open point that is moved along its obstacle, or not at all, stays as it is."""
+    system = coulomb_system(np.eye(2), np.array([0.0, 1.0]), np.array(rate), 0.5)
+    piece = system.piece(np.array([OPEN], dtype=np.int8))
+    for sense in (1.0, -1.0):
+        found = _far_end(piece, 7.0, sense)
+        assert (found.codes.tolist(), found.rate) == ([OPEN], sense)
+        expected = sense * np.array([[*rate, 0.0, 0.0]])
+        np.testing.assert_allclose(found.direction, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("rate", [1.0, -1.0, 0.0])
+def test_where_a_branch_comes_out_again(rate):
+    """By the other end of a straight line; of a ray without load it is not known."""
+    system = coulomb_system(np.eye(2), np.array([0.0, 1.0]), np.array([0.3, 0.0]), 0.5)
+    along = np.array([[0.3, 0.0, 0.0, 0.0]])
+    found = _other_end(system, AffineRay(np.array([OPEN], dtype=np.int8), rate * along, rate))
+    if rate == 0:
+        assert found is None
+    else:
+        assert (found.codes.tolist(), found.rate) == ([OPEN], -rate)
+        np.testing.assert_allclose(found.direction, -rate * along, atol=1e-12)
 
 
 def of_all_ranks(A):
@@ -184,17 +261,16 @@ def test_a_factorisation_serves_matrices_that_differ_in_a_few_rows():
     y, row, rhs, out = (b.vector() for _ in range(4))
     rhs.array[:] = 1.0
 
-    def take(J):
+    def put(J):
         now["J"] = J
         x = system.create_vector()
         x.array[:] = J[n, slice(*x.getOwnershipRange())]
         b.join(x, J[n, n], row)
-        return row.copy()
 
     for changed, factorisations in (((), 1), ((3, 7), 1), ((n,), 1), (range(9), 2)):
         J = base.copy()
         J[list(changed)] = rng.normal(size=(len(changed), n + 1))
-        take(J)
+        put(J)
         b.solver.assemble(y, row, None)
         assert b.solver.solve(rhs, out)
         whole = np.concatenate(COMM.allgather(out.array_r))
@@ -202,6 +278,24 @@ def test_a_factorisation_serves_matrices_that_differ_in_a_few_rows():
         sign = b.solver.determinant_sign()
         assert sign == np.sign(np.linalg.det(J))
         assert b.solver.factorisations == factorisations
+    # At states that change most rows the formula is tried once, and no more.
+    tried = []
+    take = b.solver._take
+    b.solver._take = lambda: tried.append(0) or take()
+    for number in (1.0, 2.0):
+        y.array[:] = number
+        J = rng.normal(size=(n + 1, n + 1))
+        put(J)
+        b.solver.assemble(y, row, None)
+        assert b.solver.solve(rhs, out)
+        assert len(tried) == 1
+    assert b.solver.factorisations == 4
+    # A sign is that of the matrix as it is, solved with or not.
+    for _ in range(6):
+        J = rng.normal(size=(n + 1, n + 1))
+        put(J)
+        b.solver.assemble(y, row, None)
+        assert b.solver.determinant_sign() == np.sign(np.linalg.det(J))
     b.destroy()
 
 
@@ -286,6 +380,82 @@ def test_times_begin_where_the_evolution_is():
             checked_times([wrong, 5.0], now)
 
 
+@pytest.mark.parametrize(("length", "next_one"), [(0.2, 0.4), (0.7, 1.0)])
+def test_steps_grow_to_twice_their_length(length, next_one):
+    """After one that was accepted, but not beyond the longest."""
+    known = SimpleNamespace(
+        task=SimpleNamespace(follow_rays=False, longest=1.0),
+        _length=length,
+        _step=lambda *_: SimpleNamespace(number=4),
+        _sizes=SimpleNamespace(accept=lambda solved, jump: None),
+        _end_if_reached=lambda solved: None,
+    )
+    forked = SimpleNamespace(solved=SimpleNamespace(after="after"), directions=None)
+    ThroughTimes._accept(known, forked, jump=True)
+    assert (known._length, known._number, known._accepted) == (next_one, 4, "after")
+    assert (known._rejected, known._settled) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("time", "kinetic", "quiet", "ended"),
+    [
+        (0.5, 0.0, 9, False),
+        (1.0, 0.0, 9, True),
+        (1.0, 0.0, 8, False),
+        (1.0, 2.0, 9, False),
+        (3.0, 2.0, 0, True),
+    ],
+)
+def test_when_a_body_is_at_rest(time, kinetic, quiet, ended, monkeypatch):
+    """After ten whole steps of little energy; or the time is over. It is said how long that is."""
+    monkeypatch.setattr(ThroughTimes, "__init__", lambda self, *_: None)
+    task = RestTask.__new__(RestTask)
+    vars(task).update(times=(0.0,), max_time=3.0, rest=1e-6, longest=1.0)
+    run = ToRest(None, task, SimpleNamespace(accepted=SimpleNamespace(time=1.0)))
+    assert (run._peak, run._quiet, run._goal) == (0.0, 0, 1.0)
+    run.task, run._peak, run._quiet = task, 5.0, quiet
+    ends = []
+    run.end = lambda ending, words: ends.append(words)
+    energies = MotionEnergies.__new__(MotionEnergies)
+    vars(energies).update(kinetic=kinetic)
+    run._end_if_reached(SimpleNamespace(after=SimpleNamespace(time=time, energies=energies)))
+    assert len(ends) == ended
+    counted = 0 if kinetic > 0 else quiet + 1
+    assert run._quiet == (counted if time >= 1.0 else quiet)
+    assert run.where(SimpleNamespace(time=2.0, number=7)) == "time 2, at most 3  step 7"
+
+
+def test_which_forces_alternate():
+    """Of the trapezoidal rule with contact at positions, where what touches has mass."""
+    plain = ("theta", 0.5, "position", 0.0, False)
+    assert Method(*plain).alternates
+    others = "theta-euler", 0.75, "velocity", None, True
+    for i in (0, 1, 2, 4):
+        assert not Method(*plain[:i], others[i], *plain[i + 1 :]).alternates
+
+
+def test_what_counts_as_folded():
+    """Of a state that is not folded the smallest det F falls below a part of it, or of 1."""
+    for before, after, folded in (
+        (1.0, 1.01 * _FOLDS, False),
+        (1.0, 0.99 * _FOLDS, True),
+        (4.0, 1.01 * _FOLDS, False),
+        (0.5, 0.51 * _FOLDS, False),
+        (0.5, 0.49 * _FOLDS, True),
+        (0.0, -1.0, False),
+        (-0.1, -1.0, False),
+    ):
+        known = SimpleNamespace(_folds=True, _smallest=lambda state: state.det)
+        ends = (SimpleNamespace(solved=True, det=det) for det in (before, after))
+        solved = SimpleNamespace(**dict(zip(("before", "after"), ends, strict=True)))
+        if folded:
+            with pytest.raises(ConvergenceError, match="is folded"):
+                SlidingSteps.require_unfolded(known, solved)
+        else:
+            SlidingSteps.require_unfolded(known, solved)
+            assert known._known == (solved.after, after)
+
+
 def along(corrector, *coordinates):
     """States of a system of as many unknowns, and gamma = 0."""
     b = corrector.bordered
@@ -340,6 +510,49 @@ def test_how_often_a_step_is_shortened(changes, tried, monkeypatch):
     np.testing.assert_allclose(lengths, first * corrector.control.decrease ** np.arange(tried))
 
 
+@pytest.mark.parametrize(("fractions", "parity"), [((0.25,), -1), ((0.25, 0.75), 0)])
+def test_events_of_one_step(fractions, parity):
+    """As far along as their changes; a parity is that of the step, which has one of them."""
+    corrector = of_distances(STICK)
+    start, new = (BranchPoint(None, None, None, gamma, 0.0, 0) for gamma in (1.0, 3.0))
+    changes = tuple((part, Change(0, i, STICK, OPEN)) for i, part in enumerate(fractions))
+    found = FreeSteps(corrector).events(start, new, Crossed(new, changes, parity=-1))
+    for special, (part, change) in zip(found, changes, strict=True):
+        assert (special.kind, special.smooth, special.gamma) == ("event", False, 1.0 + 2 * part)
+        assert (special.changes, special.parity) == ((change,), parity)
+        assert special.bracket == (1.0, 3.0)
+
+
+@pytest.mark.parametrize(("gamma", "end"), [(-3.0, -2.0), (1.5, 1.0)])
+def test_the_end_that_a_step_goes_beyond(gamma, end, monkeypatch):
+    """Is where the branch is cut; what is found beyond it is left out."""
+    corrector = of_distances(STICK)
+    monkeypatch.setattr(corrector, "natural", lambda y, gamma, piece: False)
+    steps = FreeSteps(corrector)
+    cut = []
+    monkeypatch.setattr(steps, "piece_between", lambda a, c: None)
+    monkeypatch.setattr(steps, "between", lambda a, c, at: (cut.append(at), at))
+    start, new = (BranchPoint(None, None, None, g, 0.0, 0) for g in (0.0, gamma))
+    special = [SimpleNamespace(smooth=s, gamma=g) for s in (True, False) for g in (-2.5, 0.5, 1.2)]
+    assert steps.end_at(start, new, special, (-2.0, 1.0)) == (new, [special[1]])
+    assert cut == [end]
+
+
+@pytest.mark.parametrize(("located", "batched"), [(None, True), (False, True), (True, False)])
+def test_changes_that_are_located_are_not_batched(located, batched, monkeypatch):
+    """Even those at the very end of a step."""
+    corrector = of_distances(STICK)
+    start, new = (BranchPoint(None, None, None, gamma, 0.0, 0) for gamma in (1.0, 3.0))
+    step = Crossed(new, ((1.0, Change(COMM.rank, 0, STICK, OPEN)),), False, 1)
+    steps = BatchedSteps(corrector, None if located is None else lambda change: located)
+    monkeypatch.setattr(steps, "try_step", lambda point, h: step)
+    monkeypatch.setattr(steps, "rescaled", lambda point: point)
+    monkeypatch.setattr(ExactSteps, "step", lambda self, point, h: (None, [], h))
+    found, special, _ = steps.step(start, corrector.control.maximum)
+    assert found is (new if batched else None)
+    assert len(special) == batched
+
+
 # -- by pivots ------------------------------------------------------------------------------------
 
 
@@ -364,6 +577,7 @@ def test_the_state_at_a_vertex(rate, exact):
         ((1, -1), (1.0, 1.0), "event", -1),
         ((1, None), (1.0, 0.0), "event", 0),
         ((None, 1), (0.0, 1.0), "event", 0),
+        ((1, 1), (-1.0, -1.0), "event", 1),
     ],
 )
 def test_the_parity_at_a_vertex(signs, rates, kind, parity):
@@ -384,6 +598,50 @@ def test_the_parity_at_a_vertex(signs, rates, kind, parity):
     assert onwards is second
     assert (special.kind, special.parity) == (kind, parity)
     assert special.changes == (Change(0, 0, STICK, PLUS),)
+
+
+def test_points_by_pivots():
+    """They are exact, without corrections; at a special point a branch begins with no step."""
+
+    def vector():
+        return PETSc.Vec().createWithArray(np.zeros(1), comm=MPI.COMM_SELF)
+
+    known = SimpleNamespace(
+        bordered=SimpleNamespace(vector=vector, join=lambda *_: None),
+        system=SimpleNamespace(create_vector=vector),
+        condensed=SimpleNamespace(expand=lambda *_: None, piece=lambda codes: "piece"),
+        _tangent=lambda *_: None,
+        _unit=1.0,
+    )
+    w = np.array([[3.0, -4.0]])
+    ray = AffineRay(np.zeros(1, dtype=np.int8), w, 1.0)
+    found = Pivoting.point(known, w, 0.5, ray, 2.0)
+    assert (found.piece, found.gamma, found.step, found.corrections) == ("piece", 0.5, 2.0, 0)
+    assert known._unit == 4.0
+    special = SimpleNamespace(y=None, gamma=0.5)
+    start = Pivoting.branch_off(known, special, Ray("other", None))
+    assert (start.piece, start.gamma, start.step, start.corrections) == ("other", 0.5, 0.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("start", "codes", "passed"),
+    [
+        ((0.6, 0.8), STICK, True),
+        ((1.2, 1.6), STICK, True),
+        ((1.5, 2.0), STICK, False),
+        ((-0.6, -0.8), STICK, False),
+        ((0.0, 0.0), STICK, False),
+        ((0.6, 0.81), STICK, False),
+        ((0.6, 0.8), PLUS, False),
+    ],
+)
+def test_segments_that_pass_a_start(start, codes, passed):
+    """In their own statuses, beyond their first point and up to their last."""
+    ray = AffineRay(np.array([STICK], dtype=np.int8), np.array([[0.6, 0.8]]), 1.0)
+    known = SimpleNamespace(condensed=SimpleNamespace(codes=lambda piece: piece), _unit=1.0)
+    w_start = np.array([start])
+    at = SimpleNamespace(piece=np.array([codes], dtype=np.int8))
+    assert Pivoting.passes(known, np.zeros((1, 2)), ray, 2.0, w_start, at) is passed
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
@@ -445,6 +703,105 @@ def test_where_a_load_turns_twice_in_a_step(rates, rise, scale, twice):
     assert ArcSteps._turns_twice(known, *ends) is twice
 
 
+@pytest.mark.parametrize(
+    ("distance", "rises", "dips"),
+    [
+        ((0.1, 0.1), (-1.0, 1.0), True),
+        ((0.3, 0.3), (-1.0, 1.0), False),
+        ((0.1, 0.1), (1.0, -1.0), False),
+        ((0.1, -0.1), (-1.0, 1.0), False),
+        ((0.1, 0.1), (-1.0, -1.0), False),
+    ],
+)
+def test_where_a_border_is_reached_and_left_in_a_step(distance, rises, dips):
+    """Where a cubic through distances that are positive at both ends is negative in between."""
+    ends = []
+    for s in (0, 1):
+        y = PETSc.Vec().createWithArray(np.array([float(s)]), comm=MPI.COMM_SELF)
+        ends.append(SimpleNamespace(y=y, gamma=0.0, tangent=0.0, piece=s))
+    known = SimpleNamespace(
+        bordered=SimpleNamespace(gamma=float, gamma_scale=1.0),
+        _length=lambda v: v.norm() if isinstance(v, PETSc.Vec) else 1.0,
+        _events=lambda *_: None,
+        _again=lambda _, p, away: np.array([distance[p.piece] + away * rises[p.piece]]),
+        _unit=lambda *_: 1.0,
+        _any=lambda which: bool(which.any()),
+    )
+    assert ArcSteps._turns_twice(known, *ends) is dips
+
+
+def test_what_steps_know_again():
+    """Signs of as many test functions as there are; in units of gamma."""
+    for signs, expected in (((1.0, -1.0), [1.0, -1.0]), ((), [0.0, 0.0])):
+        steps = SimpleNamespace(
+            bordered=SimpleNamespace(gamma_scale=2.0, x_scale=None),
+            system=SimpleNamespace(scales=()),
+            test=SimpleNamespace(signs=np.zeros(2)),
+        )
+        ArcSteps.know(steps, Known(3.0, 4.0, (5.0,), signs))
+        assert (steps.bordered.x_scale, steps.largest_distance) == (12.0, 4.0)
+        assert steps.system.scales == (5.0,)
+        assert steps.test.signs.tolist() == expected
+
+
+def test_points_that_a_direction_leads_over_a_border():
+    """What is at its border and falls, the steepest last; and what is beyond one."""
+    distance = np.array([0.0, 1e-9, 0.0, 0.0, 1.0, -1.0])
+    slope = np.array([-1.0, -3.0, -2.0, 1.0, -5.0, 0.0])
+    known = SimpleNamespace(
+        _comm=COMM,
+        _tolerance=1e-8,
+        _outside=0.5,
+        _distances=lambda ray, away: events(
+            *((d + away * k, i, OPEN) for i, (d, k) in enumerate(zip(distance, slope, strict=True)))
+        ),
+    )
+    points, targets, fall = RateProblem._falling(known, None)
+    assert points.tolist() == [5, 0, 2, 1]
+    np.testing.assert_allclose(fall, [0.0, 1.0, 2.0, 3.0], atol=1e-6)
+    assert targets.tolist() == [OPEN] * 4
+
+
+@pytest.mark.parametrize(
+    ("wanted", "few", "statuses", "looked"),
+    [
+        (None, True, (), True),
+        (None, False, (), False),
+        (True, False, (), True),
+        (False, True, (), False),
+        (True, True, None, False),
+    ],
+)
+def test_when_rays_of_a_step_are_looked_for(wanted, few, statuses, looked, monkeypatch):
+    """If they are wanted, or nothing is said and the points are few; from known statuses."""
+    monkeypatch.setattr(forks, "rays_of_step", lambda problem: "rays")
+    calls = []
+    stepper = SimpleNamespace(
+        problem=None,
+        prepare=lambda state, time: calls.append("there"),
+        put=lambda state: calls.append("back"),
+    )
+    asked = SimpleNamespace(_wanted=wanted, _few=few, _stepper=stepper)
+    found = forks.Forks._rays(asked, SimpleNamespace(statuses=statuses), 1.0)
+    assert found == ("rays" if looked else None)
+    assert calls == (["there", "back"] if looked else [])
+
+
+def test_what_the_matrices_of_a_motion_depend_on():
+    """Damping by a form of velocities or of two arguments; a wind is a load."""
+    domain = box(COMM, 1, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    velocity = fem.Function(V)
+    density, factor = (fem.Constant(domain, v) for v in (1.0, 2.0))
+    wind = fem.Constant(domain, np.ones(2))
+    test = ufl.TestFunction(V)
+    both = factor * ufl.dot(ufl.TrialFunction(V), test) * ufl.dx
+    drag = factor * ufl.dot(velocity - wind, test) * ufl.dx
+    for damping in (both, drag):
+        found = _of_matrices(density, damping, velocity)
+        assert [d.value for d in found] == [density, factor]
+
+
 def resting(field, jump):
     """A state of equilibrium of one surface with a bond, whose two points have jumps."""
     bond, values = field
@@ -487,6 +844,32 @@ def test_a_start_is_known_by_what_it_is():
     assert Stepper(other, lambda t: None, False).start(0.0).solved
     other.fields[0].x.array[:] *= 1.1
     assert not Stepper(other, lambda t: None, False).start(0.0).solved
+
+
+@pytest.mark.parametrize(("last", "halves"), [(1.0, True), (2.0, False)])
+def test_halves_of_a_step_that_are_even(last, halves):
+    """Both change the state by no more than a part of the whole; else each is looked at."""
+    looked = []
+    part = jumps._EVEN * np.ones(1)
+    ends = (SimpleNamespace(time=t, size=size) for t, size in ((0.0, 0), (0.5, 0), (1.0, last)))
+    start, middle, end = ends
+    first, second = (
+        SimpleNamespace(before=a, after=b) for a, b in ((start, middle), (middle, end))
+    )
+    step = SimpleNamespace(before=start, after=end)
+    sizes = {id(step): np.ones(1), id(first): part, id(second): last * part}
+    known = SimpleNamespace(
+        _change=lambda s: sizes[id(s)],
+        _small=np.zeros(1),
+        _slow=np.zeros(1),
+        _least=0.0,
+        _is_straight=lambda s: False,
+        _first=lambda state, time: first if state is start else second,
+        _is_elsewhere=lambda *_: False,
+        look=lambda path, s, even=False: looked.append((s, even)),
+    )
+    assert jumps._Search.look(known, [], step, even=True) is None
+    assert looked == ([] if halves else [(first, False), (second, False)])
 
 
 def test_a_branch_that_is_at_the_end_of_a_step():

@@ -18,6 +18,7 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, 
 from dolfinx_contact.laws import OPEN, PLUS, Border, Law, StatusPiece
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
 from dolfinx_contact.obstacles import has_ufl
+from dolfinx_contact.points.arcs import _SERIES, _SMALL
 from dolfinx_contact.points.pair_motion import PairMotion, _closest
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 from dolfinx_contact.results.tables import violation
@@ -253,3 +254,12 @@ def test_what_no_status_holds_violates_the_law(drawn, off):
     """By its distance to the nearest, on an area of 1/2; its traction is what that answers."""
     found = violated(block(n=2, law=Hollow()), 0.0, 0.0, 0.0, -0.5 * drawn, force=1.0)
     assert found == pytest.approx(off, abs=1e-12)
+
+
+def test_the_series_of_short_arcs():
+    """Of (asin(s)/s - sqrt(1 - q))/q with q = s^2, where that loses few digits."""
+    q = _SMALL * np.array([0.5, 0.9, 1.0])
+    s = np.sqrt(q)
+    exact = (np.arcsin(s) / s - np.sqrt(1.0 - q)) / q
+    series = np.polynomial.polynomial.polyval(q, _SERIES)
+    np.testing.assert_allclose(series, exact, rtol=1e-12)
