@@ -60,6 +60,7 @@ def _check(a: Arguments) -> None:
     if not isinstance(a.problem, ContactProblem):
         raise ValueError(f"a ContactProblem is needed, got {type(a.problem).__name__}")
     a.driven = _checked(a.problem, a.gamma, a.driven)
+    _require_own(a.problem, a.gamma, a.driven)
 
 
 def _described(a: Arguments) -> dict[str, Any]:
@@ -83,9 +84,9 @@ class ParametricContact(ReadOnly, ParametricEquations):
         problem: the contact problem; its Functions receive what is `put` there, as every point is
             that an observer is called with, and the last one of a branch.
         gamma: the parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or
-            motion of a rigid body.
+            motion of a rigid body. Dirichlet data depend on it by ``driven`` alone.
         driven: pairs of a Function used in a Dirichlet condition and the UFL expression of gamma
-            (and position) that it is to have.
+            (and position) that it is to have. The Function occurs nowhere else.
 
     Attributes:
         proof_seconds: for a proof that the rays out of a point are all, for each sense of gamma; 0
@@ -93,7 +94,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     Raises:
         ValueError: on every rank, if ``gamma`` is no scalar Constant of the mesh, something of
-            ``driven`` is of another mesh or shape or in no Dirichlet condition, or ranks differ.
+            ``driven`` is of another mesh or shape, in no Dirichlet condition, or elsewhere as well,
+            or if gamma is the value of one itself, or ranks differ.
     """
 
     _listed = (
@@ -387,3 +389,36 @@ def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem
             raise ValueError(f"the driven Function {f.name} is in no Dirichlet condition")
         pairs.append((f, expression))
     return pairs
+
+
+def _require_own(problem: ContactProblem, gamma: fem.Constant, driven: Any) -> None:
+    """Raise ``ValueError`` if gamma, or what it drives, acts where no rate by it is taken.
+
+    A Function has no derivative by gamma, nor has the Constant of a Dirichlet condition: what
+    follows from them elsewhere would be missing in every rate.
+    """
+    if any(is_value_of(gamma, bc) for bc in problem.bcs):
+        raise ValueError(
+            "gamma is the value of a Dirichlet condition itself: give that a Function, and the "
+            "pair of this and gamma in driven"
+        )
+    forms = placed_data(problem.equations, conditions=False)
+    data = [*forms, *data_within([e for _, e in driven])]
+    for i, (f, _) in enumerate(driven):
+        if any(_share(f, other) for other, _ in driven[:i]):
+            raise ValueError(f"the Function {f.name} is driven twice: give one expression of it")
+        for d in data:
+            if _share(f, d.value):
+                raise ValueError(
+                    f"{d.place} is a driven one, whose change with gamma is not seen there: write "
+                    "its expression of gamma in its place"
+                )
+    for f in problem.fields:
+        for d in data_within([e for _, e in driven]):
+            if _share(f, d.value):
+                raise ValueError(f"{d.place} is an unknown, which may not drive Dirichlet data")
+
+
+def _share(f: fem.Function, other: Any) -> bool:
+    """Whether values of a Function are those of another."""
+    return hasattr(other, "x") and np.shares_memory(f.x.array, other.x.array)

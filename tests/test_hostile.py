@@ -506,6 +506,52 @@ MISUSE = {
         lambda w: parametric(w, driven=[(fem.Function(w.V), vector(w.gamma))]),
         "is in no Dirichlet condition",
     ),
+    "driven twice": (
+        lambda w: parametric(w, driven=[(w.held, vector(w.gamma)), (w.held, vector(w.gamma))]),
+        "is driven twice",
+    ),
+    "driven and a load": (
+        lambda w: parametric(
+            w,
+            problem=problem(w, w.energy - ufl.dot(w.held, w.u) * ufl.dx, bcs=w.problem.bcs),
+            driven=[(w.held, vector(w.gamma))],
+        ),
+        "in the form of the body is a driven one",
+    ),
+    "driven and a coefficient of friction": (
+        lambda w: parametric(
+            w,
+            problem=problem(
+                w, surfaces=[surface(w, law=Coulomb(0.3 + abs(w.held[0])))], bcs=w.problem.bcs
+            ),
+            driven=[(w.held, vector(w.gamma))],
+        ),
+        "is a driven one",
+    ),
+    "driven by a driven one": (
+        lambda w: parametric(w, driven=[(w.held, vector(w.gamma) + 0.5 * w.held)]),
+        "is a driven one",
+    ),
+    "driven by the displacement": (
+        lambda w: parametric(w, driven=[(w.held, vector(w.gamma) + w.u)]),
+        "is an unknown",
+    ),
+    "parameter that is held": (
+        lambda w: parametric(
+            w,
+            problem=problem(
+                w,
+                bcs=[
+                    fem.dirichletbc(
+                        w.gamma,
+                        fem.locate_dofs_topological(w.V.sub(1), 1, facets(w.domain, 1, 1.0)),
+                        w.V.sub(1),
+                    )
+                ],
+            ),
+        ),
+        "gamma is the value of a Dirichlet condition",
+    ),
     "driven no list": (
         lambda w: parametric(w, driven=(w.held, vector(w.gamma))),
         "a list of pairs",

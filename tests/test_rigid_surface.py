@@ -466,16 +466,32 @@ def test_bad_use():
             OnBody(dim, RigidSurface(*shape), Coulomb(0.3), **given)
 
 
-def thrown_at_a_thin_tool(law, speed):
-    """A motion of a block towards a tool of which a step may be longer than it is thick."""
+def together(*parts):
+    """One surface of several (points, cells)."""
+    starts = np.cumsum([0, *(len(x) for x, _ in parts)])
+    cells = [np.asarray(k) + start for (_, k), start in zip(parts, starts[:-1], strict=True)]
+    return RigidSurface(np.concatenate([x for x, _ in parts]), np.concatenate(cells))
+
+
+PLATE = brick((-1.0, -0.07), (2.0, -0.02))
+
+
+def thrown_at_a_thin_tool(law, speed, tool=None):
+    """A motion of a block towards a tool of which a step may be longer than it is thick.
+
+    Args:
+        law: of contact.
+        speed: downwards, or a velocity.
+        tool: below it; a plate if none is given.
+    """
     domain = blocks.box(COMM, 3, "quad")
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    tool = RigidSurface(*brick((-1.0, -0.07), (2.0, -0.02)))
+    tool = tool or RigidSurface(*PLATE)
     face = ContactSurface(u, blocks.facets(domain, 1, 0.0), obstacle=tool, law=law, sliding="large")
     dx = ufl.dx(metadata={"quadrature_degree": 2})
     problem = ContactProblem(NeoHookean(*lame(1000.0, 0.3)).energy(u) * dx, u, [face])
     velocity = fem.Function(u.function_space)
-    velocity.x.array.reshape(-1, 2)[:, 1] = -speed
+    velocity.x.array.reshape(-1, 2)[:] = speed if np.ndim(speed) else (0.0, -speed)
     return NSCD(problem, density=1.0, dt=0.02, velocity=velocity, mass="lumped")
 
 
@@ -488,6 +504,37 @@ def test_a_step_through_a_thin_tool_is_said():
         steps = thrown_at_a_thin_tool(Frictionless(), speed).run([0.0, 0.06]).steps
         doubts = [step.result.doubts.get("contact", "") for step in steps]
         assert ["came to the other side" in doubt for doubt in doubts].count(True) == through
+
+
+def _fin():
+    """A floor with a thin fin beside a unit square, higher than its lower side."""
+    x = [[-1.0, -0.05], [1.08, -0.05], [1.08, 0.6], [1.13, 0.6], [1.13, -0.05], [4.0, -0.05]]
+    x = [[4.0, -1.0], [-1.0, -1.0], *x]
+    return np.array(x)[::-1], [[i, (i + 1) % 8] for i in range(8)]
+
+
+THROUGH = {
+    # Normals are up before and behind: of the first plate, and of the second one.
+    "two plates": (together(PLATE, brick((-1.0, -0.6), (2.0, -0.3))), (0.0, -10.0)),
+    # Thinner than a part of the way.
+    "sheet": (RigidSurface(*brick((-1.0, -0.0225), (2.0, -0.02))), (0.0, -10.0)),
+    # Normals are those of the floor before and behind.
+    "fin": (RigidSurface(*_fin(), mend=True), (15.0, 0.0)),
+    # Entered beside its middle, where the way is a chord of less than a quarter of it.
+    "disc": (Sphere((0.5, -0.4), 0.2), (0.0, -50.0)),
+}
+
+
+@pytest.mark.parametrize("name", THROUGH)
+@pytest.mark.refuses("surfaces of facets", aspects=("2D",))
+def test_ways_through_thin_parts(name):
+    """What is passed is seen on the way, also where normals at its ends are the same."""
+    tool, velocity = THROUGH[name]
+    for part, through in ((1.0, True), (0.01, False)):
+        motion = thrown_at_a_thin_tool(Frictionless(), part * np.array(velocity), tool)
+        steps = motion.run([0.0, 0.04]).steps
+        doubts = [step.result.doubts.get("contact", "") for step in steps]
+        assert any("came to the other side" in doubt for doubt in doubts) == through
 
 
 @pytest.mark.skipif(COMM.size == 1, reason="ranks that differ")

@@ -39,7 +39,6 @@ _LARGEST_TURN = 3.0  # degrees
 _CARRIES = 1e-3  # of the largest traction, above which an open point carries something
 _FAR = 10.0  # body sizes
 _BEHIND = 1e-2  # of a facet, by which a node may be behind a plane of symmetry
-_ON_THE_WAY = 32  # parts of a step, at whose ends it is looked whether points are in the obstacle
 
 
 # -- states --------------------------------------------------------------------------------------
@@ -287,30 +286,14 @@ def _with_spin(
 
 
 def _through(s: ContactSurface, contact: ContactState) -> str:
-    """That points came through the obstacle in the last step, in words; "" if none. Collective.
+    """That points came through the obstacle in the last step, in words; "" if none. Collective."""
+    from dolfinx_contact.results.through import way_through
 
-    There the normal has turned by more than a quarter of a turn, and the way between, a straight
-    one, leads through the obstacle.
-    """
-    now = contact.kinematics.place
-    if s.displaced is None or now is None:
+    depth = way_through(s, contact)
+    if depth is None:
         return ""
-    before = np.zeros_like(now)
-    if s.memory is not None:
-        if s.memory.place is None:  # it is not known where the step began
-            return ""
-        before = s.memory.place
-    _, normal = s.displaced.gaps_and_normals(before)
-    _, normal_now = s.displaced.gaps_and_normals(now)
-    turned = np.sum(normal * normal_now, axis=1) < 0.0
-    if not s.comm.allreduce(int(turned.any())):
-        return ""
-    depth = np.zeros(len(now))
-    for part in np.linspace(0.0, 1.0, _ON_THE_WAY + 1)[1:-1]:
-        gap, _ = s.displaced.gaps_and_normals(before + part * (now - before))
-        depth = np.maximum(depth, np.where(turned, -gap, 0.0))
     worst, at, _ = _worst(s, depth, depth)
-    if not worst > _BEHIND * s.points.mean_width:
+    if not worst > 0.0:
         return ""
     return (
         f"the point which was at {_shown(at)} came to the other side of the obstacle in one step, "

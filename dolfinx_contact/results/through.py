@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Points that come through a rigid obstacle in a step.
+
+The law holds at the end of a step, on whatever side of the obstacle that is: what lands behind a
+thin tool, or behind a fin of a thick one, is in equilibrium there. So the straight way of each
+point is examined, from where it was to where it is, both seen from the obstacle. It leads through
+where it is deeper within the obstacle than at both ends, and comes out on another side: from the
+normal where it enters to one within or behind it is more than a quarter of a turn, or between those
+at the ends. What is thinner than a part of the way is found by halving, since normals are opposite
+on both sides of it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.points.surface import ContactSurface
+
+if TYPE_CHECKING:
+    from dolfinx_contact.points.displaced import DisplacedPoints
+
+__all__ = ["way_through"]
+
+Array = npt.NDArray[np.float64]
+Marks = npt.NDArray[np.bool_]
+
+_PARTS = 8, 32  # least and most of the longest way, at whose ends points are located
+_PART = 0.25  # of a facet, below which parts need not be
+_HALVINGS = 12  # of a part in which normals turn round
+_WITHIN = 1e-4  # of a facet, by which a point is within an obstacle
+
+
+def way_through(s: ContactSurface, contact: ContactState) -> Array | None:
+    """By how much points were within a curved obstacle on their way through it (n,). Collective.
+
+    None where it is not known, and of surfaces that are not displaced.
+
+    Args:
+        s: a surface with an obstacle.
+        contact: at the state.
+    """
+    now = contact.kinematics.place
+    shape = s.displaced
+    if shape is None or now is None or (s.memory is not None and s.memory.place is None):
+        return None
+    before = np.zeros_like(now)
+    if s.memory is not None and s.memory.place is not None:
+        before = s.memory.place
+    way = now - before
+    longest = float(np.max(np.linalg.norm(way, axis=1), initial=0.0))
+    longest = s.comm.allreduce(longest, op=max)
+    parts = int(np.clip(np.ceil(longest / (_PART * s.points.mean_width)), *_PARTS))
+    gap, normal = shape.gaps_and_normals(before)
+    end, normal_now = shape.gaps_and_normals(now)
+    turned: Marks = np.sum(normal * normal_now, axis=1) < 0.0
+    level = np.maximum(np.maximum(-gap, -end), 0.0) + _WITHIN * s.points.mean_width
+    # The normal where a point was outside last, and how deep within it has been since.
+    outside: Array = normal
+    deep: Array = np.zeros(len(now))
+    through: Array = np.zeros(len(now))
+    last, beyond = normal, turned
+    for k in range(1, parts + 1):
+        gap, normal = shape.gaps_and_normals(before + k / parts * way)
+        round_ = np.sum(last * normal, axis=1) < 0.0
+        if s.comm.allreduce(int(round_.any())):
+            at = (k - 1) / parts, k / parts
+            between = _between(shape, before, way, at, (last, round_))
+            deep = np.maximum(deep, between)
+        deep = np.maximum(deep, -gap)
+        out = -gap <= level
+        # Where it is out again another part of the obstacle may be the nearest.
+        beyond = beyond | (np.sum(outside * normal, axis=1) < 0.0)
+        through = np.maximum(through, np.where(out & (deep > level) & beyond, deep, 0.0))
+        outside = np.where(out[:, None], normal, outside)
+        deep = np.where(out, 0.0, deep)
+        beyond = np.where(out, turned, beyond)
+        last = normal
+    return through
+
+
+def _between(
+    shape: DisplacedPoints,
+    before: Array,
+    way: Array,
+    at: tuple[float, float],
+    turning: tuple[Array, Marks],
+) -> Array:
+    """How deep points are within (n,) between two places where normals turn round. Collective.
+
+    Args:
+        shape: the obstacle.
+        before: displacements where the ways begin (n, dim).
+        way: the ways (n, dim).
+        at: the two places, as parts of the ways.
+        turning: normals at the first one (n, dim), and where they turn round (n,).
+    """
+    first, round_ = turning
+    low: Array = np.full(len(way), at[0])
+    high: Array = np.full(len(way), at[1])
+    deep: Array = np.zeros(len(way))
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        gap, normal = shape.gaps_and_normals(before + middle[:, None] * way)
+        deep = np.maximum(deep, np.where(round_, -gap, 0.0))
+        there = np.sum(first * normal, axis=1) < 0.0
+        low, high = np.where(there, low, middle), np.where(there, middle, high)
+    return deep
