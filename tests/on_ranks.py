@@ -306,6 +306,7 @@ ON_TWO = {
         *("history",),
         *("patch_in_space", "branch", "a_record_of_another_sliding", "refused"),
         *("overlap_is_refused", "self_contact", "self_contact_is_refused", "a_disc_that_spins"),
+        "jacobian_of_bodies_that_spin",
     ),
     "test_sliding_revolution": ("seal",),
     "test_sliding_steps": (
