@@ -526,7 +526,6 @@ THROUGH = {
 
 
 @pytest.mark.parametrize("name", THROUGH)
-@pytest.mark.refuses("surfaces of facets", aspects=("2D",))
 def test_ways_through_thin_parts(name):
     """What is passed is seen on the way, also where normals at its ends are the same."""
     tool, velocity = THROUGH[name]
