@@ -45,7 +45,7 @@ class SharedValues:
         """
         shape = parts.shape[places.ndim :]
         v, rows = self._rows(shape)
-        np.add.at(rows, places.reshape(-1), parts.reshape(-1, rows.shape[1]))
+        np.add.at(rows, places.reshape(-1), parts.reshape(places.size, rows.shape[1]))
         v.scatter_reverse(la.InsertMode.add)
         v.scatter_forward()
         return rows.reshape(self._size, *shape).copy()

@@ -82,7 +82,8 @@ class FacetPoints(ContactPoints):
         return SharedValues(self.vertices.dofmap.index_map)
 
     def at_vertices(self, values: Array) -> Array:
-        columns = [np.ones(self.number), values.reshape(self.number, -1)]
+        width = int(np.prod(values.shape[1:], dtype=int))  # a rank may have no points
+        columns = [np.ones(self.number), values.reshape(self.number, width)]
         weighted = self.areas[:, None] * np.column_stack(columns)
         corners = self.vertices.dofmap.list[self._gauss.cells]
         parts = np.einsum("gpv,gpw->gvw", self._hats, weighted[self._gauss.numbers])
