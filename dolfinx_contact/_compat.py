@@ -239,8 +239,8 @@ def dirichlet_value(bc: fem.DirichletBC) -> Any:
     return getattr(value, "_cpp_object", value)
 
 
-def is_value_of(f: fem.Function, bc: fem.DirichletBC) -> bool:
-    """Whether a Dirichlet condition takes its values from this very Function."""
+def is_value_of(f: fem.Function | fem.Constant, bc: fem.DirichletBC) -> bool:
+    """Whether a Dirichlet condition takes its values from this very Function or Constant."""
     return f._cpp_object is dirichlet_value(bc)
 
 
