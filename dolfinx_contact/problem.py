@@ -136,9 +136,9 @@ class ContactProblem(ReadOnly):
         surfaces: contact surfaces of this body, each made with ``u``.
         bcs: Dirichlet conditions on the space of ``u`` or its components.
         r: augmentation parameter (stiffness per area), by default from the stiffness of the contact
-            nodes, computed anew by a solve that finds it changed more than tenfold. It changes the
-            iterates, not the solution, but in the integral method, whose weak conditions contain it
-            (a difference that vanishes with the mesh size).
+            nodes, computed anew by a solve that finds it changed. It changes the iterates, not the
+            solution, but in the integral method, whose weak conditions contain it (a difference
+            that vanishes with the mesh size).
         petsc_options_prefix: of the SNES.
         petsc_options: options of the SNES under that prefix, named without it; the command line
             wins. Names that nothing reads are warned of after the first solve.

@@ -39,7 +39,6 @@ __all__ = [
 ]
 
 Array = npt.NDArray[np.float64]
-_MUCH = 10.0  # times the stiffness, beyond which scales are taken anew
 _NO_HOOP = 1e-12  # of the stiffness, a resistance that is none
 _ROUND_OFF = 1e-12  # of the traction, a shear that has no direction
 #: Of the stiffness of a node, the r of faces that slide over each other: a slip by a facet a step
@@ -98,10 +97,11 @@ class Scaling:
         self.follow(bulk.displacement.x.array.copy())
 
     def follow(self, u: Array) -> None:
-        """Take scales anew where data have made the body more than ten times stiffer or softer.
+        """Take scales anew where data of the stiffness have changed.
 
-        A body that is not linear is measured at ``u``, at all local dofs. If another problem has
-        had the surfaces in between they get the r of this one.
+        So a problem has the scales of its data, whatever it was solved with before. A body that is
+        not linear is measured at ``u``, at all local dofs. If another problem has had the surfaces
+        in between they get the r of this one.
         """
         if self._anywhere(self._bulk.stiffness_mark != self._mark):
             self._measure(u)
@@ -116,18 +116,12 @@ class Scaling:
         if around:
             require_hoop_stiffness(K)
         self.softness = softness(products, self._V, axisymmetric=around)
-        scale, automatic, at_vertices = automatic_augmentation(
+        self.stiffness, self.automatic_r, self.at_vertices = automatic_augmentation(
             K, self.softness, self._V, surfaces, self._size
         )
         moves = None if self._bulk.has_mass else K
         self.loose = LooseMotions(moves, self._V, surfaces, fixed, rigid, axisymmetric=around)
         self._mark = self._bulk.stiffness_mark
-        a = np.concatenate([[self.stiffness], *self.automatic_r])
-        b = np.concatenate([[scale], *automatic])
-        if self._anywhere(bool(np.any(np.maximum(a, b) > _MUCH * np.minimum(a, b)))):
-            self.stiffness = scale
-            self.automatic_r = automatic
-            self.at_vertices = at_vertices
 
     def _anywhere(self, here: bool) -> bool:
         return bool(self._comm.allreduce(int(here)))
