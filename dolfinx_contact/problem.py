@@ -34,6 +34,7 @@ from dolfinx_contact._progress import check_progress
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.circumference import check_circumference, refuse_revolution
+from dolfinx_contact.body.quadrature import warn_of_rule
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import mark_of_data
@@ -244,6 +245,7 @@ class ContactProblem(ReadOnly):
         #: In a run, the surfaces of which a warning has been logged, each with its kind.
         self._warned: set[tuple[str, str]] | None = None
         warn_of_obstacles(self.equations)
+        warn_of_rule(body.estimated_rule, self.comm.rank)
 
     def moving(self, body: MovingBody) -> ContactProblem:
         """The contact problem of a step of time, on the same Functions and surfaces. Collective.

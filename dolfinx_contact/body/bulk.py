@@ -17,7 +17,7 @@ import logging
 import time
 import zlib
 from collections.abc import Callable, Hashable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 from mpi4py import MPI
@@ -37,6 +37,7 @@ from dolfinx_contact._forms import Content, content_of, derived_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
 from dolfinx_contact._shared import SharedValues
+from dolfinx_contact.body.quadrature import Rule, estimated_rule
 from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk", "check_jumps"]
@@ -144,6 +145,14 @@ class Bulk:
     @cached_property
     def _derivative(self) -> ufl.Form:
         return ufl.derivative(self.residual, self.displacement, ufl.TrialFunction(self._V))
+
+    @property
+    def estimated_rule(self) -> Rule | None:
+        """Of the Jacobian of a body that is not linear, over cells, where UFL estimates it."""
+        if self.linear:
+            return None
+        find = partial(estimated_rule, self._derivative, self._V)
+        return self._fact("the rule of the Jacobian", find)
 
     @cached_property
     def _branching(self) -> list[ufl.Form]:
