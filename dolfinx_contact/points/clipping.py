@@ -291,7 +291,8 @@ def _cut(polygon: Array, count: Nodes, start: Array, end: Array) -> tuple[Array,
     there = np.take_along_axis(left, after, axis=1)
     inside = left >= -_ON_LINE
     crosses = inside != (there >= -_ON_LINE)
-    share = left / np.where(crosses, left - there, 1.0)
+    # An edge along the line, one end of which is within the tolerance, is cut at that end.
+    share = np.clip(left / np.where(crosses, left - there, 1.0), 0.0, 1.0)
     beyond = np.take_along_axis(polygon, after[:, :, None], axis=1)
     crossing = polygon + share[:, :, None] * (beyond - polygon)
     every = np.stack([polygon, crossing], axis=2).reshape(n, 2 * m, 2)
