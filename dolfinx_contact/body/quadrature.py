@@ -12,7 +12,6 @@ import logging
 from dataclasses import dataclass
 
 import basix
-
 import ufl
 from dolfinx import fem
 from ufl.algorithms import compute_form_data

@@ -22,6 +22,7 @@ Nodes = npt.NDArray[np.int64]
 
 _LEAST_COVER = 0.05  # of a slave facet, below which it is dropped
 _STEEP = 0.5  # cosine between the normals of opposite facets from which on they do not face
+_MORE = 1e-3  # of a facet, by which more than all of it may be covered
 _SLIVER = 1e-10  # of a facet, a part that is round-off
 _ON_LINE = 1e-12  # of an edge, the distance of what lies on its line
 _KINDS = {2: basix.CellType.interval, 3: basix.CellType.triangle, 4: basix.CellType.quadrilateral}
@@ -208,14 +209,19 @@ def _axes(faces: Faces) -> Array:
 
 
 def _nearest(facet: Nodes, gap: Array, area: Array, size: Array) -> Nodes:
-    """Which pieces count: of several over each other as many as fit, the nearest first."""
+    """Which pieces count: of several over each other as many as fit, the nearest first.
+
+    Parts of a master that overlap a little, as bodies side by side by round-off of their meshes, are
+    no layers, and none of them is dropped.
+    """
     total = np.bincount(facet, area, len(size))
     kept = np.ones(len(facet), dtype=bool)
-    several = np.flatnonzero(total > (1 + 1e-6) * size)
+    most = (1 + _MORE) * size
+    several = np.flatnonzero(total > most)
     for s in several:
         here = np.flatnonzero(facet == s)
         order = here[np.argsort(np.abs(gap[here]), kind="stable")]
-        kept[order[np.cumsum(area[order]) > (1 + 1e-6) * size[s]]] = False
+        kept[order[np.cumsum(area[order]) > most[s]]] = False
     return np.flatnonzero(kept)
 
 
