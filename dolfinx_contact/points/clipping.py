@@ -211,8 +211,8 @@ def _axes(faces: Faces) -> Array:
 def _nearest(facet: Nodes, gap: Array, area: Array, size: Array) -> Nodes:
     """Which pieces count: of several over each other as many as fit, the nearest first.
 
-    Parts of a master that overlap a little, as bodies side by side by round-off of their meshes, are
-    no layers, and none of them is dropped.
+    Parts of a master that overlap a little, as bodies side by side do whose meshes do not quite
+    fit, are no layers, and none of them is dropped.
     """
     total = np.bincount(facet, area, len(size))
     kept = np.ones(len(facet), dtype=bool)
