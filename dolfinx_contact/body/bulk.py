@@ -37,7 +37,7 @@ from dolfinx_contact._forms import Content, content_of, derived_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
 from dolfinx_contact._shared import SharedValues
-from dolfinx_contact.body.quadrature import Rule, estimated_rule
+from dolfinx_contact.body.quadrature import EstimatedRule, estimated_rule
 from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk", "check_jumps"]
@@ -147,7 +147,7 @@ class Bulk:
         return ufl.derivative(self.residual, self.displacement, ufl.TrialFunction(self._V))
 
     @property
-    def estimated_rule(self) -> Rule | None:
+    def estimated_rule(self) -> EstimatedRule | None:
         """Of the Jacobian of a body that is not linear, over cells, where UFL estimates it."""
         if self.linear:
             return None

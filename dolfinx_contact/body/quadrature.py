@@ -16,7 +16,7 @@ import ufl
 from dolfinx import fem
 from ufl.algorithms import compute_form_data
 
-__all__ = ["Rule", "estimated_rule", "warn_of_rule"]
+__all__ = ["EstimatedRule", "estimated_rule", "warn_of_rule"]
 
 _MANY = 20  # times the points of the usual rule
 _SIMPLICES = "interval", "triangle", "tetrahedron"
@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Rule:
+class EstimatedRule:
     """A rule over cells whose degree UFL estimates.
 
     Attributes:
@@ -40,7 +40,7 @@ class Rule:
     usual_points: int
 
 
-def estimated_rule(form: ufl.Form, V: fem.FunctionSpace) -> Rule | None:
+def estimated_rule(form: ufl.Form, V: fem.FunctionSpace) -> EstimatedRule | None:
     """The longest rule over cells whose degree is estimated; None if degrees are given.
 
     Usual are rules that are exact for polynomials of degree 2k on simplices, of degree 2k + 1 in
@@ -71,14 +71,14 @@ def estimated_rule(form: ufl.Form, V: fem.FunctionSpace) -> Rule | None:
     name = V.mesh.topology.cell_name()
     k = V.ufl_element().embedded_subdegree
     usual = 2 * k if name in _SIMPLICES else 2 * k + 1
-    return Rule(max(degrees), _points(name, max(degrees)), usual, _points(name, usual))
+    return EstimatedRule(max(degrees), _points(name, max(degrees)), usual, _points(name, usual))
 
 
 def _points(cell: str, degree: int) -> int:
     return len(basix.make_quadrature(basix.CellType[cell], degree)[1])
 
 
-def warn_of_rule(rule: Rule | None, rank: int) -> None:
+def warn_of_rule(rule: EstimatedRule | None, rank: int) -> None:
     """Warn, on rank 0, where an estimated rule has many times the usual points."""
     if rule is None or rule.points <= _MANY * rule.usual_points or rank != 0:
         return
