@@ -27,6 +27,7 @@ from dolfinx_contact.analysis.rows import component_rows
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.evolution.nscd import NSCD
 from dolfinx_contact.points.crossings import crossings
+from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.operators import Operator
 from dolfinx_contact.points.vertex_state import vertex_state
@@ -381,3 +382,23 @@ def test_what_rests_on_linear_contact():
         check_reducible(problem.equations)
     with pytest.raises(ValueError, match="keep what is opposite"):
         sliding(rigid(2))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("off", [1.0, 0.1, 1e-7, 1e-9, 0.0])
+def test_the_rotation_from_one_normal_to_another(dim, off):
+    """It is one, as far as digits go, also where they are nearly opposite; there it is finite."""
+    rng = np.random.default_rng(5)
+    o = rng.normal(size=(50, dim))
+    o /= np.linalg.norm(o, axis=1)[:, None]
+    n = -o + off * rng.normal(size=o.shape)
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    R = rotation(o, n)
+    assert np.isfinite(R).all()
+    across = rng.normal(size=o.shape)
+    across -= np.sum(across * o, axis=1)[:, None] * o
+    turned = np.einsum("nij,nj->ni", R, across)
+    if off >= 0.1:
+        sizes = np.linalg.norm(across, axis=1)
+        np.testing.assert_allclose(np.sum(turned * n, axis=1), 0.0, atol=1e-9)
+        np.testing.assert_allclose(np.linalg.norm(turned, axis=1), sizes, atol=1e-9)

@@ -26,6 +26,7 @@ from dolfinx_contact.points.operators import Operator
 __all__ = ["Kinematics", "rotation"]
 
 Array = npt.NDArray[np.float64]
+_OPPOSITE = 1e-16  # 1 plus the cosine between normals, below which they are opposite
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +125,12 @@ class Kinematics:
 
 
 def rotation(o: Array, n: Array) -> Array:
-    """The smallest rotations from unit vectors o to n (..., dim), of vectors across o."""
+    """The smallest rotations from unit vectors o to n (..., dim), of vectors across o.
+
+    From one to its opposite, where none is the smallest, vectors across it stay what they are.
+    """
     dim = n.shape[-1]
-    c = 1.0 + np.sum(n * o, axis=-1)
+    c = np.maximum(1.0 + np.sum(n * o, axis=-1), _OPPOSITE)
     along = np.eye(dim) - o[..., :, None] * o[..., None, :]
     turned = np.eye(dim) - ((n + o) / c[..., None])[..., :, None] * n[..., None, :]
     return np.asarray(turned @ along)
