@@ -22,6 +22,7 @@ from dolfinx_contact import (
     HalfSpace,
     LevelSet,
     ParametricContact,
+    RigidBody,
     Sphere,
     Tresca,
 )
@@ -108,11 +109,14 @@ def w():
     short = PETSc.Vec().createMPI((2, None), comm=COMM)
     infinite = x.copy()
     infinite.array[:] = np.nan
+    field = fem.Function(fem.functionspace(domain, ("Lagrange", 1)), name="slope")
+    field.interpolate(lambda x: x[0])
     return SimpleNamespace(
         u=u,
         V=V,
         domain=domain,
         other=other,
+        field=field,
         f_other=fem.Function(scalars),
         v_other=fem.Function(vectors),
         c_other=fem.Constant(other, 1.0),
@@ -166,6 +170,10 @@ def started(value):
     p = block()
     p.u.x.array[:] = value
     return p.solve()
+
+
+def tilted(f):
+    return LevelSet(lambda x: x[1] + 0.3 * f)
 
 
 def raising(error):
@@ -460,6 +468,26 @@ MISUSE = {
             "number": lambda w, x: 1.0 + 0 * x[0],
             "Function": lambda w, x: w.u[0],
         }.items()
+    },
+    **{
+        f"{what} by {which}": (
+            lambda w, made=made, field=field: problem(w, surfaces=[made(w, field(w))]).solve(),
+            f"contains {words}",
+        )
+        for what, made in {
+            "level set": lambda w, f: surface(w, obstacle=tilted(f)),
+            "level set of a rigid body": lambda w, f: surface(
+                w, obstacle=RigidBody(tilted(f), about=(0.0, 0.0), held=["x", "y", "rz"])
+            ),
+            "centre": lambda w, f: surface(
+                w, obstacle=Sphere(ufl.as_vector([0.5, 0.3 * f - 1.0]), 1.0)
+            ),
+            "radius": lambda w, f: surface(w, obstacle=Sphere((0.5, -2.0), 1.0 + 0.3 * f)),
+        }.items()
+        for which, field, words in (
+            ("a Function", lambda w: w.field, "the Function slope, which varies"),
+            ("the position", lambda w: ufl.SpatialCoordinate(w.domain)[0], "the position on"),
+        )
     },
     "obstacle that moves with the body": (
         lambda w: surface(w, obstacle=LevelSet(lambda x: x[1] + w.u[1])),

@@ -189,6 +189,9 @@ class RigidBody(Obstacle):
         self._check(domain)
         return self.shape.on(domain)
 
+    def fields(self, domain: mesh.Mesh) -> list[Any]:
+        return self.shape.fields(domain)
+
     def _check(self, domain: mesh.Mesh) -> None:
         """Raise ``ValueError`` if the body does not fit a mesh. Not collective."""
         if domain.geometry.dim != self.dim:

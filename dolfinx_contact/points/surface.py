@@ -24,7 +24,7 @@ from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.laws import Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
-from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.obstacles import Obstacle, fields_within, require_uniform
 from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
 from dolfinx_contact.points.displaced import (
     DisplacedPoints,
@@ -260,6 +260,7 @@ class ContactSurface(ReadOnly):
         refuse_displacement(u, f"{name}: the law", *self.given.functions)
         for what, e in [("obstacle", self.gap), *(("law", e) for e in fields)]:
             refuse_other_mesh(e, domain, f"{name}: the {what}")
+        self._uniform = fields_within(obstacle, domain, f"{name}: the obstacle")
         #: Functions of the user in law and obstacle.
         functions = {f for f in self.given.functions if isinstance(f, fem.Function)}
         self._functions = sorted(functions, key=lambda f: f.count())
@@ -373,6 +374,7 @@ class ContactSurface(ReadOnly):
 
     def check_gaps(self) -> None:
         """Raise ``ValueError`` if gaps that were given are none as they are now. Collective."""
+        require_uniform(self.comm, self._uniform, f"{self.name}: the obstacle")
 
     def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
         """Store which nodes have no multiplier of their own. Collective.
