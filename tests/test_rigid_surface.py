@@ -536,6 +536,37 @@ def test_ways_through_thin_parts(name):
         assert any("came to the other side" in doubt for doubt in doubts) == through
 
 
+@pytest.mark.refuses("surfaces of facets", "rigid bodies", aspects=("2D", "3D"))
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("angle", "through"), [(2.0, True), (0.1, False)])
+def test_ways_through_tools_that_turn(dim, angle, through):
+    """A bar at the end of an arm comes through a block on an arc, and not on the chord of that."""
+    low, high = [-0.6, *[-2.0] * (dim - 2), -0.02], [0.6, *[2.0] * (dim - 2), 0.02]
+    points, cells = brick(low, high)
+    points[:, 0] += 5.0
+    turned = np.array([[np.cos(1.0), np.sin(1.0)], [-np.sin(1.0), np.cos(1.0)]])
+    points[:, [0, -1]] = points[:, [0, -1]] @ turned.T
+    axis = np.array([-4.5, *[0.5] * (dim - 2), 0.0])
+    name = "rz" if dim == 2 else "ry"
+    turns = []
+
+    def body(domain):
+        turns.append(fem.Constant(domain, 0.0))
+        names = ["x", "y", "rz"] if dim == 2 else ["x", "y", "z", "rx", "ry", "rz"]
+        held = [c for c in names if c != name]
+        bar = RigidSurface(points + axis, cells)
+        return RigidBody(bar, about=axis, motion={name: turns[0]}, held=held)
+
+    on_body = OnBody(dim, body, Frictionless(), n=3, sliding="large")
+
+    def load(t):
+        turns[0].value = angle * t * (1 if dim == 2 else -1)
+
+    steps = QuasiStatic(on_body.problem, load).run([0.0, 1.0], rays=False, sudden=np.inf).steps
+    said = "came to the other side" in steps[-1].result.doubts.get("contact", "")
+    assert said == through
+
+
 @pytest.mark.skipif(COMM.size == 1, reason="ranks that differ")
 @REFUSED
 def test_ranks_with_other_tools():

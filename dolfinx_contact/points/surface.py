@@ -403,7 +403,8 @@ class ContactSurface(ReadOnly):
             frame = self._frame(motion)
             data, jump, reference = self._displaced.at(seen, self.memory, frame)
             data = with_memory(self.law_at_points.compiled, self.memory, data)
-            return Kinematics(operator, jump, reference, data, seen, frame)
+            turning = None if frame is None else motion
+            return Kinematics(operator, jump, reference, data, seen, frame, turning)
         reference = self._reference
         jump = seen - self.points.aside - reference
         return Kinematics(operator, jump, reference, self.point_data)
