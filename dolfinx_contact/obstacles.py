@@ -231,6 +231,11 @@ class Obstacle(ReadOnly):
         """
         return []
 
+    @property
+    def radius_given(self) -> Any:
+        """What it has as its radius, which has to be positive; None of one without."""
+        return None
+
     def ended(self, face: Callable[[], tuple[Any, Any]]) -> Obstacle:
         """What it is to a face that slides: what it leaves by degrees where the obstacle ends.
 
@@ -402,6 +407,10 @@ class Sphere(Obstacle):
     def fields(self, domain: mesh.Mesh) -> list[Any]:
         return [self.centre, self.radius]
 
+    @property
+    def radius_given(self) -> Any:
+        return self.radius
+
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         d = x - _vector(domain, self.centre, "the centre of the sphere")
         distance = ufl.sqrt(ufl.dot(d, d))
@@ -424,6 +433,10 @@ class Cylinder(Obstacle):
 
     def fields(self, domain: mesh.Mesh) -> list[Any]:
         return [self.point, self.axis, self.radius]
+
+    @property
+    def radius_given(self) -> Any:
+        return self.radius
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         if domain.geometry.dim != 3:

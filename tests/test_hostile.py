@@ -489,6 +489,18 @@ MISUSE = {
             ("the position", lambda w: ufl.SpatialCoordinate(w.domain)[0], "the position on"),
         )
     },
+    **{
+        f"radius {what}": (
+            lambda w, given=given: problem(
+                w, surfaces=[surface(w, obstacle=Sphere((0.5, -2.0), given(w)))]
+            ).solve(),
+            "the radius of the obstacle must be positive, and is -1 now",
+        )
+        for what, given in {
+            "of a Constant": lambda w: fem.Constant(w.domain, -1.0),
+            "in UFL": lambda w: 1.0 - fem.Constant(w.domain, 2.0),
+        }.items()
+    },
     "obstacle that moves with the body": (
         lambda w: surface(w, obstacle=LevelSet(lambda x: x[1] + w.u[1])),
         "the obstacle depends on the displacement",

@@ -192,6 +192,10 @@ class RigidBody(Obstacle):
     def fields(self, domain: mesh.Mesh) -> list[Any]:
         return self.shape.fields(domain)
 
+    @property
+    def radius_given(self) -> Any:
+        return self.shape.radius_given
+
     def _check(self, domain: mesh.Mesh) -> None:
         """Raise ``ValueError`` if the body does not fit a mesh. Not collective."""
         if domain.geometry.dim != self.dim:

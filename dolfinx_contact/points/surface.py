@@ -48,7 +48,7 @@ from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite, Overlap
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_revolution, check_section
-from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.rigid_body import RigidBody, number
 from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["ContactSurface"]
@@ -375,6 +375,12 @@ class ContactSurface(ReadOnly):
     def check_gaps(self) -> None:
         """Raise ``ValueError`` if gaps that were given are none as they are now. Collective."""
         require_uniform(self.comm, self._uniform, f"{self.name}: the obstacle")
+        radius = _least(self.obstacle.radius_given)
+        require(
+            self.comm,
+            not radius <= 0.0,  # what is no number is refused as a gap that is none
+            f"{self.name}: the radius of the obstacle must be positive, and is {radius:.6g} now",
+        )
 
     def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
         """Store which nodes have no multiplier of their own. Collective.
@@ -650,6 +656,19 @@ class ContactSurface(ReadOnly):
         """Radius of the friction disc at unit pressure at the contact points. Collective."""
         now = self._kinematics_now()
         return self.law_at_points(now.jump, self._traction(), now.data).unit_bound
+
+
+def _least(radius: Any) -> float:
+    """The least value that a radius has now; infinite of none, and of UFL in which Functions are.
+
+    Not collective.
+    """
+    if isinstance(radius, fem.Function):
+        return float(np.min(radius.x.array, initial=np.inf))
+    known = isinstance(radius, ufl.core.expr.Expr) and not ufl.algorithms.extract_coefficients(
+        radius
+    )
+    return number(ufl.algorithms.expand_derivatives(radius)) if known else np.inf
 
 
 def _points_class(method: Method, opposite: Opposite | None) -> type[ContactPoints]:
