@@ -45,6 +45,7 @@ from dolfinx_contact.materials import (
     NeoHookean,
     StVenantKirchhoff,
 )
+from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states
 from dolfinx_contact.records import BranchRecord, resume, write_series
 
@@ -170,6 +171,13 @@ def started(value):
     p = block()
     p.u.x.array[:] = value
     return p.solve()
+
+
+class LongNormals(Obstacle):
+    """One of the user, whose normals are none."""
+
+    def at(self, domain, x):
+        return 2.0 * x[1], ufl.as_vector((0.0, -2.0))
 
 
 def tilted(f):
@@ -489,6 +497,10 @@ MISUSE = {
             ("the position", lambda w: ufl.SpatialCoordinate(w.domain)[0], "the position on"),
         )
     },
+    "normals of two": (
+        lambda w: problem(w, surfaces=[surface(w, obstacle=LongNormals())]).solve(),
+        "normals of the obstacle must have the length 1, and one has 2",
+    ),
     **{
         f"radius {what}": (
             lambda w, given=given: problem(

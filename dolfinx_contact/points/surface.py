@@ -57,6 +57,7 @@ Array = npt.NDArray[np.float64]
 
 
 _NO_OVERLAP = 1e-9  # of a facet, an overlap that is none; and a cosine of normals that is none
+_UNIT = 1e-6  # by which the length of a normal may be off
 _ANOTHER = "make another surface, and a problem with it"
 _NUMBERS = "surface.law.friction.value = 0.5, by the name that it has in the law, changes a number"
 
@@ -380,6 +381,16 @@ class ContactSurface(ReadOnly):
             self.comm,
             not radius <= 0.0,  # what is no number is refused as a gap that is none
             f"{self.name}: the radius of the obstacle must be positive, and is {radius:.6g} now",
+        )
+        if self.between_bodies:
+            return
+        lengths = np.linalg.norm(self.points.vertex_normals, axis=1)
+        off = lengths[np.abs(lengths - 1.0) > _UNIT]  # not what is no number: a solve refuses it
+        worst = float(off[np.argmax(np.abs(off - 1.0))]) if len(off) else 1.0
+        require(
+            self.comm,
+            not len(off),
+            f"{self.name}: normals of the obstacle must have the length 1, and one has {worst:.6g}",
         )
 
     def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:

@@ -22,7 +22,7 @@ from dolfinx_contact.body.cells import midpoints, smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import ContactState, State
-from dolfinx_contact.laws.status import closed
+from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.points.pair_motion import Moved
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import simplex_normals
@@ -43,6 +43,8 @@ _WRONG_SIDE = (
     "where the body comes nearest to the obstacle, at {}, the contact normal points into the body: "
     "the obstacle is on the wrong side (a plane with its normal reversed, a sphere inside the body)"
 )
+_NO_SLIP = 1e-9  # body sizes
+_FACING = 0.5  # cosine of a normal and an axis, above which that is not along the face
 _BEHIND = 1e-2  # of a facet, by which a node may be behind a plane of symmetry
 
 
@@ -180,7 +182,7 @@ def _of_sliding(
     passed = operator.facets_passed[closed(contact.statuses)]
     way_along = float(np.max(passed, initial=0.0))
     way_along = s.comm.allreduce(way_along, op=max)
-    reasons = _behind_planes(eq, s, state)
+    reasons = [*_behind_planes(eq, s, state), *_held_along(eq, s, contact)]
     if far > depth:
         reasons.append(
             f"in one step points that have nothing opposite now have moved by {far:.3g} along "
@@ -216,6 +218,45 @@ def _behind_planes(eq: ContactEquations, s: ContactSurface, state: State) -> lis
                 f"a node of the faces is {depth:.3g} behind the plane of symmetry "
                 f"{'xyz'[axis]} = {place:g}, where it is in its own image: let what comes there "
                 "touch a HalfSpace in that plane too"
+            )
+    return reasons
+
+
+def _held_along(eq: ContactEquations, s: ContactSurface, contact: ContactState) -> list[str]:
+    """That friction is not unique where Dirichlet data hold both faces along it. Collective.
+
+    So it is at nodes that lie, as those that they face, on a plane across which both are held, as
+    on one of symmetry that has not been named: those that stick, or carry something across it.
+    """
+    opposite = s.obstacle.opposite
+    n = eq.owned_sizes[0] // eq.dim
+    X = np.round(s.node_positions[:n] / eq.body_size, 9) + 0.0  # no -0
+    fixed = eq.fixed[: n * eq.dim].reshape(-1, eq.dim) & ~opposite.across[:n]
+    nodes = s.points.vertex_trace_dofs[: s.points.number]
+    mine = nodes < n
+    normal = contact.kinematics.data.n
+    pressing = np.sum(contact.traction * normal, axis=1)[:, None] * normal
+    friction = np.abs(contact.traction - pressing)
+    largest = s.comm.allreduce(float(np.max(np.abs(contact.traction), initial=0.0)), op=max)
+    rubs = (contact.statuses == STICK)[:, None] | (friction > _CARRIES * largest)
+    rubs &= np.abs(contact.kinematics.increment) <= _NO_SLIP * eq.body_size
+    rubs &= np.abs(normal) < _FACING  # along the face
+    held: Marks = np.zeros((n, eq.dim), dtype=bool)
+    held[nodes[mine]] = rubs[mine] & fixed[nodes[mine]]
+    master = opposite.sides[1][:n]
+    reasons = []
+    for axis in range(eq.dim):
+        theirs = np.unique(X[master & fixed[:, axis], axis])
+        places = np.unique(np.concatenate(s.comm.allgather(theirs)))
+        rubbing = held[:, axis] & np.isin(X[:, axis], places)
+        number = s.comm.allreduce(int(rubbing.sum()))
+        if number:
+            first = s.comm.allreduce(float(np.min(X[rubbing, axis], initial=np.inf)), op=min)
+            reasons.append(
+                f"{number} nodes that rub are held along {'xyz'[axis]}, and so is what they face "
+                f"at {'xyz'[axis]} = {first * eq.body_size:.6g}: their friction in that direction "
+                "is not unique; where that is a plane of symmetry name it, "
+                f"symmetry={{{axis}: {first * eq.body_size:.6g}}}"
             )
     return reasons
 
