@@ -6,8 +6,9 @@ import blocks
 import demo_punch
 import numpy as np
 import pytest
-from _surfaces import ball, brick, cylinder, disc, write_stl
+from _surfaces import ball, brick, cylinder, disc, outward, write_stl
 from blocks import same_tables
+from scipy.spatial import ConvexHull
 from test_curved_friction import (
     OnBody,
     Stopped,
@@ -111,6 +112,34 @@ def test_normals_of_points():
         np.testing.assert_allclose(surface.distances(x).normal, x, atol=1e-12)
         beside = 1.0001 * surface.distances(0.9 * x).feet
         assert np.isfinite(surface.distances(beside).normal).all()
+
+
+def _punch(dim, angles, radius=0.1):
+    """A box of the width 1 with a top at 0, whose edges are cut to facets with these angles."""
+    edge = [(0.4 + radius * np.sin(a), radius * (np.cos(a) - 1.0)) for a in np.radians(angles)]
+    section = [*edge, (edge[-1][0], -1.0)]
+    if dim == 2:
+        points = np.array([(-x, y) for x, y in section[::-1]] + section)
+        n = np.arange(len(points))
+        return points, np.stack([(n + 1) % len(points), n], axis=1)
+    signs = [(a, b) for a in (-1, 1) for b in (-1, 1)]
+    points = np.array([(a * x, b * x, z) for a, b in signs for x, z in section])
+    return points, outward(points, ConvexHull(points).simplices)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("angles", [range(0, 91, 15), range(0, 91, 30), (0, 50)])
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: a plane has one normal", aspects=("2D", "3D")
+)
+def test_normals_of_flat_parts(dim, angles):
+    """Narrow facets of edges that are rounded or cut do not tilt a flat part beside them."""
+    punch = RigidSurface(*_punch(dim, angles))
+    x = np.zeros((50, dim))
+    x[:, :-1] = np.random.default_rng(3).uniform(-0.4, 0.4, (50, dim - 1))
+    up = np.eye(dim)[-1]
+    np.testing.assert_allclose(punch.distances(x).normal, np.tile(up, (50, 1)), atol=1e-3)
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="not collective")
