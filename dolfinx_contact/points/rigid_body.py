@@ -76,7 +76,9 @@ class RigidBody(Obstacle):
         given: by component its load or motion.
         fixed: which components are prescribed (3,) or (6,).
         values: displacement and rotation that were found last, where a solve begins (3,) or (6,).
-            They may be set, all else is read-only: loads and motions that are to change are
+            Of a body in several problems they are those of the last solve of any, and tables that
+            another makes then are of no state of it: give each problem a body of its own. They may
+            be set, all else is read-only: loads and motions that are to change are
             Constants.
 
     Raises:
