@@ -14,6 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 
@@ -25,6 +27,7 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.corealg.traversal import traverse_unique_terminals
 
 from dolfinx_contact._agreement import refuse_other_mesh
+from dolfinx_contact._errors import require
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._numbers import is_number
 
@@ -37,11 +40,21 @@ __all__ = [
     "Outline",
     "Sphere",
     "Start",
+    "fields_within",
     "gap_at",
     "has_ufl",
     "is_uniform",
     "known_displaced",
+    "require_uniform",
 ]
+
+
+_UNIFORM = 1e-12  # of the largest value of a Function, by which those differ that are one
+_VARIES = (
+    "{0} contains {1}: what a point of the body has of it goes with that point wherever it is, and "
+    "has no slope, so that the normal is not that of the surface that is meant; write a level set "
+    "with the position that it is given, and with Constants"
+)
 
 
 def has_ufl(value: Any) -> bool:
@@ -95,6 +108,45 @@ def is_uniform(value: Any) -> bool:
     return not any(isinstance(part, varies) for part in traverse_unique_terminals(value))
 
 
+def fields_within(obstacle: Obstacle, domain: mesh.Mesh, what: str) -> list[fem.Function]:
+    """The Functions in an obstacle, which have to be uniform (`require_uniform`). Not collective.
+
+    Args:
+        obstacle: any.
+        domain: mesh of the body.
+        what: it is, for the message.
+
+    Raises:
+        ValueError: if the position on the mesh is in it (`Obstacle.fields`).
+    """
+    found: set[fem.Function] = set()
+    for value in obstacle.fields(domain):
+        parts = list(value) if has_ufl(value) else [value]
+        for part in (p for p in parts if isinstance(p, ufl.core.expr.Expr)):
+            terminals = list(traverse_unique_terminals(part))
+            if any(isinstance(t, ufl.classes.GeometricQuantity) for t in terminals):
+                raise ValueError(_VARIES.format(what, "the position on the mesh"))
+            found.update(t for t in terminals if isinstance(t, fem.Function))
+    return sorted(found, key=lambda f: f.count())
+
+
+def require_uniform(comm: MPI.Comm, functions: Sequence[fem.Function], what: str) -> None:
+    """Raise ``ValueError`` if Functions have not one value as they are now. Collective.
+
+    Args:
+        comm: communicator.
+        functions: of `fields_within`.
+        what: they are in, for the message.
+    """
+    for f in functions:
+        values = f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)
+        low = comm.allreduce(values.min(axis=0, initial=np.inf), op=np.minimum)
+        high = comm.allreduce(values.max(axis=0, initial=-np.inf), op=np.maximum)
+        size = max(float(np.max(np.abs([low, high]))), np.finfo(float).tiny)
+        same = bool(np.all(high - low <= _UNIFORM * size))
+        require(comm, same, _VARIES.format(what, f"the Function {f.name}, which varies"))
+
+
 def _radius(domain: mesh.Mesh, value: Any) -> Any:
     if isinstance(value, ufl.core.expr.Expr):
         if value.ufl_shape != ():
@@ -143,7 +195,8 @@ class Obstacle(ReadOnly):
 
     Its data are read when a surface is made with it, and are read-only then: data that are to move
     must be Constants or Functions, whose values may be changed between two solves. Numbers and
-    arrays are copied.
+    arrays are copied. But in planes Functions must have one value everywhere, and the position on
+    the mesh is refused (`fields`).
 
     An obstacle of your own defines `at`, or `on` alone; then nothing is known of it at displaced
     points: sliding has to be small, which is not checked.
@@ -169,6 +222,19 @@ class Obstacle(ReadOnly):
     def flat(self) -> bool:
         """Whether the normal is the same everywhere, so that no displacement is too large."""
         return False
+
+    def fields(self, domain: mesh.Mesh) -> list[Any]:
+        """Data that have to be the same at every point of the body; UFL, numbers or arrays.
+
+        A field of the body among them has the value of a point of the body wherever that is, and
+        no slope: the surface that is meant is tilted, and its normal is not. Not collective.
+        """
+        return []
+
+    @property
+    def radius_given(self) -> Any:
+        """What it has as its radius, which has to be positive; None of one without."""
+        return None
 
     def ended(self, face: Callable[[], tuple[Any, Any]]) -> Obstacle:
         """What it is to a face that slides: what it leaves by degrees where the obstacle ends.
@@ -304,6 +370,9 @@ class HalfSpace(Obstacle):
             value may be changed later.
         normal: of the plane, out of the obstacle towards the body; of any length, given like
             `point`.
+
+    Both may be UFL of the position or of Functions: each point of the body has its own plane then,
+    whose normal is what is given, not that of the surface that these planes envelop.
     """
 
     point: npt.ArrayLike | fem.Constant
@@ -335,6 +404,13 @@ class Sphere(Obstacle):
     centre: npt.ArrayLike | fem.Constant
     radius: float | fem.Constant
 
+    def fields(self, domain: mesh.Mesh) -> list[Any]:
+        return [self.centre, self.radius]
+
+    @property
+    def radius_given(self) -> Any:
+        return self.radius
+
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         d = x - _vector(domain, self.centre, "the centre of the sphere")
         distance = ufl.sqrt(ufl.dot(d, d))
@@ -354,6 +430,13 @@ class Cylinder(Obstacle):
     point: npt.ArrayLike | fem.Constant
     axis: npt.ArrayLike | fem.Constant
     radius: float | fem.Constant
+
+    def fields(self, domain: mesh.Mesh) -> list[Any]:
+        return [self.point, self.axis, self.radius]
+
+    @property
+    def radius_given(self) -> Any:
+        return self.radius
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         if domain.geometry.dim != 3:
@@ -375,9 +458,13 @@ class LevelSet(Obstacle):
     Attributes:
         phi: takes the UFL position vector and returns a UFL scalar. Numbers in it keep the
             values that they have when a surface is made; data that are to move must be Constants.
+            Another position is refused, and so are Functions that vary.
     """
 
     phi: Callable[[Any], Any]
+
+    def fields(self, domain: mesh.Mesh) -> list[Any]:
+        return [self.phi(ufl.Constant(domain.ufl_domain(), shape=(domain.geometry.dim,)))]
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         x = ufl.variable(x)

@@ -371,6 +371,21 @@ def test_obstacle_on_the_right_side(name, log):
     assert not log.records
 
 
+@pytest.mark.parametrize("what", ["normal", "centre"])
+def test_obstacle_that_data_bring_to_the_wrong_side(what):
+    """By Constants that change between two solves: nothing touches, of which there is a doubt."""
+    domain = box(COMM, 4, "tri")
+    before, after = {"normal": ([0, 1], [0, -1]), "centre": ([0.5, -1.0], [0.5, 1.3])}[what]
+    value = fem.Constant(domain, np.array(before, dtype=np.float64))
+    obstacle = HalfSpace((0, 0), value) if what == "normal" else Sphere(value, 1.0)
+    problem = block(domain=domain, obstacle=obstacle)
+    assert not problem.solve().doubts
+    value.value[:] = after
+    result = problem.solve()
+    assert np.abs(result.resultants["contact"]).max() < 1e-9
+    assert "the obstacle is on the wrong side" in result.doubts["contact"]
+
+
 def test_reversed_floor_under_a_round_foot(log):
     """The points deepest in it are the rims of the foot, which face neither way."""
     domain = box(COMM, 8, "tri")

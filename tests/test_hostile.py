@@ -22,6 +22,7 @@ from dolfinx_contact import (
     HalfSpace,
     LevelSet,
     ParametricContact,
+    RigidBody,
     Sphere,
     Tresca,
 )
@@ -44,6 +45,7 @@ from dolfinx_contact.materials import (
     NeoHookean,
     StVenantKirchhoff,
 )
+from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states
 from dolfinx_contact.records import BranchRecord, resume, write_series
 
@@ -108,11 +110,14 @@ def w():
     short = PETSc.Vec().createMPI((2, None), comm=COMM)
     infinite = x.copy()
     infinite.array[:] = np.nan
+    field = fem.Function(fem.functionspace(domain, ("Lagrange", 1)), name="slope")
+    field.interpolate(lambda x: x[0])
     return SimpleNamespace(
         u=u,
         V=V,
         domain=domain,
         other=other,
+        field=field,
         f_other=fem.Function(scalars),
         v_other=fem.Function(vectors),
         c_other=fem.Constant(other, 1.0),
@@ -166,6 +171,17 @@ def started(value):
     p = block()
     p.u.x.array[:] = value
     return p.solve()
+
+
+class LongNormals(Obstacle):
+    """One of the user, whose normals are none."""
+
+    def at(self, domain, x):
+        return 2.0 * x[1], ufl.as_vector((0.0, -2.0))
+
+
+def tilted(f):
+    return LevelSet(lambda x: x[1] + 0.3 * f)
 
 
 def raising(error):
@@ -459,6 +475,42 @@ MISUSE = {
             "constant": lambda w, x: fem.Constant(w.domain, 1.0),
             "number": lambda w, x: 1.0 + 0 * x[0],
             "Function": lambda w, x: w.u[0],
+        }.items()
+    },
+    **{
+        f"{what} by {which}": (
+            lambda w, made=made, field=field: problem(w, surfaces=[made(w, field(w))]).solve(),
+            f"contains {words}",
+        )
+        for what, made in {
+            "level set": lambda w, f: surface(w, obstacle=tilted(f)),
+            "level set of a rigid body": lambda w, f: surface(
+                w, obstacle=RigidBody(tilted(f), about=(0.0, 0.0), held=["x", "y", "rz"])
+            ),
+            "centre": lambda w, f: surface(
+                w, obstacle=Sphere(ufl.as_vector([0.5, 0.3 * f - 1.0]), 1.0)
+            ),
+            "radius": lambda w, f: surface(w, obstacle=Sphere((0.5, -2.0), 1.0 + 0.3 * f)),
+        }.items()
+        for which, field, words in (
+            ("a Function", lambda w: w.field, "the Function slope, which varies"),
+            ("the position", lambda w: ufl.SpatialCoordinate(w.domain)[0], "the position on"),
+        )
+    },
+    "normals of two": (
+        lambda w: problem(w, surfaces=[surface(w, obstacle=LongNormals())]).solve(),
+        "normals of the obstacle must have the length 1, and one has 2",
+    ),
+    **{
+        f"radius {what}": (
+            lambda w, given=given: problem(
+                w, surfaces=[surface(w, obstacle=Sphere((0.5, -2.0), given(w)))]
+            ).solve(),
+            "the radius of the obstacle must be positive, and is -1 now",
+        )
+        for what, given in {
+            "of a Constant": lambda w: fem.Constant(w.domain, -1.0),
+            "in UFL": lambda w: 1.0 - fem.Constant(w.domain, 2.0),
         }.items()
     },
     "obstacle that moves with the body": (

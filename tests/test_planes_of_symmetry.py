@@ -428,3 +428,30 @@ def test_walls_of_one_height(direction):
     operator = face.points.at(np.zeros((face.owned_nodes, 2)), None)
     facing = COMM.allreduce(float(operator.areas.sum()))
     assert facing == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("named", "law"), [(False, Coulomb(0.3)), (True, Coulomb(0.3)), (False, Frictionless())]
+)
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "large sliding"))
+def test_a_plane_that_is_not_named(named, law):
+    """Friction of nodes that both faces hold across it is not unique, of which there is a doubt."""
+    body = bodies(2, whole=False)
+    u = displacement(body.mesh)
+    V = u.function_space
+    planes = {0: 0.0} if named else {}
+    pair = touching(u, body, SLAVE, law=law, search_distance=0.5, symmetry=planes)
+    down = fem.Constant(body.mesh, [0.0, -0.1])
+
+    def held(value, V, axis, place):
+        def here(x):
+            return np.isclose(x[axis], place)
+
+        facets = mesh.locate_entities_boundary(body.mesh, 1, here)
+        return fem.dirichletbc(value, fem.locate_dofs_topological(V, 1, facets), V)
+
+    across = held(fem.Constant(body.mesh, 0.0), V.sub(0), 0, 0.0)
+    bcs = [held(down, V, 1, 1.0), held(np.zeros(2), V, 1, -1.0), across]
+    problem = ContactProblem(RUBBER.energy(u) * ufl.dx, u, [pair], bcs=bcs)
+    said = problem.solve().doubts.get("contact", "")
+    assert ("is not unique" in said) == (not named and law.name == "Coulomb")

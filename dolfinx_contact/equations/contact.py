@@ -457,6 +457,7 @@ class ContactEquations:
                 at.kinematics.whole,
                 remembered(s, at),
                 place=at.kinematics.place,
+                motion=at.kinematics.motion,
                 displacement=state.u[:n].reshape(-1, self.dim) if s.slides else None,
             )
             for s, at in found

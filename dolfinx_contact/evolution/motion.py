@@ -282,7 +282,7 @@ class MotionStepper(Stepper):
             # For a velocity friction gets the motion along the surface, which is h a v_1.
             passed = step.length * (gain if s.law.creeps else 1.0)
             was = origin[: eq.owned_sizes[0]].reshape(-1, eq.dim) if s.slides else None
-            found.append(Memory(at.whole, fields, passed, gap, was, at.place))
+            found.append(Memory(at.whole, fields, passed, gap, was, at.place, at.motion))
         return found
 
     def _at(self, state: State, u: Array) -> State:

@@ -30,7 +30,7 @@ from dolfinx_contact._agreement import data_of
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
 from dolfinx_contact._forms import Part, compiled_expression, content_by, derived_form
 from dolfinx_contact._shared import SharedValues
-from dolfinx_contact.obstacles import Measured, Obstacle
+from dolfinx_contact.obstacles import Measured, Obstacle, fields_within, require_uniform
 from dolfinx_contact.points.trace import owned_exterior
 
 __all__ = [
@@ -245,6 +245,8 @@ def at_nodes(W: fem.FunctionSpace, surface: Obstacle) -> tuple[Array, Array]:
     # FFCx compiles no expression in which nothing but constants occurs.
     nothing = fem.Constant(domain, 0.0) * x
     gap, normal = surface.on(domain)
+    what = "the true shape of the master"
+    require_uniform(domain.comm, fields_within(surface, domain, what), what)
     for e, shape in ((gap + nothing[0], ()), (normal + nothing, (domain.geometry.dim,))):
         V = fem.functionspace(domain, ("Lagrange", 1, shape)) if shape else W
         f = fem.Function(V)

@@ -41,6 +41,7 @@ class Kinematics:
         place: displacement of points that follow a curved obstacle, in its frame (n, dim); None of
             others.
         frame: rotation of that frame (dim, dim); None where it does not turn.
+        motion: of the rigid body that it turns with (k,); None where it does not.
     """
 
     operator: Operator
@@ -49,6 +50,7 @@ class Kinematics:
     data: PointData
     place: Array | None = None
     frame: Array | None = None
+    motion: Array | None = None
 
     @property
     def gap(self) -> Array:

@@ -51,6 +51,8 @@ class Memory:
             other; None of others. Read-only.
         place: displacement of the points at that state, in the frame of a curved obstacle that they
             follow (n, dim); None of others. Read-only.
+        motion: of the rigid body at that state whose frame that is (k,); None where frames do not
+            turn. Read-only.
     """
 
     jump: Array
@@ -59,12 +61,13 @@ class Memory:
     gap: Array | None = None
     displacement: Array | None = None
     place: Array | None = None
+    motion: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "jump", _frozen(self.jump))
         fields = {name: _frozen(values) for name, values in self.fields.items()}
         object.__setattr__(self, "fields", fields)
-        for name in ("gap", "displacement", "place"):
+        for name in ("gap", "displacement", "place", "motion"):
             values = getattr(self, name)
             if values is not None:
                 object.__setattr__(self, name, _frozen(values))

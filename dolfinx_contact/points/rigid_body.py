@@ -76,7 +76,9 @@ class RigidBody(Obstacle):
         given: by component its load or motion.
         fixed: which components are prescribed (3,) or (6,).
         values: displacement and rotation that were found last, where a solve begins (3,) or (6,).
-            They may be set, all else is read-only: loads and motions that are to change are
+            Of a body in several problems they are those of the last solve of any, and tables that
+            another makes then are of no state of it: give each problem a body of its own. They may
+            be set, all else is read-only: loads and motions that are to change are
             Constants.
 
     Raises:
@@ -189,6 +191,13 @@ class RigidBody(Obstacle):
         self._check(domain)
         return self.shape.on(domain)
 
+    def fields(self, domain: mesh.Mesh) -> list[Any]:
+        return self.shape.fields(domain)
+
+    @property
+    def radius_given(self) -> Any:
+        return self.shape.radius_given
+
     def _check(self, domain: mesh.Mesh) -> None:
         """Raise ``ValueError`` if the body does not fit a mesh. Not collective."""
         if domain.geometry.dim != self.dim:
@@ -226,16 +235,27 @@ class RigidBody(Obstacle):
     # -- motions of any size ---------------------------------------------------------------------
 
     def frame(self, values: Array) -> Array:
-        """Q (dim, dim) of displacement and rotation."""
-        vector = np.zeros(3)
-        vector[3 - len(values[self.dim :]) :] = values[self.dim :]
+        """Q (dim, dim) of displacement and rotation (k,); of several of these (n, k) likewise."""
+        rotation = values[..., self.dim :]
+        vector = np.zeros((*rotation.shape[:-1], 3))
+        if not vector.size:
+            return np.zeros((0, self.dim, self.dim))
+        vector[..., 3 - rotation.shape[-1] :] = rotation
         turned = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
-        return np.asarray(turned[: self.dim, : self.dim])
+        return np.asarray(turned[..., : self.dim, : self.dim])
 
     def seen(self, x: Array, values: Array) -> Array:
-        """Places (n, dim) in the frame of the body, which has moved, of points that are at x."""
-        arm = x - self.about - values[: self.dim]
-        return np.asarray(self.about + arm @ self.frame(values))
+        """Places (n, dim) in the frame of the body, which has moved, of points that are at x.
+
+        Args:
+            x: (n, dim).
+            values: displacement and rotation (k,), or those of each point (n, k).
+        """
+        arm = x - self.about - values[..., : self.dim]
+        turned = self.frame(values)
+        if values.ndim == 1:
+            return np.asarray(self.about + arm @ turned)
+        return np.asarray(self.about + np.einsum("ni,nij->nj", arm, turned))
 
     def carried(self, x: Array, values: Array) -> Array:
         """Displacements (n, dim) of material points that were at x, by a motion of any size."""

@@ -24,7 +24,7 @@ from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.laws import Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
-from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.obstacles import Obstacle, fields_within, require_uniform
 from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
 from dolfinx_contact.points.displaced import (
     DisplacedPoints,
@@ -48,7 +48,7 @@ from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite, Overlap
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_revolution, check_section
-from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.rigid_body import RigidBody, number
 from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["ContactSurface"]
@@ -57,6 +57,7 @@ Array = npt.NDArray[np.float64]
 
 
 _NO_OVERLAP = 1e-9  # of a facet, an overlap that is none; and a cosine of normals that is none
+_UNIT = 1e-6  # by which the length of a normal may be off
 _ANOTHER = "make another surface, and a problem with it"
 _NUMBERS = "surface.law.friction.value = 0.5, by the name that it has in the law, changes a number"
 
@@ -260,6 +261,7 @@ class ContactSurface(ReadOnly):
         refuse_displacement(u, f"{name}: the law", *self.given.functions)
         for what, e in [("obstacle", self.gap), *(("law", e) for e in fields)]:
             refuse_other_mesh(e, domain, f"{name}: the {what}")
+        self._uniform = fields_within(obstacle, domain, f"{name}: the obstacle")
         #: Functions of the user in law and obstacle.
         functions = {f for f in self.given.functions if isinstance(f, fem.Function)}
         self._functions = sorted(functions, key=lambda f: f.count())
@@ -373,6 +375,23 @@ class ContactSurface(ReadOnly):
 
     def check_gaps(self) -> None:
         """Raise ``ValueError`` if gaps that were given are none as they are now. Collective."""
+        require_uniform(self.comm, self._uniform, f"{self.name}: the obstacle")
+        radius = _least(self.obstacle.radius_given)
+        require(
+            self.comm,
+            not radius <= 0.0,  # what is no number is refused as a gap that is none
+            f"{self.name}: the radius of the obstacle must be positive, and is {radius:.6g} now",
+        )
+        if self.between_bodies:
+            return
+        lengths = np.linalg.norm(self.points.vertex_normals, axis=1)
+        off = lengths[np.abs(lengths - 1.0) > _UNIT]  # not what is no number: a solve refuses it
+        worst = float(off[np.argmax(np.abs(off - 1.0))]) if len(off) else 1.0
+        require(
+            self.comm,
+            not len(off),
+            f"{self.name}: normals of the obstacle must have the length 1, and one has {worst:.6g}",
+        )
 
     def hold(self, fixed: npt.NDArray[np.bool_], crossing: npt.NDArray[np.bool_]) -> None:
         """Store which nodes have no multiplier of their own. Collective.
@@ -401,7 +420,8 @@ class ContactSurface(ReadOnly):
             frame = self._frame(motion)
             data, jump, reference = self._displaced.at(seen, self.memory, frame)
             data = with_memory(self.law_at_points.compiled, self.memory, data)
-            return Kinematics(operator, jump, reference, data, seen, frame)
+            turning = None if frame is None else motion
+            return Kinematics(operator, jump, reference, data, seen, frame, turning)
         reference = self._reference
         jump = seen - self.points.aside - reference
         return Kinematics(operator, jump, reference, self.point_data)
@@ -647,6 +667,19 @@ class ContactSurface(ReadOnly):
         """Radius of the friction disc at unit pressure at the contact points. Collective."""
         now = self._kinematics_now()
         return self.law_at_points(now.jump, self._traction(), now.data).unit_bound
+
+
+def _least(radius: Any) -> float:
+    """The least value that a radius has now; infinite of none, and of UFL in which Functions are.
+
+    Not collective.
+    """
+    if isinstance(radius, fem.Function):
+        return float(np.min(radius.x.array, initial=np.inf))
+    known = isinstance(radius, ufl.core.expr.Expr) and not ufl.algorithms.extract_coefficients(
+        radius
+    )
+    return number(ufl.algorithms.expand_derivatives(radius)) if known else np.inf
 
 
 def _points_class(method: Method, opposite: Opposite | None) -> type[ContactPoints]:

@@ -31,6 +31,7 @@ __all__ = [
     "nodes_on",
     "outward_normals",
     "owned_exterior",
+    "simplex_normals",
     "trace_dofs",
 ]
 
@@ -190,6 +191,16 @@ def facet_normals(
     if unit:
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return np.asarray(normals)
+
+
+def simplex_normals(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Unit normals of simplices, to one side as their corners go."""
+    along = corners[:, 1:] - corners[:, :1]
+    if corners.shape[2] == 2:
+        n = np.stack([along[:, 0, 1], -along[:, 0, 0]], axis=1)
+    else:
+        n = np.asarray(np.cross(along[:, 0], along[:, 1]), dtype=np.float64)
+    return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None])
 
 
 def checked_planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:

@@ -481,7 +481,8 @@ class _AtPoints:
     def memory(self, found: Mapping[str, npt.NDArray[Any]]) -> tuple[Memory | None, ...]:
         """The memory of the points of this rank, surface by surface.
 
-        That of faces that slide has the displacement, which is that of the problem.
+        That of faces that slide has the displacement, and that on a rigid body that turns its
+        motion, which are those of the problem.
         """
         u = self._problem.u.x.array.reshape(-1, self._problem.equations.dim)
         memories: list[Memory | None] = []
@@ -494,7 +495,9 @@ class _AtPoints:
             displacement = u[: s.owned_nodes] if s.slides else None
             memory = None
             if jump is not None:
-                memory = Memory(jump, arrays, displacement=displacement, place=place)
+                body = s.rigid_body
+                motion = body.values if body is not None and s.turns else None
+                memory = Memory(jump, arrays, 0.0, None, displacement, place, motion)
             memories.append(memory)
         return tuple(memories)
 

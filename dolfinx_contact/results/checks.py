@@ -22,9 +22,10 @@ from dolfinx_contact.body.cells import midpoints, smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import ContactState, State
-from dolfinx_contact.laws.status import closed
+from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.points.pair_motion import Moved
 from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.trace import simplex_normals
 
 __all__ = ["Sliding", "sliding_doubt", "slidings", "warn_of_inversion", "warn_of_obstacles"]
 
@@ -38,6 +39,12 @@ _LARGEST_PART = 0.5  # of a facet
 _LARGEST_TURN = 3.0  # degrees
 _CARRIES = 1e-3  # of the largest traction, above which an open point carries something
 _FAR = 10.0  # body sizes
+_WRONG_SIDE = (
+    "where the body comes nearest to the obstacle, at {}, the contact normal points into the body: "
+    "the obstacle is on the wrong side (a plane with its normal reversed, a sphere inside the body)"
+)
+_NO_SLIP = 1e-9  # body sizes
+_FACING = 0.5  # cosine of a normal and an axis, above which that is not along the face
 _BEHIND = 1e-2  # of a facet, by which a node may be behind a plane of symmetry
 
 
@@ -91,6 +98,8 @@ class Sliding:
             is a tenth of a facet in it (by the integral method half of one), points past a rim, and
             more than a fiftieth of the normal forces where normals of obstacle and body are more
             than 66 degrees apart, and points that came through the obstacle in the last step. Of
+            obstacles that nothing touches also normals that point into the body where that comes
+            nearest. Of
             faces that slide over each other also a spin of 35 degrees, of which steps have the
             chords, and of obstacles, where friction acts along these, one of 21 degrees.
     """
@@ -127,10 +136,12 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
             )
         elif s.obstacle.flat:
             found[s.name] = _with_spin(eq, s, Sliding(0.0), contact)
+            found[s.name] = _with_side(eq, s, found[s.name], state, closed_points)
         else:
             small = _of_obstacle(eq, s, eq.gaps(s, state), closed_points, held)
             small = _with_edges(s, small, state, contact, held)
-            found[s.name] = _with_spin(eq, s, small, contact)
+            small = _with_spin(eq, s, small, contact)
+            found[s.name] = _with_side(eq, s, small, state, closed_points)
     return found
 
 
@@ -171,7 +182,7 @@ def _of_sliding(
     passed = operator.facets_passed[closed(contact.statuses)]
     way_along = float(np.max(passed, initial=0.0))
     way_along = s.comm.allreduce(way_along, op=max)
-    reasons = _behind_planes(eq, s, state)
+    reasons = [*_behind_planes(eq, s, state), *_held_along(eq, s, contact)]
     if far > depth:
         reasons.append(
             f"in one step points that have nothing opposite now have moved by {far:.3g} along "
@@ -207,6 +218,45 @@ def _behind_planes(eq: ContactEquations, s: ContactSurface, state: State) -> lis
                 f"a node of the faces is {depth:.3g} behind the plane of symmetry "
                 f"{'xyz'[axis]} = {place:g}, where it is in its own image: let what comes there "
                 "touch a HalfSpace in that plane too"
+            )
+    return reasons
+
+
+def _held_along(eq: ContactEquations, s: ContactSurface, contact: ContactState) -> list[str]:
+    """That friction is not unique where Dirichlet data hold both faces along it. Collective.
+
+    So it is at nodes that lie, as those that they face, on a plane across which both are held, as
+    on one of symmetry that has not been named: those that stick, or carry something across it.
+    """
+    opposite = s.obstacle.opposite
+    n = eq.owned_sizes[0] // eq.dim
+    X = np.round(s.node_positions[:n] / eq.body_size, 9) + 0.0  # no -0
+    fixed = eq.fixed[: n * eq.dim].reshape(-1, eq.dim) & ~opposite.across[:n]
+    nodes = s.points.vertex_trace_dofs[: s.points.number]
+    mine = nodes < n
+    normal = contact.kinematics.data.n
+    pressing = np.sum(contact.traction * normal, axis=1)[:, None] * normal
+    friction = np.abs(contact.traction - pressing)
+    largest = s.comm.allreduce(float(np.max(np.abs(contact.traction), initial=0.0)), op=max)
+    rubs = (contact.statuses == STICK)[:, None] | (friction > _CARRIES * largest)
+    rubs &= np.abs(contact.kinematics.increment) <= _NO_SLIP * eq.body_size
+    rubs &= np.abs(normal) < _FACING  # along the face
+    held: Marks = np.zeros((n, eq.dim), dtype=bool)
+    held[nodes[mine]] = rubs[mine] & fixed[nodes[mine]]
+    master = opposite.sides[1][:n]
+    reasons = []
+    for axis in range(eq.dim):
+        theirs = np.unique(X[master & fixed[:, axis], axis])
+        places = np.unique(np.concatenate(s.comm.allgather(theirs)))
+        rubbing = held[:, axis] & np.isin(X[:, axis], places)
+        number = s.comm.allreduce(int(rubbing.sum()))
+        if number:
+            first = s.comm.allreduce(float(np.min(X[rubbing, axis], initial=np.inf)), op=min)
+            reasons.append(
+                f"{number} nodes that rub are held along {'xyz'[axis]}, and so is what they face "
+                f"at {'xyz'[axis]} = {first * eq.body_size:.6g}: their friction in that direction "
+                "is not unique; where that is a plane of symmetry name it, "
+                f"symmetry={{{axis}: {first * eq.body_size:.6g}}}"
             )
     return reasons
 
@@ -283,6 +333,28 @@ def _with_spin(
     spin = spin_over_obstacle(s, contact)
     reasons = [r for r in (sliding.doubt, spin_doubt(s, spin)) if r]
     return replace(sliding, spin=spin, doubt="; ".join(reasons))
+
+
+def _with_side(
+    eq: ContactEquations, s: ContactSurface, sliding: Sliding, state: State, closed_points: Marks
+) -> Sliding:
+    """With an obstacle on the wrong side of a face that nothing touches. Collective.
+
+    So it is where data have turned it round or moved it across the body, and where the body came
+    through a thin tool steps ago: the law holds, of a face that has nothing before it.
+    """
+    if s.comm.allreduce(int(closed_points.any())):
+        return sliding
+    body = s.rigid_body
+    moved: Array = state.u.reshape(-1, s.dim)
+    seen = s.relative(moved, None if body is None else body.values)
+    nodes = s.points.vertex_trace_dofs
+    gaps, normals = s.at_vertices(seen[nodes])
+    place = _opposed(eq, s, gaps, normals, moved[nodes])
+    if place is None:
+        return sliding
+    reasons = [r for r in (sliding.doubt, _WRONG_SIDE.format(_shown(place))) if r]
+    return replace(sliding, doubt="; ".join(reasons))
 
 
 def _through(s: ContactSurface, contact: ContactState) -> str:
@@ -418,37 +490,50 @@ def warn_of_obstacles(eq: ContactEquations) -> None:
                     s.name,
                     nearest,
                 )
-        _warn_of_side(eq, s, nearest)
+        n = s.points.vertex_normals
+        place = _opposed(eq, s, s.points.vertex_gaps, n, np.zeros_like(n))
+        if place is not None and s.comm.rank == 0:
+            logger.warning("%s: %s", s.name, _WRONG_SIDE.format(_shown(place)))
 
 
-def _warn_of_side(eq: ContactEquations, s: ContactSurface, lowest: float) -> None:
-    """Warn if the contact normal points into the body where that comes nearest. Collective.
+def _opposed(
+    eq: ContactEquations, s: ContactSurface, gaps: Array, normals: Array, moved: Array
+) -> Array | None:
+    """Where the body comes nearest to an obstacle whose normal points into the body there.
 
-    Of a body that is deep in its obstacle those points decide that are deepest, and where they face
-    neither way (the rims of a round foot) those that are nearest to the obstacle's surface.
+    None if it does not. Of a body that is deep in its obstacle those points decide that are
+    deepest, and where they face neither way (the rims of a round foot) those that are nearest to
+    the obstacle's surface. Collective.
+
+    Args:
+        eq: the contact problem.
+        s: a surface with an obstacle.
+        gaps: at the local vertices (n,).
+        normals: there (n, dim).
+        moved: by which the vertices have moved (n, dim).
     """
     tolerance = 1e-9 * eq.body_size
-    gaps = s.points.vertex_gaps
+    lowest = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
     closest = s.comm.allreduce(float(np.min(np.abs(gaps), initial=np.inf)), op=min)
-    deepest, x = _facing(s, gaps <= lowest + tolerance)
-    if deepest < -0.5:
-        opposed = deepest, x
-    elif deepest < 0.5:
-        opposed = _facing(s, np.abs(gaps) <= closest + tolerance)
-    else:
-        return
-    if opposed[0] < -0.5 and s.comm.rank == 0:
-        logger.warning(
-            "%s: where the body comes nearest to the obstacle, at %s, the contact normal points "
-            "into the body: the obstacle is on the wrong side (a plane with its normal reversed, a "
-            "sphere inside the body)",
-            s.name,
-            _shown(opposed[1]),
-        )
+    deepest, x = _facing(s, gaps <= lowest + tolerance, normals, moved)
+    if not np.isfinite(deepest):
+        return None
+    if -0.5 <= deepest < 0.5:
+        deepest, x = _facing(s, np.abs(gaps) <= closest + tolerance, normals, moved)
+    return x if deepest < -0.5 else None
 
 
-def _facing(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> tuple[float, Array]:
-    """Largest n.N over the facets around ``marked`` local vertices, N outward, and where."""
+def _facing(
+    s: ContactSurface, marked: npt.NDArray[np.bool_], normals: Array, moved: Array
+) -> tuple[float, Array]:
+    """Largest n.N over the facets around ``marked`` local vertices, N outward, and where.
+
+    Args:
+        s: the surface.
+        marked: vertices (n,).
+        normals: n at the vertices (n, dim).
+        moved: by which these have moved (n, dim).
+    """
     domain = s.domain
     dim = s.dim
     m = len(s.submesh.parent_facets)
@@ -457,14 +542,11 @@ def _facing(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> tuple[float, Ar
     x = _rounded(s.points.vertices.tabulate_dof_coordinates()[:, :dim])
     to_cells = domain.topology.connectivity(dim - 1, dim)
     inside = midpoints(domain, to_cells.array[to_cells.offsets[s.submesh.parent_facets]])
-    edges = x[corners[:, 1:dim]] - x[corners[:, :1]]
-    if dim == 2:
-        N = np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
-    else:
-        N = np.cross(edges[:, 0], edges[:, 1])
-    N *= np.sign(np.sum(N * (x[corners[:, 0]] - inside), axis=1))[:, None]
-    N /= np.linalg.norm(N, axis=1)[:, None]
-    along = np.einsum("fd,fvd->fv", N, s.points.vertex_normals[corners])
+    N = simplex_normals(x[corners[:, :dim]])
+    # As these turn with the corners, so does the side that is outside.
+    side = np.sign(np.sum(N * (x[corners[:, 0]] - inside), axis=1))
+    N = side[:, None] * simplex_normals((x + moved)[corners[:, :dim]])
+    along = np.einsum("fd,fvd->fv", N, normals[corners])
     along = np.round(np.where(marked[corners], along, -np.inf).reshape(-1), 9)
     places = x[corners.reshape(-1)[along == np.max(along, initial=-np.inf)]].tolist()
     mine: tuple[float, list[float]] = (

@@ -19,7 +19,7 @@ from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.equations.state import ContactState
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.surface import ContactSurface
-from dolfinx_contact.points.trace import facet_normals
+from dolfinx_contact.points.trace import facet_normals, simplex_normals
 from dolfinx_contact.rigid_surfaces import RigidSurface
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.triangulation import angles_of
@@ -155,8 +155,8 @@ def _face(s: ContactSurface, u: Array) -> tuple[Array, Ints, Array]:
     facets = np.repeat(np.arange(m), len(cells) // m)
     out = facet_normals(s.domain, s.submesh.parent_facets[:m])[facets]
     # As the normals of facets turn with their corners, so does the side that is outside.
-    side = np.sign(np.einsum("ki,ki->k", _normals(x[cells]), out))
-    return now, cells, side[:, None] * _normals(now[cells])
+    side = np.sign(np.einsum("ki,ki->k", simplex_normals(x[cells]), out))
+    return now, cells, side[:, None] * simplex_normals(now[cells])
 
 
 def _outward(s: ContactSurface, u: Array) -> Array:
@@ -226,14 +226,3 @@ def _simplices(cells: npt.NDArray[np.int32]) -> Ints:
     if cells.shape[1] < 4:
         return cells.astype(np.int64)
     return cells[:, [0, 1, 2, 1, 3, 2]].reshape(-1, 3).astype(np.int64)
-
-
-def _normals(corners: Array) -> Array:
-    """Unit normals of simplices, to one side as their corners go."""
-    along = corners[:, 1:] - corners[:, :1]
-    n: Array
-    if corners.shape[2] == 2:
-        n = np.stack([along[:, 0, 1], -along[:, 0, 0]], axis=1)
-    else:
-        n = np.asarray(np.cross(along[:, 0], along[:, 1]), dtype=np.float64)
-    return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None])

@@ -2,16 +2,17 @@
 """Points that come through a rigid obstacle in a step.
 
 The law holds at the end of a step, on whatever side of the obstacle that is: what lands behind a
-thin tool, or behind a fin of a thick one, is in equilibrium there. So the straight way of each
-point is examined, from where it was to where it is, both seen from the obstacle. It leads through
-where it is deeper within the obstacle than at both ends, and comes out on another side: from the
-normal where it enters to one within or behind it is more than a quarter of a turn, or between those
-at the ends. What is thinner than a part of the way is found by halving, since normals are opposite
-on both sides of it.
+thin tool, or behind a fin of a thick one, is in equilibrium there. So the way of each point is
+examined, from where it was to where it is, both seen from the obstacle: straight in space, while a
+rigid body turns by even parts of its rotation. It leads through where it is deeper within the
+obstacle than at both ends, and comes out on another side: from the normal where it enters to one
+within or behind it is more than a quarter of a turn, or between those at the ends. What is thinner
+than a part of the way is found by halving, since normals are opposite on both sides of it.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ from dolfinx_contact.points.surface import ContactSurface
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.displaced import DisplacedPoints
+    from dolfinx_contact.points.rigid_body import RigidBody
 
 __all__ = ["way_through"]
 
@@ -47,15 +49,11 @@ def way_through(s: ContactSurface, contact: ContactState) -> Array | None:
     shape = s.displaced
     if shape is None or now is None or (s.memory is not None and s.memory.place is None):
         return None
-    before = np.zeros_like(now)
-    if s.memory is not None and s.memory.place is not None:
-        before = s.memory.place
-    way = now - before
-    longest = float(np.max(np.linalg.norm(way, axis=1), initial=0.0))
-    longest = s.comm.allreduce(longest, op=max)
+    way = _Way(s, contact)
+    longest = s.comm.allreduce(way.longest, op=max)
     parts = int(np.clip(np.ceil(longest / (_PART * s.points.mean_width)), *_PARTS))
-    gap, normal = shape.gaps_and_normals(before)
-    end, normal_now = shape.gaps_and_normals(now)
+    gap, normal = shape.gaps_and_normals(way.at(0.0))
+    end, normal_now = shape.gaps_and_normals(way.at(1.0))
     turned: Marks = np.sum(normal * normal_now, axis=1) < 0.0
     level = np.maximum(np.maximum(-gap, -end), 0.0) + _WITHIN * s.points.mean_width
     # The normal where a point was outside last, and how deep within it has been since.
@@ -64,11 +62,11 @@ def way_through(s: ContactSurface, contact: ContactState) -> Array | None:
     through: Array = np.zeros(len(now))
     last, beyond = normal, turned
     for k in range(1, parts + 1):
-        gap, normal = shape.gaps_and_normals(before + k / parts * way)
+        gap, normal = shape.gaps_and_normals(way.at(k / parts))
         round_ = np.sum(last * normal, axis=1) < 0.0
         if s.comm.allreduce(int(round_.any())):
             at = (k - 1) / parts, k / parts
-            between = _between(shape, before, way, at, (last, round_))
+            between = _between(shape, way, at, (last, round_))
             deep = np.maximum(deep, between)
         deep = np.maximum(deep, -gap)
         out = -gap <= level
@@ -82,10 +80,53 @@ def way_through(s: ContactSurface, contact: ContactState) -> Array | None:
     return through
 
 
+class _Way:
+    """The ways of points of a surface in a step, in the frame of a curved obstacle.
+
+    Args:
+        s: the surface, whose memory is that of the start.
+        contact: at the end.
+
+    Attributes:
+        longest: of the ways of this rank, a length.
+    """
+
+    def __init__(self, s: ContactSurface, contact: ContactState):
+        at = contact.kinematics
+        assert at.place is not None
+        memory = s.memory
+        self._start = np.zeros_like(at.place)
+        if memory is not None and memory.place is not None:
+            self._start = memory.place
+        self._end = at.place
+        #: Of a rigid body that turns: it, its motions at both ends, and points there in space.
+        self._turning: tuple[RigidBody, tuple[Array, Array], tuple[Array, Array]] | None = None
+        body = s.rigid_body
+        if body is not None and at.motion is not None:
+            was = None if memory is None else memory.motion
+            before = np.zeros_like(at.motion) if was is None else was
+            self._x = s.positions
+            start, end = (
+                x + body.carried(x, motion)
+                for x, motion in ((self._x + self._start, before), (self._x + self._end, at.motion))
+            )
+            self._turning = body, (before, at.motion), (start, end)
+        ends = [self.at(k / _PARTS[0]) for k in range(_PARTS[0] + 1)]
+        lengths = [np.linalg.norm(b - a, axis=1) for a, b in pairwise(ends)]
+        self.longest = float(np.max(np.sum(lengths, axis=0), initial=0.0))
+
+    def at(self, part: float | Array) -> Array:
+        """Displacements (n, dim) after a part of the step, the same for all points or (n,)."""
+        if self._turning is None:
+            return self._start + np.reshape(part, (-1, 1)) * (self._end - self._start)
+        body, (first, last), (start, end) = self._turning
+        parts = np.broadcast_to(part, len(start))[:, None]
+        return body.seen(start + parts * (end - start), first + parts * (last - first)) - self._x
+
+
 def _between(
     shape: DisplacedPoints,
-    before: Array,
-    way: Array,
+    way: _Way,
     at: tuple[float, float],
     turning: tuple[Array, Marks],
 ) -> Array:
@@ -93,18 +134,17 @@ def _between(
 
     Args:
         shape: the obstacle.
-        before: displacements where the ways begin (n, dim).
-        way: the ways (n, dim).
+        way: of the points.
         at: the two places, as parts of the ways.
         turning: normals at the first one (n, dim), and where they turn round (n,).
     """
     first, round_ = turning
-    low: Array = np.full(len(way), at[0])
-    high: Array = np.full(len(way), at[1])
-    deep: Array = np.zeros(len(way))
+    low: Array = np.full(len(first), at[0])
+    high: Array = np.full(len(first), at[1])
+    deep: Array = np.zeros(len(first))
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        gap, normal = shape.gaps_and_normals(before + middle[:, None] * way)
+        gap, normal = shape.gaps_and_normals(way.at(middle))
         deep = np.maximum(deep, np.where(round_, -gap, 0.0))
         there = np.sum(first * normal, axis=1) < 0.0
         low, high = np.where(there, low, middle), np.where(there, middle, high)

@@ -7,8 +7,10 @@ one facet is the rim of an open surface; one of three or more is refused.
 Normals of points are sums over the facets around them, of the products of the edges e_1, e_2 that
 meet there, n = sum e_1 x e_2 / (|e_1|^2 |e_2|^2): those of a sphere through the points, exactly
 (Max, J. Graphics Tools 4(2), 1999); of segments sum n_s / |s|, those of a circle. They are summed
-over the facets that no crease parts. Which side a point is on is known by the sum of normals by the
-angles of facets (Baerentzen and Aanaes, IEEE Trans. Vis. Comput. Graph. 11, 2005).
+over the facets that no crease parts; where a flat part goes over into a round one those of the flat
+part count, since small facets would tilt the large one. Which side a point is on is known by the
+sum of normals by the angles of facets (Baerentzen and Aanaes, IEEE Trans. Vis. Comput. Graph. 11,
+2005).
 """
 
 from __future__ import annotations
@@ -27,6 +29,12 @@ Bools = npt.NDArray[np.bool_]
 
 _SAME = 1e-7  # of the extent, up to which two points of a file are one: those have single precision
 _SLIT = 0.01  # of the edges of two points on rims, within which these are meant to be one
+_TIMES = 3  # times that normals are averaged anew by how facets bend
+_BENT = 0.45  # of how much the most bent facet of a fan bends, below which one is a flatter part
+_COPLANAR = 1e-3  # difference of unit normals below which facets lie in one plane
+_NARROW = 0.25  # of the widest facet of its fans, below which one is narrow
+_FLATTEST = 1e-2  # of that, what a facet bends at least
+_POWER = 4  # of the ratio, by which flatter parts count more
 _FLAT = 1e-10  # of the longest edge squared, up to which a facet has no area
 
 
@@ -165,6 +173,7 @@ def triangulated(
     cosine = np.einsum("pi,pi->p", normals[first // dim], normals[second // dim])
     creases = np.zeros(count, dtype=bool)
     creases[ridges.ravel()[first]] = cosine < np.cos(crease)
+    turns = _turns(normals, (first // dim, second // dim), creases[ridges.ravel()[first]])
     ridge_normals = np.zeros((count, dim))
     np.add.at(ridge_normals, ridges, normals[:, None])
     fans = _fans(cells, nodes, ridges, (first, second), ~creases)
@@ -186,7 +195,7 @@ def triangulated(
         parts_of_points > 1,
         rims,
         point_rims,
-        _corner_normals(points[cells], crossed, fans),
+        _corner_normals(points[cells], crossed, fans, turns),
     )
 
 
@@ -387,16 +396,85 @@ def angles_of(corners: Array) -> Array:
     return found
 
 
-def _corner_normals(corners: Array, crossed: Array, fans: Ints) -> Array:
-    """Normals at the corners of facets (k, dim, dim), averaged over the fans."""
-    k, dim = corners.shape[:2]
-    if dim == 2:
-        weights = np.repeat(1.0 / np.einsum("ki,ki->k", crossed, crossed)[:, None], 2, axis=1)
-    else:
-        squares = [np.sum((corners[:, (i + 1) % 3] - corners[:, i]) ** 2, axis=1) for i in range(3)]
-        weights = np.stack([1.0 / (squares[i] * squares[i - 1]) for i in range(3)], axis=1)
+def _corner_normals(corners: Array, crossed: Array, fans: Ints, turns: Array) -> Array:
+    """Normals at the corners of facets (k, dim, dim), averaged over the fans.
+
+    Where a facet bends far less than the most bent one of its fan, as a flat part beside a rounded
+    edge, the surface leaves along that facet, and its weight is larger by a power of their ratio.
+    A narrow facet, as a chamfer, bends as it does at its crease.
+
+    Args:
+        corners: of facets (k, dim, dim).
+        crossed: their normals, as long as they are large (k, dim).
+        fans: of the corners, which no crease parts (k dim,).
+        turns: from their normals to those across creases (k,).
+    """
+    dim = corners.shape[1]
+    edges = np.stack(
+        [np.sum((corners[:, (i + 1) % dim] - corners[:, i]) ** 2, axis=1) for i in range(dim)],
+        axis=1,
+    )
+    products = edges * np.roll(edges, 1, axis=1) if dim == 3 else edges
+    weights = 1.0 / products
+    heights = np.linalg.norm(crossed, axis=1)
+    if dim == 3:
+        heights = heights / np.sqrt(edges.max(axis=1))
+    narrow = heights < _NARROW * _most(heights, fans, dim).max(axis=1)
+    found = _averaged(weights, crossed, fans)
+    for _ in range(_TIMES):
+        bends = _bends(corners, found)
+        bends = np.where(narrow, np.maximum(bends, turns / heights), bends)
+        most = _most(bends, fans, dim)
+        part = np.divide(bends[:, None], most, out=np.ones_like(most), where=most > 0)
+        flatter = np.maximum(_BENT / np.maximum(part, _FLATTEST), 1.0) ** _POWER
+        found = _averaged(weights * flatter, crossed, fans)
+    return found
+
+
+def _turns(normals: Array, pairs: tuple[Ints, Ints], creases: Bools) -> Array:
+    """How far it is from the normals of facets to those across creases, the most (k,).
+
+    Facets that lie in one plane, as both triangles of a strip, have all the same.
+
+    Args:
+        normals: of facets (k, dim).
+        pairs: of neighbours (p,).
+        creases: between these (p,).
+    """
+    first, second = pairs
+    off = np.linalg.norm(normals[first] - normals[second], axis=1)
+    plane = off < _COPLANAR
+    part = _parts(len(normals), first[plane], second[plane])
+    most = np.zeros(len(normals))
+    for facets in pairs:
+        np.maximum.at(most, part[facets], np.where(creases, off, 0.0))
+    return np.asarray(most[part])
+
+
+def _most(of_facets: Array, fans: Ints, dim: int) -> Array:
+    """The largest values of facets (k,) in the fans of their corners (k, dim)."""
+    most = np.zeros(len(fans))
+    np.maximum.at(most, fans, np.repeat(of_facets, dim))
+    return np.asarray(most[fans].reshape(-1, dim))
+
+
+def _averaged(weights: Array, crossed: Array, fans: Ints) -> Array:
+    """Unit sums over the fans of the normals of facets, by weights at their corners (k, dim)."""
+    k, dim = weights.shape
     sums = np.zeros((k * dim, dim))
     np.add.at(sums, fans, (weights[..., None] * crossed[:, None]).reshape(-1, dim))
     found = sums[fans]
     found /= np.linalg.norm(found, axis=1)[:, None]
     return found.reshape(k, dim, dim)
+
+
+def _bends(corners: Array, normals: Array) -> Array:
+    """How much normals turn along facets (k,), the most along an edge, over its length."""
+    dim = corners.shape[1]
+    found = np.zeros(len(corners))
+    for i in range(dim if dim == 3 else 1):
+        j = (i + 1) % dim
+        turn = np.linalg.norm(normals[:, j] - normals[:, i], axis=1)
+        length = np.linalg.norm(corners[:, j] - corners[:, i], axis=1)
+        found = np.maximum(found, turn / length)
+    return found
