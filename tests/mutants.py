@@ -43,6 +43,7 @@ ROOMS = {
             *("law", "coulomb", "status", "table_of_laws", "anisotropic", "compliant"),
             *("compiled_law", "friction_limits", "more_friction", "own_law", "interfaces"),
             *("adhesion_in_time", "adhesion_recovers", "nonlocal", "core_in_small"),
+            "roots_in_small",
         ],
     ),
     "compiler": (["laws/compiled.py"], ["compiled_law", "law"]),
@@ -53,7 +54,7 @@ ROOMS = {
             *("sliding_revolution", "core_in_small"),
             *("rigid_body", "true_surface", "two_faces", "small_sliding", "held_ends"),
             *("curved_friction", "given_normals", "doubled_nodes", "common_points", "overlap"),
-            *("points_in_small", "planes_of_symmetry"),
+            *("points_in_small", "planes_of_symmetry", "faces_in_small"),
         ],
     ),
     "equations": (
@@ -61,7 +62,7 @@ ROOMS = {
         [
             *("kinematics", "parametric", "checks", "law", "own_law", "more_friction"),
             *("curved_friction", "rigid_body", "pair", "nonlocal", "planes_of_symmetry"),
-            *("messages", "core_in_small"),
+            *("messages", "core_in_small", "equations_in_small"),
         ],
     ),
     "reduced": (
@@ -80,7 +81,7 @@ ROOMS = {
         ],
         [
             *("affine", "rays", "linear_triangle", "proved_rays", "continuation", "kinked_data"),
-            *("kink_starts", "paths_in_small"),
+            *("kink_starts", "paths_in_small", "pieces_in_small", "steps_in_small"),
         ],
     ),
     "evolution": (
@@ -88,7 +89,7 @@ ROOMS = {
         [
             *("evolution", "slip_memory", "increments", "sliding_steps", "at_rest", "motion"),
             *("motion_data", "motion_solver", "friction_from_zero", "arc_length", "jumps"),
-            *("motion_laws", "paths_in_small"),
+            *("motion_laws", "paths_in_small", "energies_in_small"),
         ],
     ),
 }

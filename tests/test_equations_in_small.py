@@ -12,13 +12,22 @@ from scipy.spatial.transform import Rotation
 
 import ufl
 from dolfinx import fem
+from dolfinx.fem.petsc import assemble_matrix
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody, Sphere
+from dolfinx_contact.equations import parametric
+from dolfinx_contact.equations.arguments import check
+from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Measures, Scales, _row_measures
+from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
-from dolfinx_contact.equations.sliding import _of_law, _on_master, _Pieces
+from dolfinx_contact.equations.scaling import automatic_augmentation, softness
+from dolfinx_contact.equations.sliding import SlidingTerms, _of_law, _on_master, _Pieces
+from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.equations.touching import _within, bring_together, touching
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
-from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
+from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
 
@@ -168,6 +177,7 @@ def test_forces_on_bodies_that_have_turned(dim):
     pushes = rigid.conjugate(q, rows)
     h = 1e-6
     for change in np.eye(rigid.size)[part]:
+
         def places(sign, change=change):
             values = rigid.of_body(q + sign * h * change, ball)
             vector = np.pad(values[dim:], (3 - len(values[dim:]), 0))
@@ -259,9 +269,7 @@ def test_measures_of_contact_rows():
 @pytest.mark.parametrize("settled", [False, True])
 def test_measures_of_a_state(settled):
     """Each the largest of its kind over its scale, and scales do not shrink."""
-    s, found = contact_at(
-        [[0.0, 1.0]], [0.25], [[0.0, 8.0]], [STICK], [2.0], [0.5]
-    )
+    s, found = contact_at([[0.0, 1.0]], [0.25], [[0.0, 8.0]], [STICK], [2.0], [0.5])
     fixed = np.array([True, False, False])
     eq = SimpleNamespace(
         comm=COMM,
@@ -368,9 +376,7 @@ def test_derivatives_at_pieces_of_faces():
     by_gap, by_slip = rng.normal(size=(p, a, dim)), rng.normal(size=(p, a, dim, dim))
     weighted, along = rng.normal(size=(p, q, a)), rng.normal(size=(p, q, 1, dim, e))
     slopes, t = rng.normal(size=(p, q, b, e)), rng.normal(size=(p, q, dim))
-    facing = SimpleNamespace(
-        weighted=weighted, along=along, rays=SimpleNamespace(slopes=slopes)
-    )
+    facing = SimpleNamespace(weighted=weighted, along=along, rays=SimpleNamespace(slopes=slopes))
     shape = np.broadcast_to(along, (p, q, a, dim, e))
     expected = np.einsum("pai,pqa,pqcj->paicj", by_gap, weighted, gaps)
     expected += np.einsum("paik,pqa,pqake,pqecj->paicj", by_slip, weighted, shape, places)
@@ -378,3 +384,356 @@ def test_derivatives_at_pieces_of_faces():
     np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
     expected = np.einsum("pqbe,pqi,pqecj->pbicj", slopes, t, places)
     np.testing.assert_allclose(_on_master(facing, t, places), expected, rtol=1e-11, atol=1e-12)
+
+
+# -- parts of a problem ---------------------------------------------------------------------------
+
+
+def test_how_far_data_move_a_body_to_its_floor():
+    """By what they prescribe beyond where the body is; half of it is expected to close."""
+    eq = block(n=2, top=(0.004, -0.01)).equations
+    (s,) = eq.surfaces
+    still = np.zeros_like(eq.bulk.displacement.x.array)
+    assert eq.constraints.approach(s, still.reshape(-1, 2)) == pytest.approx(0.01)
+    assert eq.reach(s, still) == pytest.approx(0.005)
+    partly = np.tile([0.3, -0.004], (len(still) // 2, 1))
+    assert eq.constraints.approach(s, partly) == pytest.approx(0.006)
+    above = np.tile([0.3, -0.02], (len(still) // 2, 1))
+    assert eq.constraints.approach(s, above) == 0.0
+
+
+@pytest.mark.parametrize(("off", "times"), [(0.0, 0), (1e-13, 0), (1e-3, 1)])
+def test_conditions_that_contradict_each_other_are_said_once(off, times, caplog):
+    """The first place of all, and what holds; not of round-off."""
+    domain = box(COMM, 2, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    along = fem.locate_dofs_topological(V.sub(1), 1, facets(domain, 1, 1.0))
+    bcs = [
+        fem.dirichletbc(np.array([0.0, -0.5]), top, V),
+        fem.dirichletbc(-0.5 + off, along, V.sub(1)),
+    ]
+    floor = HalfSpace((0.0, -1.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    for _ in range(2):
+        problem.equations.constraints.check_values([surface], 1.0)
+    said = [r.message for r in caplog.records if "contradict" in r.message]
+    assert len(said) == (times if COMM.rank == 0 else 0)
+    for message in said:
+        assert message == (
+            "two Dirichlet conditions contradict each other: component y at (0, 1) is -0.5 and "
+            "-0.499; the later one of the list, -0.499, holds (the first of 3 such components)"
+        )
+
+
+def test_a_surface_whose_nodes_are_all_clamped_is_refused():
+    with pytest.raises(ValueError, match="clamp every contact node"):
+        block(n=2, where=lambda domain: facets(domain, 1, 1.0))
+
+
+def test_conditions_of_another_mesh_are_refused():
+    domain, other = (box(COMM, 2, "tri") for _ in range(2))
+    spaces = [fem.functionspace(d, ("Lagrange", 1, (2,))) for d in (domain, other)]
+    u = fem.Function(spaces[0])
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    held = fem.locate_dofs_topological(spaces[1], 1, facets(other, 1, 1.0))
+    bc = fem.dirichletbc(np.zeros(2), held, spaces[1])
+    with pytest.raises(ValueError, match="mesh"):
+        check(energy, u, [surface], [bc])
+
+
+def test_forces_that_are_round_off():
+    """A part of stiffness times motion; of bodies that are not linear of moduli as well."""
+    known = SimpleNamespace(stiffness_scale=10.0, body_size=4.0, bulk=SimpleNamespace(linear=True))
+    of = ContactEquations.round_off_force
+    assert of(known, 0.5) == pytest.approx(10 * 0.5e-4)
+    known.bulk.linear = False
+    assert of(known, 0.5) == pytest.approx(10 * 0.5e-4)
+    assert of(known, 0.1) == pytest.approx(10 * 4e-5)
+
+
+def test_resultants_and_what_is_anywhere():
+    known = SimpleNamespace(comm=COMM, dim=2, axisymmetric=False)
+    f = np.array([[1.0, 2.0], [3.0, -5.0]])
+    np.testing.assert_allclose(
+        ContactEquations.resultant(known, f), COMM.size * np.array([4.0, -3.0])
+    )
+    known.axisymmetric = True
+    np.testing.assert_allclose(
+        ContactEquations.resultant(known, f), COMM.size * np.array([0.0, -3.0])
+    )
+    last = COMM.rank == COMM.size - 1
+    assert ContactEquations._any(known, np.zeros(3), np.array([0.0, float(last)])) is True
+    assert ContactEquations._any(known, np.zeros(3), np.zeros(0)) is False
+    for here, anywhere in ((PLUS if last else OPEN, True), (OPEN, False)):
+        codes = [np.array([OPEN]), np.array([OPEN, here])]
+        assert ContactEquations.any_closed(known, codes) is anywhere
+
+
+def test_memories_of_other_surfaces_are_refused():
+    """By their number, their points and what they are of."""
+    eq = block(n=2).equations
+    (s,) = eq.surfaces
+    n = s.points.number
+    mine = Memory(np.zeros((n, 2)))
+    eq.remember([mine])
+    assert eq.memory == (mine,)
+    others = (
+        [],
+        [mine, mine],
+        [None, mine],
+        [Memory(np.zeros((n + 1, 2)))],
+        [Memory(np.zeros((n, 3)))],
+        [Memory(np.zeros((n, 2)), displacement=np.zeros((n, 2)))],
+        [Memory(np.zeros((n, 2)), place=np.zeros((n, 2)))],
+        [Memory(np.zeros((n, 2)), {"x": np.zeros(n + 1)})],
+    )
+    for other in others:
+        with pytest.raises(ValueError, match="the memory is that of other contact surfaces"):
+            eq.remember(other)
+        assert eq.memory == (mine,)
+    eq.remember([None])
+    assert eq.memory == (None,)
+
+
+@pytest.mark.parametrize("statuses", [None, [[PLUS, STICK, STICK]]])
+def test_points_with_nothing_opposite_are_open(statuses):
+    """Whatever their law would have, and multipliers that are removed carry nothing."""
+    absent = np.array([False, True, False])
+    asked = []
+
+    def law(jump, traction, data, codes):
+        asked.append((jump, traction, data, codes))
+        return SimpleNamespace(required=np.array([PLUS, PLUS, STICK]))
+
+    law.codes = (OPEN, STICK, PLUS)
+    kinematics = SimpleNamespace(jump="jump", data="data", operator=SimpleNamespace(absent=absent))
+    s = SimpleNamespace(
+        points=SimpleNamespace(traction=lambda m: m.reshape(3, 2)), law_at_points=law
+    )
+    removed = np.zeros((4, 2), dtype=bool)
+    removed[1] = True
+    known = SimpleNamespace(
+        blocks=lambda x: [np.zeros(2), np.arange(6.0), np.zeros(1)],
+        surfaces=[s],
+        constraints=SimpleNamespace(removed=[removed]),
+        owned_sizes=[2, 6, 1],
+        units=[1.0, 10.0, 1.0],
+        kinematics=lambda *_: kinematics,
+    )
+    codes = None if statuses is None else [np.array(c, dtype=np.int8) for c in statuses]
+    (found,) = ContactEquations._contact(known, None, None, None, codes)
+    traction = 10.0 * np.arange(6.0).reshape(3, 2)
+    traction[1] = 0.0
+    np.testing.assert_array_equal(found.traction, traction)
+    wanted = [PLUS, OPEN, STICK]
+    assert found.statuses.tolist() == wanted
+    kinematics.operator.absent = None
+    (found,) = ContactEquations._contact(known, None, None, None, codes)
+    assert found.statuses.tolist() == ([PLUS, PLUS, STICK] if statuses is None else statuses[0])
+    assert [a[3] is None for a in asked] == [statuses is None] * 2
+
+
+def test_what_answers_where_something_is_opposite():
+    """Elsewhere nothing, or what is said; of few that are covered it counts by their share."""
+    absent = np.array([True, False, False])
+    operator = SimpleNamespace(
+        absent=absent, share=np.array([0.5, 0.25, 1.0]), mean_around=lambda t: t + 4.0
+    )
+    rng = np.random.default_rng(3)
+    t, tau = rng.normal(size=(2, 3, 2))
+    by = rng.normal(size=(3, 2, 2))
+    answers = SimpleNamespace(
+        traction=lambda codes: tau,
+        by_jump=lambda codes: by,
+        by_traction=lambda codes: 2 * by,
+        spreading=None,
+    )
+    state = ContactState(SimpleNamespace(operator=operator), t, "codes", answers)
+    present = ~absent
+    np.testing.assert_array_equal(state.answer, np.where(present[:, None], tau, 0.0))
+    np.testing.assert_array_equal(state.by_jump, np.where(present[:, None, None], by, 0.0))
+    np.testing.assert_array_equal(state.by_traction, np.where(present[:, None, None], 2 * by, 0.0))
+    off = operator.share[:, None] * (t - state.answer) - 4.0 * (1 - operator.share)[:, None]
+    np.testing.assert_allclose(state.off, np.where(present[:, None], off, t), rtol=1e-12)
+    step = rng.normal(size=(3, 2))
+    along = np.einsum("nij,nj->ni", state.by_jump, step)
+    np.testing.assert_allclose(state.along(step), along)
+    operator.rate, operator.normal_rate = lambda v: step, lambda v: None
+    np.testing.assert_allclose(state.change(None), operator.share[:, None] * along)
+    operator.absent = operator.share = None
+    free = ContactState(SimpleNamespace(operator=operator), t, "codes", answers)
+    np.testing.assert_allclose(free.off, t - tau)
+    np.testing.assert_allclose(free.change(None), np.einsum("nij,nj->ni", by, step))
+
+
+@pytest.mark.parametrize("soft", [0.02, 0.18, 0.5, 0.9])
+def test_the_augmentation_of_a_soft_body(soft):
+    """It falls with the root of what counts as soft: below a half of the mean."""
+    problem = block(n=2)
+    K = problem.equations.bulk.stiffness(problem.u.x.array.copy())
+    scale, r, at_vertices = automatic_augmentation(K, soft, problem.V, problem.surfaces, 4.0)
+    _, full, same = automatic_augmentation(K, 1.0, problem.V, problem.surfaces, 4.0)
+    np.testing.assert_allclose(r[0], full[0] * np.sqrt(min(2 * soft, 1.0)), rtol=1e-12)
+    np.testing.assert_allclose(at_vertices[0], same[0])
+    s = problem.surfaces[0]
+    np.testing.assert_allclose(full[0], same[0] * s.points.vertex_areas / 4.0, rtol=1e-12)
+    diagonal = K.getDiagonal()
+    assert scale == pytest.approx(diagonal.sum() / diagonal.size)
+    mean = fem.Function(problem.V)
+    n = diagonal.local_size
+    mean.x.array[:n] = diagonal.array_r
+    mean.x.scatter_forward()
+    nodal = mean.x.array.reshape(-1, 2).mean(axis=1)[s.points.vertex_trace_dofs]
+    np.testing.assert_allclose(same[0], nodal / s.points.vertex_areas, rtol=1e-12)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
+def test_the_softness_of_an_isotropic_body_of_revolution(poisson):
+    """Of 2 mu, twice, and 3 lambda + 2 mu."""
+    domain = box(COMM, 2, "quad")
+    domain.geometry.x[:, 0] += 1.0
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    material = Axisymmetric(LinearElastic.from_young(1.0, poisson))
+    r = circumference(domain)
+    v = ufl.TestFunction(V)
+    form = ufl.derivative(ufl.derivative(r * material.energy(u) * ufl.dx, u, v), u)
+    K = petsc_matrix(form)
+    mu, lame = 1 / (2 * (1 + poisson)), poisson / ((1 + poisson) * (1 - 2 * poisson))
+    assert softness(K, V, axisymmetric=True) == pytest.approx(2 * mu / (2 * mu + lame), rel=1e-10)
+    K.scale(-1.0)
+    assert softness(K, V, axisymmetric=True) == 1.0
+    K.zeroEntries()
+    assert softness(K, V, axisymmetric=True) == 1.0
+
+
+def petsc_matrix(form):
+    K = assemble_matrix(fem.form(form))
+    K.assemble()
+    return K
+
+
+def test_a_body_that_hardly_yields_has_a_least_softness():
+    problem = block(n=1, poisson=0.5 - 1e-7)
+    assert softness(problem.equations.bulk.for_products, problem.V) == 1e-4
+
+
+@pytest.mark.parametrize(
+    ("factor", "taken"), [(9.0, False), (11.0, True), (0.12, False), (0.08, True)]
+)
+def test_scales_follow_a_body_that_becomes_much_stiffer(factor, taken):
+    """By more than ten times, or softer; a forced r stays."""
+    domain = box(COMM, 1, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    stiff = fem.Constant(domain, 1.0)
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = stiff * LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    bcs = [fem.dirichletbc(np.zeros(2), top, V)]
+    eq = ContactProblem(energy, u, [surface], bcs=bcs).equations
+    before = eq.stiffness_scale
+    r = surface.points.r.copy()
+    at = eq.scaling.at_vertices[0].copy()
+    stiff.value = factor
+    eq.bulk.stiffness(u.x.array.copy())
+    eq.scaling.follow(u.x.array.copy())
+    now = factor if taken else 1.0
+    assert eq.stiffness_scale == pytest.approx(now * before)
+    np.testing.assert_allclose(surface.points.r, now * r)
+    np.testing.assert_allclose(eq.scaling.at_vertices[0], now * at)
+    with eq.scaling.automatic():
+        np.testing.assert_allclose(surface.points.r, now * r)
+
+
+def test_which_problems_have_many_pieces(monkeypatch):
+    """In space those of more points than so many."""
+    monkeypatch.setattr(parametric, "_MANY_POINTS", 3)
+    for dim, number, many in ((3, 4, True), (3, 3, False), (2, 4, False)):
+        known = SimpleNamespace(equations=SimpleNamespace(dim=dim), _num_points=number)
+        assert ParametricEquations.has_many_pieces.fget(known) is many
+
+
+@pytest.mark.parametrize(
+    ("whole", "searches", "changed"), [(None, 3, False), (None, 2, True), ("all", 2, False)]
+)
+def test_when_places_of_sliding_faces_change(whole, searches, changed):
+    """With a search, unless all that may ever be opposite is known."""
+    known = SimpleNamespace(_faces=SimpleNamespace(whole=whole, searches=3), _searches=searches)
+    assert SlidingTerms.changed.fget(known) is changed
+
+
+# -- where a solve begins -------------------------------------------------------------------------
+
+
+def test_points_that_touch_at_first():
+    """Those within a limit stick, or slip where nothing can stick."""
+    for codes, touches in (((OPEN, STICK, PLUS), STICK), ((OPEN, PLUS), PLUS)):
+        s = SimpleNamespace(law_at_points=SimpleNamespace(codes=codes))
+        eq = SimpleNamespace(surfaces=[s, s])
+        gaps = [np.array([0.0, 0.5, 0.6]), np.array([-1.0, 0.2])]
+        found = _within(eq, gaps, [0.5, 0.1])
+        assert [f.tolist() for f in found] == [[touches, touches, OPEN], [touches, OPEN]]
+        assert found[0].dtype == np.int8
+
+
+def test_bodies_are_brought_to_what_they_press():
+    """Along their loads, until they touch; and points nearest to a loose body hold it."""
+    s = SimpleNamespace(law_at_points=SimpleNamespace(codes=(OPEN, STICK)))
+    x = PETSc.Vec().createWithArray(np.array([1.0, 2.0, 0.5, 0.25]), comm=MPI.COMM_SELF)
+    kinematics = SimpleNamespace(gap_rate=lambda step: -step)
+    state = SimpleNamespace(
+        q=np.array([0.5, 0.25]), u=np.zeros(2), surfaces=[SimpleNamespace(kinematics=kinematics)]
+    )
+    asked = []
+    rigid = SimpleNamespace(
+        size=2,
+        owned=2,
+        fixed=np.array([True, False]),
+        directions=lambda: np.array([0.0, 1.0]),
+        free_distances=lambda gaps, closing: asked.append((gaps, closing)) or np.array([3.0, 3.0]),
+        here=lambda v: v,
+        nearest=lambda gaps: [0.25],
+    )
+    eq = SimpleNamespace(
+        comm=MPI.COMM_SELF,
+        rigid=rigid,
+        surfaces=[s],
+        contact=lambda x: state,
+        gaps=lambda s, state: np.array([0.25, 0.2501, 0.5, 2.0]),
+        owned_sizes=[2, 2, 2],
+        relative_rate=lambda s, u, q, du, dq: dq,
+        body_size=2.0,
+        reach=lambda s, u: 0.01,
+        prescribed_motions=lambda: np.array([0.9, 7.0]),
+        as_possible=lambda codes: codes,
+    )
+    bring_together(eq, x)
+    np.testing.assert_allclose(x.array_r, [1.0, 2.0, 0.5, 3.25])
+    ((gaps, closing),) = asked
+    np.testing.assert_allclose(gaps[0], [0.25, 0.2501, 0.5, 2.0])
+    np.testing.assert_allclose(closing[0], [0.0, 1.0])
+    # A part of what data move it, and half of the prescribed motion of the rigid body.
+    for load, loose, codes in (
+        (1.0, 0, [0, 0, 0, 0]),
+        (2.0, 0, [1, 1, 0, 0]),
+        (1.0, 1, [1, 0, 0, 0]),
+        (1.0, 2, [1, 1, 0, 0]),
+        (1.0, 3, [1, 1, 1, 0]),
+        (1.0, 4, [1, 1, 1, 1]),
+        (1.0, 9, [1, 1, 1, 1]),
+    ):
+        eq.loose_motions = lambda found, loose=loose: int(found[0].sum()) < loose
+        found = touching(eq, load, state)
+        assert found[0].tolist() == codes
+    eq.rigid = SimpleNamespace(size=0)
+    eq.contact = None
+    bring_together(eq, x)
+    np.testing.assert_allclose(x.array_r, [1.0, 2.0, 0.5, 3.25])

@@ -4,8 +4,10 @@ What is found is compared with all states of all statuses, which are solved for 
 rows of Coulomb's law written out: w = (ut, un, rt, rn) of every point, S a - r = p + gamma q.
 """
 
+import importlib
 import itertools
-from dataclasses import replace
+import pkgutil
+from dataclasses import is_dataclass, replace
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -17,13 +19,18 @@ from textbook import coulomb_system
 
 from dolfinx_contact.continuation import Piece, System
 from dolfinx_contact.continuation import rays as rays_module
-from dolfinx_contact.continuation.affine import TOLERANCE
+from dolfinx_contact.continuation.affine import AffineSystem, largest
+from dolfinx_contact.continuation.branch import Departures
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.rays import (
     AffineRay,
     Rays,
+    _by_newton,
+    _far_end,
+    _other_end,
+    _random_state,
     distinct,
     outgoing,
     same_direction,
@@ -319,7 +326,7 @@ def test_branches_from_vertex_to_vertex(name, direction):
             assert s.parity == oracle.sign(old) * came * oracle.sign(new) * goes == 1
             assert (s.others, s.incoming, s.onwards, s.complete) == ((), None, None, False)
         # Between vertices the statuses that hold do not end; at them they do.
-        for (codes, dw, sense), (w, gamma), (w_1, gamma_1) in zip(rays, at, at[1:], strict=False):
+        for (codes, dw, _), (w, _), (w_1, _) in zip(rays, at, at[1:], strict=False):
             assert oracle.holds(codes, (w + w_1) / 2, 1e-9)
             if w_1 is not at[-1][0]:
                 assert not oracle.holds(codes, w_1 + 1e-4 * dw, 1e-9)
@@ -384,7 +391,7 @@ def test_branches_meet_where_two_points_change_at_once(F, load, rate, kinds, dir
         at = [numbers(points, p.y) for p in branch.points]
         assert branch.ending is Ending.REACHED
         for s in branch.special:
-            v, gamma = at[s.index]
+            v, _gamma = at[s.index]
             before, after = (ray_of(oracle, *at[s.index - k : s.index - k + 2]) for k in (1, 0))
             both = np.count_nonzero(before[0] != after[0])
             assert len(s.changes) == both
@@ -408,7 +415,9 @@ def test_branches_meet_where_two_points_change_at_once(F, load, rate, kinds, dir
             sign = oracle.sign(before[0]) * before[2] * oracle.sign(after[0]) * after[2]
             assert s.parity == sign
             # The rays as tangents, of what comes in and of all that goes out.
-            rays = [(np.append(dw, (3 * g, g)), r) for (dw, g), r in zip(others, others, strict=True)]
+            rays = [
+                (np.append(dw, (3 * g, g)), r) for (dw, g), r in zip(others, others, strict=True)
+            ]
             tangents = [s.onwards.tangent, *(r.tangent for r in s.others)]
             assert len(tangents) == len(rays)
             for t in tangents:
@@ -471,7 +480,7 @@ def test_starts_at_which_pieces_meet(sign):
         along = np.append(tangent, 3.0 * sign)
         scale = along @ along * 0.25
 
-        def closeness(dw):
+        def closeness(dw, along=along, scale=scale):
             v = np.append(dw, 3.0 * sign)
             return (v @ along / scale + 4.0) / np.sqrt(v @ v / scale + 4.0)
 
@@ -647,3 +656,385 @@ def test_how_far_a_state_may_go():
     assert along(0, 0, 0, 0, 5, -1.1e-10 * 5, 0, 0) == pytest.approx(0.3 / 5.5e-10)
     w[1, 1] = -0.2
     assert along(0, 0, 1, 0, 0, -1, 0, 0) == 0.0
+
+
+# -- cones ----------------------------------------------------------------------------------------
+
+
+def rays_of(oracle, w):
+    return [AffineRay(c, dw, g) for c, dw, g in oracle.rays(w)]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 5])
+def test_what_comes_in_along_a_ray_goes_out_along_another(seed):
+    """With any load added; and what came out, turned round, goes back."""
+    origin = np.zeros((2, 4))
+    oracle = random_oracle(seed, 2, 2.5)
+    cone = replace(oracle.system.tangent_cone(origin, 1e-10), load=np.zeros(4))
+    rays = rays_of(oracle, origin)
+    random = np.random.default_rng(seed)
+    for _ in range(3):
+        unfolded = replace(cone, load=random.standard_normal(4))
+        ends = [_other_end(unfolded, ray) for ray in rays]
+        numbers_of_ends = [
+            next(i for i, ray in enumerate(rays) if same_direction(ray, end)) for end in ends
+        ]
+        assert sorted(numbers_of_ends) == list(range(len(rays)))
+        assert all(numbers_of_ends[j] == i != j for i, j in enumerate(numbers_of_ends))
+        for end, i in zip(ends, numbers_of_ends, strict=True):
+            assert end.codes.tolist() == rays[i].codes.tolist()
+        # Any state of the branch has these two ends.
+        codes, w = _random_state(cone, [np.arange(4)] * 2, random)
+        through = replace(cone, load=np.einsum("nmk,mk->n", cone.matrix, w))
+        both = [_far_end(through.piece(codes), 0.0, sense) for sense in (1.0, -1.0)]
+        assert same_direction(both[0], _other_end(through, both[1]))
+        assert all(any(same_direction(r, end) for r in rays) for end in both)
+
+
+def test_states_that_are_drawn_at_random():
+    """Inside the cones of statuses that are allowed, of which all are drawn."""
+    oracle = random_oracle(0, 3, 0.3)
+    cone = oracle.system
+    choices = [np.array([OPEN, STICK]), np.array([PLUS]), np.array([STICK, PLUS, MINUS])]
+    random = np.random.default_rng(1)
+    drawn = set()
+    for _ in range(60):
+        codes, w = _random_state(cone, choices, random)
+        assert all(c in among for c, among in zip(codes, choices, strict=True))
+        assert oracle.holds(codes, w, 1e-12)
+        assert np.abs(w).max(axis=1).min() > 1e-6
+        drawn.add(tuple(codes))
+    assert len(drawn) == 6
+
+
+def test_how_many_unfoldings_there_are(monkeypatch):
+    """Six in a row that find nothing new; what is known before is not looked for."""
+    monkeypatch.setattr(rays_module, "MOST_PIECES", 0)
+    origin = np.zeros((1, 4))
+    oracle = Oracle([[2.0, 1.0], [1.0, 2.0]], np.zeros(2), (-2.5, -1.0), 3.0)
+    cone = oracle.system.tangent_cone(origin, 1e-10)
+    rays = rays_of(oracle, origin)
+    found = outgoing(cone, rays)
+    assert (found.method, len(found.rays)) == ("6 unfoldings of 1 points", 4)
+    # From nothing the first one finds two rays at least, and the others bring the rest.
+    monkeypatch.setattr(rays_module, "_by_newton", lambda *_: ())
+    numbers_known = []
+    every = rays_module.distinct
+
+    def counted(items, same):
+        kept = every(items, same)
+        numbers_known.append(len(kept))
+        return kept
+
+    monkeypatch.setattr(rays_module, "distinct", counted)
+    found = outgoing(cone)
+    assert len(found.rays) == 4
+    assert numbers_known[:2] == [0, 2]
+    assert numbers_known[-7:] == [4] * 7
+    assert numbers_known[-8] < 4
+    assert found.method == f"{len(numbers_known) - 1} unfoldings of 1 points"
+
+
+def test_rays_by_newtons_method():
+    """At either gamma, in statuses that are allowed."""
+    oracle = Oracle([[2.0, 1.0], [1.0, 2.0]], np.zeros(2), (1.0, 0.3), 0.5)
+    cone = oracle.system
+    rays = rays_of(oracle, np.zeros((1, 4)))
+    for choices in ([np.arange(4)], [np.array([OPEN, PLUS])]):
+        found = list(_by_newton(cone, choices))
+        assert {r.rate for r in found} == {1.0, -1.0}
+        for r in found:
+            assert any(same_direction(r, ray) for ray in rays)
+
+
+def test_a_status_that_is_not_allowed_has_no_rays():
+    """Points that may be open alone come back from where they are at their border, and no more."""
+    oracle = random_oracle(2, 3, 0.5)
+    w = np.zeros((3, 4))
+    cone = oracle.system.tangent_cone(w, 1e-10)
+    for forbidden in (1, 2):
+        allowed = cone.allowed.copy()
+        allowed[:forbidden, [STICK, PLUS, MINUS]] = False
+        found = outgoing(replace(cone, allowed=allowed))
+        expected = [r for r in oracle.rays(w) if (r[0][:forbidden] == OPEN).all()]
+        assert len(found.rays) == len(expected)
+        for r in found.rays:
+            assert any(
+                g == r.rate and np.abs(dw - r.direction).max() < 1e-6 for _, dw, g in expected
+            )
+        assert found.complete
+    nothing = replace(cone, allowed=np.zeros_like(cone.allowed))
+    found = outgoing(nothing)
+    assert (found.complete, found.rays) == (False, ())
+    assert "a point is in no cone" in found.method
+
+
+def test_the_only_piece_of_a_state_has_two_rays():
+    """Where every point is inside its status, and they are regular."""
+    oracle = random_oracle(1, 2, 0.5)
+    w = np.array([[0.3, 0.0, -0.35, 0.7], [-0.1, 0.4, 0.0, 0.0]])
+    found = outgoing(oracle.system.tangent_cone(w, 1e-10))
+    assert (found.complete, found.method) == (True, "enumeration of 1 pieces")
+    (up, down) = sorted(found.rays, key=lambda r: -r.rate)
+    dw = oracle.state(np.array([PLUS, OPEN]), oracle.rate)
+    np.testing.assert_allclose(up.direction, dw, atol=1e-12)
+    np.testing.assert_allclose(down.direction, -dw, atol=1e-12)
+
+
+def test_pieces_that_hold_more_than_rays():
+    """A point that nothing holds along its floor, nor loads there: it may be anywhere."""
+    oracle = Oracle(np.diag([0.0, 1.0]), np.zeros(2), (0.0, 1.0), 0.5)
+    cone = oracle.system.tangent_cone(np.zeros((1, 4)), 1e-10)
+    found = outgoing(cone)
+    assert not found.complete
+    assert found.method == "enumeration of 4 pieces, with continua between these"
+    assert [c.tolist() for c, _ in found.continua] == [[OPEN]]
+    for (code,), ends in found.continua:
+        assert len(ends) > 1
+        for ray in found.rays:
+            inside = oracle.holds([code], ray.direction, 1e-9)
+            assert any(ray is end for end in ends) == inside
+    # What is known is kept, though it lies in a continuum.
+    known = AffineRay(np.array([OPEN], dtype=np.int8), np.array([[0.0, 1.0, 0.0, 0.0]]), 1.0)
+    again = outgoing(cone, [known])
+    assert any(r is known for r in again.rays)
+    assert len(again.rays) == len(found.rays) + 1  # it is no edge
+
+
+def test_pieces_that_round_off_hides():
+    """What is too badly conditioned, or overflows, proves nothing; what is just regular is one."""
+    for small, words in ((1e-11, "too badly conditioned"), (1.5e-10, ""), (1e-3, "")):
+        oracle = Oracle(np.diag([1.0, small]), np.zeros(2), (1.0, small), 0.5)
+        cone = oracle.system.tangent_cone(np.zeros((1, 4)), 1e-10)
+        allowed = cone.allowed & (np.arange(4) == OPEN)
+        found = outgoing(replace(cone, allowed=allowed))
+        assert words in found.method
+        assert found.complete is (words == "")
+        if not words:
+            (ray,) = found.rays
+            assert ray.rate == 1.0
+            np.testing.assert_allclose(ray.direction, [[1.0, 1.0, 0.0, 0.0]], rtol=1e-5)
+    huge = Oracle(np.diag([1e-200, 1e-200]), np.zeros(2), (1e200, 1e200), 0.5)
+    found = outgoing(huge.system.tangent_cone(np.zeros((1, 4)), 1e-10))
+    assert not found.complete
+    assert found.method == "enumeration of 4 pieces, which overflowed"
+
+
+# -- pieces ---------------------------------------------------------------------------------------
+
+
+def test_pieces_next_to_one_another(monkeypatch):
+    """Brought up to date by the columns that change, of one point or of two."""
+    oracle = random_oracle(4, 3, 0.8)
+    system = oracle.system
+    codes = np.array([STICK, OPEN, PLUS], dtype=np.int8)
+    piece = system.piece(codes)
+    changes = [((0,), (MINUS,)), ((2,), (OPEN,)), ((0, 2), (PLUS, STICK)), ((1, 2), (STICK, MINUS))]
+    exact = []
+    for points, new in changes:
+        other = codes.copy()
+        other[list(points)] = new
+        exact.append(system.piece(other))
+    monkeypatch.setattr(AffineSystem, "piece", None)  # it is not made anew
+    for (points, new), known in zip(changes, exact, strict=True):
+        found = piece.neighbour(np.array(points), np.array(new, dtype=np.int8))
+        assert found.codes.tolist() == known.codes.tolist()
+        np.testing.assert_allclose(found.inverse, known.inverse, rtol=1e-9, atol=1e-11)
+        assert found.sign == known.sign == oracle.sign(known.codes)
+        for gamma in (0.0, -2.0):
+            expected = oracle.state(known.codes, oracle.load + gamma * oracle.rate)
+            np.testing.assert_allclose(found.at(gamma), expected, atol=1e-10)
+
+
+def test_singular_pieces_have_none_next_to_them():
+    """At the critical coefficient; near it the piece is made anew where an update would not do."""
+    S = np.array([[2.0, 1.0], [1.0, 2.0]])
+    critical = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0)
+    stick, slip = (np.array([c], dtype=np.int8) for c in (STICK, MINUS))
+    piece = critical.system.piece(stick)
+    assert critical.system.piece(slip) is None
+    assert piece.neighbour(np.array([0]), slip) is None
+    for off in (1e-3, 1e-6, 1e-9):
+        near = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0 + off)
+        found = near.system.piece(stick).neighbour(np.array([0]), slip)
+        exact = near.system.piece(slip)
+        assert found.sign == exact.sign == near.sign(slip)
+        np.testing.assert_allclose(found.inverse, exact.inverse, rtol=1e-3)
+    far = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0 + 1e-13)
+    assert far.system.piece(slip) is None
+    scaled = replace(critical.system, matrix=np.zeros_like(critical.system.matrix))
+    assert scaled.piece(stick) is None
+
+
+def test_slacks_of_a_piece():
+    """As functions of gamma what they are at a state; infinite where there are none."""
+    oracle = random_oracle(6, 2, 0.8)
+    codes = np.array([OPEN, STICK], dtype=np.int8)
+    piece = oracle.system.piece(codes)
+    s_0, s_1 = piece.slack_coefficients
+    for gamma in (0.0, 1.5):
+        w = piece.at(gamma)
+        found = oracle.system.slacks(codes, w)
+        there = np.isfinite(found)
+        np.testing.assert_array_equal(np.isfinite(s_0), there)
+        np.testing.assert_allclose((s_0 + gamma * s_1)[there], found[there], atol=1e-12)
+        assert np.isinf(found[~there]).all()
+        assert (found[~there] > 0).all()
+        for row, exact in zip(found, oracle.slacks(codes, w), strict=True):
+            signs = np.sign(np.sort(row[np.isfinite(row)]))
+            np.testing.assert_array_equal(signs, np.sign(np.sort(exact))[-len(signs) :])
+    assert there.sum(axis=1).tolist() == [1, 2]
+
+
+def test_newtons_method_of_pieces():
+    """It finds a solution, or says that it has none: where it comes round, or a piece is singular.
+
+    With a stiffness that is not positive definite there may be no solution at all.
+    """
+    for seed in range(8):
+        oracle = random_oracle(seed, 2, 0.4)
+        codes = oracle.system.solve(1.3, np.zeros(2, dtype=np.int8))
+        (expected,) = (c for c, _ in oracle.solutions(1.3))
+        assert codes.tolist() == expected.tolist()
+        assert codes.dtype == np.int8
+        assert oracle.system.solve(1.3, codes, max_iterations=1) is codes
+        other = (codes + 1) % 4
+        assert oracle.system.solve(1.3, other.astype(np.int8), max_iterations=1) is None
+    none = Oracle(np.diag([1.0, -1.0]), (0.0, 1.0), (0.0, 1.0), 0.5)
+    assert none.solutions(1.0) == []
+    for code in (OPEN, STICK, PLUS, MINUS):
+        assert none.system.solve(1.0, np.array([code], dtype=np.int8)) is None
+    singular = Oracle(np.zeros((2, 2)), (0.0, -1.0), (0.0, 1.0), 0.5).system
+    assert singular.solve(0.0, np.array([OPEN], dtype=np.int8)) is None
+    # A status that a point may not take it does not take.
+    oracle = Oracle(np.eye(2), (0.0, 1.0), (0.0, 0.0), 0.5)
+    held = replace(oracle.system, allowed=np.array([[False, True, True, True]]))
+    assert held.solve(0.0, np.array([STICK], dtype=np.int8)) is None
+
+
+def test_the_largest_of_numbers():
+    assert largest(np.array([[0.25, -0.5], [0.0, 0.3]])) == 0.5
+    assert largest(np.zeros((0, 2))) == 0.0
+    assert np.isnan(largest(np.array([1.0, np.nan])))
+
+
+# -- vertices -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("came", [1.0, -1.0])
+def test_the_way_on_that_is_followed(came):
+    """Of those that keep the sense of gamma the straightest; else the straightest of all."""
+    codes = np.array([STICK], dtype=np.int8)
+
+    def ray(rate, *numbers):
+        return AffineRay(codes, np.array([numbers]), rate)
+
+    before = ray(came, 1.0, 0.0)
+    straight, bent = ray(-came, 1.0, 0.1), ray(came, 0.1, 1.0)
+    sharp, still = ray(came, -1.0, 0.3), ray(0.0, 2.0, 0.01)
+    for rays, first in (
+        ((straight, bent, sharp), bent),
+        ((straight, sharp, bent), bent),
+        ((sharp, straight), sharp),
+        ((still, straight), still),
+        ((straight, still), still),
+        ((still, bent), bent),
+    ):
+        known = SimpleNamespace(
+            _piece=lambda codes: None,
+            _rays_onwards=lambda *_, rays=rays: Rays(rays, True, "all"),
+            _tangent=lambda w, gamma, r: r,
+            point=lambda w, gamma, r, length: SimpleNamespace(y="y", piece="there", tangent=r),
+            condensed=SimpleNamespace(piece=lambda codes: "piece", point=lambda i: (0, i)),
+        )
+        _, special, onwards = Pivoting.cross(known, np.zeros((1, 2)), 0.5, before, 1.0)
+        assert onwards is first
+        assert (special.kind, special.parity) == ("bifurcation", 0)
+        assert {id(r.tangent) for r in special.others} == {id(r) for r in rays} - {id(first)}
+        assert (special.onwards.tangent, special.incoming.tangent) == (first, before)
+
+
+@pytest.mark.parametrize("gamma_scale", [1e-6, 1.0, 1e6])
+def test_tangents_in_any_scale_of_gamma(gamma_scale):
+    """The way that they lead is found again from them."""
+    points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
+    x = points.vector(np.zeros((1, 4)), 0.0)
+    for direction, sense in (("increasing", 1.0), ("decreasing", -1.0)):
+        pivoting = points.pivoting(gamma_scale)
+        start = pivoting.start(x, 0.0, direction=direction)
+        assert start.tangent.array_r[-1] == pytest.approx(sense * gamma_scale, rel=1e-9)
+        found, rate = out_of(pivoting, start)
+        assert rate == sense
+        np.testing.assert_allclose(found, sense * np.array([[0.0, 0.0, -1.0, 0.0]]), atol=1e-12)
+
+
+class Moved(FewPoints):
+    """Lengths are those of displacements alone."""
+
+    def metric(self, x, out):
+        out.set(0.0)
+        out.array[:-1].reshape(-1, 4)[:, :2] = x.array_r[:-1].reshape(-1, 4)[:, :2]
+
+
+def test_the_first_motion_of_a_body_that_sticks():
+    """Under a constant load it gives no scale: what moves then counts as it is."""
+    points = Moved(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 2.0))
+    pivoting = points.pivoting(3.0)
+    x = points.vector(np.zeros((1, 4)), 0.0)
+    start = pivoting.start(x, 0.0, direction="decreasing")
+    assert pivoting.bordered.x_scale == 0.0
+    known = Known()
+    branch = pivoting.run(start, gamma_range=(-8.0, 8.0), record=known)
+    assert [s.x_scale for s in known.states] == [0.0, 1.0, 1.0, 1.0]
+    t = branch.points[1].tangent.array_r
+    np.testing.assert_allclose(t[:2], [-np.sqrt(2.0), 0.0], atol=1e-12)
+    direction, rate = out_of(pivoting, branch.points[1])
+    assert rate == 0.0
+    np.testing.assert_allclose(direction, t[None, :4], atol=1e-12)
+
+
+def test_a_branch_ends_where_its_range_does():
+    """At a vertex too, which is none of it then."""
+    points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
+    pivoting = points.pivoting()
+    x = points.vector(np.zeros((1, 4)), 0.0)
+    for direction, end in (("increasing", 0.5), ("decreasing", -0.5)):
+        start = pivoting.start(x, 0.0, direction=direction)
+        branch = pivoting.run(start, gamma_range=(-0.5, 0.5))
+        assert branch.ending is Ending.REACHED
+        assert ([p.gamma for p in branch.points], branch.special) == ([0.0, end], [])
+
+
+def test_ways_out_that_are_not_all_known(monkeypatch):
+    """Where none was found, and there may be some, the piece of the state has two."""
+    oracle = Oracle([[2.0, 1.0], [1.0, 2.0]], (-0.5, -1.0), (1.0, 0.0), 0.5)
+    points = FewPoints(oracle)
+    pivoting = points.pivoting()
+    w = np.array([[0.0, 0.0, 0.5, 1.0]])
+    x = points.vector(w, 0.0)
+    one = pivoting.departures(x, 0.0).points[:1]
+    for found, complete, number in (((), False, 2), ((), True, 0), (one, False, 1), (one, True, 1)):
+        departures = Departures(found, complete, "trial")
+        monkeypatch.setattr(pivoting, "_rays_out", lambda *_, d=departures: d)
+        known = pivoting.departures(x, 0.0)
+        assert (len(known.points), known.complete, known.method) == (number, complete, "trial")
+        assert all(p.step == 0.0 for p in known.points)
+
+
+# -- what is found --------------------------------------------------------------------------------
+
+GROWS = {"Branch", "Diagram", "Node", "History", "PathHistory"}
+CORE = "continuation", "equations", "evolution", "laws", "points", "reduced"
+
+
+@pytest.mark.parametrize("room", CORE)
+def test_what_is_found_does_not_change(room):
+    """Only what is followed grows; all else that is found is frozen, so that it may be shared."""
+    package = importlib.import_module(f"dolfinx_contact.{room}")
+    found = {}
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        for name, kind in vars(importlib.import_module(module.name)).items():
+            if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.name:
+                found[name] = kind.__dataclass_params__.frozen
+    assert found
+    assert {name for name, frozen in found.items() if not frozen} <= GROWS
