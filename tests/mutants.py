@@ -89,7 +89,7 @@ ROOMS = {
         [
             *("evolution", "slip_memory", "increments", "sliding_steps", "at_rest", "motion"),
             *("motion_data", "motion_solver", "friction_from_zero", "arc_length", "jumps"),
-            *("motion_laws", "paths_in_small", "energies_in_small"),
+            *("motion_laws", "paths_in_small", "energies_in_small", "evolution_in_small"),
         ],
     ),
 }

@@ -7,14 +7,21 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from blocks import block, box
 
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact.body.inertia import mass_matrix
 from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.evolution import through_times
+from dolfinx_contact.evolution import nscd, through_times
 from dolfinx_contact.evolution.energy import Energies, Forces, SurfaceForces, forces_at
+from dolfinx_contact.evolution.motion import Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.evolution.through_times import ThroughTimes, _closes, _Ended, _rate
 from dolfinx_contact.laws.status import OPEN, PLUS, STICK
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.solvers.history import ConvergenceError
 
 ALONE = MPI.COMM_SELF
@@ -458,3 +465,247 @@ def test_solutions_further_off():
     assert calls[-1] == (3.0, False)
     assert all(time < 3.0 for time, _ in calls[:-1])
     assert beyond(lambda time, guess: guess is None and time > 1.6, last=3.0) is None
+
+
+# -- steps of a motion ----------------------------------------------------------------------------
+
+
+def test_methods_that_work():
+    """Their settings, and what does not go together."""
+    found = nscd._method("theta", 0.5, "velocity", "lumped", 0.25)
+    assert found == Method("theta", 0.5, "velocity", 0.25, False)
+    assert nscd._method("theta", 1, "position", "redistributed", 0).massless
+    for wrong, words in (
+        (("euler", 0.5, "position", "lumped", 0.0), "scheme is 'euler'"),
+        (("theta", 0.5, "speed", "lumped", 0.0), "level is 'speed'"),
+        (("theta", 0.5, "position", "none", 0.0), "mass is 'none'"),
+        (("theta", 0.49, "position", "lumped", 0.0), "theta must be between 0.5 and 1"),
+        (("theta", 1.01, "position", "lumped", 0.0), "theta must be between 0.5 and 1"),
+        (("theta", 0.5, "velocity", "lumped", -0.1), "restitution must be between 0 and 1"),
+        (("theta", 0.5, "velocity", "lumped", 1.1), "restitution must be between 0 and 1"),
+        (("theta", 0.5, "position", "lumped", 0.1), "restitution is about velocities"),
+        (("theta", 0.5, "velocity", "redistributed", 0.0), "a node needs mass"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            nscd._method(*wrong)
+    assert nscd._method("theta", 1.0, "velocity", "lumped", 1.0).restitution == 1.0
+
+
+def test_what_a_motion_cannot_have():
+    """A rigid body that is free, and laws of positions at the level of velocities."""
+
+    def problem(fixed=(True,), **kinds):
+        law = SimpleNamespace(compliant=kinds.get("compliant", False))
+        compiled = SimpleNamespace(bonded=kinds.get("bonded", False))
+        s = SimpleNamespace(
+            name="floor",
+            law=law,
+            law_at_points=SimpleNamespace(compiled=compiled),
+            displaced=kinds.get("displaced"),
+            slides=kinds.get("slides", False),
+        )
+        rigid = SimpleNamespace(fixed=np.array(fixed))
+        return SimpleNamespace(equations=SimpleNamespace(rigid=rigid), surfaces=[s])
+
+    for level in ("position", "velocity"):
+        nscd._check_problem(problem(), level)
+        with pytest.raises(ValueError, match="has no mass here"):
+            nscd._check_problem(problem((True, False)), level)
+    for kinds, words in (
+        ({"compliant": True}, "a compliant law"),
+        ({"bonded": True}, "adhesion"),
+        ({"displaced": "curved"}, "on a curved obstacle"),
+        ({"slides": True}, "between bodies"),
+    ):
+        nscd._check_problem(problem(**kinds), "position")
+        with pytest.raises(ValueError, match=f"floor: .*{words}"):
+            nscd._check_problem(problem(**kinds), "velocity")
+
+
+def test_factors_of_damping():
+    domain = box(MPI.COMM_WORLD, 1, "tri")
+    a, vector = fem.Constant(domain, 0.5), fem.Constant(domain, np.ones(2))
+    assert nscd._rayleigh((a, 2)) == (0.5, 2.0)
+    assert nscd._rayleigh((0, 0.0)) == (0.0, 0.0)
+    assert nscd._described((a, 2), None) == "(0.5, 2)"
+    assert nscd._described(None, None) == "None"
+    for wrong in (3.0, (1.0,), (1.0, "x"), (vector, 1.0), (1.0, 2.0, 3.0)):
+        with pytest.raises(ValueError, match="a form or a pair"):
+            nscd._rayleigh(wrong)
+    for wrong in ((-1.0, 0.0), (0.0, -1.0), (np.inf, 0.0), (0.0, np.nan)):
+        with pytest.raises(ValueError, match="must not be negative"):
+            nscd._rayleigh(wrong)
+
+
+def test_rayleighs_damping():
+    """A times the mass and b times the stiffness; a wind is what acts at no velocity."""
+    problem = block(n=1)
+    velocity = fem.Function(problem.V)
+    K = problem.equations.bulk.stiffness(problem.u.x.array.copy()).copy()
+    n = K.getLocalSize()[0]
+    M = mass_matrix(problem.V, 3.0, "consistent", np.zeros(n, dtype=bool))
+    C, wind = nscd._damping(problem, velocity, 3.0, (0.5, 2.0))
+    assert wind is None
+    off = C.copy()
+    off.axpy(-0.5, M)
+    off.axpy(-2.0, K)
+    assert off.norm() < 1e-13 * C.norm()
+    assert nscd._damping(problem, velocity, 3.0, None) == (None, None)
+    v = ufl.TestFunction(problem.V)
+    drag = ufl.inner(velocity - ufl.as_vector([1.0, 0.0]), v) * ufl.dx
+    C, wind = nscd._damping(problem, velocity, 3.0, drag)
+    M = mass_matrix(problem.V, 1.0, "consistent", np.zeros(n, dtype=bool))
+    C.axpy(-1.0, M)
+    assert C.norm() < 1e-13 * M.norm()
+    force = fem.assemble_vector(fem.form(wind))
+    assert MPI.COMM_WORLD.allreduce(force.array[:n].sum()) == pytest.approx(-1.0)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "theta", "before", "off", "times"),
+    [
+        ("theta", 0.5, 1.0, -1.0, 3),
+        ("theta", 0.5, 1.0, -1.05, 3),
+        ("theta", 0.5, 1.0, -1.2, 0),
+        ("theta", 0.5, 1.0, 1.0, 0),
+        ("theta", 0.6, 1.0, -1.0, 0),
+        ("theta-euler", 0.5, 1.0, -1.0, 0),
+        ("modified-theta", 0.505, 1.0, -1.0, 3),
+        ("theta", 0.5, 0.005, -0.005, 0),
+        ("theta", 0.5, None, -1.0, 0),
+    ],
+)
+def test_velocities_that_turn_from_step_to_step(scheme, theta, before, off, times, caplog):
+    """About those of the data: what lasts has the other sign, and matters; it is said once."""
+    held = np.array([True, False, True])
+    turns = None if before is None else (np.array([before, 0.0, 0.0]), 2)
+    state = SimpleNamespace(motion=SimpleNamespace(u=np.zeros(3)), turns=turns)
+    stepper = SimpleNamespace(
+        _held=lambda: held,
+        problem=SimpleNamespace(equations=SimpleNamespace(comm=ALONE)),
+        _warned=False,
+        _worst=lambda *_: "words",
+    )
+    mean = 2.0 if before != 0.005 else 1.0
+    b = SimpleNamespace(u=0.5 * mean * np.ones(3), v=mean + np.array([off, 7.0, 0.0]))
+    taken = SimpleNamespace(length=0.5, scheme=scheme, theta=theta)
+    found, number = MotionStepper._turns(stepper, state, b, taken)
+    np.testing.assert_allclose(found, [off, 0.0, 0.0])
+    assert number == times
+    said = [r.message for r in caplog.records if "change from step to step" in r.message]
+    assert len(said) == (times == 3)
+    assert stepper._warned is (times == 3)
+    MotionStepper._turns(stepper, state, b, taken)
+    assert len([r for r in caplog.records if "change from step" in r.message]) == len(said)
+
+
+@pytest.mark.parametrize("massless", [True, False])
+@pytest.mark.parametrize("level", ["position", "velocity"])
+def test_what_laws_see_of_the_start_of_a_step(massless, level):
+    """Jumps at the origin of a step, and at the level of velocities where points have to close."""
+    rng = numbers(7)
+    n = np.tile([0.0, -1.0], (M, 1))
+    risen, un = np.array([0.1, 0.2, 0.0]), np.array([0.5, -0.3, 0.02])
+    jump, moved = rng.normal(size=(2, M, DIM))
+    seen = []
+
+    def kinematics(s, origin, q):
+        seen.append((origin, q))
+        operator = SimpleNamespace(rate=lambda v: moved)
+        return SimpleNamespace(jump=jump, whole=2 * jump, place=None, operator=operator)
+
+    surface = SimpleNamespace(
+        slides=False,
+        law=SimpleNamespace(creeps=True),
+        points=SimpleNamespace(data=SimpleNamespace(n=n, gap=1.0 + risen)),
+    )
+    eq = SimpleNamespace(
+        surfaces=[surface],
+        remember=lambda known: None,
+        rigid=SimpleNamespace(given=np.array([1.0])),
+        kinematics=kinematics,
+        relative=lambda s, u, q: u,
+        body_size=3.0,
+        owned_sizes=[N],
+        dim=DIM,
+    )
+    a = SimpleNamespace(u=np.ones(N), v=np.ones(N), gaps=(np.ones(M),), un=(un,))
+    accepted = SimpleNamespace(motion=a, memory=[Memory(np.zeros((M, DIM)), {"x": np.arange(3.0)})])
+    taken = SimpleNamespace(
+        length=0.5, gain=0.75, share=0.8, seen=lambda u, origin: 10 * u + origin
+    )
+    stepper = SimpleNamespace(
+        problem=SimpleNamespace(equations=eq),
+        _body=SimpleNamespace(origin=np.full(N, 2.0)),
+        _method=Method("theta", 0.75, level, 0.5, massless),
+    )
+    (found,) = MotionStepper._seen(stepper, accepted, taken, np.array([4.0]))
+    gain = 1 / 0.8 if massless else 0.75
+    ((origin, q),) = seen
+    np.testing.assert_allclose(origin, 12.0 if massless else 2.0)
+    np.testing.assert_allclose(q, [1.0 + (1 - gain) * 4.0])
+    np.testing.assert_allclose(found.jump, 2 * jump)
+    assert found.step == pytest.approx(0.5 * gain)
+    np.testing.assert_array_equal(found.fields["x"], np.arange(3.0))
+    if level == "position":
+        assert found.gap is None
+        return
+    opening = risen + moved[:, 1]
+    closes = -jump[:, 1] + 0.75 * risen + 0.5 * 0.75 * opening
+    active = un + opening / 2 <= 0
+    assert set(active) == {True, False}
+    np.testing.assert_allclose(found.gap, np.where(active, closes, closes + 3e6))
+    surface.law.creeps = False
+    (found,) = MotionStepper._seen(stepper, accepted, taken, np.array([4.0]))
+    assert found.step == 0.5
+
+
+def test_starts_that_are_refused():
+    """Within an obstacle, off what is prescribed, or with a velocity where nothing moves."""
+    surface = SimpleNamespace(name="floor", law=SimpleNamespace(compliant=False))
+    eq = SimpleNamespace(
+        comm=ALONE,
+        surfaces=[surface],
+        body_size=2.0,
+        prescribed=SimpleNamespace(values=lambda: np.array([[0.5, 0.0], [0.0, 0.0]])),
+    )
+    told = []
+
+    def worst(off, tolerance, found, wanted):
+        told.append((off.copy(), tolerance))
+        return "there" if off.max() > tolerance else ""
+
+    u = np.array([0.5, 0.0, 3.0, 4.0])
+    stepper = SimpleNamespace(
+        problem=SimpleNamespace(equations=eq, u=SimpleNamespace(x=SimpleNamespace(array=u))),
+        _held=lambda: np.array([True, True, False, False]),
+        _worst=worst,
+    )
+    for gap, good in ((-1.9e-9, True), (-2.1e-9, False)):
+        state = SimpleNamespace(
+            surfaces=[SimpleNamespace(kinematics=SimpleNamespace(gap=np.array([1.0, gap])))]
+        )
+        surface.law.compliant = False
+        if good:
+            MotionStepper._require_no_penetration(stepper, state)
+        else:
+            with pytest.raises(ValueError, match=r"floor: at the start .* by up to 2.1e-09"):
+                MotionStepper._require_no_penetration(stepper, state)
+        surface.law.compliant = True
+        MotionStepper._require_no_penetration(stepper, state)
+    MotionStepper._require_held(stepper)
+    np.testing.assert_allclose(told[-1][0], 0.0)
+    assert told[-1][1] == pytest.approx(4e-6 + 2e-9)
+    u[1] = 1e-3
+    with pytest.raises(ValueError, match="is not what Dirichlet data prescribe: there"):
+        MotionStepper._require_held(stepper)
+    np.testing.assert_allclose(told[-1][0], [0.0, 1e-3, 0.0, 0.0])
+    a = SimpleNamespace(u=np.array([0.4, 1.9e-9, 0.0, 0.0]), v=np.array([1.0, 1e-7, 9.0, -10.0]))
+    MotionStepper._require_speed(stepper, a)
+    np.testing.assert_allclose(told[-1][0], [0.0, 1e-7, 0.0, 0.0])
+    assert told[-1][1] == pytest.approx(1e-5)
+    a.v[1] = 1e-3
+    with pytest.raises(ValueError, match="the velocity at the start is against Dirichlet data"):
+        MotionStepper._require_speed(stepper, a)
+    a.u[1] = 2.1e-9  # it moves there
+    MotionStepper._require_speed(stepper, a)

@@ -18,6 +18,16 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, 
 from dolfinx_contact.equations import parametric
 from dolfinx_contact.equations.arguments import check
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.given_data import (
+    Constancy,
+    Datum,
+    GivenData,
+    check_law,
+    check_turn,
+    not_finite,
+    numbers_of,
+)
+from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.measures import Measures, Scales, _row_measures
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
@@ -25,6 +35,7 @@ from dolfinx_contact.equations.scaling import automatic_augmentation, softness
 from dolfinx_contact.equations.sliding import SlidingTerms, _of_law, _on_master, _Pieces
 from dolfinx_contact.equations.state import ContactState
 from dolfinx_contact.equations.touching import _within, bring_together, touching
+from dolfinx_contact.laws import Internal
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
 from dolfinx_contact.points.memory import Memory
@@ -737,3 +748,227 @@ def test_bodies_are_brought_to_what_they_press():
     eq.contact = None
     bring_together(eq, x)
     np.testing.assert_allclose(x.array_r, [1.0, 2.0, 0.5, 3.25])
+
+
+# -- data -----------------------------------------------------------------------------------------
+
+
+def test_a_part_of_what_is_prescribed():
+    """From a start on while it is ramped; all of it before and after."""
+    eq = block(n=1, top=(0.5, -0.25)).equations
+    given = eq.prescribed
+    fixed = eq.constraints.fixed
+    whole = np.where(fixed, [0.5, -0.25], 0.0)
+    np.testing.assert_allclose(given.values(), whole)
+    start = np.full(fixed.shape, 2.0)
+    with given.ramped(start):
+        start[:] = 99.0
+        for part in (0.0, 0.25, 1.0):
+            given.part = part
+            np.testing.assert_allclose(given.values(), np.where(fixed, 2 + part * (whole - 2), 0.0))
+        given.part = 0.5
+    assert given.part == 1.0
+    np.testing.assert_allclose(given.values(), whole)
+    given.unknowns = lambda values: 3 * values + 1
+    np.testing.assert_allclose(given.values(), np.where(fixed, 3 * whole + 1, 0.0))
+    for bc in given.conditions:
+        values = np.full(fixed.size, np.nan)
+        bc.set(values)
+        there = np.isfinite(values)
+        np.testing.assert_allclose(values[there], (3 * whole + 1).reshape(-1)[there])
+
+
+def law_of(fields, signs, internal=(), radius=0.0):
+    """A surface with a law of such fields."""
+    n = len(next(iter(fields.values())))
+    return SimpleNamespace(
+        name="floor",
+        comm=COMM,
+        memory=None,
+        points=SimpleNamespace(data=SimpleNamespace(fields=fields, n=np.zeros((n, 2)))),
+        law=SimpleNamespace(
+            name="Rubs", signs=signs, internal=internal, needs_time=(), lacks=lambda history: ""
+        ),
+        law_at_points=LawOf(radius),
+        point_data=None,
+    )
+
+
+class LawOf:
+    """Answers with a radius of friction; it knows no time."""
+
+    compiled = SimpleNamespace(needs_time=lambda step: False)
+
+    def __init__(self, radius):
+        self._radius = radius
+
+    def __call__(self, jump, traction, data):
+        return SimpleNamespace(unit_bound=np.full(len(jump), self._radius))
+
+
+@pytest.mark.parametrize(
+    ("sign", "values", "words"),
+    [
+        ("nonnegative", (0.0, 1.0), ""),
+        ("nonnegative", (0.5, -0.1), "floor: negative x of Rubs there"),
+        ("positive", (0.1, 1.0), ""),
+        ("positive", (0.0, 1.0), "floor: not positive: x of Rubs there"),
+        ("fraction", (0.0, 1.0), ""),
+        ("fraction", (0.0, 1.1), "floor: not between 0 and 1: x of Rubs there"),
+        ("any", (-5.0, 1.0), ""),
+        ("any", (np.nan, 1.0), "floor: NaN in the x of Rubs there"),
+        ("any", (np.inf, 1.0), "floor: NaN in the x of Rubs there"),
+    ],
+)
+def test_signs_of_what_a_law_is_given(sign, values, words):
+    s = law_of({"x": np.array(values)}, {"x": sign})
+    if words:
+        with pytest.raises(ValueError, match=words):
+            check_law(s, " there")
+    else:
+        check_law(s, " there")
+
+
+def test_variables_beyond_their_end_and_negative_radii():
+    """But for round-off of numbers of their size."""
+    for kind, value, good in (
+        ("grows", 100.0, True),
+        ("grows", 100.0 + 0.9e-12, True),
+        ("grows", 100.0 + 1.2e-12, False),
+        ("falls", 100.0, True),
+        ("falls", 100.0 - 1.2e-12, False),
+        ("falls", 300.0, True),
+        ("grows", -300.0, True),
+    ):
+        bond = Internal("x", kind, end=100.0)
+        s = law_of({"x": np.array([100.0, value])}, {}, (bond, Internal("y", "grows")))
+        if good:
+            check_law(s)
+        else:
+            with pytest.raises(ValueError, match="floor: x of Rubs is beyond its end 100"):
+                check_law(s)
+    for radius, good in ((0.0, True), (-0.9e-14, True), (-1.1e-14, False)):
+        s = law_of({"x": np.ones(2)}, {}, radius=radius)
+        if good:
+            check_law(s)
+        else:
+            with pytest.raises(ValueError, match="the law Rubs has a negative radius"):
+                check_law(s)
+
+
+def test_bodies_that_turn_by_half_a_turn_in_a_step():
+    """As they are prescribed, or as they are; from the last state on, or from none."""
+
+    def turned(fixed, numbers, values, before=None, displaced=True, friction=True):
+        body = SimpleNamespace(
+            name="wheel",
+            fixed=np.array(fixed),
+            values=np.array(values),
+            numbers=lambda: np.array(numbers),
+        )
+        s = SimpleNamespace(
+            name="rim",
+            comm=COMM,
+            dim=2,
+            rigid_body=body,
+            displaced=SimpleNamespace(friction=friction) if displaced else None,
+        )
+        check_turn(s, None if before is None else np.array(before))
+
+    held, free = [True, True, True], [True, True, False]
+    still, far = [9.0, 9.0, 0.0], [9.0, 9.0, 3.2]
+    turned(held, [9.0, 9.0, 3.1], far)
+    turned(held, [9.0, 9.0, -3.1], far)
+    turned(free, far, still)
+    turned(held, far, still, before=[0.0, 0.0, 1.0])
+    turned(held, far, still, displaced=False)
+    turned(held, far, still, friction=False)
+    check_turn(SimpleNamespace(rigid_body=None), None)
+    for how in (
+        (held, far, still),
+        (held, [0.0, 0.0, -3.2], still),
+        (free, still, far),
+        (held, still, still, [0.0, 0.0, 3.2]),
+    ):
+        with pytest.raises(ValueError, match=r"rim: the rigid body 'wheel' turns by 3.2 rad"):
+            turned(*how)
+
+
+def test_data_as_they_were():
+    """Which have changed, in what two agree, and how they are put back."""
+    domain = box(COMM, 1, "tri")
+    friction, height = fem.Constant(domain, 0.3), fem.Constant(domain, (0.0, 0.0))
+    floor = HalfSpace(height, (0.0, 1.0))
+    eq = block(domain=domain, law=Coulomb(friction), obstacle=floor).equations
+    first = GivenData(eq)
+    assert first.unchanged()
+    numbers = numbers_of(eq)
+    assert [0.3] in numbers
+    assert [0.0, 0.0] in numbers
+    friction.value = 0.4
+    assert not first.unchanged()
+    second = GivenData(eq)
+    assert second.unchanged()
+    assert first.agrees(second, [height])
+    assert not first.agrees(second, [friction])
+    assert first.agrees(second, [])
+    first.restore()
+    assert friction.value == 0.3
+    assert first.unchanged()
+    assert not_finite(eq, [Datum("a", height), Datum("b", friction)]) == ""
+    if COMM.rank == COMM.size - 1:
+        friction.value = np.nan
+    assert not_finite(eq, [Datum("a", height), Datum("b", friction)]) == "b"
+
+
+def test_functions_that_are_to_stay():
+    """By a part of their largest value, on whichever rank it changes."""
+    domain = box(COMM, 2, "tri")
+    f = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
+    f.x.array[:] = 4.0
+    stays = Constancy(COMM, [Datum("the heat", f), Datum("other", fem.Constant(domain, 0.0))])
+    last = COMM.rank == COMM.size - 1
+    f.x.array[0] += 3.9e-9 * last
+    assert stays.changed() == ""
+    f.x.array[0] += 1e-8 * last
+    assert stays.changed() == "the heat"
+    stays.restore()
+    np.testing.assert_array_equal(f.x.array, 4.0)
+
+
+# -- on other ranks -------------------------------------------------------------------------------
+
+
+class Other:
+    """The communicator of another rank, which all others agree with."""
+
+    rank = 1
+    size = 2
+
+    def allreduce(self, value, op=None):
+        return value
+
+    def allgather(self, value):
+        return [value, value]
+
+
+def test_unknowns_of_rigid_bodies_are_on_the_first_rank():
+    shape = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    body = RigidBody(shape, about=(1.0, 2.0), free=("x", "y", "rz"))
+    surface = SimpleNamespace(rigid_body=body, positions=np.zeros((1, 2)))
+    rigid = RigidBodies(SimpleNamespace(mesh=SimpleNamespace(comm=Other())), [surface], 1.0)
+    assert (rigid.size, rigid.owned, rigid.here(np.arange(3.0)).size) == (3, 0, 0)
+
+
+def test_places_of_columns_of_several_ranks():
+    """Those of this rank are known by their number, those of others are asked for once each."""
+    asked = []
+
+    def places(field, dofs):
+        asked.append((field, dofs.tolist()))
+        return 100 + dofs
+
+    columns = np.array([3, 9, 1, 6, 9, 7, 2, 4])
+    found = _Numbering.column_places(SimpleNamespace(dof_places=places), columns, (3, 7))
+    np.testing.assert_array_equal(found, 100 + columns)
+    assert asked == [(0, [3, 4, 5, 6, 1, 2, 7, 9])]

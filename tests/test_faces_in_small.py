@@ -579,3 +579,111 @@ def test_places_that_other_ranks_know(dim):
     assert np.isinf(nothing).all()
     assert (within(COMM, known[:0, :dim], wanted, 0.4) == 0).all()
     assert nearest(COMM, known, wanted[:0], dim).shape == (0, dim + 2)
+
+
+# -- rigid bodies ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("size", [1.0, 1e-5, 0.0])
+def test_motions_of_rigid_bodies(dim, size):
+    """Rotations of any angle, what moves with the body, and at what rate, by differences."""
+    rng = np.random.default_rng(dim)
+    along, turns = ["x", "y", "z"][:dim], ["rz"] if dim == 2 else ["rx", "ry", "rz"]
+    about = rng.normal(size=dim)
+    shape = HalfSpace(np.zeros(dim), np.eye(dim)[0])
+    body = RigidBody(shape, about=about, free=[*along, *turns])
+    k = len(body.components)
+    assert body.components == (*along, *turns) or list(body.components) == [*along, *turns]
+    values = np.concatenate([rng.normal(size=dim), size * rng.normal(size=k - dim)])
+    x = rng.normal(size=(4, dim))
+
+    def matrix(values):
+        return Rotation.from_rotvec(np.pad(values[dim:], (3 - (k - dim), 0))).as_matrix()[
+            :dim, :dim
+        ]
+
+    Q = matrix(values)
+    np.testing.assert_allclose(body.frame(values), Q, atol=1e-14)
+    now = about + values[:dim] + (x - about) @ Q.T
+    np.testing.assert_allclose(body.carried(x, values), now - x, atol=1e-13)
+    np.testing.assert_allclose(body.seen(now, values), x, atol=1e-13)
+    change = rng.normal(size=k)
+    h = 1e-6
+
+    def carried(step):
+        return x + body.carried(x, values + step * change)
+
+    difference = (carried(h) - carried(-h)) / (2 * h)
+    np.testing.assert_allclose(body.rate(now, values, change), difference, atol=1e-8)
+    spin = body.spin(values) @ change[dim:]
+    dQ = (matrix(values + h * change) - matrix(values - h * change)) / (2 * h)
+    v = rng.normal(size=(4, dim))
+    np.testing.assert_allclose(body.crossed(spin, v), v @ (dQ @ Q.T).T, atol=1e-8)
+    # Small motions, and the forces that do work on them.
+    field = body.field(x, change)
+    none = np.zeros(k)
+    difference = (body.carried(x, none + h * change) - body.carried(x, none - h * change)) / (2 * h)
+    np.testing.assert_allclose(field, difference, atol=1e-8)
+    forces = rng.normal(size=x.shape)
+    assert body.resultant(x, forces) @ change == pytest.approx(np.sum(forces * field))
+    moved = rng.normal(size=dim)
+    np.testing.assert_allclose(body.resultant(x + moved, forces, moved), body.resultant(x, forces))
+
+
+def test_which_components_a_free_motion_moves():
+    """All but those of a point on the axis of what turns alone."""
+    shape = HalfSpace((0.0, 0.0), (1.0, 0.0))
+    x = np.array([[1.0, 2.0], [1.0, 5.0], [4.0, 2.0], [4.0, 5.0]])
+    for given, expected in (
+        ({"free": ["x"], "held": ["y", "rz"]}, [[1, 0]] * 4),
+        ({"held": ["x", "y", "rz"]}, [[0, 0]] * 4),
+        ({"load": {"rz": 2.0}, "held": ["x", "y"]}, [[0, 0], [1, 0], [0, 1], [1, 1]]),
+        ({"load": {"rz": 2.0, "y": 1.0}, "held": ["x"]}, [[0, 1], [1, 1], [0, 1], [1, 1]]),
+    ):
+        body = RigidBody(shape, about=(1.0, 2.0), **given)
+        np.testing.assert_array_equal(body.moves(x), np.array(expected, dtype=bool))
+        turns = "rz" not in given.get("held", ())
+        assert (body.turns, body.turns_freely) == (turns, turns)
+        assert body.flat is not turns
+    driven = RigidBody(shape, about=(1.0, 2.0), motion={"rz": 0.5}, held=["x", "y"])
+    assert (driven.turns, driven.turns_freely, driven.flat) == (True, False, False)
+    driven.values = np.array([1.0, 2.0, 3.0])
+    assert driven.displacement.tolist() == [1.0, 2.0]
+    assert driven.rotation.tolist() == [3.0]
+    assert driven.numbers().tolist() == [0.0, 0.0, 0.5]
+    words = "rigid body about [1.0, 2.0], {'x': 0.0, 'y': 0.0, 'rz': 0.5}, held [True, True, True]"
+    assert driven.described() == words
+
+
+def test_rigid_bodies_that_are_refused():
+    shape = HalfSpace((0.0, 0.0), (1.0, 0.0))
+    every = {"free": ["x", "y", "rz"]}
+    body = RigidBody(shape, about=(0.0, 0.0), **every)
+    for how, words in (
+        ({"about": (0.0,), **every}, "2 or 3 finite components"),
+        ({"about": (0.0, np.nan), **every}, "2 or 3 finite components"),
+        ({"about": "xy", **every}, "2 or 3 finite components"),
+        ({"about": (0.0, 0.0), "free": ["x", "y"]}, "not given: rz"),
+        ({"about": (0.0, 0.0), "free": ["x", "y", "z", "rz"]}, "unknown component 'z'"),
+        ({"about": (0.0, 0.0), "held": ["x"], **every}, "the component x is given twice"),
+        ({"about": (0.0, 0.0), "free": ["x", "x", "y", "rz"]}, "named twice"),
+        ({"about": (0.0, 0.0), "free": "x"}, "are lists of components"),
+        ({"about": (0.0, 0.0), "free": [1, "y", "rz"]}, "named by words"),
+        ({"about": (0.0, 0.0), "load": 3.0, **every}, "go by component"),
+        (
+            {"about": (0.0, 0.0), "load": {"x": True}, "free": ["y", "rz"]},
+            "a number or a UFL scalar",
+        ),
+        ({"about": (0.0, 0.0), "load": {"x": np.inf}, "free": ["y", "rz"]}, "must be finite"),
+        (
+            {"about": (0.0, 0.0), "load": {"x": "1"}, "free": ["y", "rz"]},
+            "a number or a UFL scalar",
+        ),
+        ({"about": (0.0, 0.0), "name": "", **every}, "the name of a rigid body must be a word"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            RigidBody(shape, **how)
+    for other in (body, 3.0):
+        with pytest.raises(ValueError, match="its shape must be"):
+            RigidBody(other, about=(0.0, 0.0), **every)
