@@ -547,14 +547,9 @@ def test_how_steps_of_sliding_faces_are_tried():
     parts = sliding_steps._PARTS
 
     def steps(**known):
-        state = {
-            "_slide": True,
-            "_extrapolate": True,
-            "_last": SimpleNamespace(before=last, after=here),
-        }
-        found = SimpleNamespace(
-            _times=(0.0, 2.0, 6.0), _longest=3.0, _shortest=0.01, **(state | known)
-        )
+        state = {"_slide": True, "_extrapolate": True, "_shortest": 0.01}
+        state["_last"] = SimpleNamespace(before=last, after=here)
+        found = SimpleNamespace(_times=(0.0, 2.0, 6.0), _longest=3.0, **(state | known))
         found._extrapolated = lambda a, t: SlidingSteps._extrapolated(found, a, t)
         return found
 
