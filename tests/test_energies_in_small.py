@@ -82,6 +82,13 @@ def test_the_account_of_a_step(known):
     assert one.stored != pytest.approx(3.0)
 
 
+def test_accounts_begin_with_nothing():
+    for account_of in (Energies, MotionEnergies):
+        begun = account_of()
+        assert set(vars(begun).values()) == {0.0}
+        assert begun.residue == 0.0
+
+
 def surface_state(rng, *, compliant, bonded, slides=False, outline=None, turning=False):
     """A surface and its state, with what it answers of bonds."""
     n, t, bond = rng.normal(size=(3, M, DIM))
@@ -520,6 +527,27 @@ def test_what_a_motion_cannot_have():
         nscd._check_problem(problem(**kinds), "position")
         with pytest.raises(ValueError, match=f"floor: .*{words}"):
             nscd._check_problem(problem(**kinds), "velocity")
+
+
+def test_when_a_body_counts_as_at_rest():
+    """Below a share of its energy, between none and all, within a positive time."""
+    motion = SimpleNamespace(_time=1.0, _dt=0.1, _accepted=None, _record=None)
+
+    def settle(max_time=1.0, rest=1e-6):
+        given = SimpleNamespace(
+            self=motion, max_time=max_time, rest=rest, observer=None, progress=None
+        )
+        nscd._check_settle(given)
+        return given.max_time
+
+    assert settle(2) == 2.0
+    settle(rest=0.999)
+    for wrong in (0, 1, -0.1, 1.1, "x", None):
+        with pytest.raises(ValueError, match="rest must be between 0 and 1"):
+            settle(rest=wrong)
+    for wrong in (0, -1.0, np.inf, "x"):
+        with pytest.raises(ValueError, match="max_time must be a positive time"):
+            settle(max_time=wrong)
 
 
 def test_factors_of_damping():

@@ -284,7 +284,7 @@ def _inside(
 ) -> Iterator[AffineRay]:
     """The ray of a kernel vector, in the senses in which it is inside its cones."""
     B = cone.bases[np.arange(cone.points), codes]
-    w = np.zeros(cone.matrix.shape[1:])
+    w: Array = np.zeros(cone.matrix.shape[1:])
     w[kinked] = np.einsum("mkd,md->mk", B[kinked], z.reshape(len(kinked), -1))
     quick = cone.slacks(codes, w)[kinked]
     senses = [s for s in (1.0, -1.0) if _inside_for(quick, s) >= -TOLERANCE * largest(w)]
@@ -338,7 +338,7 @@ def _random_state(
     """Random statuses, and a random state inside their cones."""
     codes = np.array([random.choice(c) for c in choices], dtype=np.int8)
     B = cone.bases[np.arange(cone.points), codes]
-    w = np.zeros(cone.matrix.shape[1:])
+    w: Array = np.zeros(cone.matrix.shape[1:])
     outside = np.ones(cone.points, dtype=bool)
     for _ in range(100):
         z = random.standard_normal((cone.points, B.shape[2]))
