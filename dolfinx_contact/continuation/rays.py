@@ -299,7 +299,8 @@ def _inside(
     slack = cone.slacks(codes, w)
     for sense in senses if size > 0 else ():
         if _inside_for(slack, sense) >= -TOLERANCE * scale:
-            yield AffineRay(codes, sense * w / size, float(np.round(sense * rate / size)))
+            direction: Array = np.asarray(sense * w / size, dtype=np.float64)
+            yield AffineRay(codes, direction, float(np.round(sense * rate / size)))
 
 
 def _inside_for(slack: Array, sense: float) -> float:
