@@ -43,7 +43,7 @@ ROOMS = {
             *("law", "coulomb", "status", "table_of_laws", "anisotropic", "compliant"),
             *("compiled_law", "friction_limits", "more_friction", "own_law", "interfaces"),
             *("adhesion_in_time", "adhesion_recovers", "nonlocal", "core_in_small"),
-            "roots_in_small",
+            *("roots_in_small", "laws_in_small"),
         ],
     ),
     "compiler": (["laws/compiled.py"], ["compiled_law", "law"]),

@@ -586,7 +586,7 @@ def test_rayleighs_damping():
     C.axpy(-1.0, M)
     assert C.norm() < 1e-13 * M.norm()
     force = fem.assemble_vector(fem.form(wind))
-    assert MPI.COMM_WORLD.allreduce(force.array[:n].sum()) == pytest.approx(-1.0)
+    assert MPI.COMM_WORLD.allreduce(force.array.sum()) == pytest.approx(-1.0)
 
 
 @pytest.mark.parametrize(

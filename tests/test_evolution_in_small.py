@@ -483,6 +483,27 @@ def test_a_step_that_jumps_at_a_time():
     assert (found.far, [s.after.time for s in found.steps]) == (None, [0.3])
 
 
+@pytest.mark.parametrize("leads", [True, False])
+def test_when_halves_are_elsewhere(leads, monkeypatch):
+    """By more than half of the change in the whole, and of what is small; unless solutions lead."""
+    monkeypatch.setattr(jumps, "changes", lambda comm, a, b: np.array([b - a, 0.0]))
+    known = SimpleNamespace(
+        _stepper=SimpleNamespace(problem=SimpleNamespace(comm=ALONE)),
+        _small=np.array([0.25, 0.25]),
+        _leads_to_end=lambda step: leads,
+    )
+    for whole, off, elsewhere in (
+        (1.0, 0.4, False),
+        (1.0, 0.5, False),
+        (1.0, 0.6, True),
+        (0.1, 0.2, False),
+        (0.1, 0.3, True),
+    ):
+        known._change = lambda step, whole=whole: np.array([whole, 0.0])
+        halves, step = SimpleNamespace(after=1.0), SimpleNamespace(after=1.0 + off)
+        assert _Search._is_elsewhere(known, halves, step) is (elsewhere and not leads)
+
+
 def test_halves_that_lead_elsewhere():
     """Lead on by themselves: there is no jump then."""
     found = _Search.look(search(elsewhere=True, least=0.2), [], part(0.0, 1.0))
