@@ -377,6 +377,12 @@ def statement(tree, line):
     return range(first_line(inner), inner.end_lineno + 1)
 
 
+def at_import(tree, line):
+    """Whether a line is run when the module is imported: in no body of a function."""
+    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+    return not any(n.body[0].lineno <= line <= n.end_lineno for n in functions)
+
+
 def first_line(node):
     """Where a statement begins with its decorators."""
     return min(n.lineno for n in (node, *getattr(node, "decorator_list", [])))
@@ -394,8 +400,9 @@ def that_run(module, line, known, tree, seconds):
     """
     place = statement(tree, line)
     runs = {test: lines[module] for test, (_, lines) in known.items() if module in lines}
+    among = [test for test, lines in runs.items() if set(place).intersection(lines)]
     # What is run at the first import has the tests of the module.
-    among = [test for test, lines in runs.items() if set(place).intersection(lines)] or list(runs)
+    among = list(runs) if at_import(tree, line) else among or list(runs)
     cases = {}
     for test in sorted(among, key=lambda t: known[t][0]):
         cases.setdefault(test.partition("[")[0], []).append(test)

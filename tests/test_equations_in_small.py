@@ -681,6 +681,34 @@ def test_when_places_of_sliding_faces_change(whole, searches, changed):
     assert SlidingTerms.changed.fget(known) is changed
 
 
+def test_numbers_of_unknowns():
+    """Of the body, the multipliers and rigid bodies, on all ranks."""
+    eq = block(n=2).equations
+    assert eq.global_sizes == [18, 6, 0]
+    assert COMM.allreduce(sum(eq.owned_sizes)) == 24
+
+
+def test_motions_that_contact_holds():
+    """Of a square without supports all, some or none, by the statuses of its floor."""
+    domain = box(COMM, 2, "tri")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    eq = ContactProblem(energy, u, [surface]).equations
+    n = surface.points.number
+    words = {c: eq.loose_motions([np.full(n, c, dtype=np.int8)]) for c in (OPEN, STICK, PLUS)}
+    assert words[STICK] == ""
+    assert words[PLUS] == "translation x"
+    assert "translation y" in words[OPEN]
+    assert len(words[OPEN]) > len(words[PLUS])
+    first = np.arange(n) == (0 if COMM.rank == 0 else -1)
+    one = [np.where(first, STICK, OPEN).astype(np.int8)]
+    assert "rotation" in eq.loose_motions(one)
+    held = block(n=1).equations
+    assert held.loose_motions([np.full(held.surfaces[0].points.number, OPEN, dtype=np.int8)]) == ""
+
+
 # -- where a solve begins -------------------------------------------------------------------------
 
 

@@ -797,3 +797,38 @@ def test_the_memory_of_a_motion():
     assert NSCD.memory.fget(motion) == "of the surfaces"
     motion._accepted = SimpleNamespace(memory="of the state")
     assert NSCD.memory.fget(motion) == "of the state"
+
+
+@pytest.mark.parametrize("complete", [True, False])
+@pytest.mark.parametrize("incoming", ["in", None])
+def test_what_leads_on_where_not_all_rays_are_known(complete, incoming, monkeypatch):
+    """They are looked for among the statuses that meet in the piece by which the branch came."""
+    asked = []
+    rays = (Ray("a", 0.5), Ray("b", -0.5), Ray("c", 0.0))
+
+    def enumerated(piece, kinks, towards, most):
+        asked.append((piece, kinks, towards))
+        return FoundRays(rays, complete, "trial")
+
+    finder = SimpleNamespace(enumerated=enumerated)
+    monkeypatch.setattr(step_branch, "kinks_at", lambda c, y, piece, tolerance: (piece, tolerance))
+    monkeypatch.setattr(step_branch, "finder_at", lambda corrector, y, kinks: finder)
+    at = events((3.0, 0, OPEN), (-4.0, 1, OPEN))
+    system = SimpleNamespace(events=lambda x, gamma, piece: at)
+    follower = SimpleNamespace(
+        corrector=None,
+        bordered=SimpleNamespace(gamma=float, comm=ALONE, system=system, split=lambda y: (y, 0.5)),
+    )
+    on = Ray("on", 0.25)
+    came = None if incoming is None else Ray("in", 0.75)
+    special = SimpleNamespace(
+        kind="fold", smooth=False, onwards=on, incoming=came, complete=False, y="y", others=()
+    )
+    found = step_branch._at_turn(follower, special)
+    ray = on if came is None else came
+    tolerance = step_branch._AT_BORDER * 4.0
+    assert asked == [(ray.piece, (ray.piece, tolerance), ray.tangent)]
+    if complete:
+        assert (found.known, list(found.rays), found.method) == (True, [rays[0]], "by trial")
+    else:
+        assert (found.known, found.why) == (False, "trial")

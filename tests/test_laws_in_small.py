@@ -13,6 +13,7 @@ from ufl.utils.stacks import StackDict
 
 from dolfinx_contact import BilinearCohesive, Coulomb, MaxwellLayer, NormalCompliance, Regularised
 from dolfinx_contact.laws import RCCM
+from dolfinx_contact.laws.compliant import _SERIES, _tanh
 from dolfinx_contact.laws.damage import DamageStep
 from dolfinx_contact.laws.law import ContactPoint
 from dolfinx_contact.laws.status import DAMAGING, MINUS, OPEN, PLUS, STICK
@@ -315,6 +316,14 @@ def test_shears_that_grow_with_the_slip(shape, x, sense):
         PLUS: x > 1 and sense > 0,
         MINUS: x > 1 and sense < 0,
     }
+
+
+@pytest.mark.parametrize("part", [0.01, 0.99, 1.01])
+def test_the_series_of_a_hyperbolic_tangent(part):
+    """Near no slip at all it is as good as the quotient."""
+    x = np.sqrt(part * _SERIES)
+    below, beyond = (value(f) for f in _tanh(ufl.as_ufl(float(x**2))))
+    assert below == beyond == pytest.approx(np.tanh(x) / x, rel=1e-15)
 
 
 def test_shears_that_creep_in_space():
