@@ -109,6 +109,8 @@ OPERATORS = re.compile(
     r"|Add_Sub|Sub_Add|Mul_Div|Div_Mul|Pow_Mul|Mod_Mul|FloorDiv_Mul|BitAnd_BitOr|BitOr_BitAnd"
     r"|BitXor_BitOr|LShift_RShift|RShift_LShift"
 )
+#: Looks at the classes of a folder, and runs none of its lines.
+AT_IMPORT = "test_what_is_found_does_not_change"
 #: Calls whose arguments are not changed: texts for people alone.
 MESSAGES = {"InvalidCertificate", "ValueError", "ArgumentParser", "add_argument", "TypeError"}
 
@@ -402,7 +404,10 @@ def that_run(module, line, known, tree, seconds):
     runs = {test: lines[module] for test, (_, lines) in known.items() if module in lines}
     among = [test for test, lines in runs.items() if set(place).intersection(lines)]
     # What is run at the first import has the tests of the module.
-    among = list(runs) if at_import(tree, line) else among or list(runs)
+    if at_import(tree, line):
+        mine = f"{AT_IMPORT}[{module.partition('/')[0]}]"
+        among = [*runs, *(test for test in known if test.endswith(mine) and test not in runs)]
+    among = among or list(runs)
     cases = {}
     for test in sorted(among, key=lambda t: known[t][0]):
         cases.setdefault(test.partition("[")[0], []).append(test)
