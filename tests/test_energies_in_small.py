@@ -635,7 +635,7 @@ def test_what_laws_see_of_the_start_of_a_step(massless, level):
     n = np.tile([0.0, -1.0], (M, 1))
     risen, un = np.array([0.1, 0.2, 0.0]), np.array([0.5, -0.3, 0.02])
     jump, moved = rng.normal(size=(2, M, DIM))
-    seen = []
+    seen, remembered = [], []
 
     def kinematics(s, origin, q):
         seen.append((origin, q))
@@ -649,7 +649,7 @@ def test_what_laws_see_of_the_start_of_a_step(massless, level):
     )
     eq = SimpleNamespace(
         surfaces=[surface],
-        remember=lambda known: None,
+        remember=remembered.append,
         rigid=SimpleNamespace(given=np.array([1.0])),
         kinematics=kinematics,
         relative=lambda s, u, q: u,
@@ -669,6 +669,7 @@ def test_what_laws_see_of_the_start_of_a_step(massless, level):
     )
     (found,) = MotionStepper._seen(stepper, accepted, taken, np.array([4.0]))
     gain = 1 / 0.8 if massless else 0.75
+    assert remembered == [[None]]
     ((origin, q),) = seen
     np.testing.assert_allclose(origin, 12.0 if massless else 2.0)
     np.testing.assert_allclose(q, [1.0 + (1 - gain) * 4.0])
@@ -683,9 +684,11 @@ def test_what_laws_see_of_the_start_of_a_step(massless, level):
     active = un + opening / 2 <= 0
     assert set(active) == {True, False}
     np.testing.assert_allclose(found.gap, np.where(active, closes, closes + 3e6))
-    surface.law.creeps = False
+    surface.law.creeps, surface.slides = False, True
     (found,) = MotionStepper._seen(stepper, accepted, taken, np.array([4.0]))
     assert found.step == 0.5
+    np.testing.assert_allclose(found.displacement, origin.reshape(-1, DIM))
+    assert remembered == [[None], accepted.memory]
 
 
 def test_starts_that_are_refused():

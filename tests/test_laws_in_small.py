@@ -1,6 +1,7 @@
 """Formulas of laws at one point, in numbers: bonds that weaken, compliant surfaces, what creeps."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +13,11 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.utils.stacks import StackDict
 
 from dolfinx_contact import BilinearCohesive, Coulomb, MaxwellLayer, NormalCompliance, Regularised
-from dolfinx_contact.laws import RCCM
+from dolfinx_contact.laws import RCCM, Answers
 from dolfinx_contact.laws.compliant import _SERIES, _tanh
 from dolfinx_contact.laws.damage import DamageStep
-from dolfinx_contact.laws.law import ContactPoint
-from dolfinx_contact.laws.status import DAMAGING, MINUS, OPEN, PLUS, STICK
+from dolfinx_contact.laws.law import Border, ContactPoint, StatusPiece, checked_pieces
+from dolfinx_contact.laws.status import BROKEN, DAMAGING, MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.laws.still import known_step
 
 
@@ -435,3 +436,73 @@ def test_what_a_step_decides(step):
             assert isinstance(found, ufl.classes.Conditional)
         else:
             assert value(found) == (1.0 if answer else 2.0)
+
+
+# -- pieces of laws -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("damage", "changes"), [(0.3, True), (1.0, False)])
+def test_a_bond_at_its_end_is_broken(damage, changes):
+    """There is no status left in which it is whole, or damages."""
+    law = BilinearCohesive(*(ufl.as_ufl(v) for v in (3.0, 0.2, 0.5, 0.4, damage)))
+    a = at_point((0.3, 0.4), (1.0, 2.0))
+    numbers = {name: (ufl.as_ufl(0.5),) * 9 for name in law.unknowns(2)}
+    pieces = law.pieces(replace(a, solved=numbers))
+    assert {code // DAMAGING * DAMAGING for code in pieces} == {0, DAMAGING, BROKEN}
+    for code, piece in pieces.items():
+        if code < BROKEN:
+            assert holds(piece.exists) is changes
+        elif piece.exists is not None:
+            assert holds(piece.exists)
+
+
+def test_borders_that_are_none():
+    """Something that is no distance, or a vector, or leads to no status."""
+    zero = ufl.as_vector([0.0, 1.0])
+    for border, words in (
+        (Border("far", OPEN), "borders must be Borders with a UFL scalar distance"),
+        (Border(zero, OPEN), "borders must be Borders with a UFL scalar distance"),
+        ("near", "borders must be Borders with a UFL scalar distance"),
+        (Border(ufl.as_ufl(1.0), PLUS), "beyond a border is 2, no status of it"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            checked_pieces({OPEN: StatusPiece(zero, [border])}, 2)
+    for answer in (ufl.as_ufl(1.0), ufl.as_vector([1.0, 2.0, 3.0]), "none"):
+        with pytest.raises(ValueError, match="a UFL vector of 2 components"):
+            checked_pieces({OPEN: StatusPiece(answer, [])}, 2)
+    for code in (-1, 2.0, "open", BROKEN + DAMAGING, 7):
+        with pytest.raises(ValueError, match=r"is none of laws\.status"):
+            checked_pieces({code: StatusPiece(zero, [])}, 2)
+    for none in ({}, [1], None):
+        with pytest.raises(ValueError, match="must return a dictionary"):
+            checked_pieces(none, 2)
+    with pytest.raises(ValueError, match="a StatusPiece is needed"):
+        checked_pieces({OPEN: zero}, 2)
+
+
+def test_the_status_whose_borders_are_nearest():
+    """The first that holds; else the one that is violated least; NaN holds nothing."""
+    nan, inf = np.nan, np.inf
+    rows = [
+        # Of three statuses the least distance to their borders, and whether they exist.
+        ((1.0, 2.0, -1.0), (1, 1, 1), 0, 1.0),
+        ((-1.0, 0.0, 3.0), (1, 1, 1), 1, 0.0),
+        ((-3.0, -1.0, -2.0), (1, 1, 1), 1, -1.0),
+        ((9.0, -1.0, -2.0), (0, 1, 1), 1, -1.0),
+        ((nan, -1.0, -2.0), (1, 1, 1), 1, -1.0),
+        ((nan, 1.0, -2.0), (1, 1, 1), 1, 1.0),
+        ((inf, 1.0, 1.0), (1, 1, 1), 0, inf),
+    ]
+    distance = np.array([r[0] for r in rows])
+    exists = np.array([r[1] for r in rows], dtype=bool)
+    codes = (OPEN, STICK, PLUS)
+    known = SimpleNamespace(
+        _values=np.zeros(len(rows)),
+        _law=SimpleNamespace(codes=codes),
+        _borders=lambda code: (distance[:, [code, code]], exists[:, code], []),
+    )
+    found, worst = Answers._nearest.func(known)
+    assert found.tolist() == [codes[r[2]] for r in rows]
+    np.testing.assert_allclose(np.minimum(worst, 1e300), np.minimum([r[3] for r in rows], 1e300))
+    missed = Answers.missed.fget(SimpleNamespace(_nearest=(found, worst)))
+    np.testing.assert_allclose(missed, [0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0])

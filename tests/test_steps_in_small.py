@@ -359,6 +359,9 @@ def test_a_factorisation_that_does_not_serve_is_made_anew():
     system = Textbook(n, None, lambda *_: now["J"][:n, :n], lambda *_: now["J"][:n, n])
     b = Bordered(system, gamma_scale=1.0)
     b.solver.reuse = True
+    calls = []
+    solve = b.solver.factor.solve
+    b.solver.factor.solve = lambda rhs, x: calls.append(0) or solve(rhs, x)
     y, row, rhs, out = (b.vector() for _ in range(4))
     rhs.set(1.0)
 
@@ -371,6 +374,7 @@ def test_a_factorisation_that_does_not_serve_is_made_anew():
         assert b.solver.solve(rhs, out)
         whole = np.concatenate(COMM.allgather(out.array_r))
         np.testing.assert_allclose(J @ whole, 1.0, atol=1e-9)
+        assert b.solver.solves == len(calls)
         return b.solver.factorisations
 
     base = rng.normal(size=(n + 1, n + 1)) + 4 * np.eye(n + 1)
@@ -456,3 +460,38 @@ def test_rounds_that_come_to_nothing():
     rounds.attempt.steps[-1].measures.worst = np.inf
     assert pivoting.pivot(rounds, "x", rounds.attempt) is False
     assert rounds.rounds == [[1, 1]]
+
+
+@pytest.mark.parametrize("rows", [(0,), (0, 4), (2, 3), ()])
+def test_signs_of_quotients_of_determinants(rows):
+    """Of two pieces that differ in some rows, the first among them, and in the border."""
+    rng = np.random.default_rng(7)
+    n = 5
+    signs = set()
+    for _ in range(6):
+        first = rng.normal(size=(n + 1, n + 1))
+        second = first.copy()
+        second[list(rows)] = rng.normal(size=(len(rows), n + 1))
+        second[n] = rng.normal(size=n + 1)
+        by_code = {STICK: first, PLUS: second}
+        system = Textbook(
+            n,
+            None,
+            lambda x, g, c, J=by_code: J[int(c[0])][:n, :n],
+            lambda x, g, c, J=by_code: J[int(c[0])][:n, n],
+            lambda *_: [[]],
+            lambda x, g: [STICK],
+        )
+        b = Bordered(system, gamma_scale=1.0)
+        sides = []
+        for code, J in by_code.items():
+            x = system.create_vector()
+            x.array[:] = J[n, slice(*x.getOwnershipRange())]
+            last = COMM.rank == COMM.size - 1
+            piece = Piece(np.full(1 if last else 0, code, dtype=np.int8))
+            sides.append((b.joined(x, J[n, n]), piece))
+        found = b.solver.determinant_quotient(b.vector(), *sides)
+        assert found == np.sign(np.linalg.det(second) / np.linalg.det(first))
+        signs.add(found)
+        b.destroy()
+    assert signs == {-1, 1}
