@@ -43,6 +43,7 @@ ROOMS = {
             *("law", "coulomb", "status", "table_of_laws", "anisotropic", "compliant"),
             *("compiled_law", "friction_limits", "more_friction", "own_law", "interfaces"),
             *("adhesion_in_time", "adhesion_recovers", "nonlocal", "core_in_small"),
+            *("roots_in_small", "laws_in_small"),
         ],
     ),
     "compiler": (["laws/compiled.py"], ["compiled_law", "law"]),
@@ -53,7 +54,7 @@ ROOMS = {
             *("sliding_revolution", "core_in_small"),
             *("rigid_body", "true_surface", "two_faces", "small_sliding", "held_ends"),
             *("curved_friction", "given_normals", "doubled_nodes", "common_points", "overlap"),
-            *("points_in_small", "planes_of_symmetry"),
+            *("points_in_small", "planes_of_symmetry", "faces_in_small"),
         ],
     ),
     "equations": (
@@ -61,7 +62,7 @@ ROOMS = {
         [
             *("kinematics", "parametric", "checks", "law", "own_law", "more_friction"),
             *("curved_friction", "rigid_body", "pair", "nonlocal", "planes_of_symmetry"),
-            *("messages", "core_in_small"),
+            *("messages", "core_in_small", "equations_in_small"),
         ],
     ),
     "reduced": (
@@ -80,7 +81,7 @@ ROOMS = {
         ],
         [
             *("affine", "rays", "linear_triangle", "proved_rays", "continuation", "kinked_data"),
-            *("kink_starts", "paths_in_small"),
+            *("kink_starts", "paths_in_small", "pieces_in_small", "steps_in_small"),
         ],
     ),
     "evolution": (
@@ -88,7 +89,7 @@ ROOMS = {
         [
             *("evolution", "slip_memory", "increments", "sliding_steps", "at_rest", "motion"),
             *("motion_data", "motion_solver", "friction_from_zero", "arc_length", "jumps"),
-            *("motion_laws", "paths_in_small"),
+            *("motion_laws", "paths_in_small", "energies_in_small", "evolution_in_small"),
         ],
     ),
 }
@@ -108,6 +109,8 @@ OPERATORS = re.compile(
     r"|Add_Sub|Sub_Add|Mul_Div|Div_Mul|Pow_Mul|Mod_Mul|FloorDiv_Mul|BitAnd_BitOr|BitOr_BitAnd"
     r"|BitXor_BitOr|LShift_RShift|RShift_LShift"
 )
+#: Looks at the classes of a folder, and runs none of its lines.
+AT_IMPORT = "test_what_is_found_does_not_change"
 #: Calls whose arguments are not changed: texts for people alone.
 MESSAGES = {"InvalidCertificate", "ValueError", "ArgumentParser", "add_argument", "TypeError"}
 
@@ -376,6 +379,12 @@ def statement(tree, line):
     return range(first_line(inner), inner.end_lineno + 1)
 
 
+def at_import(tree, line):
+    """Whether a line is run when the module is imported: in no body of a function."""
+    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+    return not any(n.body[0].lineno <= line <= n.end_lineno for n in functions)
+
+
 def first_line(node):
     """Where a statement begins with its decorators."""
     return min(n.lineno for n in (node, *getattr(node, "decorator_list", [])))
@@ -393,8 +402,12 @@ def that_run(module, line, known, tree, seconds):
     """
     place = statement(tree, line)
     runs = {test: lines[module] for test, (_, lines) in known.items() if module in lines}
+    among = [test for test, lines in runs.items() if set(place).intersection(lines)]
     # What is run at the first import has the tests of the module.
-    among = [test for test, lines in runs.items() if set(place).intersection(lines)] or list(runs)
+    if at_import(tree, line):
+        mine = f"{AT_IMPORT}[{module.partition('/')[0]}]"
+        among = [*runs, *(test for test in known if test.endswith(mine) and test not in runs)]
+    among = among or list(runs)
     cases = {}
     for test in sorted(among, key=lambda t: known[t][0]):
         cases.setdefault(test.partition("[")[0], []).append(test)

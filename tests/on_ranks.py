@@ -96,6 +96,10 @@ ON_TWO = {
     "test_doubled_nodes": ("two_points_at_one_place_differ", "resumed_on_other_ranks"),
     "test_dropped": ("garbage_that_is_collected_while_meshes_are_freed",),
     "test_entries": ("states_come_back",),
+    "test_equations_in_small": (
+        *("functions_that_are_to_stay", "conditions_that_contradict_each_other_are_said_once"),
+        *("resultants_and_what_is_anywhere", "data_as_they_were"),
+    ),
     "test_evolution": (
         *("what_has_slid_as_a_whole", "a_start_that_is_no_solution"),
         *("a_proof_is_of_the_step_that_was_taken", "where_nothing_continues"),
@@ -115,6 +119,7 @@ ON_TWO = {
         "records_that_are_damaged",
         "the_command",
     ),
+    "test_faces_in_small": ("places_that_other_ranks_know",),
     "test_following": ("a_block_by_following_the_load",),
     "test_found_again": ("each_form_is_that_of_dolfinx", "a_form_that_one_rank_alone_knows"),
     "test_friction_from_zero": ("from_zero_and_back",),

@@ -869,3 +869,19 @@ def test_what_is_along_a_surface_that_turns():
     h = 1e-6
     differences = (memory.reference(n + h * rate) - memory.reference(n - h * rate)) / (2 * h)
     np.testing.assert_allclose(memory.reference_rate(n, rate), differences, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("S", "exact", "solvable"),
+    [
+        ([[1.0, 0.0], [0.0, 1e-9]], True, True),
+        ([[1.0, 0.0], [0.0, 1e-11]], True, False),
+        ([[1.0, 0.0], [0.0, -0.1]], True, False),
+        ([[1.0, 9.0], [-9.0, 1.0]], True, True),
+        ([[1.0, 0.0], [0.0, 1.0]], False, False),
+    ],
+)
+def test_where_there_is_a_solution_at_every_parameter(S, exact, solvable):
+    """By the symmetric part of an exact stiffness."""
+    known = SimpleNamespace(S=np.array(S), exact=exact)
+    assert Reduction.always_solvable.func(known) is solvable

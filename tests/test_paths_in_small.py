@@ -76,6 +76,8 @@ def test_where_borders_are_reached():
     np.testing.assert_allclose(reached(low, high, (3.0, 1.0)), [0.75, np.inf, 0.0, 0.0, 0.5])
     other = events((-1.0, 4, PLUS), (-1.0, 0, MINUS), (1.0, 7, PLUS), (-9.0, 0, STICK))
     np.testing.assert_allclose(reached(low, other), [0.5, 0.5, np.inf, 0.1])
+    at_border = events((0.0, 0, STICK), (0.0, 9, OPEN), (-0.0, 1, OPEN))  # inside still
+    np.testing.assert_array_equal(reached(low, at_border), np.inf)
 
 
 def test_statuses_that_hold_a_state():

@@ -21,6 +21,7 @@ from dolfinx_contact.obstacles import has_ufl
 from dolfinx_contact.points.arcs import _SERIES, _SMALL
 from dolfinx_contact.points.pair_motion import PairMotion, _closest
 from dolfinx_contact.points.trace import facet_closures, facet_normals
+from dolfinx_contact.reduced.gathered import _tangents
 from dolfinx_contact.results.tables import violation
 
 COMM = MPI.COMM_WORLD
@@ -263,3 +264,29 @@ def test_the_series_of_short_arcs():
     exact = (np.arcsin(s) / s - np.sqrt(1.0 - q)) / q
     series = np.polynomial.polynomial.polyval(q, _SERIES)
     np.testing.assert_allclose(series, exact, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("cell", "width"), [("tri", 0.5), ("quad", 0.5), ("tet", np.sqrt(0.125)), ("hex", 0.5)]
+)
+def test_widths_of_facets(cell, width):
+    """Lengths in the plane, roots of areas in space; that of a vertex is the root of its area."""
+    points = block(n=2, cell=cell).surfaces[0].points
+    np.testing.assert_allclose(points.facet_widths.x.array, width, rtol=1e-12)
+    number = 3 if cell in ("tri", "quad") else 9
+    exponent = 1.0 if cell in ("tri", "quad") else 0.5
+    assert points.mean_width == pytest.approx((1 / number) ** exponent)
+    assert points.mean_vertex_area == pytest.approx(1 / number)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_tangents_of_points(dim):
+    """Unit vectors at right angles to the normal and to one another, whatever its direction."""
+    n = np.random.default_rng(1).normal(size=(12, dim))
+    n = np.vstack([n, np.eye(dim), -np.eye(dim)])
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    frames = np.stack([*_tangents(n), n], axis=2)
+    np.testing.assert_allclose(
+        frames.transpose(0, 2, 1) @ frames, np.eye(dim)[None] + 0 * frames, atol=1e-14
+    )
+    np.testing.assert_allclose(np.linalg.det(frames), -1.0 if dim == 2 else 1.0)

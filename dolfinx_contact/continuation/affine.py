@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["AffinePiece", "AffineSystem"]
+__all__ = ["AffinePiece", "AffineSystem", "largest"]
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
@@ -28,6 +28,11 @@ Codes = npt.NDArray[np.int8]
 TOLERANCE = 1e-10
 #: Entries of an inverse beyond which, relative to those of the matrix, a piece counts as singular.
 _SINGULAR = 1e12
+
+
+def largest(values: Array) -> float:
+    """The largest absolute value; 0 of none."""
+    return float(np.abs(values).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +114,7 @@ class AffineSystem:
 
     @cached_property
     def _largest(self) -> float:
-        return float(np.abs(self.matrix).max(initial=0.0))
+        return largest(self.matrix)
 
     @cached_property
     def _flat(self) -> Array:
@@ -148,7 +153,7 @@ class AffineSystem:
             if piece is None:
                 return None
             w = piece.at(gamma)
-            if self.slacks(codes, w).min(initial=np.inf) >= -TOLERANCE * np.abs(w).max(initial=0.0):
+            if self.slacks(codes, w).min(initial=np.inf) >= -TOLERANCE * largest(w):
                 return codes
             wanted = self.classify(w)
             held = self.allowed[np.arange(self.points), wanted]
@@ -211,11 +216,11 @@ class AffinePiece:
         V = self.inverse @ U
         small = np.eye(len(columns)) + V[columns]
         determinant = float(np.linalg.det(small))
-        if abs(determinant) <= 1e-10 * max(1.0, float(np.abs(small).max())) ** len(columns):
+        if abs(determinant) <= 1e-10 * max(1.0, largest(small)) ** len(columns):
             return s.piece(new)
         inverse = self.inverse - V @ np.linalg.solve(small, self.inverse[columns])
         moved = AffinePiece(s, new, inverse, self.sign * float(np.sign(determinant)))
         w = np.stack(moved.coefficients).reshape(2, -1)
         residual = s._flat @ w.T - np.stack([s.load, s.rate], axis=1)
-        size = s._largest * np.abs(w).max()
-        return moved if np.abs(residual).max() <= 1e-11 * size else s.piece(new)
+        size = s._largest * largest(w)
+        return moved if largest(residual) <= 1e-11 * size else s.piece(new)

@@ -24,6 +24,7 @@ from dolfinx_contact.continuation.affine import (
     AffineSystem,
     Array,
     Codes,
+    largest,
 )
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
@@ -118,7 +119,7 @@ class Pivoting(Walker):
         """The piece of the solution near (x, gamma); see `start`. Collective."""
         affine = self.condensed.system
         affine.require_finite()
-        if not np.abs(affine.rate).max(initial=0.0) > 0:
+        if not largest(affine.rate) > 0:
             raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
         codes = affine.solve(gamma, self.condensed.codes(self.system.piece_at(x, gamma)))
         if codes is None:
@@ -134,8 +135,8 @@ class Pivoting(Walker):
         Without load all numbers vanish there, and their size is that of what they become.
         """
         affine = self.condensed.system
-        change = self.bordered.gamma_scale * np.abs(ray.direction).max(initial=0.0)
-        cone = affine.tangent_cone(w, TOLERANCE * max(self._unit, float(change)))
+        change = self.bordered.gamma_scale * largest(ray.direction)
+        cone = affine.tangent_cone(w, TOLERANCE * max(self._unit, change))
         return cone if (cone.allowed.sum(axis=1) > 1).any() else None
 
     def _rays_out(self, cone: AffineSystem, w: Array, gamma: float) -> Departures:
@@ -211,7 +212,7 @@ class Pivoting(Walker):
         piece = self._piece(ray.codes) if ray.rate != 0 else None
         moved = w + length * ray.direction
         exact = moved if piece is None else piece.at(gamma)
-        off = np.abs(exact - moved).max(initial=0.0)
+        off = largest(exact - moved)
         return exact if off <= TOLERANCE * self._unit else moved
 
     def cross(
@@ -273,7 +274,7 @@ class Pivoting(Walker):
         tolerance = TOLERANCE * self._unit
         held = affine.statuses_at(w, tolerance)
         kinked = np.flatnonzero(held.sum(axis=1) > 1)
-        self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
+        self._unit = max(self._unit, largest(w))
         if len(kinked) == 1 and before is not None:
             i = int(kinked[0])
             beyond = neighbours(before, w, i, held[i], tolerance)
@@ -290,15 +291,15 @@ class Pivoting(Walker):
         return replace(found, rays=others)
 
     @staticmethod
-    def _parity(before: AffinePiece | None, ray: AffineRay, after: AffinePiece, rate: float) -> int:
+    def _parity(before: AffinePiece, ray: AffineRay, after: AffinePiece, rate: float) -> int:
         """Sign of the ratio of the bordered determinants: det A over gamma' on either side."""
-        return 0 if before is None else int(before.sign * ray.rate * after.sign * rate)
+        return int(before.sign * ray.rate * after.sign * rate)
 
     # -- points ----------------------------------------------------------------------------------
 
     def point(self, w: Array, gamma: float, ray: AffineRay, length: float) -> BranchPoint:
         b = self.bordered
-        self._unit = max(self._unit, float(np.abs(w).max(initial=0.0)))
+        self._unit = max(self._unit, largest(w))
         x = self.system.create_vector()
         y = b.vector()
         self.condensed.expand(w, gamma, x)
@@ -356,7 +357,7 @@ def _is_inside(cone: AffineSystem, ray: AffineRay) -> bool:
     """Whether a ray of one piece of a tangent cone leads over none of its borders."""
     slack = cone.slacks(ray.codes, ray.direction)
     least = float(np.min(slack[np.isfinite(slack)], initial=np.inf))
-    return least >= -TOLERANCE * float(np.abs(ray.direction).max(initial=0.0))
+    return least >= -TOLERANCE * largest(ray.direction)
 
 
 def _cosine(a: AffineRay, b: AffineRay) -> float:

@@ -25,7 +25,14 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.continuation.affine import TOLERANCE, AffinePiece, AffineSystem, Array, Codes
+from dolfinx_contact.continuation.affine import (
+    TOLERANCE,
+    AffinePiece,
+    AffineSystem,
+    Array,
+    Codes,
+    largest,
+)
 from dolfinx_contact.continuation.system import RayProof
 
 __all__ = [
@@ -81,7 +88,7 @@ def step(system: AffineSystem, codes: Codes, w: Array, direction: Array) -> floa
     """How far a state can go in a direction before an inequality is violated; maybe infinitely."""
     slack = system.slacks(codes, w)
     rate = system.slacks(codes, direction)
-    falling = np.isfinite(slack) & (rate < -TOLERANCE * np.abs(direction).max(initial=0.0))
+    falling = np.isfinite(slack) & (rate < -TOLERANCE * largest(direction))
     return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
 
 
@@ -102,7 +109,7 @@ def neighbours(
         w_1 = new.coefficients[1]
         C = new.system.inequalities[kinked, code]
         rate = (C @ w_1[kinked])[np.abs(C @ w[kinked]) <= tolerance]
-        least = -TOLERANCE * np.abs(w_1).max(initial=0.0)
+        least = -TOLERANCE * largest(w_1)
         found += [(new, sense) for sense in (1.0, -1.0) if (sense * rate >= least).all()]
     return found
 
@@ -171,7 +178,7 @@ def _inside_of(
     return tuple(
         r
         for r in rays
-        if cone.statuses_at(r.direction, 1e-8 * np.abs(r.direction).max())[points, codes].all()
+        if cone.statuses_at(r.direction, 1e-8 * largest(r.direction))[points, codes].all()
     )
 
 
@@ -277,23 +284,23 @@ def _inside(
 ) -> Iterator[AffineRay]:
     """The ray of a kernel vector, in the senses in which it is inside its cones."""
     B = cone.bases[np.arange(cone.points), codes]
-    w = np.zeros(cone.matrix.shape[1:])
+    w: Array = np.zeros(cone.matrix.shape[1:])
     w[kinked] = np.einsum("mkd,md->mk", B[kinked], z.reshape(len(kinked), -1))
     quick = cone.slacks(codes, w)[kinked]
-    largest = np.abs(w).max(initial=0.0)
-    senses = [s for s in (1.0, -1.0) if _inside_for(quick, s) >= -TOLERANCE * largest]
+    senses = [s for s in (1.0, -1.0) if _inside_for(quick, s) >= -TOLERANCE * largest(w)]
     if not senses:
         return
     if len(held):
         rest = rate * cone.rate - np.einsum("nmk,mk->n", cone.matrix[:, kinked], w[kinked])
         z_held = np.linalg.lstsq(fixed, rest)[0]
         w[held] = np.einsum("mkd,md->mk", B[held], z_held.reshape(len(held), -1))
-    largest = float(np.abs(w).max(initial=0.0))
-    size = abs(rate) if abs(rate) > 1e-9 * largest else largest
+    scale = largest(w)
+    size = abs(rate) if abs(rate) > 1e-9 * scale else scale
     slack = cone.slacks(codes, w)
     for sense in senses if size > 0 else ():
-        if _inside_for(slack, sense) >= -TOLERANCE * largest:
-            yield AffineRay(codes, sense * w / size, float(np.round(sense * rate / size)))
+        if _inside_for(slack, sense) >= -TOLERANCE * scale:
+            direction: Array = np.asarray(sense * w / size, dtype=np.float64)
+            yield AffineRay(codes, direction, float(np.round(sense * rate / size)))
 
 
 def _inside_for(slack: Array, sense: float) -> float:
@@ -332,7 +339,7 @@ def _random_state(
     """Random statuses, and a random state inside their cones."""
     codes = np.array([random.choice(c) for c in choices], dtype=np.int8)
     B = cone.bases[np.arange(cone.points), codes]
-    w = np.zeros(cone.matrix.shape[1:])
+    w: Array = np.zeros(cone.matrix.shape[1:])
     outside = np.ones(cone.points, dtype=bool)
     for _ in range(100):
         z = random.standard_normal((cone.points, B.shape[2]))
@@ -370,14 +377,14 @@ def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None
         s_0, s_1 = piece.slack_coefficients
         slack = s_0 + gamma * s_1
         rate = sense * s_1
-        falling = rate < -TOLERANCE * np.abs(direction).max(initial=0.0)
+        falling = rate < -TOLERANCE * largest(direction)
         falling &= np.isfinite(slack)
         if not falling.any():
             return AffineRay(piece.codes, direction, sense)
         length = float((np.maximum(slack[falling], 0.0) / -rate[falling]).min())
         gamma += sense * length
         w = piece.at(gamma)
-        tolerance = TOLERANCE * np.abs(w).max(initial=0.0)
+        tolerance = TOLERANCE * largest(w)
         (kinked,) = np.nonzero((np.abs(s_0 + gamma * s_1) <= tolerance).any(axis=1))
         if len(kinked) != 1:
             return None

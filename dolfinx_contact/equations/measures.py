@@ -80,8 +80,8 @@ class Scales:
         force = _largest(state.rows[0][~fixed])
         dirichlet = _largest(state.rows[0][fixed])
         rigid = eq.rigid.here(eq.rigid.fixed)
-        force = max(force, _largest(state.rows[-1][~rigid]))
-        dirichlet = max(dirichlet, _largest(state.rows[-1][rigid]))
+        force = _most(force, _largest(state.rows[-1][~rigid]))
+        dirichlet = _most(dirichlet, _largest(state.rows[-1][rigid]))
         first = force if self.force == 0.0 else 0.0
         forces = [first, _largest(state.reactions[fixed])]
         # A body that passes where it is undeformed is not at rest.
@@ -96,7 +96,7 @@ class Scales:
                 part.append(value)
             lengths.append(held_back(s, found, stiffness))
             lengths.append(float(np.max(-s.points.vertex_gaps, initial=0.0)))
-        values = np.array([max(forces), max(lengths), force, max(constraint), max(cone)])
+        values = np.array([_most(*v) for v in (forces, lengths, [force], constraint, cone)])
         # np.maximum carries NaN over to every rank.
         values = eq.comm.allreduce(values, op=np.maximum)
         self.force = max(self.force, float(values[0]))
@@ -154,10 +154,15 @@ def _row_measures(
     lengths = np.where(touching, np.abs(along), 0.0), np.where(touching | stuck, across, 0.0)
     sizes = np.where(touching, 0.0, np.abs(along)), np.where(stuck, 0.0, across)
     return (
-        max(_largest(v / (r * area)) for v in lengths),
-        max(_largest(v) for v in sizes),
+        _most(*(_largest(v / (r * area)) for v in lengths)),
+        _most(*(_largest(v) for v in sizes)),
         forces,
     )
+
+
+def _most(*values: float) -> float:
+    """The largest; NaN if one is, which Python's own would leave out."""
+    return float(np.max(values))
 
 
 def _largest(values: npt.NDArray[Any]) -> float:

@@ -78,15 +78,12 @@ class _Decided(MultiFunction):  # type: ignore[misc]
         if compare is None:
             return None
         left, right = (self._number(part) for part in c.ufl_operands)
-        if left is None or right is None or not self._is_known(left, right):
+        if left is None or right is None:
             return None
-        return compare(left, right)
+        # A negative step is compared with numbers from 0 on alone.
+        return compare(left, right) if max(left, right) >= 0 else None
 
     def _number(self, e: Any) -> float | None:
         if e == self._symbol:
             return self._step
         return float(e) if isinstance(e, ufl.constantvalue.ScalarValue | ufl.classes.Zero) else None
-
-    def _is_known(self, left: float, right: float) -> bool:
-        """Whether a comparison is the same of every step that is meant."""
-        return self._step == 0 or max(left, right) >= 0

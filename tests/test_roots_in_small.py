@@ -1,0 +1,142 @@
+"""Numbers that equations of a law give, with functions of numpy in the place of compiled UFL."""
+
+import numpy as np
+import pytest
+
+from dolfinx_contact.laws.roots import _cut, _inverse, _Root, _times
+
+
+def root(n, system, sense=0, start=None, end=None):
+    """Equations in numpy: columns are the parameter c, then n numbers, and n n of the inverse."""
+    found = _Root.__new__(_Root)
+    vars(found).update(_n=n, _first=1, _sense=sense, _ends=end is not None)
+
+    def known(full):
+        c = full[:, 0]
+        columns = [np.broadcast_to(s(c), c.shape) for s in (start or [lambda c: 0.0 * c] * n)]
+        if end is not None:
+            columns.append(np.broadcast_to(end(c), c.shape))
+        return np.stack(columns, axis=1)
+
+    def at(full):
+        F, J = system(full[:, 0], full[:, 1 : 1 + n])
+        return np.concatenate([F, J.reshape(len(full), n * n)], axis=1)
+
+    vars(found).update(_known=known, _system=at)
+    return found
+
+
+def solved(one, c):
+    n = one._n
+    full = np.zeros((len(c), 1 + n + n * n))
+    full[:, 0] = c
+    one(full)
+    return full[:, 1 : 1 + n], full[:, 1 + n :].reshape(-1, n, n)
+
+
+def test_a_number_without_a_sense():
+    """z^3 + z = c, and the inverse of its derivative."""
+
+    def system(c, z):
+        return z**3 + z - c[:, None], (3 * z**2 + 1)[:, :, None]
+
+    z = np.array([[-2.0], [0.0], [0.3], [40.0]])
+    found, inverse = solved(root(1, system), (z**3 + z)[:, 0])
+    np.testing.assert_allclose(found, z, rtol=1e-9, atol=1e-14)
+    np.testing.assert_allclose(inverse[:, :, 0], 1 / (3 * z**2 + 1), rtol=1e-8)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("end", [None, 2.0])
+def test_a_number_that_goes_one_way(sense, end):
+    """It stays at its start where it is driven back, and at its end where it is driven on."""
+
+    def system(c, z):
+        return z + 0.25 * z**3 - c[:, None], (1 + 0.75 * z**2)[:, :, None]
+
+    wanted = sense * np.array([-1.0, 0.5, 1.0, 1.9, 3.0])
+    c = wanted + 0.25 * wanted**3
+    start = [lambda c: 0.25 * sense + 0.0 * c]
+    one = root(1, system, sense, start, None if end is None else lambda c: sense * end + 0.0 * c)
+    found, inverse = solved(one, c)
+    exact = sense * np.clip(sense * wanted, 0.25, np.inf if end is None else end)
+    np.testing.assert_allclose(found[:, 0], exact, rtol=1e-9)
+    np.testing.assert_allclose(inverse[:, 0, 0], 1 / (1 + 0.75 * exact**2), rtol=1e-8)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_two_numbers_of_which_one_goes_one_way(sense):
+    """z_0 + z_1 = c and z_1 = z_0^2 / 4 + 1: the other is solved for wherever the first is held."""
+
+    def system(c, z):
+        a, b = z.T
+        F = np.stack([a + sense * b - c, b - a**2 / 4 - 1], axis=1)
+        one = np.ones_like(a)
+        J = np.stack(
+            [np.stack([one, sense * one], axis=1), np.stack([-a / 2, one], axis=1)], axis=1
+        )
+        return F, J
+
+    first = sense * np.array([-0.5, 0.0, 0.7, 1.5, 4.0])
+    c = first + sense * (first**2 / 4 + 1)
+    one = root(2, system, sense, end=lambda c: sense * 2.0 + 0 * c)
+    found, inverse = solved(one, c)
+    exact = sense * np.clip(sense * first, 0.0, 2.0)
+    np.testing.assert_allclose(found[:, 0], exact, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found[:, 1], exact**2 / 4 + 1, rtol=1e-9)
+    _, J = system(c, found)
+    np.testing.assert_allclose(inverse, np.linalg.inv(J), rtol=1e-8)
+
+
+@pytest.mark.parametrize("end", [None, 5.0])
+def test_a_number_that_newtons_method_does_not_find(end):
+    """Where the equation jumps from below to above zero: it is bisected."""
+
+    def system(c, z):
+        off = z - c[:, None]
+        return off + np.where(off > 0, 1.0, -1.0), np.ones((len(c), 1, 1))
+
+    c = np.array([-1.0, 0.3, 2.0, 4.0, 7.0])
+    one = root(1, system, 1, end=None if end is None else lambda c: end + 0.0 * c)
+    found, inverse = solved(one, c)
+    exact = np.clip(c, 0.0, np.inf if end is None else end)
+    np.testing.assert_allclose(found[:, 0], exact, rtol=1e-12)
+    assert np.isfinite(inverse).all()
+
+
+def test_a_number_that_has_no_bound_before_its_end():
+    """1 / sqrt(1 - z) = c: however large c is it stays below its end."""
+
+    def system(c, z):
+        off = np.maximum(1 - z, 1e-300)
+        return np.sqrt(1 / off) - c[:, None], (0.5 * off**-1.5)[:, :, None]
+
+    c = np.array([0.5, 2.0, 1e3, 1e12])
+    found, _ = solved(root(1, system, 1, end=lambda c: 1.0 + 0.0 * c), c)
+    exact = np.maximum(1 - 1 / c**2, 0.0)
+    np.testing.assert_allclose(found[:, 0], exact, rtol=1e-9)
+    assert (found < 1.0).all()
+
+
+def test_what_is_cut_of_steps():
+    """They go nine tenths of the way to an end at most, either way."""
+    z, start, end = np.full(5, 1.0), np.zeros(5), np.full(5, 3.0)
+    step = np.array([1.0, 4.0, -0.5, -2.0, 0.0])
+    np.testing.assert_allclose(_cut(z, step, start, end), [1.0, 0.45, 1.0, 0.45, 1.0])
+    np.testing.assert_allclose(_cut(z, step, end, start), [1.0, 0.45, 1.0, 0.45, 1.0])
+    np.testing.assert_allclose(_cut(z, step, start, np.full(5, np.inf)), [1.0, 1.0, 1.0, 0.45, 1.0])
+
+
+def test_inverses_of_many_matrices():
+    """NaN where there is none, or what is given is no number."""
+    rng = np.random.default_rng(0)
+    for n in (1, 2):
+        J = rng.normal(size=(5, n, n))
+        J[1] = 0.0
+        J[2, 0, 0] = np.nan
+        found = _inverse(J)
+        assert np.isnan(found[[1, 2]]).all()
+        for i in (0, 3, 4):
+            np.testing.assert_allclose(found[i] @ J[i], np.eye(n), atol=1e-12)
+        v = rng.normal(size=(5, n))
+        np.testing.assert_allclose(_times(J, v)[3], J[3] @ v[3])
