@@ -19,9 +19,9 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import everywhere
+from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._mesh_mark import mesh_stays
-from dolfinx_contact.equations.given_data import GivenData, check_turn
+from dolfinx_contact.equations.given_data import Constancy, GivenData, check_turn, placed_data
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
@@ -193,7 +193,13 @@ class Stepper:
         problem: whose Functions follow what is taken or put.
         load: puts the data of a time into Functions and Constants.
         progress: of the solves, as in `ContactProblem.solve`.
+
+    Attributes:
+        problem: as given.
+        asks: whether the load is asked in the first step whether it knows more than the time.
     """
+
+    asks = False
 
     def __init__(
         self, problem: ContactProblem, load: Callable[[float], object], progress: bool | None
@@ -260,16 +266,27 @@ class Stepper:
     def renewed(self, accepted: AcceptedState) -> AcceptedState:
         """The accepted state with the data as they are now, under which it may be no solution.
 
-        Collective. The problem is at that state.
+        Those that the load sets are what it makes of them at the time of the state, whatever they
+        were set to since: another history of the problem, or a look at another time, is none of
+        this one. Collective; the problem is then at that state.
         """
-        data = GivenData(self.problem.equations)
+        eq = self.problem.equations
+        data = GivenData(eq)
+        self._put_unknowns(accepted)
+        eq.remember(accepted.memory)
         try:
             self._set(accepted.time)
-            self.problem.equations.remember(accepted.memory)
-            solved = self._is_solved(self.problem.state())
-        finally:
+        except BaseException:
             data.restore()
-        return replace(accepted, data=data, solved=solved)
+            raise
+        if eq.comm.allreduce(int(accepted.data.unchanged()), op=MPI.MIN):
+            return accepted
+        return self._under_other_data(accepted)
+
+    def _under_other_data(self, accepted: AcceptedState) -> AcceptedState:
+        """An accepted state, which is in the problem, under the data that are there. Collective."""
+        solved = self._is_solved(self.problem.state())
+        return replace(accepted, data=GivenData(self.problem.equations), solved=solved)
 
     def data_watch(self) -> Callable[[], str]:
         """What says which data have changed since that are to stay; see `System.data_watch`.
@@ -341,10 +358,15 @@ class Stepper:
         Raises:
             ConvergenceError: if nothing solves the step. The problem is then at that state, as it
                 is after any other error.
+            ValueError: on every rank, for a load that depends on earlier calls.
         """
         self.put(accepted)
         try:
-            return self._stepped(accepted, time, likely, guess, trial or Trial())
+            solved = self._stepped(accepted, time, likely, guess, trial or Trial())
+            if self.asks:
+                self._ask_load(solved)
+                self.asks = False
+            return solved
         except BaseException:
             self.put(accepted)
             raise
@@ -372,6 +394,52 @@ class Stepper:
         energies = accepted.energies.advanced(accepted.forces, forces, result.energies["friction"])
         after = self.accepted(time, state.statuses, eq.advanced(state), forces, energies)
         return SolvedStep(accepted, after, result)
+
+    def _ask_load(self, solved: SolvedStep) -> None:
+        """Refuse a load that depends on earlier calls. Collective.
+
+        Steps are tried from one state with several lengths, in any order, so that the data of a
+        time must not be those of the calls before. The problem is at the end of the step.
+        """
+        time = solved.after.time
+        given = self._given()
+        self.put(solved.before)
+        changed = ""
+        for _ in range(2):  # from the data of the step's start, and from its own
+            self._set(time)
+            changed = changed or given.changed()
+        require(
+            self.problem.comm,
+            not changed,
+            f"the load at the time {time:g} depends on earlier calls, of which {changed} is not "
+            "what it was in the first: steps are tried again with other lengths, from data that "
+            "are put back, so a load is to set all that it changes from the time alone",
+        )
+        self.show(solved)
+
+    def ask_at_end(self, accepted: AcceptedState) -> None:
+        """Warn of a load that depends on the solution, at the end of a run. Collective.
+
+        Args:
+            accepted: the last state of the run, at which the problem is.
+        """
+        given = self._given()
+        self._set(accepted.time)
+        changed = given.changed()
+        accepted.data.restore()
+        if changed and self.problem.comm.rank == 0:
+            logger.warning(
+                "the load depends on the solution: at the end of the step to the time %g it sets "
+                "%s to something else than at its start. It is called before a step is solved, so "
+                "that the step is one under data of the state before, however long it was: take "
+                "short steps, or put what depends on the displacement into forms or law",
+                accepted.time,
+                changed,
+            )
+
+    def _given(self) -> Constancy:
+        """The data as they are, to be compared. Collective."""
+        return Constancy(self.problem.comm, placed_data(self.problem.equations))
 
     def _check_turns(self, accepted: AcceptedState) -> None:
         """Raise ``ValueError`` if rigid bodies turn too far in a step from a state. Collective."""

@@ -159,7 +159,7 @@ class MotionStepper(Stepper):
         known = None if first else state.statuses
         return self._moving(time, known, tuple(memory), energies, self._motion(state))
 
-    def renewed(self, accepted: AcceptedState) -> AcceptedState:
+    def _under_other_data(self, accepted: AcceptedState) -> AcceptedState:
         assert isinstance(accepted, MovingState)
         u = accepted.motion.u
         v = accepted.motion.v

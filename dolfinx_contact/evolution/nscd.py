@@ -126,7 +126,8 @@ class NSCD(Evolution):
             must not change: a run in which it does is refused.
         dt: length of a step, a time.
         load: called with a time, on every rank, sets Constants and Functions of the problem's data
-            to their values at that time; by default they stay.
+            to their values at that time; by default they stay. One that depends on earlier calls is
+            refused, of one that depends on the solution the log warns.
         velocity: at the first time, a Function of the displacement's space; by default at rest. It
             is to be that of the Dirichlet data where these hold the body: 0 where they stay.
         scheme: ``"theta"``, ``"theta-euler"`` or ``"modified-theta"`` (`body.moving`).

@@ -80,7 +80,8 @@ class QuasiStatic(Evolution):
         problem: the contact problem.
         load: called with a time, on every rank, sets Constants and Functions of the problem's data
             to their values at that time. It is called again for times that were tried before, and
-            must not depend on earlier calls.
+            is refused if it depends on earlier calls. Of one that depends on the solution, which is
+            that of the step before, the log warns.
 
     Raises:
         ValueError: on every rank, if arguments do not fit.
