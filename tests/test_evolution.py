@@ -378,7 +378,9 @@ def test_a_load_that_depends_on_earlier_calls_is_refused(way):
         before[0] = t
 
     evolution = QuasiStatic(problem, load)
-    with pytest.raises(ValueError, match=r"the time 0.1 depends on earlier calls, of which the val"):
+    with pytest.raises(
+        ValueError, match=r"the time 0.1 depends on earlier calls, of which the val"
+    ):
         evolution.run([0.0, 0.1, 0.2])
 
 
