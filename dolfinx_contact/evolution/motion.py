@@ -314,6 +314,8 @@ class MotionStepper(Stepper):
         return state
 
     def _motion(self, state: State) -> Motion:
+        for f in (self.problem.u, self._velocity):
+            f.x.scatter_forward()  # what the user has put into them may be the owners' alone
         u, v = (f.x.array.copy() for f in (self.problem.u, self._velocity))
         return motion_at(self.problem.equations, state, u, v)
 

@@ -198,10 +198,13 @@ class NSCD(Evolution):
         self.velocity = fem.Function(V, name="velocity") if velocity is None else velocity
         self._method = method
         step = TimeStep(self._dt, method.theta, method.scheme)
+        self.data = _data(density, damping, self.velocity)
+        for d in self.data:  # the ghosts follow their owners
+            if isinstance(d.value, fem.Function):
+                d.value.x.scatter_forward()
         body = _moving_body(problem, self.velocity, step, density, mass, damping)
         super().__init__(problem.moving(body), load or _constant)
         self.kept = {"velocity": self.velocity}
-        self.data = _data(density, damping, self.velocity)
         self.forms = [damping] if isinstance(damping, ufl.Form) else []
         stay = _of_matrices(density, damping, self.velocity) + _of_stiffness(problem, damping)
         self._constancy = Constancy(comm, stay)
