@@ -198,13 +198,10 @@ class NSCD(Evolution):
         self.velocity = fem.Function(V, name="velocity") if velocity is None else velocity
         self._method = method
         step = TimeStep(self._dt, method.theta, method.scheme)
-        self.data = _data(density, damping, self.velocity)
-        for d in self.data:  # the ghosts follow their owners
-            if isinstance(d.value, fem.Function):
-                d.value.x.scatter_forward()
         body = _moving_body(problem, self.velocity, step, density, mass, damping)
         super().__init__(problem.moving(body), load or _constant)
         self.kept = {"velocity": self.velocity}
+        self.data = _data(density, damping, self.velocity)
         self.forms = [damping] if isinstance(damping, ufl.Form) else []
         stay = _of_matrices(density, damping, self.velocity) + _of_stiffness(problem, damping)
         self._constancy = Constancy(comm, stay)
@@ -429,6 +426,10 @@ def _moving_body(
         ValueError: on every rank, as `_damping`.
     """
     V = problem.V
+    for given in (ufl.as_ufl(density), damping):
+        for d in data_in(given, "") if isinstance(given, ufl.Form | ufl.core.expr.Expr) else ():
+            if isinstance(d.value, fem.Function):  # its ghosts follow their owners
+                d.value.x.scatter_forward()
     weight = 2 * math.pi * ufl.SpatialCoordinate(V.mesh)[0]
     mass_of = density * weight if problem.equations.axisymmetric else density
     M = mass_matrix(V, mass_of, mass, _touching(problem.equations))
