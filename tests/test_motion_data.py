@@ -20,6 +20,7 @@ from dolfinx_contact import (
     HalfSpace,
     RigidBody,
 )
+from dolfinx_contact.body.rigid import largest_turn, parts
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 
@@ -290,3 +291,23 @@ def test_another_load_acts_from_the_start_of_a_run():
     motion.load = constant(pulls[0], 5.0)
     motion.run([0.02, 0.04])
     assert np.abs(motion.velocity.x.array[0::2] - (1.0 + 0.02 * (1.0 + 5.0))).max() < 1e-12
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("speed", "said"), [(3.0, True), (1.0, False)])
+def test_a_linear_body_that_turns_is_said(dim, speed, said, caplog):
+    """By the angle, as if it were small, wherever it is."""
+    domain = box(COMM, 2, "tri" if dim == 2 else "tet")
+    domain.geometry.x[:] += 5.0
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    surface = ContactSurface(u, facets(domain, dim - 1, 5.0), obstacle=floor, law=Frictionless())
+    energy = LinearElastic.from_young(1.0, 0.0).energy(u) * ufl.dx
+    velocity = fem.Function(V)
+    turn = speed * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])[:dim]
+    velocity.interpolate(lambda x: turn @ (x - 5.5))
+    motion = NSCD(ContactProblem(energy, u, [surface]), 1.0, dt=0.05, velocity=velocity)
+    motion.run([0.0, 0.15])
+    assert largest_turn(V, u.x.array, parts(V)) == pytest.approx(0.15 * speed, rel=1e-9)
+    assert ("a linear body has turned by 0.3 rad" in warnings_of(caplog)) == said
