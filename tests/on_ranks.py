@@ -168,6 +168,7 @@ ON_TWO = {
         *("files_read_differently", "a_drawing_that_ends_the_run", "missing_file"),
         *("not_a_gmsh_file", "model_that_does_not_fit"),
     ),
+    "test_left_memory": ("bonds_stay_broken_in_another_history",),
     "test_mortar": ("a_rounded_face", "bad_mortars", "a_warped_face_in_space"),
     "test_motion": (
         *("a_bar_step_by_step", "ranks_change_nothing", "bad_input"),

@@ -25,6 +25,7 @@ from dolfinx_contact.equations.given_data import Constancy, GivenData, check_tur
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
+from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
@@ -44,6 +45,9 @@ logger = logging.getLogger(__name__)
 
 Array = npt.NDArray[np.float64]
 _SOLVED = 1e-6  # residual of a start that is a solution
+_SAME = 1e-9  # of what is remembered
+_NO_LENGTH = 1e-13  # of the size of the body
+_WORDS = {SLID: "the distance slipped"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +190,28 @@ def _at_points(a: AtRest, b: AtRest) -> list[_AtPoints]:
     return found
 
 
+def _other_fields(m: Memory | None, now: Memory | None) -> list[str]:
+    """Names of what is remembered otherwise than a law alone would have it, on this rank."""
+    if m is None or now is None:
+        return []
+    found = []
+    for name, values in m.fields.items():
+        by_law = now.fields.get(name, values)
+        size = max(float(np.max(np.abs(v), initial=0.0)) for v in (values, by_law))
+        if np.max(np.abs(values - by_law), initial=0.0) > _SAME * size:
+            found.append(_WORDS.get(name, name))
+    return found
+
+
+def _at_same_place(m: Memory, now: Memory | None, size: float) -> bool:
+    """Whether what is remembered is of a state, on this rank, of a body of a size."""
+    if now is None or m.jump.shape != now.jump.shape:
+        return False
+    largest = float(np.max(np.abs(m.jump), initial=0.0))
+    off = float(np.max(np.abs(m.jump - now.jump), initial=0.0))
+    return off <= _SAME * largest + _NO_LENGTH * size
+
+
 class Stepper:
     """Takes steps of a problem from moments.
 
@@ -218,8 +244,7 @@ class Stepper:
         with self._loaded(time):
             eq.refresh()
             self._require_data()
-            eq.remember([None] * len(eq.surfaces))
-            state = self.problem.state()
+            state, memory = self._begun(self.problem.state)
         residual = Scales(eq, settled=True).measure(state).worst
         if residual > _SOLVED:  # before any solve the surfaces do not know their statuses
             required = self.problem.state([s.answers.required for s in state.surfaces])
@@ -236,7 +261,42 @@ class Stepper:
                 residual,
             )
         forces = forces_at(eq, state)
-        return self.accepted(time, None, eq.advanced(state), forces, Energies(), solved=solved)
+        return self.accepted(time, None, memory, forces, Energies(), solved=solved)
+
+    def _begun(self, find: Callable[[], State]) -> tuple[State, tuple[Memory | None, ...]]:
+        """The state at a start, and its memory: slips from there, bonds as they were left there.
+
+        What surfaces remember of bonds and slipped distances is of the state in which a history or
+        path was left, and no other: in another one these are those of the law. Collective.
+
+        Args:
+            find: what is in the problem as a state. Collective.
+        """
+        eq = self.problem.equations
+        left = eq.memory
+        eq.remember([None] * len(eq.surfaces))
+        state = find()
+        memory = eq.advanced(state)
+        pairs = list(zip(left, memory, strict=True))
+        others = sorted({name for m, new in pairs for name in _other_fields(m, new)})
+        others = sorted(set().union(*eq.comm.allgather(others)))
+        if not others:
+            return state, memory
+        stays = all(m is None or _at_same_place(m, new, eq.body_size) for m, new in pairs)
+        if not eq.comm.allreduce(int(stays), op=MPI.MIN):
+            if eq.comm.rank == 0:
+                logger.warning(
+                    "the surfaces remember %s of a history that ended in another state: this one "
+                    "begins with those of the law; set surface.memory = None to say so, or run "
+                    "that history on",
+                    " and ".join(others),
+                )
+            return state, memory
+        memory = tuple(
+            new if m is None or new is None else replace(new, fields=m.fields) for m, new in pairs
+        )
+        eq.remember(memory)
+        return find(), memory
 
     def _require_data(self) -> None:
         """Refuse a start with Dirichlet data that a solve refuses. Collective."""

@@ -148,12 +148,11 @@ class MotionStepper(Stepper):
             self._require_finite()
             self._require_data()
             self._require_held()
-            eq.remember([None] * len(eq.surfaces))
-            state = self._contact()
+            state, memory = self._begun(self._contact)
             self._require_no_penetration(state)
         motion = self._motion(state)
         energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
-        return self._moving(time, None, eq.advanced(state), energies, motion)
+        return self._moving(time, None, memory, energies, motion)
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
