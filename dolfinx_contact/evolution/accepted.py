@@ -327,8 +327,7 @@ class Stepper:
         """The accepted state with the data as they are now, under which it may be no solution.
 
         Those that the load sets are what it makes of them at the time of the state, whatever they
-        were set to since: another history of the problem, or a look at another time, is none of
-        this one. Collective; the problem is then at that state.
+        were set to since, as by another history of the problem, or by the load of another time. Collective; the problem is then at that state.
         """
         eq = self.problem.equations
         data = GivenData(eq)

@@ -110,11 +110,11 @@ class NSCD(Evolution):
     """The motion of a body with contact and friction, by nonsmooth contact dynamics.
 
     It begins with the displacement and statuses in the problem's Functions, at the first time, and
-    with `velocity`, and with bonds as `QuasiStatic` has them. What is put into them between two
-    runs is not taken: another motion begins from it. These follow the accepted steps, as do data and memory of the problem. The
-    memory stays in the surfaces afterwards: ``surface.memory = None`` makes the law of the problem
-    that was given static again. The multipliers are means over the step: impulses over areas and
-    the length of the step.
+    with `velocity`, and with bonds as `QuasiStatic` has them. What is put into these between two
+    runs is not taken: another motion begins from it. They follow the accepted steps, as do data and
+    memory of the problem. The memory stays in the surfaces afterwards: ``surface.memory = None``
+    makes the law of the problem that was given static again. The multipliers are means over the
+    step: impulses over areas and the length of the step.
     Dirichlet data prescribe the displacement at the ends of steps; what they prescribe begins with
     the displacement and velocity that the body has there. A start that is elsewhere than they
     prescribe, or moves where they do not, is refused. Where they have another velocity, or a kink

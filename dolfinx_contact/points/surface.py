@@ -563,7 +563,7 @@ class ContactSurface(ReadOnly):
     def parts(self) -> tuple[npt.NDArray[np.int64], int]:
         """The connected part of the face that each point is on (n,), and how many there are.
 
-        Collective where it is asked for first.
+        Collective the first time.
         """
         at_vertices = parts(self.points.vertices)
         number = self.comm.allreduce(int(at_vertices.max(initial=-1)), op=MPI.MAX) + 1
