@@ -327,7 +327,8 @@ class Stepper:
         """The accepted state with the data as they are now, under which it may be no solution.
 
         Those that the load sets are what it makes of them at the time of the state, whatever they
-        were set to since, as by another history of the problem, or by the load of another time. Collective; the problem is then at that state.
+        were set to since, as by another history of the problem, or by the load of another time.
+        Collective; the problem is then at that state.
         """
         eq = self.problem.equations
         data = GivenData(eq)
