@@ -20,6 +20,7 @@ from dolfinx_contact import (
     HalfSpace,
     RigidBody,
 )
+from dolfinx_contact.body.rigid import largest_turn, parts
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 
@@ -237,3 +238,76 @@ def test_what_a_step_looks_at(monkeypatch):
     domain.geometry.x[:, 0] *= 1.01
     with pytest.raises(ValueError, match="the mesh has moved"):
         problem.solve()
+
+
+def thrown(load_of, **how):
+    """A body above a floor with a uniform load, a Constant, and its motion."""
+    domain = box(COMM, 2, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    eps = ufl.sym(ufl.grad(u))
+    pull = fem.Constant(domain, (0.0, 0.0))
+    floor = HalfSpace((0.0, -0.01), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = (50.0 * ufl.inner(eps, eps) - ufl.dot(pull, u)) * ufl.dx
+    problem = ContactProblem(energy, u, [surface])
+    velocity = at_speed(problem, 1.0, -0.2)
+    load = load_of(pull)
+    return NSCD(problem, 1.0, dt=0.02, load=load, velocity=velocity, mass="consistent", **how)
+
+
+@pytest.mark.parametrize("scheme", ["theta", "modified-theta"])
+def test_a_later_run_begins_with_the_load_of_its_time(scheme):
+    """Whatever the data were set to since, as by another history of the problem."""
+
+    def load_of(pull):
+        def load(t):
+            pull.value[:] = np.sin(9 * t), -1 - t
+
+        return load
+
+    once, twice = (thrown(load_of, scheme=scheme, theta=0.6) for _ in range(2))
+    expected = once.run([0.0, 0.2]).energies
+    twice.run([0.0, 0.1])
+    twice.load(7.0)  # a look at another time
+    found = twice.run([0.1, 0.2]).energies
+    v = once.velocity.x.array
+    assert np.abs(twice.velocity.x.array - v).max() < 1e-12 * np.abs(v).max()
+    assert found.external == pytest.approx(expected.external, rel=1e-12)
+
+
+def test_another_load_acts_from_the_start_of_a_run():
+    """By the momentum of a body that flies."""
+
+    def constant(pull, x):
+        def load(t):
+            pull.value[:] = x, 1.0
+
+        return load
+
+    pulls = []
+    motion = thrown(lambda pull: pulls.append(pull) or constant(pull, 1.0))
+    motion.run([0.0, 0.02])
+    motion.load = constant(pulls[0], 5.0)
+    motion.run([0.02, 0.04])
+    assert np.abs(motion.velocity.x.array[0::2] - (1.0 + 0.02 * (1.0 + 5.0))).max() < 1e-12
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("speed", "said"), [(3.0, True), (1.0, False)])
+def test_a_linear_body_that_turns_is_said(dim, speed, said, caplog):
+    """By the angle, as if it were small, wherever it is."""
+    domain = box(COMM, 2, "tri" if dim == 2 else "tet")
+    domain.geometry.x[:] += 5.0
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    surface = ContactSurface(u, facets(domain, dim - 1, 5.0), obstacle=floor, law=Frictionless())
+    energy = LinearElastic.from_young(1.0, 0.0).energy(u) * ufl.dx
+    velocity = fem.Function(V)
+    turn = speed * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])[:dim]
+    velocity.interpolate(lambda x: turn @ (x - 5.5))
+    motion = NSCD(ContactProblem(energy, u, [surface]), 1.0, dt=0.05, velocity=velocity)
+    motion.run([0.0, 0.15])
+    assert largest_turn(V, u.x.array, parts(V)) == pytest.approx(0.15 * speed, rel=1e-9)
+    assert ("a linear body has turned by 0.3 rad" in warnings_of(caplog)) == said

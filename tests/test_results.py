@@ -13,6 +13,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
+from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
 from dolfinx_contact.results.balance import forces_at_vertices
@@ -306,12 +307,53 @@ def test_a_mesh_that_moves_after_the_problem_was_made():
         problem.solve()
 
 
-def test_constants_that_differ_between_ranks_at_a_solve():
+@pytest.mark.parametrize("what", ["friction", "top"])
+def test_constants_that_differ_between_ranks_at_a_solve(what):
     problem = block(law=Coulomb(0.3))
     (surface,) = problem.surfaces
-    surface.law.friction.value = 0.3 + 0.1 * COMM.rank
+    if what == "friction":
+        surface.law.friction.value = 0.3 + 0.1 * COMM.rank
+    else:
+        problem.bcs[0].g.value[1] -= 0.01 * COMM.rank
     if COMM.size > 1:
         with pytest.raises(ValueError, match="Constants differs between ranks"):
             problem.solve()
     else:
         problem.solve()
+
+
+@pytest.mark.parametrize("material", [LinearElastic, NeoHookean])
+def test_ghosts_follow_their_owners(material):
+    """As load, moduli, density and the state of a start, of which owners alone are given."""
+
+    def resultants(*, followed):
+        domain = box(COMM, 4, "tri")
+        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        W = fem.functionspace(domain, ("Lagrange", 1))
+        u, pull, velocity = (fem.Function(V) for _ in range(3))
+        moduli, density = (fem.Function(W) for _ in range(2))
+        moduli.x.array[:] = 100.0
+        density.x.array[:] = 1.0
+        energy = material(moduli, moduli).energy(u) - ufl.dot(pull, u)
+        floor = HalfSpace((0.0, -0.01), (0.0, 1.0))
+        surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+        problem = ContactProblem(energy * ufl.dx, u, [surface])
+        given = {
+            u: lambda x: np.stack([0.01 * x[1], 0.01 * x[0]]),
+            pull: lambda x: np.stack([1 + x[1], -2 - x[0]]),
+            velocity: lambda x: np.stack([1 + x[1], -1 - x[0]]),
+            moduli: lambda x: 100.0 + x[0],
+            density: lambda x: 1.0 + x[0],
+        }
+        for f, values in given.items():
+            f.interpolate(values)
+            dofmap = f.function_space.dofmap
+            owned = dofmap.index_map.size_local * dofmap.index_map_bs
+            if not followed:
+                f.x.array[owned:] = 0.5
+        motion = NSCD(problem, density, dt=0.01, velocity=velocity, mass="lumped")
+        return [step.result.resultants["contact"] for step in motion.run([0.0, 0.04]).steps]
+
+    found, expected = (np.array(resultants(followed=followed)) for followed in (False, True))
+    assert np.abs(expected).max() > 1.0
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()

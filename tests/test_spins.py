@@ -27,6 +27,7 @@ from dolfinx_contact import (
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
+from dolfinx_contact.meshing import join
 
 COMM = MPI.COMM_WORLD
 FRICTION = 0.2
@@ -358,3 +359,62 @@ def test_on_any_number_of_ranks(given):
     assert alone.spin > 40.0
     assert mine.spin == pytest.approx(alone.spin, rel=1e-8)
     assert mine.doubt == alone.doubt
+
+
+@pytest.mark.parametrize("angle", [60.0, 15.0])
+def test_one_of_two_bodies_on_a_floor_spins(angle):
+    """It is not averaged with the other, which slides far, in one surface."""
+    x = np.linspace(-1.0, 1.0, 3)
+    bodies = [create_grid(COMM, [x + at, x, [0.0, 0.5]], CELLS["hex"]) for at in (0.0, 4.0)]
+    domain = join(bodies).mesh
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    u = fem.Function(V)
+    top = fem.Function(V)
+    bottom, above = (
+        mesh.locate_entities_boundary(domain, 2, lambda x, z=z: np.isclose(x[2], z))
+        for z in (0.0, 0.5)
+    )
+    surface = ContactSurface(u, bottom, obstacle=FLOOR, law=Coulomb(FRICTION))
+    held = fem.dirichletbc(top, fem.locate_dofs_topological(V, 2, above))
+    energy = NeoHookean(*lame(100.0, 0.0)).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[held])
+
+    def load(t):
+        turn = Rotation.from_rotvec((0.0, 0.0, np.radians(angle) * max(t - 1.0, 0.0))).as_matrix()
+        down = np.array([[0.0], [0.0], [-0.01 * min(t, 1.0)]])
+        way = np.array([[30.0 * max(t - 1.0, 0.0)], [0.0], [0.0]])
+        top.interpolate(lambda x: down + np.where(x[0] < 2.0, turn @ x - x, way + 0.0 * x))
+
+    steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf).steps
+    found = steps[-1].result.slidings["contact"]
+    assert found.spin == pytest.approx(angle, rel=0.03)
+    assert bool(found.doubt) == (angle > 21.0)
+
+
+def test_what_is_in_the_air_does_not_spin():
+    """Round-off of the tractions is no friction, whatever the units."""
+    for young in (1e-3, 3e5):
+        domain = create_grid(COMM, [np.linspace(-1.0, 1.0, 4)] * 2 + [[0.0, 0.5]], CELLS["hex"])
+        V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+        u = fem.Function(V)
+        top = fem.Function(V)
+        bottom, above = (
+            mesh.locate_entities_boundary(domain, 2, lambda x, z=z: np.isclose(x[2], z))
+            for z in (0.0, 0.5)
+        )
+        surface = ContactSurface(u, bottom, obstacle=FLOOR, law=Coulomb(FRICTION))
+        held = fem.dirichletbc(top, fem.locate_dofs_topological(V, 2, above))
+        energy = NeoHookean(*lame(young, 0.2)).energy(u) * ufl.dx
+        problem = ContactProblem(energy, u, [surface], bcs=[held])
+
+        def load(t, top=top):
+            turn = Rotation.from_rotvec((0.0, 0.0, np.radians(60.0) * max(t - 1.0, 0.0)))
+            up = np.array([[0.0], [0.0], [0.06 * min(t, 1.0) - 0.01]])
+            top.interpolate(lambda x: turn.as_matrix() @ x - x + up)
+
+        load(0.0)
+        problem.solve()
+        steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf).steps
+        found = steps[-1].result.slidings["contact"]
+        assert steps[-1].result.counts["open"] == 16
+        assert (found.spin, found.doubt) == (0.0, "")

@@ -108,7 +108,9 @@ class Bulk:
         self.kinks = dependence(self._form, own).text_of_kinks if branches else ""
         self._smooth_mark: int | None = None
         self._data = [*coefficients, *self.jacobian_constants]
-        self._loads = [*(f for f in self.functions if f is not own), *self.constants]
+        self._others = [f for f in self.functions if f is not own]
+        self.update_ghosts()
+        self._loads = [*self._others, *self.constants]
         self.require_continuous()
         self._owned = self._V.dofmap.index_map.size_local * self._V.dofmap.index_map_bs
         self._rows = SharedValues(self._V.dofmap.index_map)
@@ -197,6 +199,17 @@ class Bulk:
             made = Bulk(self._form + ufl.replace(load, {test: own}), own)
         made.materials = self.materials  # its form is not the one that they made
         return made
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether Functions of the forms are others on this rank than for `update_ghosts`."""
+        return self._mark(self._others) != self._others_mark
+
+    def update_ghosts(self) -> None:
+        """Let the ghosts of Functions in the forms follow their owners. Collective."""
+        for f in self._others:
+            f.x.scatter_forward()
+        self._others_mark = self._mark(self._others)
 
     def require_continuous(self) -> None:
         """Raise ``ValueError`` if the form jumps in ``u`` with the data as they are. Collective."""

@@ -205,6 +205,15 @@ class MovingBody:
 
     # -- the face of a Bulk ----------------------------------------------------------------------
 
+    @property
+    def has_changed(self) -> bool:
+        """As `Bulk` has."""
+        return self.body.has_changed
+
+    def update_ghosts(self) -> None:
+        """As `Bulk.update_ghosts`. Collective."""
+        self.body.update_ghosts()
+
     def require_continuous(self) -> None:
         """As `Bulk.require_continuous`. Collective."""
         self.body.require_continuous()

@@ -17,6 +17,7 @@ __all__ = [
     "combine",
     "describe",
     "free_motions",
+    "largest_turn",
     "loose",
     "parts",
     "rigid_motions",
@@ -96,6 +97,45 @@ def rigid_motions(V: fem.FunctionSpace, *, axisymmetric: bool = False) -> npt.ND
     if axisymmetric:
         modes = modes[:, 1:2]
     return modes.reshape(number * modes.shape[1], len(x), dim)
+
+
+def largest_turn(
+    V: fem.FunctionSpace, u: npt.NDArray[np.float64], part: npt.NDArray[np.int32]
+) -> float:
+    """The largest mean rotation of a connected part, as if it were small, in radians. Collective.
+
+    It is that of the rigid motion next to the displacement of the nodes, by least squares.
+
+    Args:
+        V: displacement space.
+        u: displacement, local values.
+        part: of each local node; see `parts`.
+    """
+    comm = V.mesh.comm
+    dim = V.mesh.geometry.dim
+    n = V.dofmap.index_map.size_local
+    x = V.tabulate_dof_coordinates()[:n, :dim]
+    u = u.reshape(-1, dim)[:n]
+    p = part[:n]
+    number = comm.allreduce(int(p.max(initial=-1)), op=max) + 1
+
+    def summed(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Sums over the nodes of every part."""
+        sums = np.zeros((number, *values.shape[1:]))
+        np.add.at(sums, p, values)
+        return np.asarray(comm.allreduce(sums))
+
+    sums = summed(np.hstack([np.ones((n, 1)), x, u]))
+    means = sums[:, 1:] / sums[:, :1]
+    here = np.zeros((n, 3))
+    moved = np.zeros((n, 3))
+    here[:, :dim] = x - means[p, :dim]
+    moved[:, :dim] = u - means[p, dim:]
+    squares = np.sum(here**2, axis=1)[:, None, None] * np.eye(3)
+    inertia = summed(squares - here[:, :, None] * here[:, None, :])
+    momentum = summed(np.cross(here, moved))
+    turns = np.einsum("pij,pj->pi", np.linalg.pinv(inertia, hermitian=True), momentum)
+    return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
 
 
 def bounding_box(

@@ -172,9 +172,15 @@ class ContactEquations:
             return State(u, q, self._contact(x, u, q, statuses))
 
     def refresh(self) -> None:
-        """Evaluate anew what is given on surfaces where the user has changed it. Collective."""
-        changed = np.array([s.has_changed for s in self.surfaces], dtype=np.int32)
-        for s, other in zip(self.surfaces, self.comm.allreduce(changed), strict=True):
+        """Evaluate anew what is given on surfaces where the user has changed it. Collective.
+
+        The ghosts of Functions that are given follow their owners, in the forms of the body too.
+        """
+        parts = [self.bulk, *self.surfaces]
+        changed = self.comm.allreduce(np.array([part.has_changed for part in parts], np.int32))
+        if changed[0]:
+            self.bulk.update_ghosts()
+        for s, other in zip(self.surfaces, changed[1:], strict=True):
             if other:
                 s.update_geometry()
 

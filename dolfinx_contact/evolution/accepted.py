@@ -19,12 +19,13 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import everywhere
+from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._mesh_mark import mesh_stays
-from dolfinx_contact.equations.given_data import GivenData, check_turn
+from dolfinx_contact.equations.given_data import Constancy, GivenData, check_turn, placed_data
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
+from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
@@ -44,6 +45,9 @@ logger = logging.getLogger(__name__)
 
 Array = npt.NDArray[np.float64]
 _SOLVED = 1e-6  # residual of a start that is a solution
+_SAME = 1e-9  # of what is remembered
+_NO_LENGTH = 1e-13  # of the size of the body
+_WORDS = {SLID: "the distance slipped"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +190,28 @@ def _at_points(a: AtRest, b: AtRest) -> list[_AtPoints]:
     return found
 
 
+def _other_fields(m: Memory | None, now: Memory | None) -> list[str]:
+    """Names of what is remembered otherwise than a law alone would have it, on this rank."""
+    if m is None or now is None:
+        return []
+    found = []
+    for name, values in m.fields.items():
+        by_law = now.fields.get(name, values)
+        size = max(float(np.max(np.abs(v), initial=0.0)) for v in (values, by_law))
+        if np.max(np.abs(values - by_law), initial=0.0) > _SAME * size:
+            found.append(_WORDS.get(name, name))
+    return found
+
+
+def _at_same_place(m: Memory, now: Memory | None, size: float) -> bool:
+    """Whether what is remembered is of a state, on this rank, of a body of a size."""
+    if now is None or m.jump.shape != now.jump.shape:
+        return False
+    largest = float(np.max(np.abs(m.jump), initial=0.0))
+    off = float(np.max(np.abs(m.jump - now.jump), initial=0.0))
+    return off <= _SAME * largest + _NO_LENGTH * size
+
+
 class Stepper:
     """Takes steps of a problem from moments.
 
@@ -193,7 +219,13 @@ class Stepper:
         problem: whose Functions follow what is taken or put.
         load: puts the data of a time into Functions and Constants.
         progress: of the solves, as in `ContactProblem.solve`.
+
+    Attributes:
+        problem: as given.
+        asks: whether the load is asked in the first step whether it knows more than the time.
     """
+
+    asks = False
 
     def __init__(
         self, problem: ContactProblem, load: Callable[[float], object], progress: bool | None
@@ -212,8 +244,7 @@ class Stepper:
         with self._loaded(time):
             eq.refresh()
             self._require_data()
-            eq.remember([None] * len(eq.surfaces))
-            state = self.problem.state()
+            state, memory = self._begun(self.problem.state)
         residual = Scales(eq, settled=True).measure(state).worst
         if residual > _SOLVED:  # before any solve the surfaces do not know their statuses
             required = self.problem.state([s.answers.required for s in state.surfaces])
@@ -230,7 +261,42 @@ class Stepper:
                 residual,
             )
         forces = forces_at(eq, state)
-        return self.accepted(time, None, eq.advanced(state), forces, Energies(), solved=solved)
+        return self.accepted(time, None, memory, forces, Energies(), solved=solved)
+
+    def _begun(self, find: Callable[[], State]) -> tuple[State, tuple[Memory | None, ...]]:
+        """The state at a start, and its memory: slips from there, bonds as they were left there.
+
+        What surfaces remember of bonds and slipped distances is of the state in which a history or
+        path was left, and no other: in another one these are those of the law. Collective.
+
+        Args:
+            find: what is in the problem as a state. Collective.
+        """
+        eq = self.problem.equations
+        left = eq.memory
+        eq.remember([None] * len(eq.surfaces))
+        state = find()
+        memory = eq.advanced(state)
+        pairs = list(zip(left, memory, strict=True))
+        others = sorted({name for m, new in pairs for name in _other_fields(m, new)})
+        others = sorted(set().union(*eq.comm.allgather(others)))
+        if not others:
+            return state, memory
+        stays = all(m is None or _at_same_place(m, new, eq.body_size) for m, new in pairs)
+        if not eq.comm.allreduce(int(stays), op=MPI.MIN):
+            if eq.comm.rank == 0:
+                logger.warning(
+                    "the surfaces remember %s of a history that ended in another state: this one "
+                    "begins with those of the law; set surface.memory = None to say so, or run "
+                    "that history on",
+                    " and ".join(others),
+                )
+            return state, memory
+        memory = tuple(
+            new if m is None or new is None else replace(new, fields=m.fields) for m, new in pairs
+        )
+        eq.remember(memory)
+        return find(), memory
 
     def _require_data(self) -> None:
         """Refuse a start with Dirichlet data that a solve refuses. Collective."""
@@ -260,16 +326,27 @@ class Stepper:
     def renewed(self, accepted: AcceptedState) -> AcceptedState:
         """The accepted state with the data as they are now, under which it may be no solution.
 
-        Collective. The problem is at that state.
+        Those that the load sets are what it makes of them at the time of the state, whatever they
+        were set to since, as by another history of the problem, or by the load of another time.
+        Collective; the problem is then at that state.
         """
-        data = GivenData(self.problem.equations)
+        eq = self.problem.equations
+        data = GivenData(eq)
+        self._put_unknowns(accepted)
+        eq.remember(accepted.memory)
         try:
             self._set(accepted.time)
-            self.problem.equations.remember(accepted.memory)
-            solved = self._is_solved(self.problem.state())
-        finally:
+        except BaseException:
             data.restore()
-        return replace(accepted, data=data, solved=solved)
+            raise
+        if eq.comm.allreduce(int(accepted.data.unchanged()), op=MPI.MIN):
+            return accepted
+        return self._under_other_data(accepted)
+
+    def _under_other_data(self, accepted: AcceptedState) -> AcceptedState:
+        """An accepted state, which is in the problem, under the data that are there. Collective."""
+        solved = self._is_solved(self.problem.state())
+        return replace(accepted, data=GivenData(self.problem.equations), solved=solved)
 
     def data_watch(self) -> Callable[[], str]:
         """What says which data have changed since that are to stay; see `System.data_watch`.
@@ -341,10 +418,15 @@ class Stepper:
         Raises:
             ConvergenceError: if nothing solves the step. The problem is then at that state, as it
                 is after any other error.
+            ValueError: on every rank, for a load that depends on earlier calls.
         """
         self.put(accepted)
         try:
-            return self._stepped(accepted, time, likely, guess, trial or Trial())
+            solved = self._stepped(accepted, time, likely, guess, trial or Trial())
+            if self.asks:
+                self._ask_load(solved)
+                self.asks = False
+            return solved
         except BaseException:
             self.put(accepted)
             raise
@@ -372,6 +454,52 @@ class Stepper:
         energies = accepted.energies.advanced(accepted.forces, forces, result.energies["friction"])
         after = self.accepted(time, state.statuses, eq.advanced(state), forces, energies)
         return SolvedStep(accepted, after, result)
+
+    def _ask_load(self, solved: SolvedStep) -> None:
+        """Refuse a load that depends on earlier calls. Collective.
+
+        Steps are tried from one state with several lengths, in any order, so that the data of a
+        time must not be those of the calls before. The problem is at the end of the step.
+        """
+        time = solved.after.time
+        given = self._given()
+        self.put(solved.before)
+        changed = ""
+        for _ in range(2):  # from the data of the step's start, and from its own
+            self._set(time)
+            changed = changed or given.changed()
+        require(
+            self.problem.comm,
+            not changed,
+            f"the load at the time {time:g} depends on earlier calls, of which {changed} is not "
+            "what it was in the first: steps are tried again with other lengths, from data that "
+            "are put back, so a load is to set all that it changes from the time alone",
+        )
+        self.show(solved)
+
+    def ask_at_end(self, accepted: AcceptedState) -> None:
+        """Warn of a load that depends on the solution, at the end of a run. Collective.
+
+        Args:
+            accepted: the last state of the run, at which the problem is.
+        """
+        given = self._given()
+        self._set(accepted.time)
+        changed = given.changed()
+        accepted.data.restore()
+        if changed and self.problem.comm.rank == 0:
+            logger.warning(
+                "the load depends on the solution: at the end of the step to the time %g it sets "
+                "%s to something else than at its start. It is called before a step is solved, so "
+                "that the step is one under data of the state before, however long it was: take "
+                "short steps, or put what depends on the displacement into forms or law",
+                accepted.time,
+                changed,
+            )
+
+    def _given(self) -> Constancy:
+        """The data as they are, to be compared. Collective."""
+        return Constancy(self.problem.comm, placed_data(self.problem.equations))
 
     def _check_turns(self, accepted: AcceptedState) -> None:
         """Raise ``ValueError`` if rigid bodies turn too far in a step from a state. Collective."""

@@ -6,8 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
-from mpi4py import MPI
-
 import ufl
 from dolfinx import fem
 
@@ -60,6 +58,8 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
     kept: Mapping[str, fem.Function] = {}
     data: Sequence[Datum] = ()
     forms: Sequence[ufl.Form] = ()
+    #: The load that has been asked whether it knows more than the time.
+    _asked: Callable[[float], object] | None = None
 
     def __init__(self, problem: ContactProblem, load: Callable[[float], object]):
         if not isinstance(problem, ContactProblem):
@@ -102,10 +102,8 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         if before is None:
             accepted = stepper.start(task.times[0])
             return self._run(task, RunState(accepted, task.longest), listeners)
-        accepted = before.accepted
-        if not self.problem.comm.allreduce(int(accepted.data.unchanged()), op=MPI.MIN):
-            # Data that were changed between two runs are those of the next.
-            accepted = stepper.renewed(accepted)
+        # Data that were changed between two runs, and the load if it was, are those of the next.
+        accepted = stepper.renewed(before.accepted)
         run_state = RunState(accepted, task.longest, before.rate, before.number)
         return self._run(task, run_state, listeners)
 
@@ -118,6 +116,7 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
     def _run(self, task: HistoryTask, run_state: RunState, listeners: Listeners) -> History:
         """A run from where it is to its end. Collective."""
         stepper = self._stepper(listeners.progress)
+        stepper.asks = self.load is not self._asked
         rule = self._rule(stepper, task, run_state, listeners.accept)
         history = _history_from(run_state.accepted)
         self._follow(Run(stepper, rule, listeners, history))
@@ -125,6 +124,9 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         stepper.put(rule.run_state.accepted)
         if rule.failed and task.at_jump != "stop":
             raise NoContinuation(history.reason, history) from rule.failure
+        if self.load is not self._asked and not rule.failed:
+            stepper.ask_at_end(rule.run_state.accepted)
+            self._asked = self.load
         return history
 
 

@@ -30,6 +30,7 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import require
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
+from dolfinx_contact.body.rigid import largest_turn, parts
 from dolfinx_contact.equations.given_data import Constancy, GivenData, require_obstacles
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper
@@ -58,6 +59,7 @@ _AGAINST = 1e-6  # of the largest displacement or velocity, off what is prescrib
 _LASTING = 0.51  # theta, below which velocities that turn keep their size
 _TURNS = 0.1  # of what is off, by which it is not the same with the other sign
 _PERCENT = 0.01  # of the velocities, what is off and matters
+_LARGEST_TURN = 0.2  # radians of a linear body, by which it has grown by 2 per cent
 _MOST_TURNS = 3  # changes of sign, after which the log warns
 
 
@@ -129,6 +131,9 @@ class MotionStepper(Stepper):
         self._method = method
         self._constancy = constancy
         self._warned = False
+        #: Whether it is to be said that a part of the body has turned, and the parts, once found.
+        self._asks_turn = body.linear and not problem.equations.axisymmetric
+        self._parts: npt.NDArray[np.int32] | None = None
 
     def start(self, time: float) -> AcceptedState:
         """The state in the Functions. Collective.
@@ -143,12 +148,11 @@ class MotionStepper(Stepper):
             self._require_finite()
             self._require_data()
             self._require_held()
-            eq.remember([None] * len(eq.surfaces))
-            state = self._contact()
+            state, memory = self._begun(self._contact)
             self._require_no_penetration(state)
         motion = self._motion(state)
         energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
-        return self._moving(time, None, eq.advanced(state), energies, motion)
+        return self._moving(time, None, memory, energies, motion)
 
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
@@ -159,7 +163,7 @@ class MotionStepper(Stepper):
         known = None if first else state.statuses
         return self._moving(time, known, tuple(memory), energies, self._motion(state))
 
-    def renewed(self, accepted: AcceptedState) -> AcceptedState:
+    def _under_other_data(self, accepted: AcceptedState) -> AcceptedState:
         assert isinstance(accepted, MovingState)
         u = accepted.motion.u
         v = accepted.motion.v
@@ -217,6 +221,7 @@ class MotionStepper(Stepper):
         finally:
             eq.prescribed.unknowns = None
         turns = self._turns(accepted, b, step)
+        self._warn_of_turning(u, time)
         after = self._moving(time, state.statuses, memory, energies, b, turns)
         return SolvedStep(accepted, after, result)
 
@@ -314,6 +319,8 @@ class MotionStepper(Stepper):
         return state
 
     def _motion(self, state: State) -> Motion:
+        for f in (self.problem.u, self._velocity):
+            f.x.scatter_forward()  # what the user has put into them may be the owners' alone
         u, v = (f.x.array.copy() for f in (self.problem.u, self._velocity))
         return motion_at(self.problem.equations, state, u, v)
 
@@ -425,6 +432,27 @@ class MotionStepper(Stepper):
                     words,
                 )
         return off, times
+
+    def _warn_of_turning(self, u: Array, time: float) -> None:
+        """Warn once of a linear body that has turned by more than a small angle. Collective."""
+        if not self._asks_turn:
+            return
+        V = self.problem.V
+        if self._parts is None:
+            self._parts = parts(V)
+        turn = largest_turn(V, u, self._parts)
+        if not turn > _LARGEST_TURN:
+            return
+        self._asks_turn = False
+        if self.problem.comm.rank == 0:
+            logger.warning(
+                "at the time %g a linear body has turned by %.2g rad: it grows as it turns, by "
+                "half the square of that, and its faces are not where those of a body are that "
+                "turns; take an energy that knows rotations, as materials.StVenantKirchhoff or "
+                "materials.NeoHookean",
+                time,
+                turn,
+            )
 
     def _require_finite(self) -> None:
         """Refuse a start that is not finite. Collective."""

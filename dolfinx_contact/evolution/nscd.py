@@ -110,10 +110,11 @@ class NSCD(Evolution):
     """The motion of a body with contact and friction, by nonsmooth contact dynamics.
 
     It begins with the displacement and statuses in the problem's Functions, at the first time, and
-    with `velocity`. These follow the accepted steps, as do data and memory of the problem. The
-    memory stays in the surfaces afterwards: ``surface.memory = None`` makes the law of the problem
-    that was given static again. The multipliers are means over the step: impulses over areas and
-    the length of the step.
+    with `velocity`, and with bonds as `QuasiStatic` has them. What is put into these between two
+    runs is not taken: another motion begins from it. They follow the accepted steps, as do data and
+    memory of the problem. The memory stays in the surfaces afterwards: ``surface.memory = None``
+    makes the law of the problem that was given static again. The multipliers are means over the
+    step: impulses over areas and the length of the step.
     Dirichlet data prescribe the displacement at the ends of steps; what they prescribe begins with
     the displacement and velocity that the body has there. A start that is elsewhere than they
     prescribe, or moves where they do not, is refused. Where they have another velocity, or a kink
@@ -126,7 +127,8 @@ class NSCD(Evolution):
             must not change: a run in which it does is refused.
         dt: length of a step, a time.
         load: called with a time, on every rank, sets Constants and Functions of the problem's data
-            to their values at that time; by default they stay.
+            to their values at that time; by default they stay. One that depends on earlier calls is
+            refused, of one that depends on the solution the log warns.
         velocity: at the first time, a Function of the displacement's space; by default at rest. It
             is to be that of the Dirichlet data where these hold the body: 0 where they stay.
         scheme: ``"theta"``, ``"theta-euler"`` or ``"modified-theta"`` (`body.moving`).
@@ -425,6 +427,10 @@ def _moving_body(
         ValueError: on every rank, as `_damping`.
     """
     V = problem.V
+    for given in (ufl.as_ufl(density), damping):
+        for d in data_in(given, "") if isinstance(given, ufl.Form | ufl.core.expr.Expr) else ():
+            if isinstance(d.value, fem.Function):  # its ghosts follow their owners
+                d.value.x.scatter_forward()
     weight = 2 * math.pi * ufl.SpatialCoordinate(V.mesh)[0]
     mass_of = density * weight if problem.equations.axisymmetric else density
     M = mass_matrix(V, mass_of, mass, _touching(problem.equations))

@@ -69,7 +69,9 @@ class QuasiStatic(Evolution):
     """The quasi-static evolution of a contact problem under a load that depends on time.
 
     It begins with the state in the problem's Functions, a solution under the load at the first
-    time: slips are counted from there. A surface drags what touches it only where it is
+    time: slips are counted from there. Where another history or a motion has left that state, bonds
+    and distances slipped are those that it left; in another state those of the law, of which the
+    log warns unless ``surface.memory`` is None. A surface drags what touches it only where it is
     another body or a `RigidBody`; of an obstacle that moves by Constants friction sees the motion
     along the normal alone.
     Functions, statuses, data and memory of the problem follow the accepted steps. The memory stays
@@ -80,7 +82,8 @@ class QuasiStatic(Evolution):
         problem: the contact problem.
         load: called with a time, on every rank, sets Constants and Functions of the problem's data
             to their values at that time. It is called again for times that were tried before, and
-            must not depend on earlier calls.
+            is refused if it depends on earlier calls. Of one that depends on the solution, which is
+            that of the step before, the log warns.
 
     Raises:
         ValueError: on every rank, if arguments do not fit.

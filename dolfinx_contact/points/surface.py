@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,6 +23,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact._frozen import ReadOnly, seal
 from dolfinx_contact._kept import keep
 from dolfinx_contact._mesh_mark import mesh_mark
+from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.laws import Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
@@ -575,6 +578,17 @@ class ContactSurface(ReadOnly):
     def node_positions(self) -> Array:
         """Positions of the local nodes of the displacement (n, dim)."""
         return self.u.function_space.tabulate_dof_coordinates()[:, : self.dim].copy()
+
+    @cached_property
+    def parts(self) -> tuple[npt.NDArray[np.int64], int]:
+        """The connected part of the face that each point is on (n,), and how many there are.
+
+        Collective the first time.
+        """
+        at_vertices = parts(self.points.vertices)
+        number = self.comm.allreduce(int(at_vertices.max(initial=-1)), op=MPI.MAX) + 1
+        at_points = self.points.from_vertices(at_vertices.astype(np.float64))
+        return np.rint(at_points).astype(np.int64), number
 
     @property
     def owned_nodes(self) -> int:

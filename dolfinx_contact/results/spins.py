@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.sliding.rays import area_vectors
 from dolfinx_contact.points.sliding.spins import spins
 from dolfinx_contact.points.surface import ContactSurface
@@ -34,13 +35,18 @@ Array = npt.NDArray[np.float64]
 
 LARGEST_SPIN = 35.0  # degrees in a step, whose chord is by 1.5 % shorter than the arc
 _LARGEST_OVER_OBSTACLE = 21.0  # degrees in a step, by which the torque is 1.7 % low
+_CARRIES = 1e-3  # of all tractions, what a part of a face carries that counts
+_NO_TRACTION = 1e-15  # of the stiffness of a facet, that of an open point that is round-off
 _NO_WORK = 1e-9  # of what all tractions would do along a facet, what is round-off
 _TURNED_ROUND = -0.9  # cosine of the normals before and now, below which a spin is none
 _NO_FACET = 1e-6  # of the mean area, below which means of points span no facet
 
 
 def spin_by_work(s: ContactSurface, contact: ContactState, apart: Array) -> float:
-    """The mean of angles at the points, squared, by the work of friction, in degrees. Collective.
+    """The largest spin of a connected part of a face, in degrees. Collective.
+
+    That of a part is the mean of the angles at its points, squared, by the work of friction. Parts
+    are several bodies, or feet of one, of which others may slide far.
 
     Args:
         s: the surface.
@@ -49,12 +55,18 @@ def spin_by_work(s: ContactSurface, contact: ContactState, apart: Array) -> floa
     """
     at = contact.kinematics
     along = contact.traction - np.sum(contact.traction * at.data.n, axis=1)[:, None] * at.data.n
-    work = np.abs(np.sum(along * at.increment, axis=1)) * at.operator.areas
-    size = np.linalg.norm(contact.traction, axis=1) @ at.operator.areas
-    sums = s.comm.allreduce(np.array([work @ apart**2, work.sum(), size]))
-    if not sums[1] > _NO_WORK * sums[2] * s.points.mean_width:
-        return 0.0
-    return float(np.degrees(np.sqrt(sums[0] / sums[1])))
+    size = np.linalg.norm(contact.traction, axis=1)
+    none = _NO_TRACTION * at.data.r * s.points.mean_width
+    areas = np.where(closed(contact.statuses) | (size > none), at.operator.areas, 0.0)
+    work = np.abs(np.sum(along * at.increment, axis=1)) * areas
+    size = size * areas
+    part, number = s.parts
+    sums = [np.bincount(part, v, minlength=number) for v in (work * apart**2, work, size)]
+    turned, work, size = s.comm.allreduce(np.array(sums))
+    carries = size > _CARRIES * size.sum()
+    rubs = carries & (work > _NO_WORK * size * s.points.mean_width)
+    means = np.divide(turned, work, out=np.zeros_like(work), where=rubs)
+    return float(np.degrees(np.sqrt(means.max(initial=0.0))))
 
 
 def spin_over_obstacle(s: ContactSurface, contact: ContactState) -> float:

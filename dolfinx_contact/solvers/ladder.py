@@ -39,6 +39,7 @@ import numpy as np
 
 from ufl.algorithms.analysis import extract_constants
 
+from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
@@ -238,13 +239,15 @@ def _require_start(eq: ContactEquations, x0: PETSc.Vec) -> None:
 
 
 def _given_numbers(eq: ContactEquations) -> list[list[float]]:
-    """Values of the Constants in forms, obstacles and laws, to be the same on every rank."""
+    """Values of all Constants that are given, to be the same on every rank."""
     constants = list(eq.bulk.constants)
     for s in eq.surfaces:
         constants += s.given.constants
     for body in eq.rigid.bodies:
         for e in body.expressions:
             constants += extract_constants(e)
+    prescribed = map(dirichlet_value, eq.bcs)
+    constants += [value for value in prescribed if not hasattr(value, "x")]
     return [[float(v) for v in np.ravel(c.value)] for c in constants]
 
 
