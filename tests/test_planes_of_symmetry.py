@@ -433,7 +433,6 @@ def test_walls_of_one_height(direction):
 @pytest.mark.parametrize(
     ("named", "law"), [(False, Coulomb(0.3)), (True, Coulomb(0.3)), (False, Frictionless())]
 )
-@pytest.mark.refuses("sliding pairs", aspects=("2D", "large sliding"))
 def test_a_plane_that_is_not_named(named, law):
     """Friction of nodes that both faces hold across it is not unique, of which there is a doubt."""
     body = bodies(2, whole=False)
