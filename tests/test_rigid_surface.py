@@ -568,7 +568,6 @@ def test_ways_through_thin_parts(name):
         assert any("came to the other side" in doubt for doubt in doubts) == through
 
 
-@pytest.mark.refuses("surfaces of facets", "rigid bodies", aspects=("2D", "3D"))
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(("angle", "through"), [(2.0, True), (0.1, False)])
 def test_ways_through_tools_that_turn(dim, angle, through):
