@@ -640,7 +640,9 @@ def test_what_laws_see_of_the_start_of_a_step(massless, level):
     def kinematics(s, origin, q):
         seen.append((origin, q))
         operator = SimpleNamespace(rate=lambda v: moved)
-        return SimpleNamespace(jump=jump, whole=2 * jump, place=None, operator=operator)
+        return SimpleNamespace(
+            jump=jump, whole=2 * jump, place=None, motion=None, operator=operator
+        )
 
     surface = SimpleNamespace(
         slides=False,

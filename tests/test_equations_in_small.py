@@ -635,11 +635,9 @@ def test_a_body_that_hardly_yields_has_a_least_softness():
     assert softness(problem.equations.bulk.for_products, problem.V) == 1e-4
 
 
-@pytest.mark.parametrize(
-    ("factor", "taken"), [(9.0, False), (11.0, True), (0.12, False), (0.08, True)]
-)
-def test_scales_follow_a_body_that_becomes_much_stiffer(factor, taken):
-    """By more than ten times, or softer; a forced r stays."""
+@pytest.mark.parametrize("now", [1.5, 11.0, 0.08])
+def test_scales_follow_a_body_that_becomes_stiffer(now):
+    """Or softer."""
     domain = box(COMM, 1, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
@@ -653,10 +651,9 @@ def test_scales_follow_a_body_that_becomes_much_stiffer(factor, taken):
     before = eq.stiffness_scale
     r = surface.points.r.copy()
     at = eq.scaling.at_vertices[0].copy()
-    stiff.value = factor
+    stiff.value = now
     eq.bulk.stiffness(u.x.array.copy())
     eq.scaling.follow(u.x.array.copy())
-    now = factor if taken else 1.0
     assert eq.stiffness_scale == pytest.approx(now * before)
     np.testing.assert_allclose(surface.points.r, now * r)
     np.testing.assert_allclose(eq.scaling.at_vertices[0], now * at)

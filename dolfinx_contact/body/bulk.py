@@ -203,13 +203,13 @@ class Bulk:
     @property
     def has_changed(self) -> bool:
         """Whether Functions of the forms are others on this rank than for `update_ghosts`."""
-        return self._mark(self._others) != self._others_mark
+        return _checksum(self._others) != self._others_mark
 
     def update_ghosts(self) -> None:
         """Let the ghosts of Functions in the forms follow their owners. Collective."""
         for f in self._others:
             f.x.scatter_forward()
-        self._others_mark = self._mark(self._others)
+        self._others_mark = _checksum(self._others)
 
     def require_continuous(self) -> None:
         """Raise ``ValueError`` if the form jumps in ``u`` with the data as they are. Collective."""
@@ -403,11 +403,7 @@ class Bulk:
 
     def _mark(self, data: list[Any]) -> int:
         """A checksum of the values of ``data`` and of the mesh, on this rank."""
-        mark = mesh_mark(self._V.mesh)
-        for d in data:
-            values = d.value if isinstance(d, fem.Constant) else d.x.array
-            mark = zlib.crc32(np.ascontiguousarray(values), mark)
-        return mark
+        return _checksum(data, mesh_mark(self._V.mesh))
 
     def _same(self, a: int, b: int) -> bool:
         """Whether two marks agree on every rank."""
@@ -419,6 +415,14 @@ class Bulk:
         if self._K is not None:
             self._K.destroy()
             self._K = None
+
+
+def _checksum(data: Sequence[fem.Function | fem.Constant], mark: int = 0) -> int:
+    """Of the values of data on this rank, and of what ``mark`` is of."""
+    for d in data:
+        values = d.value if isinstance(d, fem.Constant) else d.x.array
+        mark = zlib.crc32(np.ascontiguousarray(values), mark)
+    return mark
 
 
 #: By what is known, and what a form says.
