@@ -361,12 +361,8 @@ def test_on_any_number_of_ranks(given):
     assert mine.doubt == alone.doubt
 
 
-@pytest.mark.parametrize("angle", [60.0, 15.0])
-def test_one_of_two_bodies_on_a_floor_spins(angle):
-    """It is not averaged with the other, which slides far, in one surface."""
-    x = np.linspace(-1.0, 1.0, 3)
-    bodies = [create_grid(COMM, [x + at, x, [0.0, 0.5]], CELLS["hex"]) for at in (0.0, 4.0)]
-    domain = join(bodies).mesh
+def on_the_floor(domain, young, poisson):
+    """The problem of bodies of half a unit in height, and the Function that moves their tops."""
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
     u = fem.Function(V)
     top = fem.Function(V)
@@ -376,8 +372,18 @@ def test_one_of_two_bodies_on_a_floor_spins(angle):
     )
     surface = ContactSurface(u, bottom, obstacle=FLOOR, law=Coulomb(FRICTION))
     held = fem.dirichletbc(top, fem.locate_dofs_topological(V, 2, above))
-    energy = NeoHookean(*lame(100.0, 0.0)).energy(u) * ufl.dx
+    energy = NeoHookean(*lame(young, poisson)).energy(u) * ufl.dx
     problem = ContactProblem(energy, u, [surface], bcs=[held])
+    return problem, top
+
+
+@pytest.mark.parametrize("angle", [60.0, 15.0])
+def test_one_of_two_bodies_on_a_floor_spins(angle):
+    """It is not averaged with the other, which slides far, in one surface."""
+    x = np.linspace(-1.0, 1.0, 3)
+    bodies = [create_grid(COMM, [x + at, x, [0.0, 0.5]], CELLS["hex"]) for at in (0.0, 4.0)]
+    domain = join(bodies).mesh
+    problem, top = on_the_floor(domain, 100.0, 0.0)
 
     def load(t):
         turn = Rotation.from_rotvec((0.0, 0.0, np.radians(angle) * max(t - 1.0, 0.0))).as_matrix()
@@ -395,17 +401,7 @@ def test_what_is_in_the_air_does_not_spin():
     """Round-off of the tractions is no friction, whatever the units."""
     for young in (1e-3, 3e5):
         domain = create_grid(COMM, [np.linspace(-1.0, 1.0, 4)] * 2 + [[0.0, 0.5]], CELLS["hex"])
-        V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-        u = fem.Function(V)
-        top = fem.Function(V)
-        bottom, above = (
-            mesh.locate_entities_boundary(domain, 2, lambda x, z=z: np.isclose(x[2], z))
-            for z in (0.0, 0.5)
-        )
-        surface = ContactSurface(u, bottom, obstacle=FLOOR, law=Coulomb(FRICTION))
-        held = fem.dirichletbc(top, fem.locate_dofs_topological(V, 2, above))
-        energy = NeoHookean(*lame(young, 0.2)).energy(u) * ufl.dx
-        problem = ContactProblem(energy, u, [surface], bcs=[held])
+        problem, top = on_the_floor(domain, young, 0.2)
 
         def load(t, top=top):
             turn = Rotation.from_rotvec((0.0, 0.0, np.radians(60.0) * max(t - 1.0, 0.0)))
