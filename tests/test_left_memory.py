@@ -70,15 +70,21 @@ def broken():
 LIFTED = [2.0, 3.0], [(0.0, 0.0), (0.0, 0.004)]
 
 
-def test_bonds_stay_broken_in_another_history():
+def test_bonds_stay_broken_in_another_history(caplog):
+    """Of which the log warns where the body is undeformed, as where a study would begin anew."""
     block, evolution = broken()
     evolution.load = block.through(*LIFTED)
     expected = force(evolution.run(np.linspace(2.0, 3.0, 6), sudden=np.inf))
+    words = "undeformed, as a history has left it with beta"
     block, _ = broken()
+    caplog.clear()
     _, again = block.history(*LIFTED)
+    assert (words in caplog.text) == (COMM.rank == 0)
     block, _ = broken()
     block.surface.memory = None
+    caplog.clear()
     _, intact = block.history(*LIFTED)
+    assert words not in caplog.text
     assert force(again) == pytest.approx(expected, rel=1e-9)
     assert np.linalg.norm(force(intact)) > 50 * np.linalg.norm(expected)
 
@@ -90,14 +96,16 @@ def test_bonds_stay_broken_in_a_jump():
     assert np.abs(block.surface.memory.fields["beta"] - before).max(initial=0.0) < 1e-9
 
 
-def test_the_distance_slipped_is_remembered():
+def test_the_distance_slipped_is_remembered(caplog):
     ways = [(0.0, -0.01), (0.05, -0.01), (0.0, -0.01)]
     block = Glued(Wears())
     block.top.value[:] = ways[0]
     block.problem.solve()
     _, first = block.history([0.0, 1.0, 2.0], ways)
     slid = first.steps[-1].result.tables["contact"].slid
+    caplog.clear()
     _, then = block.history([2.0, 3.0], [ways[0], (0.001, -0.01)])
+    assert "undeformed" not in caplog.text
     assert (slid > 0.05).all()
     assert (then.steps[-1].result.tables["contact"].slid >= slid).all()
 

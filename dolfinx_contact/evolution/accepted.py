@@ -295,6 +295,13 @@ class Stepper:
         memory = tuple(
             new if m is None or new is None else replace(new, fields=m.fields) for m, new in pairs
         )
+        moved = eq.comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
+        if moved <= _NO_LENGTH * eq.body_size and eq.comm.rank == 0:
+            logger.warning(
+                "the body is undeformed, as a history has left it with %s that are not those of "
+                "the law: this one begins with these; set surface.memory = None to begin anew",
+                " and ".join(others),
+            )
         eq.remember(memory)
         return find(), memory
 
