@@ -715,8 +715,9 @@ def test_a_body_without_a_stiffness_is_refused(value):
     diagonal = K.createVecLeft()
     diagonal.set(value)
     K.setDiagonal(diagonal)
+    extents = np.ones(len(problem.u.x.array) // 2)
     with pytest.raises(ValueError, match="the stiffness of the bulk is zero or not finite"):
-        automatic_augmentation(K, 0.5, problem.V, problem.surfaces, 1.0)
+        automatic_augmentation(K, 0.5, problem.V, problem.surfaces, extents)
 
 
 def test_what_a_system_has_made_is_freed():

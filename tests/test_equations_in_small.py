@@ -588,8 +588,9 @@ def test_the_augmentation_of_a_soft_body(soft):
     """It falls with the root of what counts as soft: below a half of the mean."""
     problem = block(n=2)
     K = problem.equations.bulk.stiffness(problem.u.x.array.copy())
-    scale, r, at_vertices = automatic_augmentation(K, soft, problem.V, problem.surfaces, 4.0)
-    _, full, same = automatic_augmentation(K, 1.0, problem.V, problem.surfaces, 4.0)
+    extents = np.full(len(problem.u.x.array) // 2, 4.0)
+    scale, r, at_vertices = automatic_augmentation(K, soft, problem.V, problem.surfaces, extents)
+    _, full, same = automatic_augmentation(K, 1.0, problem.V, problem.surfaces, extents)
     np.testing.assert_allclose(r[0], full[0] * np.sqrt(min(2 * soft, 1.0)), rtol=1e-12)
     np.testing.assert_allclose(at_vertices[0], same[0])
     s = problem.surfaces[0]

@@ -4,13 +4,17 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from blocks import block, box, facets, same_tables
+from blocks import CELLS, block, box, facets, same_tables
+from scipy.spatial.transform import Rotation
 
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, LevelSet, Sphere
+from dolfinx_contact.body.rigid import extents, parts
+from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean
+from dolfinx_contact.meshing import join
 from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
@@ -153,3 +157,58 @@ def test_springs_that_come_and_go():
     k.value = 0.0
     with pytest.raises(FloatingBodyError):
         problem.solve()
+
+
+@pytest.mark.parametrize(
+    ("cell", "sides"), [("tri", (3, 1)), ("quad", (3, 1)), ("tet", (3, 1, 2)), ("hex", (3, 1, 2))]
+)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_the_size_of_a_box(cell, sides, degree):
+    """Its diagonal, wherever it is, however it is turned and graded, and what else there is."""
+    edges = [a * np.linspace(0.0, 1.0, n) ** 2 for a, n in zip(sides, (3, 5, 2), strict=False)]
+    dim = len(sides)
+    domain = create_grid(COMM, edges, CELLS[cell])
+    far = create_grid(COMM, [2.0 * e + 50.0 for e in edges], CELLS[cell])
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.7] if dim == 2 else [0.4, -0.3, 0.7]).as_matrix()
+    domain.geometry.x[:] = domain.geometry.x @ turn.T + [100.0, -30.0, 7.0 * (dim - 2)]
+    both = join([domain, far]).mesh
+    V = fem.functionspace(both, ("Lagrange", degree, (dim,)))
+    expected = np.linalg.norm(sides) * np.array([1.0, 2.0])
+    np.testing.assert_allclose(np.sort(extents(V, parts(V))), expected, rtol=1e-11)
+
+
+def on_a_wavy_tool(angle=0.0, far=None):
+    """Contact forces by the integral method on a block that is turned by an angle with its tool."""
+    n = 4
+    domain = create_grid(COMM, [np.linspace(0.0, 1.0, n + 1)] * 2, CELLS["quad"])
+    if far is not None:
+        other = create_grid(COMM, [np.array([far, far + 1.0])] * 2, CELLS["quad"])
+        domain = join([domain, other]).mesh
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    bottom, top = facets(domain, 1, 0.0), facets(domain, 1, 1.0)
+    domain.geometry.x[:, :2] = domain.geometry.x[:, :2] @ turn.T
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    bcs = [fem.dirichletbc(turn @ [0.02, -0.05], fem.locate_dofs_topological(V, 1, top), V)]
+    if far is not None:
+        edge = fem.locate_dofs_geometrical(V, lambda x: c * x[0] + s * x[1] > 0.5 * far)
+        bcs.append(fem.dirichletbc(np.zeros(2), edge, V))
+
+    def tool(x):
+        return -s * x[0] + c * x[1] - 0.03 * ufl.cos(5.0 * (c * x[0] + s * x[1]))
+
+    surface = ContactSurface(
+        u, bottom, obstacle=LevelSet(tool), law=Coulomb(0.4), method="integral"
+    )
+    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=bcs, petsc_options={"snes_rtol": 1e-12})
+    problem.solve()
+    table = problem.table(surface)
+    return (table.force @ turn)[np.argsort(table.x @ turn[:, 0])]
+
+
+@pytest.mark.parametrize("given", [{"angle": 0.7}, {"far": 30.0}], ids=["turned", "another body"])
+def test_the_integral_method_depends_on_no_axes(given):
+    """Nor on other bodies: its solution depends on r, and that on the size of the body."""
+    np.testing.assert_allclose(on_a_wavy_tool(**given), on_a_wavy_tool(), atol=1e-10)

@@ -196,7 +196,7 @@ class Slip:
         eq = self._eq
         loose = free_motions(eq, [self.N, self.H])
         if len(loose):
-            words = rigid.describe(loose, eq.V, axisymmetric=eq.axisymmetric)
+            words = rigid.describe(loose, eq.V, rigid.parts(eq.V), axisymmetric=eq.axisymmetric)
             raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
 
     def in_order(self, *values: Array) -> list[Array]:

@@ -29,7 +29,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact.body.rigid import combine, rigid_motions
+from dolfinx_contact.body.rigid import combine, parts, rigid_motions
 
 __all__ = ["Mass", "mass_matrix", "rigid_errors"]
 
@@ -102,7 +102,7 @@ def rigid_errors(
     """
     comm = V.mesh.comm
     n = V.dofmap.index_map.size_local
-    modes = rigid_motions(V, axisymmetric=axisymmetric)
+    modes = rigid_motions(V, parts(V), axisymmetric=axisymmetric)
     held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), -1)
     modes = combine(comm.allreduce(held @ held.T), modes)
     if not len(modes):

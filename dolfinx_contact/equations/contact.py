@@ -110,9 +110,7 @@ class ContactEquations:
         self.global_sizes = [*(int(m.size_global) * bs for m, bs in sizes), self.rigid.size]
         self._mesh_mark = mesh_mark(V.mesh)
         self.forced_r = r
-        self.scaling = Scaling(
-            bulk, V, self.surfaces, self.constraints.fixed, self.rigid, self.body_size, r
-        )
+        self.scaling = Scaling(bulk, V, self.surfaces, self.constraints.fixed, self.rigid, r)
         per_area = [self.stiffness_scale / s.points.mean_vertex_area for s in self.surfaces]
         self.units = [1.0, *per_area, 1.0]
         if not bulk.linear:

@@ -22,6 +22,7 @@ from dolfinx import fem
 from dolfinx_contact._errors import require
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
+from dolfinx_contact.body.rigid import extents, parts
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import STICK, closed, senses
@@ -57,7 +58,6 @@ class Scaling:
         surfaces: where it may touch; they get their r.
         fixed: local nodes x dim, components that Dirichlet data fix.
         rigid: the rigid bodies that surfaces touch.
-        body_size: a length.
         forced_r: augmentation parameter; None for the automatic one. Collective, as all here.
 
     Attributes:
@@ -78,7 +78,6 @@ class Scaling:
         surfaces: Sequence[ContactSurface],
         fixed: npt.NDArray[np.bool_],
         rigid: RigidBodies,
-        body_size: float,
         forced_r: float | None,
     ):
         self._bulk = bulk
@@ -86,7 +85,8 @@ class Scaling:
         self._surfaces = surfaces
         self._comm = V.mesh.comm
         self._given = fixed, rigid
-        self._size = body_size
+        self._part = parts(V)
+        self._extents = extents(V, self._part)[self._part]
         self._forced = forced_r
         self.stiffness = 0.0
         self.softness = 1.0
@@ -117,10 +117,12 @@ class Scaling:
             require_hoop_stiffness(K)
         self.softness = softness(products, self._V, axisymmetric=around)
         self.stiffness, self.automatic_r, self.at_vertices = automatic_augmentation(
-            K, self.softness, self._V, surfaces, self._size
+            K, self.softness, self._V, surfaces, self._extents
         )
         moves = None if self._bulk.has_mass else K
-        self.loose = LooseMotions(moves, self._V, surfaces, fixed, rigid, axisymmetric=around)
+        self.loose = LooseMotions(
+            moves, self._V, self._part, surfaces, fixed, rigid, axisymmetric=around
+        )
         self._mark = self._bulk.stiffness_mark
 
     def _anywhere(self, here: bool) -> bool:
@@ -145,19 +147,20 @@ def automatic_augmentation(
     soft: float,
     V: fem.FunctionSpace,
     surfaces: Sequence[ContactSurface],
-    body_size: float,
+    extents: Array,
 ) -> tuple[float, list[npt.NDArray[np.float64]], list[npt.NDArray[np.float64]]]:
     """Mean diagonal entry of the stiffness; at the local vertices of each surface r, and stiffness.
 
     The stiffness of a vertex is that of its node alone, over its area: a traction over it is what
     the node would give way under that traction.
 
-    The automatic r is near Young's modulus over the size of the body, taken from the diagonal of
-    the stiffness. A small r sends a point that slips the wrong way to stick; a large one (the nodal
-    stiffness, say) sends it to slip the other way, and Newton's method into a cycle. The diagonal
-    of a nearly incompressible body is that of its resistance to compression, by which it hardly
-    yields to a contact: beyond Poisson's ratio 0.4 r falls with the square root of the `softness`,
-    between the two stiffnesses. At 0.499 full steps then converge where they cycled (measured).
+    The automatic r is near Young's modulus over the size of the part of the body that touches,
+    taken from the diagonal of the stiffness; that of a pair is of both in series. A small r sends a
+    point that slips the wrong way to stick; a large one (the nodal stiffness, say) sends it to slip
+    the other way, and Newton's method into a cycle. The diagonal of a nearly incompressible body is
+    that of its resistance to compression, by which it hardly yields to a contact: beyond Poisson's
+    ratio 0.4 r falls with the square root of the `softness`, between the two stiffnesses. At 0.499
+    full steps then converge where they cycled (measured).
     Faces that slide over each other by facets need one that is near the stiffness of a node.
 
     Args:
@@ -165,7 +168,7 @@ def automatic_augmentation(
         soft: the `softness` of the body.
         V: displacement space.
         surfaces: where the body may touch.
-        body_size: a length.
+        extents: at the local nodes, the size of the connected part they belong to.
 
     Raises:
         ValueError: if the stiffness is zero or not finite. Collective.
@@ -188,14 +191,22 @@ def automatic_augmentation(
     share = np.sqrt(min(2.0 * soft, 1.0))
     for s in surfaces:
         # Of two bodies that touch both yield.
-        other = s.opposite(per_node)
-        pair = np.divide(per_node * other, per_node + other, where=other > 0, out=per_node.copy())
+        pair = _in_series(per_node, s)
         width = (s.points.vertex_areas / s.points.circumferences) ** (1 / (s.dim - 1))
         stiffness = pair[s.points.vertex_trace_dofs] / s.points.vertex_areas
-        part = _SLIDING if s.slides else share * width / body_size
-        automatic.append(part * stiffness)
         at_vertices.append(stiffness)
+        if s.slides:
+            automatic.append(_SLIDING * stiffness)
+            continue
+        whole = _in_series(per_node / extents, s)
+        automatic.append(share * width * whole[s.points.vertex_trace_dofs] / s.points.vertex_areas)
     return size / (V.dofmap.index_map.size_global * bs), automatic, at_vertices
+
+
+def _in_series(stiffness: Array, s: ContactSurface) -> Array:
+    """The stiffness of nodes together with that of what is opposite to them, at the local nodes."""
+    other = s.opposite(stiffness)
+    return np.divide(stiffness * other, stiffness + other, where=other > 0, out=stiffness.copy())
 
 
 def require_hoop_stiffness(K: PETSc.Mat) -> None:
@@ -257,6 +268,7 @@ class LooseMotions:
     Args:
         K: stiffness of the body without Dirichlet rows; None if its mass resists all motions.
         V: displacement space.
+        part: of each local node, the connected part.
         surfaces: where contact may hold.
         fixed: local nodes x dim, components that Dirichlet data fix.
         bodies: the rigid bodies. Collective, as everything here.
@@ -270,6 +282,7 @@ class LooseMotions:
         self,
         K: PETSc.Mat | None,
         V: fem.FunctionSpace,
+        part: npt.NDArray[np.int32],
         surfaces: Sequence[ContactSurface],
         fixed: npt.NDArray[np.bool_],
         bodies: RigidBodies,
@@ -277,13 +290,13 @@ class LooseMotions:
         axisymmetric: bool = False,
     ):
         self._V = V
+        self._part = part
         self._surfaces = list(surfaces)
         self._bodies = bodies
         self._axisymmetric = axisymmetric
-        none = np.zeros((0, *fixed.shape))
-        self.of_body = (
-            none if K is None else rigid.free_motions(K, V, fixed, axisymmetric=axisymmetric)
-        )
+        self.of_body = np.zeros((0, *fixed.shape))
+        if K is not None:
+            self.of_body = rigid.free_motions(K, V, part, fixed, axisymmetric=axisymmetric)
         self._free = np.flatnonzero(~bodies.fixed)
         #: Jumps at the points by each motion (motions, n, dim), those of the rigid bodies last.
         self._jumps = [
@@ -338,7 +351,8 @@ class LooseMotions:
         words = []
         if np.any(np.abs(loose[:, :count]) > _SHARE):
             body = np.einsum("ab,bnd->and", loose[:, :count], self.of_body)
-            words.append(rigid.describe(body, self._V, axisymmetric=self._axisymmetric))
+            around = self._axisymmetric
+            words.append(rigid.describe(body, self._V, self._part, axisymmetric=around))
         rest = np.zeros((len(loose), self._bodies.size))
         rest[:, self._free] = loose[:, count:]
         if np.any(np.abs(rest) > _SHARE):
