@@ -85,8 +85,8 @@ def check_options(prefix: str, options: Mapping[str, Any]) -> None:
     """Raise ``ValueError`` for options that cannot be meant, the database's under ``prefix`` too.
 
     Refused are names with the prefix or a dash, names that are nearly a known one, numbers out of
-    their range, kinds of SNES that do not solve contact problems, and Jacobians by differences. Not
-    collective.
+    their range, kinds of SNES that do not solve contact problems, other tests of convergence, and
+    Jacobians by differences. Not collective.
     """
     if not isinstance(prefix, str) or prefix.startswith("-") or any(c.isspace() for c in prefix):
         raise ValueError(f"the prefix of PETSc options must be a word without dash, got {prefix!r}")
@@ -127,6 +127,11 @@ def _check(key: str, value: Any, name: str) -> None:
         raise ValueError(
             f"{name}: the linear solvers need the assembled generalised Jacobian, whose place one "
             "that is matrix-free or made by differences cannot take"
+        )
+    if key == "snes_convergence_test":
+        raise ValueError(
+            f"{name}: whether contact holds is decided here, and no other test of PETSc's can take "
+            "its place; snes_rtol is the tolerance"
         )
     if key == "snes_type" and value not in _SNES_TYPES:
         raise ValueError(
@@ -180,6 +185,11 @@ class ProblemOptions:
             return str(database.getString(self.prefix + name))
         value = self.given.get(name)
         return None if value is None else str(value)
+
+    def beside_newton(self) -> dict[str, str]:
+        """The options as they are now, but for those of SNES: a linear solver is made with them."""
+        found = in_database(self.prefix) | {k: str(v) for k, v in self.given.items()}
+        return {k: v for k, v in found.items() if not k.startswith("snes_")}
 
     def note(self) -> None:
         """Take note of what has been read, while the options are in the database."""

@@ -24,8 +24,9 @@ __all__ = [
     "staged",
 ]
 
-#: PETSc's codes for what it does not support, does not know, or was built without.
-_NO_SUCH_THING = (56, 86, 92)
+#: PETSc's codes for what it does not support, does not know, or was built without, and for numbers
+#: out of their range or that do not go together.
+_NO_SUCH_THING = (56, 62, 63, 83, 86, 92)
 
 
 def parse_arguments(

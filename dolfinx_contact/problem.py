@@ -125,8 +125,7 @@ class ContactProblem(ReadOnly):
 
     Forms, surfaces and conditions are read once, and compiled: attributes and lists are read-only.
     What may be changed between two solves are the values of Constants and Functions in them, and
-    `petsc_options`, name by name (``linear_solver`` before the first solve). Numbers and arrays are
-    copied, also by ``fem.dirichletbc``.
+    `petsc_options`, name by name. Numbers and arrays are copied, also by ``fem.dirichletbc``.
 
     Args:
         bulk: UFL energy (a functional of ``u``) or residual (linear in a test function of the space

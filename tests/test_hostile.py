@@ -433,6 +433,17 @@ MISUSE = {
         )
         for kind in ("ksponly", "nrichardson", "ngmres", "qn", "ncg", "vinewtonrsls", "magic")
     },
+    **{
+        f"{name} {value}": (
+            lambda w, name=name, value=value: solved(options={name: value}),
+            words,
+        )
+        for name, value, words in (
+            ("snes_convergence_test", "skip", "no other test of PETSc's can take its place"),
+            ("snes_divergence_tolerance", 0.5, "PETSc: Divergence tolerance 0.5"),
+            ("snes_lag_preconditioner", -1, "PETSc: Cannot set the lag to -1"),
+        )
+    },
     "multigrid without Newton": (
         lambda w: solved(options={"linear_solver": "amg", "snes_type": "newtontr"}),
         "with the linear solver amg only newtonls goes",

@@ -62,6 +62,37 @@ def test_the_solver_shows_how_a_solve_failed():
     assert problem.solver.getIterationNumber() == result.iterations
 
 
+def test_another_linear_solver_between_two_solves():
+    """It is made anew when its options change, and kept while they do not."""
+    problem = block(n=4, options={"linear_solver": "direct"})
+    forces = [problem.solve().tables["contact"].force]
+    first = problem.linear_solver
+    assert problem.linear_solver is first
+    for name, value, kind in (
+        ("linear_solver", "amg", "amg"),
+        ("amg_pc_gamg_threshold", 0.05, "amg"),
+        ("linear_solver", "direct", "direct"),
+        ("ksp_type", "gmres", "direct"),
+    ):
+        before = problem.linear_solver
+        problem.petsc_options[name] = value
+        for f in problem.fields:
+            f.x.array[:] = 0.0
+        forces.append(problem.solve().tables["contact"].force)
+        assert problem.linear_solver is not before
+        assert problem.linear_solver.name == kind
+    assert problem.solver.ksp.getType() == "gmres"
+    kept = problem.linear_solver
+    problem.petsc_options["snes_rtol"] = 1e-10
+    assert problem.linear_solver is kept
+    scale = np.abs(forces[0]).max()
+    for force in forces[1:]:
+        np.testing.assert_allclose(force, forces[0], atol=1e-7 * scale)
+    problem.petsc_options["linear_solver"] = "wrong"
+    with pytest.raises(ValueError, match="unknown linear solver 'wrong'"):
+        problem.solve()
+
+
 def test_the_solver_keeps_no_factorisation():
     """What is looked at has neither matrices nor vectors, and does not keep the problem."""
     problem = block(n=4)

@@ -3,7 +3,7 @@
 #
 # Give PETSc options, named without the prefix. With `linear_solver` "direct" any KSP and PC work on
 # the assembled Jacobian; "amg" is the multigrid with a filter on the contact surface, for large
-# problems. Choose before the first solve.
+# problems. Another choice between two solves holds from the next one on.
 
 import numpy as np
 from common import Block

@@ -37,6 +37,8 @@ _AMG_MEMORY = 4.2e-6  # gigabytes per unknown, measured at 10^6 and 5 10^6 unkno
 class LinearSolverChoice:
     """The linear solver of a problem, made when it is first needed. Collective.
 
+    It is made anew when the options that are not Newton's have changed.
+
     Args:
         equations: the contact problem.
     """
@@ -44,9 +46,14 @@ class LinearSolverChoice:
     def __init__(self, equations: ContactEquations):
         self._equations = equations
         self._solver: LinearSolver | None = None
+        self._options: dict[str, str] = {}
 
     def __call__(self) -> LinearSolver:
         """The solver; `ValueError` for an unknown kind."""
+        options = self._equations.options.beside_newton()
+        if self._equations.comm.allreduce(int(options != self._options)):
+            self.destroy()
+            self._options = options
         if self._solver is None:
             self._solver = self._create()
         return self._solver
