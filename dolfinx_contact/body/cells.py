@@ -36,6 +36,7 @@ __all__ = [
     "midpoints",
     "reference_points",
     "smallest_jacobian",
+    "vertex_moments",
 ]
 
 logger = logging.getLogger(__name__)
@@ -133,6 +134,29 @@ def midpoints(domain: mesh.Mesh, cells: npt.NDArray[Any]) -> Array:
     """Means of the vertices of local ``cells``, (n, dim)."""
     corners = geometry_dofmap(domain)[cells][:, : len(basix.geometry(domain.basix_cell()))]
     return np.asarray(domain.geometry.x[corners].mean(axis=1)[:, : domain.geometry.dim])
+
+
+def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
+    """Of owned cells the middle (dim, n), the volume, and the mean square of the way to the middle.
+
+    They are those of the simplex, or of the parallelepiped, with the first vertex of a cell and the
+    edges from there.
+    """
+    dim = domain.geometry.dim
+    n = domain.topology.index_map(dim).size_local
+    corners = len(basix.geometry(domain.basix_cell()))
+    nodes = geometry_dofmap(domain)[:n, :corners]
+    columns = np.ascontiguousarray(domain.geometry.x[:, :dim].T)
+    ends = np.arange(1, dim + 1) if _is_simplex(domain) else 2 ** np.arange(dim)
+    share = corners * (dim + 2 if _is_simplex(domain) else 3)
+    middle, volume, spread = np.empty((dim, n)), np.empty(n), np.empty(n)
+    for part in chunks(n):
+        x = columns[:, np.ascontiguousarray(nodes[part].T)]
+        middle[:, part] = x.mean(axis=1)
+        volume[part] = np.abs(determinants((x[:, ends] - x[:, :1]).transpose(2, 0, 1)))
+        x -= middle[:, None, part]
+        spread[part] = np.einsum("ikn,ikn->n", x, x) / share
+    return middle, volume, spread
 
 
 def cells_around(domain: mesh.Mesh, points: Array) -> npt.NDArray[np.int64]:

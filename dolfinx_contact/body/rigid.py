@@ -12,6 +12,8 @@ import scipy
 
 from dolfinx import fem, la
 
+from dolfinx_contact.body.cells import vertex_moments
+
 __all__ = [
     "bounding_box",
     "combine",
@@ -81,33 +83,19 @@ def extents(V: fem.FunctionSpace, part: npt.NDArray[np.int32]) -> npt.NDArray[np
     """
     domain = V.mesh
     comm = domain.comm
-    dim = domain.geometry.dim
-    n = domain.topology.index_map(dim).size_local
-    vertices = domain.ufl_cell().num_vertices()
-    simplex = vertices == dim + 1
-    nodes = np.ascontiguousarray(domain.geometry.dofmap[:n, :vertices].T)
-    x = np.stack([column[nodes] for column in domain.geometry.x.T[:dim]])
-    middle = x.mean(axis=1)
-    x -= middle[:, None]
-    spread = np.einsum("ikn,ikn->n", x, x) / (vertices * (dim + 2 if simplex else 3))
-    # Vertex 2^i of a quadrilateral or hexahedron is along its i-th edge.
-    edges = [x[:, i + 1 if simplex else 2**i] - x[:, 0] for i in range(dim)]
-    volume = edges[0][0] * edges[1][1] - edges[0][1] * edges[1][0]
-    if dim == 3:
-        volume = np.einsum("in,in->n", np.cross(edges[0], edges[1], axis=0), edges[2])
-    volume = np.abs(volume)
-    p = part[V.dofmap.list[:n, 0]]
+    n = domain.topology.index_map(domain.topology.dim).size_local
     number = comm.allreduce(int(part[: V.dofmap.index_map.size_local].max(initial=-1)), op=max) + 1
+    middle, volume, spread = vertex_moments(domain)
+    p = part[V.dofmap.list[:n, 0]]
 
-    def summed(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Sums over the cells of every part, of the ranks together."""
-        sums = [np.bincount(p, volume * row, minlength=number) for row in values]
-        return np.asarray(comm.allreduce(np.array(sums)))
+    def summed(*values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Sums over the cells of every part, of all ranks."""
+        return np.asarray(comm.allreduce(np.array([np.bincount(p, v, number) for v in values])))
 
-    total, *centre = summed(np.concatenate([np.ones((1, n)), middle]))
+    total, *centre = summed(volume, *(volume * middle))
     middle -= (np.array(centre) / total)[:, p]
-    spread += np.einsum("in,in->n", middle, middle)
-    return np.asarray(np.sqrt(12.0 * summed(spread[None])[0] / total))
+    square = summed(volume * (spread + np.einsum("in,in->n", middle, middle)))[0]
+    return np.asarray(np.sqrt(12.0 * square / total))
 
 
 def rigid_motions(
