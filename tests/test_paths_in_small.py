@@ -124,6 +124,7 @@ def test_kernels_of_pieces():
             z = np.append(*vector)
             assert abs(z @ exact) == pytest.approx(np.linalg.norm(exact), rel=1e-12)
     assert _kernel(np.ones((3, 3)), np.ones(3)) == (3, None)
+    assert _kernel(np.zeros((2, 2)), np.zeros(2)) == (3, None)
 
 
 def test_inverses_with_singular_ones_among_them():

@@ -265,11 +265,11 @@ def _kernel(A: Array, q: Array) -> tuple[int, tuple[Array, float] | None]:
     -1 if A is so badly conditioned that it could as well be regular.
     """
     values = np.linalg.svd(A, compute_uv=False)
-    if _SINGULAR * values[0] < values[-1] < TOLERANCE * values[0]:
+    if _SINGULAR * values[0] < values[-1] <= TOLERANCE * values[0]:
         return -1, None
     _, values, V = np.linalg.svd(np.column_stack([A, -q]))
-    if values[-1] < TOLERANCE * values[0]:
-        return 1 + int(np.sum(values < TOLERANCE * values[0])), None
+    if values[-1] <= TOLERANCE * values[0]:
+        return 1 + int(np.sum(values <= TOLERANCE * values[0])), None
     return 1, (V[-1, :-1], float(V[-1, -1]))
 
 
