@@ -155,7 +155,9 @@ def test_columns_of_what_a_law_is_given():
         assert e.ufl_operands[0] is s.w
         return int(e.ufl_operands[1][0])
 
-    vectors = [[column(e) for e in v.ufl_operands[0].ufl_operands] for v in (s.jump, s.traction, s.n)]
+    vectors = [
+        [column(e) for e in v.ufl_operands[0].ufl_operands] for v in (s.jump, s.traction, s.n)
+    ]
     assert vectors == [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
     point = s.point
     assert (column(point.gap), column(point.r)) == (9, 10)
@@ -354,7 +356,12 @@ def test_laws_around_another_one():
         "friction.friction": "nonnegative",
     }
     assert law.name == "NormalCompliance(2.0) of Coulomb"
-    assert (law.compliant, law.bound_kind, law.needs_pressure, law.creeps) == (True, None, True, False)
+    assert (law.compliant, law.bound_kind, law.needs_pressure, law.creeps) == (
+        True,
+        None,
+        True,
+        False,
+    )
     assert law.needs_time == ()
     assert law.lacks(history=True) == ""
     other = law.having({"stiffness": 5.0, "friction.friction": 0.4})
@@ -396,7 +403,10 @@ def test_regularised_laws():
     assert Regularised(Coulomb(0.3), 0.1, "sqrt", 0.2).needs_time == ("width", "speed")
     assert law.name == "Regularised(tanh) of Coulomb"
     for given, words in (
-        ((Coulomb(0.3), 0.1, "cubic"), "must be one of tanh, sqrt, polynomial, linear, got 'cubic'"),
+        (
+            (Coulomb(0.3), 0.1, "cubic"),
+            "must be one of tanh, sqrt, polynomial, linear, got 'cubic'",
+        ),
         ((Coulomb(0.3), 0.1, ["tanh"]), "must be one of"),
         ((Coulomb(0.3),), "needs a width, or a speed, or both"),
         ((0.3, 0.1), "takes a law of friction"),
@@ -696,7 +706,9 @@ def test_equations_of_a_bond():
     assert sorted(found) == pytest.approx(sorted([open_, closed]))
     layer = MaxwellLayer(number(3.0), number(2.0))
     assert set(layer.unknowns(3).values()) == {3}
-    a = at_point((0.3, 0.4, 0.5), (0.0,) * 3, before=(0.0,) * 3, step=0.5, flow_0=0.1, flow_1=0.2, flow_2=0.3)
+    a = at_point(
+        (0.3, 0.4, 0.5), (0.0,) * 3, before=(0.0,) * 3, step=0.5, flow_0=0.1, flow_1=0.2, flow_2=0.3
+    )
     a = solved(layer, a, 0.25)
     for name, e in layer.equations(a).items():
         assert (e.sense, e.end) == (0, None)
@@ -745,9 +757,7 @@ def test_what_an_interface_has_cost():
     """The integral of its threshold, whatever its polynomial; nothing where nothing changes."""
     law = bonded(0.2)
     a = at_point((0.5, -0.2), (0.0, 1.5))
-    side = InterfacePoint(
-        law, a, number(0.0), {"d": number(0.7)}, {"d": number(0.2)}, [], False, 1
-    )
+    side = InterfacePoint(law, a, number(0.0), {"d": number(0.7)}, {"d": number(0.2)}, [], False, 1)
     cost, _ = quad(lambda x: WORK + CC * (1 + 3 * x**2), 0.2, 0.7)
     assert value(side.spent) == pytest.approx(cost)
 
@@ -856,7 +866,9 @@ def test_springs_count_as_augmentation(dim):
     jump = (0.3, 0.2, 0.4)[-dim:]
     t = (0.7, -0.2, 1.5)[-dim:]
     y = {"flow": vector([0.1] * dim)}
-    a = replace(at_point(jump, t, before=(0.0,) * dim), kept={f".flow_{i}": number(0.1) for i in range(dim)})
+    a = replace(
+        at_point(jump, t, before=(0.0,) * dim), kept={f".flow_{i}": number(0.1) for i in range(dim)}
+    )
     for is_open in (True, False):
         opening = number(jump[-1] + 0.1 if is_open else 0.0)
         side = InterfacePoint(law, a, opening, y, dict(y), [], is_open, 1)
@@ -1120,7 +1132,9 @@ def test_cones_of_no_status():
     B, C, exists = no_cones(5)
     assert (B.shape, C.shape, exists.shape) == ((5, 4, 4, 2), (5, 4, 3, 4), (5, 4))
     assert exists.dtype == bool
-    assert not (B.any() or C.any() or exists.any())
+    assert not B.any()
+    assert not C.any()
+    assert not exists.any()
 
 
 def test_bonds_by_default():

@@ -28,6 +28,7 @@ from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.jumps import Found
 from dolfinx_contact.evolution.listeners import Listeners
+from dolfinx_contact.evolution.motion_energy import MotionEnergies
 from dolfinx_contact.evolution.path import PathHistory, PathStep
 from dolfinx_contact.evolution.path_state import Known, PathState, PathTask, begun
 from dolfinx_contact.evolution.run import Run, _RunProgress
@@ -130,7 +131,7 @@ def test_what_a_history_knows_at_its_end():
     assert (history.time, history.energies.external) == (1.0, 4.0)
     assert history.at(0.75) is history.steps[0]
     assert history.at(1.0) is history.steps[1]
-    with pytest.raises(KeyError, match="no step ends at 0.5"):
+    with pytest.raises(KeyError, match=r"no step ends at 0\.5"):
         history.at(0.5)
     assert [row["time"] for row in history.rows()] == [0.75, 1.0]
     first, *rest = history.rows(start=True)
@@ -209,6 +210,11 @@ def test_tasks_of_runs():
 def test_times_of_runs():
     assert checked_times([1, 2, 4], None) == (1.0, 2.0, 4.0)
     assert checked_times(np.array([[1.0], [2.0]]), at(1.0)) == (1.0, 2.0)
+    # Round-off is that of the whole time; beyond all of it is another time.
+    assert checked_times([0.5e-6, 1.0, 1e3], at(0.0)) == (0.0, 1.0, 1e3)
+    for wrong in (1.1e-6, -1.1e-6):
+        with pytest.raises(ValueError, match=r"the evolution is at the time 0\.0, not"):
+            checked_times([wrong, 1.0, 1e3], at(0.0))
     for wrong, words in (
         ("ab", "two or more times are needed, as numbers"),
         ([None, "x"], "two or more times are needed, as numbers"),
@@ -646,7 +652,9 @@ def test_equal_steps_but_for_round_off():
 def test_a_run_to_rest():
     """Goes on by whole steps, and is where it was if it continues."""
     state = RestState(at(1.0), 0.25, number=7, peak=5.0, quiet=3)
-    assert (RestState(at(1.0), 0.25).peak, RestState(at(1.0), 0.25).quiet) == (0.0, 0)
+    same = RestState(at(1.0), 0.25)
+    assert (same.peak, same.quiet) == (0.0, 0)
+    assert same != RestState(same.accepted, 0.25)
     assert RestTask((0.0,), 1.0, 0.5).max_time == math.inf
     assert RestTask((0.0,), 1.0, 0.5).rest == 0.0
     task = RestTask((0.5,), 0.25, 0.125, max_time=2.0, rest=0.5)
@@ -665,6 +673,29 @@ def test_a_run_to_rest():
     assert (next(goals), run._length) == (1.5, 0.25)
     run.end(Ending.BUDGET)
     assert list(goals) == []
+
+
+@pytest.mark.parametrize(
+    ("passed", "quiet", "rests"),
+    [(100.0, 39, True), (100.0, 38, False), (20.0, 9, True), (20.0, 8, False), (101.0, 39, False)],
+)
+def test_what_turns_back_is_not_at_rest(passed, quiet, rests):
+    """For four times the root of what counts as rest, of the time since the start."""
+    task = RestTask((1.0,), 1.0, 0.5, max_time=1e3, rest=0.01)
+    run = ToRest.__new__(ToRest)
+    ends = []
+    vars(run).update(task=task, _goal=1.0 + passed, _peak=5.0, _quiet=quiet)
+    run.end = lambda ending, words: ends.append((ending, words))
+    energies = MotionEnergies(kinetic=0.05)
+    run._end_if_reached(SimpleNamespace(after=at(1.0 + passed, energies=energies)))
+    assert ends == ([(Ending.REACHED, "the body is at rest")] if rests else [])
+    assert (run._quiet, run._peak) == (quiet + 1, 5.0)
+    energies = MotionEnergies(kinetic=0.051)
+    run._end_if_reached(SimpleNamespace(after=at(1.0 + passed, energies=energies)))
+    assert run._quiet == 0
+    energies = MotionEnergies(kinetic=6.0)
+    run._end_if_reached(SimpleNamespace(after=at(1.0 + passed, energies=energies)))
+    assert run._peak == 6.0
 
 
 # -- forks ----------------------------------------------------------------------------------------
@@ -808,7 +839,12 @@ def test_where_runs_begin():
     task = HistoryTask((2.0, 3.0), 0.5, 0.25)
     assert one._begin(task, Listeners()) == "history"
     (_, state, _) = one.runs[0]
-    assert (state.accepted, state.length, state.rate, state.number) == (("start", 2.0), 0.5, None, 0)
+    assert (state.accepted, state.length, state.rate, state.number) == (
+        ("start", 2.0),
+        0.5,
+        None,
+        0,
+    )
     vars(one)["_run_state"] = RunState("there", 9.0, "rate", 7, False, Ending.STOPPED, "why")
     one._begin(task, Listeners())
     (_, state, _) = one.runs[1]

@@ -162,9 +162,10 @@ def test_points_that_are_located_on_the_way():
         found = way._at_end(START, new, 7.0)
         assert (found.gamma, numbers(found.y)) == (7.0, [1.0, 5.0, 7.0])
         assert found.step == 5.0
-        assert Way(new_tangent=None, end_at=lambda *_, end=end: (end, ()))._at_end(
-            START, new, 7.0
-        ) is end
+        assert (
+            Way(new_tangent=None, end_at=lambda *_, end=end: (end, ()))._at_end(START, new, 7.0)
+            is end
+        )
     asked = []
     way = Way(end_at=lambda *given: asked.append(given) or (new, ()))
     assert way._at_end(START, new, 7.0).gamma == 9.0
@@ -263,7 +264,9 @@ def test_what_a_path_is_made_of():
     """Points of which it says when it gets nowhere, and what it knows when it continues."""
     known = Known(1.0, 2.0)
     seen = []
-    surfaces = [SimpleNamespace(points=SimpleNamespace(E=e, number=n)) for e, n in ((None, 4), (None, 3))]
+    surfaces = [
+        SimpleNamespace(points=SimpleNamespace(E=e, number=n)) for e, n in ((None, 4), (None, 3))
+    ]
     stepper = SimpleNamespace(problem=SimpleNamespace(surfaces=surfaces))
     steps = SimpleNamespace(know=seen.append, known="now")
     state = PathState("there", 0.2, number=4, arrived="point", known=known, passed=(1.0, 2.0, 4.0))
@@ -397,7 +400,7 @@ def test_the_first_point_of_a_path(known, sense):
     assert point.piece == (("of", "codes") if known else ("at", 0.25))
     assert (point.gamma, point.step, point.corrections) == (0.25, 0.0, 0)
     corrector.natural = lambda *_: False
-    with pytest.raises(ValueError, match="the start is no solution at gamma = 0.25; solve"):
+    with pytest.raises(ValueError, match=r"no solution at gamma = 0\.25; solve"):
         way._first(sense)
 
 
@@ -495,9 +498,7 @@ def test_a_point_of_a_path_is_accepted(at, bifurcations):
     )
     way = path(_system=system, _stepper=SimpleNamespace(accepted=accepted), _steps=steps)
     before = way._accepted
-    arrival = SimpleNamespace(
-        point=point, at=at, bifurcations=("b",) * bifurcations, next_h=0.3
-    )
+    arrival = SimpleNamespace(point=point, at=at, bifurcations=("b",) * bifurcations, next_h=0.3)
     state = SimpleNamespace(statuses="now")
     advance = way._accept(
         SimpleNamespace(
@@ -613,7 +614,9 @@ def test_a_run_of_a_path(monkeypatch):
     made.clear()
     one = ArcLength.__new__(ArcLength)
     vars(one).update(
-        parametric="system", _stepper=lambda progress: f"stepper {progress}", _follow=lambda run: None
+        parametric="system",
+        _stepper=lambda progress: f"stepper {progress}",
+        _follow=lambda run: None,
     )
     energies = Energies(1.0)
     state = SimpleNamespace(accepted=SimpleNamespace(time=1.5, energies=energies, gamma=0.5))
@@ -897,7 +900,9 @@ def test_halves_that_change_unevenly():
     assert late == [0.5, 1.0, (0.5, False), (1.0, False)]
     # By parts of the whole, whatever its size.
     for scale in (0.1, 10.0):
-        evenly = looks(size=lambda s, k=scale: k * (1.0 if s.before.time + s.after.time == 1 else 0.55))
+        evenly = looks(
+            size=lambda s, k=scale: k * (1.0 if s.before.time + s.after.time == 1 else 0.55)
+        )
         assert evenly[1] == even
     assert Found([1]).why == ""
     assert (Found([1]).far, Found([1]).failure) == (None, None)
@@ -1108,7 +1113,9 @@ def test_rays_of_a_step(why, monkeypatch):
 
     def outgoing(cone):
         asked.append(cone)
-        rays = [SimpleNamespace(codes=c, rate=r) for c, r in zip("abcd", (1, 0, 2, -1), strict=True)]
+        rays = [
+            SimpleNamespace(codes=c, rate=r) for c, r in zip("abcd", (1, 0, 2, -1), strict=True)
+        ]
         return SimpleNamespace(rays=rays, complete="complete", method="method")
 
     monkeypatch.setattr(step_rays, "Loaded", lambda *given: system)
