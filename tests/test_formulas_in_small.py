@@ -818,6 +818,9 @@ def test_friction_by_pressure_and_reaction(pull):
         0.4 + 0.3 * max(1.0 - pull, 0.0)
     )
     assert value(side_of(law, a, True).pressure) == 0.0
+    # What counts as closed is smooth beyond its border.
+    off = at_point((u, 0.9), (0.0, 1.5), step=dt)
+    assert value(side_of(law, off, False).pressure) == pytest.approx(1.5 - R + pull)
     for down in (0.5, -0.9):
         b = at_point((u, -0.1 - down), (0.0, 1.5), step=dt)
         either = side_of(law, b, None)

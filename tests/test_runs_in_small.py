@@ -211,6 +211,7 @@ def test_times_of_runs():
     assert checked_times([1, 2, 4], None) == (1.0, 2.0, 4.0)
     assert checked_times(np.array([[1.0], [2.0]]), at(1.0)) == (1.0, 2.0)
     # Round-off is that of the whole time; beyond all of it is another time.
+    assert checked_times([1.0, 2.0, 1e9 + 1.0], at(0.0))[0] == 0.0
     assert checked_times([0.5e-6, 1.0, 1e3], at(0.0)) == (0.0, 1.0, 1e3)
     for wrong in (1.1e-6, -1.1e-6):
         with pytest.raises(ValueError, match=r"the evolution is at the time 0\.0, not"):
@@ -532,6 +533,25 @@ def test_why_no_solution_leads_on(monkeypatch):
         assert ended.value.__cause__ is found.failure
 
 
+def test_only_points_are_as_slow_as_the_body(monkeypatch):
+    """The change of all unknowns is sudden by its own rate, as bonds are."""
+    monkeypatch.setattr(through_times, "_rate", lambda comm, step: np.array(step.rates))
+    monkeypatch.setattr(through_times, "largest_at_points", lambda *_: (None, np.zeros(1)))
+    problem = SimpleNamespace(comm=ALONE, surfaces=["one"])
+    run = SimpleNamespace(
+        _rate=np.array([100.0, 0.1, 1.0, 0.5, 1.0]), _stepper=SimpleNamespace(problem=problem)
+    )
+    # Of body, unknowns, mean of the points, bonds, one point.
+    for rates, known in (
+        ([0.0, 0.19, 49.0, 9.0, 49.0], None),
+        ([0.0, 0.21, 49.0, 9.0, 49.0], [math.inf, 0.2, 50.0, 0.0]),
+        ([0.0, 0.0, 51.0, 0.0, 0.0], [math.inf, 0.2, 50.0, 0.0]),
+        ([0.0, 0.0, 0.0, 0.0, 51.0], [math.inf, 0.0, 0.0, 0.0]),
+    ):
+        found = ThroughTimes._sudden(run, SimpleNamespace(before=0, after=0, rates=rates), 2.0)
+        assert (found is None) if known is None else (found.tolist() == known)
+
+
 def test_when_a_jump_is_looked_for(monkeypatch):
     """In a step that is sudden, from a state that is a solution."""
     asked = []
@@ -609,7 +629,7 @@ def test_how_far_solutions_are_looked_for():
     assert beyond(1 + 4.0**4 / 1024) is None
     np.testing.assert_allclose(tried, [1 + 4.0**k / 1024 for k in range(1, 5)])
     assert beyond(1e30) is None
-    assert len(tried) == through_times._MOST_FURTHER
+    assert len(tried) == 20
     assert tried[-1] == 1e30
 
 

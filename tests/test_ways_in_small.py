@@ -216,10 +216,10 @@ def test_distances_away_from_a_point():
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_borders_that_are_reached_in_a_step_in_any_units(scale):
-    """Rates are those along the tangents, whatever the size of distances is."""
+    """Rates are those at the ends, whatever distances are farther away, and their size."""
 
     def distance(s):
-        return scale * ((s - 0.5) ** 2 - 0.04)
+        return scale * ((s - 0.5) ** 2 - 0.04 + 5.0 * s**3 * (s - 1.0) ** 2)
 
     rising = SimpleNamespace(
         bordered=SimpleNamespace(gamma=float, gamma_scale=1.0),
@@ -635,6 +635,40 @@ def test_a_run_of_a_path(monkeypatch):
     assert freed == ["ArcSteps", "Corrector", "Bordered"]
 
 
+def test_a_first_run_of_a_path_begins_at_no_length():
+    """A later one where the path has come to."""
+    one = ArcLength.__new__(ArcLength)
+    runs, samples = [], []
+    scales = (1.0, 2.0)
+    vars(one).update(
+        _run_state=None,
+        parametric=SimpleNamespace(scales=scales, check_parameter=samples.append),
+        _require_no_time=lambda: None,
+        _stepper=lambda progress: SimpleNamespace(start=lambda time: SimpleNamespace(time=time)),
+        _run=lambda task, state, listeners: runs.append((task, state, listeners)),
+    )
+    run = ArcLength.run.__wrapped__
+    control = StepControl(initial=0.03)
+    given = {"gamma_range": (0.0, 2.0), "control": control, "direction": "increasing"}
+    run(one, **given)
+    ((task, state, listeners),) = runs
+    assert (task.gamma_range, task.direction, task.max_steps, task.rays) == (
+        (0.0, 2.0),
+        "increasing",
+        1000,
+        False,
+    )
+    assert (state.accepted.time, state.length, state.number) == (0.0, 0.03, 0)
+    assert (state.known, state.passed) == (Known(scales=scales), (0.0,))
+    assert listeners.accept is None
+    assert (samples[0][0], samples[0][-1]) == (0.0, 2.0)
+    vars(one)["_run_state"] = PathState(SimpleNamespace(time=5.0), 0.5, number=7)
+    run(one, **given, rays=True, max_steps=3)
+    task, state, _ = runs[1]
+    assert (task.rays, task.max_steps) == (True, 3)
+    assert (state.number, state.passed, state.length) == (7, (5.0,), 0.03)
+
+
 @pytest.mark.parametrize("remembers", [True, False])
 def test_the_state_that_a_path_begins_with(remembers, monkeypatch):
     """Of a history the memory and statuses that it left; else a start as any other."""
@@ -880,6 +914,29 @@ def test_when_a_part_of_a_step_is_not_halved():
         b = float(np.nextafter(a, 3.0))
         step = SimpleNamespace(before=SimpleNamespace(time=a), after=SimpleNamespace(time=b))
         assert _Search.look(known, [], step) == "at last"
+
+
+@pytest.mark.parametrize("length", [0.5, 2.0])
+@pytest.mark.parametrize(("size", "left"), [(0.9, True), (1.1, False)])
+def test_parts_that_change_slowly_are_left_alone(length, size, left):
+    """By less than a rate times their length, or by little at all; all that changes has to."""
+    for small, slow, change in (
+        ([0.0, 0.0], [1.0, 1.0], [size * length, 0.0]),
+        ([0.0, 0.0], [1.0, 2.0], [0.0, 2.0 * size * length]),
+        ([1.0, 1.0], [0.0, 0.0], [0.5, size]),
+    ):
+        known = SimpleNamespace(
+            _change=lambda step, change=change: np.array(change),
+            _small=np.array(small),
+            _slow=np.array(slow),
+            _least=9.0,
+            _is_straight=lambda step: False,
+            _at_last=lambda path, step: "at last",
+        )
+        step = SimpleNamespace(
+            before=SimpleNamespace(time=1.0), after=SimpleNamespace(time=1.0 + length)
+        )
+        assert _Search.look(known, [], step) == (None if left else "at last")
 
 
 @pytest.mark.parametrize("fails", [1, 2])
