@@ -26,7 +26,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.laws import RCCM, Answers, Internal, coulomb, status
 from dolfinx_contact.laws.answers import HeldAnswers
-from dolfinx_contact.laws.cones import no_cones
+from dolfinx_contact.laws.cones import _needed, no_cones
 from dolfinx_contact.laws.damage import DamageStep, least_energy
 from dolfinx_contact.laws.friction import FrictionLaw
 from dolfinx_contact.laws.interface import Interface
@@ -254,9 +254,11 @@ def test_friction_that_weakens_in_space(way):
     assert [(b.target, b.where) for b in pieces[OPEN].borders] == [(PLUS, None)]
     # Where nothing shears a slip has no direction.
     still = replace(at_point((*u, -0.1), (*(R * u), p)), slid_before=number(0.1))
-    np.testing.assert_allclose(
-        value(Weakening(number(F), number(c)).pieces(still)[PLUS].answer), [0, 0, p], atol=1e-14
-    )
+    pieces = Weakening(number(F), number(c)).pieces(still)
+    np.testing.assert_allclose(value(pieces[PLUS].answer), [0, 0, p], atol=1e-14)
+    held = (F - c * 0.1) * p
+    assert distances(pieces[STICK]) == pytest.approx({OPEN: p, PLUS: held})
+    assert distances(pieces[PLUS])[STICK] == pytest.approx(-held)
 
 
 def test_given_friction_acts_on_open_points():
@@ -531,6 +533,21 @@ def test_a_bond_on_a_surface_that_gives_way(down):
     assert value(bond.spent) == pytest.approx(0.0, abs=1e-14)
 
 
+def test_a_bond_that_is_pressed():
+    """Under Signorini's conditions its springs are drawn by no penetration."""
+    law = RCCM(40.0, 6.0, 0.5, friction=number(0.3), beta=number(0.8))
+    a = at_point((0.4, -0.4), (7.0, 2.0))
+    p = 2.0 + R * 0.3
+    pieces = law.pieces(a)
+    for code, beta in ((PLUS, 0.8), (PLUS + DAMAGING, 0.5 / (6.0 * 0.16))):
+        shear = -0.3 * (1 - beta) * p - beta**2 * 6.0 * 0.4
+        np.testing.assert_allclose(value(pieces[code].answer), [shear, p], rtol=1e-9)
+    bond = law.bond(a)
+    np.testing.assert_allclose(
+        value(bond.traction), [-((0.5 / 0.96) ** 2) * 2.4, 0.0], rtol=1e-9, atol=1e-14
+    )
+
+
 def test_where_changes_of_bonds_end():
     """An intact one has no friction: what is pressed slips there; a weakened one holds."""
     for start, mu, sticks in ((1.0, 0.3, False), (0.8, 0.3, True), (0.8, 0.0, False)):
@@ -549,12 +566,27 @@ def test_bonds_grow_in_time_alone():
     """Not under the static law, nor in a step of no length, though they were closed before."""
     law = RCCM(4.0, 6.0, 0.5, viscosity=number(2.0), beta=number(0.8), recovers=True)
     kept = {"closed": 1.0, "origin_0": 0.0, "origin_1": 0.0}
-    for step, grown in ((0.25, 0.8 + 0.25 * 0.5 / 2.0), (0.0, 0.8), (-1.0, 0.8)):
+    for step, grown in ((0.25, 0.8 + 0.25 * 0.5 / 2.0), (0.0, 0.8), (-1.0, 0.8), (-0.5, 0.8)):
         bond = law.bond(at_point((0.0, -0.1), (0.0, 2.0), step=step, **kept))
         assert value(bond.after["beta"]) == pytest.approx(grown)
     for closed, grows in ((0.0, False), (0.49, False), (0.51, True)):
         a = at_point((0.0, -0.1), (0.0, 2.0), step=0.25, **kept | {"closed": closed})
         assert (value(law.bond(a).after["beta"]) > 0.8) is grows
+
+
+@pytest.mark.parametrize("new", [True, False])
+def test_springs_that_stretch_in_a_step_are_augmentation(new):
+    """But for those of a bond that was broken, which begins where it is."""
+    beta = 1e-7 if new else 0.8
+    given = {"friction": number(0.3), "viscosity": number(2.0), "beta": number(beta)}
+    law = RCCM(4.0, 6.0, 0.5, recovers=True, **given)
+    kept = {"closed": 1.0, "origin_0": 0.05, "origin_1": 0.0}
+    a = at_point((0.03, -0.1), (0.7, 2.0), before=(0.15, 0.0), step=0.25, **kept)
+    pieces = law.pieces(a)
+    s = 0.7 - R * 0.03
+    # Of the whole bond, which it may come to be; what the step has stretched is in the traction.
+    carried = 0.0 if new else 6.0 * 0.03
+    np.testing.assert_allclose(value(pieces[STICK].answer), [s - carried, 2.0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("p", [0.5, 1.0, 2.0])
@@ -719,6 +751,24 @@ def test_equations_of_a_bond():
         assert [value(f) for f in e.residual] == pytest.approx(force)
 
 
+def test_how_many_numbers_an_interface_is_solved_for():
+    """One of a scalar, as many as the jump has of a vector; the weakening one while it changes."""
+
+    @dataclass(frozen=True)
+    class Many(Interface):
+        e: Any = 0.0
+        d: Any = 0.0
+        internal = (Internal("e"), Internal("y", vector=True), Internal("d", "grows", end=1.0))
+
+    for dim in (2, 3):
+        found = Many().unknowns(dim)
+        assert sorted(found.values()) == [1 + dim] * 4 + [2 + dim] * 2
+        assert {name for name, n in found.items() if n == 2 + dim} == {
+            "open, changes",
+            "closed, changes",
+        }
+
+
 @dataclass(frozen=True)
 class Rough(Interface):
     """What resists grows with the rate of a variable that has no end."""
@@ -741,6 +791,27 @@ def test_an_interface_that_knows_the_speed_says_so():
     assert law._families == [OPEN, DAMAGING]
     assert MaxwellLayer(1.0, 1.0)._families == [OPEN]
     assert law.broken(State(d=0.5)) is None
+
+
+def test_friction_that_knows_the_speed_says_so():
+    """At closed points, where it acts; unless it is named, and 0 where it is."""
+
+    @dataclass(frozen=True)
+    class Wet(Interface):
+        c: Any
+
+        def dissipation(self, rates, state):
+            return self.c * state.pressure * rates.slip**2
+
+    a = at_point((0.3, -0.2), (0.0, 1.5), step=0.5)
+    with pytest.raises(ValueError, match="needs_time must name the fields"):
+        Wet(number(2.0)).equations(a)
+
+    @dataclass(frozen=True)
+    class Known(Wet):
+        needs_time = ("c",)
+
+    assert Known(number(2.0)).equations(a) == {}
 
 
 @pytest.mark.parametrize(("sense", "end"), [("grows", 1.0), ("falls", -2.0)])
@@ -800,6 +871,23 @@ class Drag(Interface):
     def dissipation(self, rates, state):
         bound = self.mu * state.pressure + self.nu * state.reaction
         return bound * abs(rates.slip) + self.c * rates.slip**2 / 2
+
+
+@pytest.mark.parametrize("pressed", [True, False])
+def test_what_slip_adds_to_a_threshold(pressed):
+    """Where friction acts: not at open points of an interface that needs the pressure."""
+
+    class Rubbed(Bonded):
+        needs_pressure = pressed
+
+        def dissipation(self, rates, state):
+            return rates["d"] * (2.0 + 3.0 * rates.slip)
+
+    law = bonded(0.2, Rubbed)
+    a = at_point((0.3, -0.2), (0.0, 1.5), step=0.5)
+    for is_open, rubs in ((False, True), (True, not pressed), (None, True)):
+        resisted = value(side_of(law, a, is_open).resisted("d"))
+        assert resisted == pytest.approx(2.0 + (3.0 * 0.6 if rubs else 0.0))
 
 
 @pytest.mark.parametrize("pull", [0.0, 0.75, 9.0])
@@ -1029,6 +1117,16 @@ def test_the_table_of_cones():
             found = coulomb.statuses(np.array([[w[2] - 3 * w[0], w[3] - 3 * w[1]]]), F, none)
             if inside and code < first:
                 assert found[0] == code
+    # A border is in both of its cones.
+    for number, pair in enumerate(coulomb.BORDERS):
+        (constant,), (slope,) = coulomb.BASES[first + number]
+        w = constant + F * slope
+        w = -w if number == 1 else w
+        assert all((c + F * d) @ w >= 0 for c, d, _ in coulomb.INSIDE[first + number])
+        for code in pair:
+            B = np.array(coulomb.BASES[code][0]) + F * np.array(coulomb.BASES[code][1])
+            assert np.linalg.matrix_rank(np.vstack([B, w])) == 2
+            assert min((c + F * d) @ w for c, d, _ in coulomb.INSIDE[code]) == 0.0
 
 
 def test_statuses_and_what_they_count_as():
@@ -1129,6 +1227,17 @@ def test_borders_of_answers():
     assert held.may_be(DAMAGING).tolist() == [False] * 5
     assert held.holds(opened).tolist() == [True, True, False, True, True]
     np.testing.assert_array_equal(held.borders(opened).distance[:, 1], [inf] * 5)
+
+
+def test_inequalities_that_several_pairs_imply():
+    """Are left out once; of two that are the same one stays."""
+    rows = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 2.0], [2.0, 1.0]])
+    np.testing.assert_array_equal(_needed(rows), rows[:2])
+    np.testing.assert_array_equal(_needed(rows[::-1]), rows[1::-1])
+    same = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1e-10]])
+    assert len(_needed(same)) == 2
+    assert len(_needed(np.array([[1.0, 0.0], [1.0, 1e-8]]))) == 2
+    assert len(_needed(np.array([[1.0, 0.0], [-1.0, 0.0]]))) == 2
 
 
 def test_cones_of_no_status():

@@ -27,6 +27,8 @@ from dolfinx_contact.equations import constraints, parametric, sliding, substitu
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.constraints import Constraints
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.given_data import data_in
+from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rates import Driven, Rate, RigidRates, depends_on, dirichlet_rates
 from dolfinx_contact.equations.scaling import LooseMotions, _direction, require_hoop_stiffness
@@ -147,6 +149,45 @@ def test_rates_of_rigid_bodies():
     bodies.bodies = [SimpleNamespace(expressions=[2.0])]
     still = RigidRates(bodies, Rate(gamma))
     assert (still.applies, still.kinks, still.not_affine) == (False, "", "")
+
+
+def test_places_of_data_in_words():
+    """Constants are counted where there are several; what is a place by itself has its name."""
+    domain = box(COMM, 1, "tri")
+    f = fem.Function(fem.functionspace(domain, ("Lagrange", 1)), name="heat")
+    one, two = fem.Constant(domain, 1.0), fem.Constant(domain, 2.0)
+    for e in (one * f, one * f * ufl.dx(domain)):
+        assert [(d.place, d.value) for d in data_in(e, "here")] == [
+            ("the Function 'heat' in here", f),
+            ("the Constant in here", one),
+        ]
+    found = [(d.place, d.value) for d in data_in(one + two, "here")]
+    assert found == [("the Constant 1 in here", one), ("the Constant 2 in here", two)]
+    assert [(d.place, d.value) for d in data_in(one, "here")] == [("here", one)]
+    assert [(d.place, d.value) for d in data_in(f, "here")] == [("here", f)]
+    assert list(data_in(ufl.as_ufl(3.0), "here")) == []
+
+
+def test_places_of_the_unknowns_of_two_surfaces():
+    """One field after the other; none of what is fixed or removed."""
+    removed = np.array([False, True, True, False, False, True, False, False])
+    eq = SimpleNamespace(
+        comm=ALONE,
+        dim=2,
+        owned_sizes=[4, 2, 6, 3],
+        fixed=np.array([True, False, False, False, True]),
+        constraints=SimpleNamespace(removed_multipliers=lambda: removed),
+        rigid=SimpleNamespace(size=3),
+    )
+    numbering = _Numbering(eq)
+    assert numbering.first == 0
+    for field, places in ((0, [-1, 1, 2, 3]), (1, [4, -1]), (2, [-1, 7, 8, -1, 10, 11])):
+        dofs = np.arange(len(places))
+        np.testing.assert_array_equal(numbering.dof_places(field, dofs), places)
+        nodes = np.arange(len(places) // 2)
+        found = numbering.places(field, nodes)
+        np.testing.assert_array_equal(found, np.reshape(places, (-1, 2)))
+    np.testing.assert_array_equal(numbering.rigid(), [12, 13, 14])
 
 
 # -- a problem with a parameter -------------------------------------------------------------------
