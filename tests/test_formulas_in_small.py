@@ -574,18 +574,18 @@ def test_bonds_grow_in_time_alone():
         assert (value(law.bond(a).after["beta"]) > 0.8) is grows
 
 
-@pytest.mark.parametrize("new", [True, False])
-def test_springs_that_stretch_in_a_step_are_augmentation(new):
+@pytest.mark.parametrize(("new", "closed"), [(True, 1.0), (False, 1.0), (False, 0.0)])
+def test_springs_that_stretch_in_a_step_are_augmentation(new, closed):
     """But for those of a bond that was broken, which begins where it is."""
     beta = 1e-7 if new else 0.8
     given = {"friction": number(0.3), "viscosity": number(2.0), "beta": number(beta)}
     law = RCCM(4.0, 6.0, 0.5, recovers=True, **given)
-    kept = {"closed": 1.0, "origin_0": 0.05, "origin_1": 0.0}
+    kept = {"closed": closed, "origin_0": 0.05, "origin_1": 0.0}
     a = at_point((0.03, -0.1), (0.7, 2.0), before=(0.15, 0.0), step=0.25, **kept)
     pieces = law.pieces(a)
     s = 0.7 - R * 0.03
-    # Of the whole bond, which it may come to be; what the step has stretched is in the traction.
-    carried = 0.0 if new else 6.0 * 0.03
+    # A bond that was closed may come to be whole; what the step has stretched is in the traction.
+    carried = 0.0 if new else 6.0 * 0.03 * (1.0 if closed else 0.64)
     np.testing.assert_allclose(value(pieces[STICK].answer), [s - carried, 2.0], rtol=1e-12)
 
 
@@ -1227,6 +1227,28 @@ def test_borders_of_answers():
     assert held.may_be(DAMAGING).tolist() == [False] * 5
     assert held.holds(opened).tolist() == [True, True, False, True, True]
     np.testing.assert_array_equal(held.borders(opened).distance[:, 1], [inf] * 5)
+
+
+def test_bonds_that_are_held_as_they_are():
+    """No point damages or is broken, whatever contact and friction do; no border leads there."""
+    codes = (STICK, PLUS, STICK + DAMAGING, PLUS + DAMAGING, STICK + BROKEN)
+    rows = np.zeros(max(codes) + 1, dtype=int)
+    rows[list(codes)] = range(len(codes))
+    targets = [PLUS, STICK, STICK, PLUS, STICK + DAMAGING]
+    law = SimpleNamespace(
+        dim=2,
+        codes=codes,
+        rows=rows,
+        places={},
+        borders=[[(0, None, t), (1, None, t + DAMAGING), (1, None, BROKEN)] for t in targets],
+        exists=[None] * len(codes),
+    )
+    held = HeldAnswers(Answers(law, np.array([[2.0, -1.0]]), "spreading", "turning"))
+    assert [bool(held.may_be(c)[0]) for c in codes] == [True, True, False, False, False]
+    assert held.borders(np.array([STICK])).distance.tolist() == [[2.0, np.inf, np.inf]]
+    assert held.required.tolist() == [STICK]
+    assert held.spreading == "spreading"
+    assert held._turning == "turning"
 
 
 def test_inequalities_that_several_pairs_imply():

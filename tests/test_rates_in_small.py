@@ -23,11 +23,18 @@ from dolfinx_contact import (
     HalfSpace,
     ParametricContact,
 )
-from dolfinx_contact.equations import constraints, parametric, sliding, substitute
+from dolfinx_contact.equations import (
+    constraints,
+    contact,
+    given_data,
+    parametric,
+    sliding,
+    substitute,
+)
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.constraints import Constraints
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import data_in
+from dolfinx_contact.equations.given_data import check_time, data_in
 from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rates import Driven, Rate, RigidRates, depends_on, dirichlet_rates
@@ -583,6 +590,129 @@ def test_gaps_without_averages(method, slides):
         assert found == "gap"
         return
     np.testing.assert_allclose(found, [10.0 + 4.0, 20.0 - 0.3 - 0.8])
+
+
+# -- data that are asked for ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("memory", "names", "undefined", "good"),
+    [
+        (None, (), (-1.0,), False),
+        (None, ("b",), (-1.0,), False),
+        (None, (), (0.0,), True),
+        (0.0, (), (0.0,), False),
+        (0.0, ("b",), (0.0,), True),
+        (0.0, (), (-1.0,), True),
+        (-2.0, ("b",), (-2.0,), False),
+        (0.5, (), (0.0, -1.0), True),
+    ],
+)
+def test_laws_that_need_a_time(memory, names, undefined, good):
+    """They have one in a history; without one they have to say what holds."""
+    compiled = SimpleNamespace(needs_time=lambda step: step in undefined)
+    asked = []
+    law = SimpleNamespace(
+        name="Law", lacks=lambda history: asked.append(history) or "", needs_time=names
+    )
+    s = SimpleNamespace(
+        name="floor",
+        comm=ALONE,
+        law=law,
+        memory=None if memory is None else SimpleNamespace(step=memory),
+        law_at_points=SimpleNamespace(compiled=compiled),
+    )
+    if good:
+        check_time(s)
+    else:
+        with pytest.raises(ValueError, match="floor: the law Law depends on the time of a step"):
+            check_time(s)
+    assert asked == [memory == 0.5]
+    law.lacks = lambda history: "a speed"
+    kind = "in a history" if memory == 0.5 else "statically"
+    with pytest.raises(ValueError, match=f"floor: {kind} the law Law lacks a speed"):
+        check_time(s)
+
+
+@pytest.mark.parametrize(("gap", "normal"), [(0.0, 1.0), (np.nan, 1.0), (0.0, np.inf)])
+@pytest.mark.parametrize("known", [True, False])
+def test_obstacles_that_are_no_numbers(gap, normal, known, monkeypatch):
+    """It is said which of their data are none; else what follows says it."""
+    monkeypatch.setattr(given_data, "data_of_surface", lambda s: "data")
+    monkeypatch.setattr(given_data, "not_finite", lambda eq, data: "the lid" if known else "")
+    points = SimpleNamespace(vertex_gaps=np.array([0.0, gap]), vertex_normals=np.array([normal]))
+    eq = SimpleNamespace(comm=ALONE, surfaces=[SimpleNamespace(name="floor", points=points)])
+    if (np.isfinite(gap) and np.isfinite(normal)) or not known:
+        given_data.require_obstacles(eq)
+    else:
+        with pytest.raises(ValueError, match=r"floor: the gap or normal .*: look at the lid"):
+            given_data.require_obstacles(eq)
+
+
+@pytest.mark.parametrize("now", [6, 7, 8])
+def test_meshes_that_have_moved(now, monkeypatch):
+    monkeypatch.setattr(contact, "mesh_mark", lambda mesh: now)
+    eq = ContactEquations.__new__(ContactEquations)
+    vars(eq).update(V=SimpleNamespace(mesh=None), comm=ALONE, _mesh_mark=7)
+    if now == 7:
+        eq.require_same_mesh()
+    else:
+        with pytest.raises(ValueError, match="the mesh has moved since the problem was made"):
+            eq.require_same_mesh()
+
+
+def test_points_of_several_surfaces_are_distinguished():
+    """By the surface first; and scales are those that residuals have."""
+    surfaces = [
+        SimpleNamespace(points=SimpleNamespace(ids=np.array(i), positions=np.array(x)))
+        for i, x in (([[5, 6], [7, 8]], [[0.0, 1.0], [2.0, 3.0]]), ([[9, 4]], [[4.0, 5.0]]))
+    ]
+    scales = SimpleNamespace(force=1.0, length=2.0)
+    one = equations(equations=SimpleNamespace(surfaces=surfaces), _scales=scales)
+    np.testing.assert_array_equal(one._ids, [[0, 5, 6], [0, 7, 8], [1, 9, 4]])
+    np.testing.assert_array_equal(one.positions, [[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]])
+    assert one.scales == (1.0, 2.0)
+    one.scales = (3.0, 4.0)
+    assert (scales.force, scales.length) == (3.0, 4.0)
+
+
+@pytest.mark.parametrize("more", [True, False])
+def test_a_contradiction_is_said_where_it_is(more, caplog):
+    """With the value that holds, and how many there are if there are several."""
+
+    class Condition:
+        def __init__(self, values):
+            self.mine = values
+
+        def set(self, out):
+            for i, v in self.mine.items():
+                out[i] = v
+
+    places = np.array([[0.0, 0.0, 0.0], [0.25, 1.0, 0.0]])
+    dofmap = SimpleNamespace(index_map_bs=2, index_map=SimpleNamespace(size_local=2))
+    geometry = SimpleNamespace(dim=2)
+    V = SimpleNamespace(
+        dofmap=dofmap,
+        mesh=SimpleNamespace(comm=ALONE, geometry=geometry),
+        tabulate_dof_coordinates=lambda: places,
+    )
+    first, second = {0: 1.0, 3: 5.0}, {3: 7.0, 0: 2.0 if more else 1.0}
+    known = SimpleNamespace(
+        _V=V, _warned=False, _bcs=[Condition(first), Condition(second)], fixed=np.ones((2, 2))
+    )
+    for _ in range(2):
+        Constraints._warn_of_contradictions(known)
+    (said,) = caplog.records
+    if more:
+        assert "component x at (0, 0) is 1 and 2; the later one of the list, 2, hol" in said.message
+        assert said.message.endswith("holds (the first of 2 such components)")
+    else:
+        assert said.message.endswith(
+            "component y at (0.25, 1) is 5 and 7; the later one of the list, 7, holds"
+        )
+    known._warned, known._bcs = False, known._bcs[:1]
+    Constraints._warn_of_contradictions(known)
+    assert len(caplog.records) == 1
 
 
 # -- what statuses hold ---------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import pytest
@@ -137,6 +138,18 @@ def test_what_happens_at_points():
     moving = SimpleNamespace()
     for first, last in ((a, moving), (moving, a)):
         assert [len(v) for v in largest_at_points(ALONE, first, last)] == [0, 0]
+
+
+def test_small_changes_of_a_state():
+    """Are as large as they are, of a body with no surface too."""
+    a, b = (AtRest.__new__(AtRest) for _ in range(2))
+    eq = SimpleNamespace(surfaces=[])
+    for state, u in ((a, [0.0, 0.5]), (b, [0.25, 0.375])):
+        forces = SimpleNamespace(u=np.array(u), covered=None, equations=eq)
+        vars(state).update(forces=forces, unknowns=np.array(u), memory=())
+    np.testing.assert_allclose(
+        accepted.changes(ALONE, a, b), [0.25, np.hypot(0.25, 0.125)], rtol=1e-14
+    )
 
 
 # -- starts ---------------------------------------------------------------------------------------
@@ -653,6 +666,26 @@ def test_where_contact_is_looked_for_in_a_motion(finite):
     flight = origin + 0.5 * a.v
     assert asked == [(step.displacement(flight, origin).tolist(), a.v.tolist())]
     np.testing.assert_allclose(found, flight if finite else step.seen(a.u, origin))
+
+
+@pytest.mark.parametrize("comm", [ALONE, SECOND])
+def test_velocities_that_turn_are_spoken_of_on_one_rank(comm, caplog):
+    """With the place at which they are off most, by half of what they are off."""
+    told = []
+
+    def worst(*given):
+        told.append(given)
+        return "words"
+
+    stepper = mover(comm, _held=lambda: np.array([True, False]), _worst=worst)
+    state = SimpleNamespace(motion=SimpleNamespace(u=np.zeros(2)), turns=(np.array([0.25, 0.0]), 2))
+    b = SimpleNamespace(u=np.array([1.0, 1.0]), v=np.array([1.75, 9.0]))
+    found, times = stepper._turns(state, b, TimeStep(0.5, 0.5, "theta"))
+    assert (found.tolist(), times, stepper._warned) == ([-0.25, 0.0], 3, True)
+    ((off, tolerance, is_, mean),) = told
+    assert (off.tolist(), tolerance) == ([0.25, 0.0], 0.125)
+    assert (is_.tolist(), mean.tolist()) == ([1.75, 9.0], [2.0, 2.0])
+    assert len(caplog.records) == (comm is ALONE)
 
 
 def test_a_motion_whose_mass_changes_is_refused(monkeypatch):
@@ -1206,7 +1239,49 @@ def test_nodes_that_may_touch():
             )
         ],
     )
-    np.testing.assert_array_equal(nscd._touching(eq), np.repeat([True, False, True, False], 2))
+    sides = np.repeat([True, False, True, False], 2)
+    np.testing.assert_array_equal(nscd._touching(eq), sides)
+    # Whatever other surfaces there are.
+    n = problem.equations.owned_sizes[0]
+    more = np.zeros((2, n // 2 + 1), dtype=bool)
+    more[0, 5] = True
+    opposite = SimpleNamespace(opposite=SimpleNamespace(sides=more))
+    both = [SimpleNamespace(slides=True, obstacle=opposite), problem.surfaces[0]]
+    mixed = SimpleNamespace(owned_sizes=[n], dim=2, surfaces=both)
+    expected = (y < 1e-9).repeat(2)
+    expected[10:12] = True
+    np.testing.assert_array_equal(nscd._touching(mixed), expected)
+
+
+def test_nodes_that_hardly_touch():
+    """By any weight, of either sign, in a jump."""
+    B = PETSc.Mat().createAIJ((2, 6), comm=ALONE)
+    B.setUp()
+    for i, j, v in ((0, 0, 1e-3), (1, 1, -1e-3), (0, 4, 0.25), (1, 4, -0.25)):
+        B.setValue(i, j, v)
+    B.assemble()
+    surface = SimpleNamespace(slides=False, constant_operator=lambda words: SimpleNamespace(B=B))
+    eq = SimpleNamespace(owned_sizes=[6], dim=2, surfaces=[surface, surface])
+    assert nscd._touching(eq).tolist() == [True, True, False, False, True, True]
+    np.testing.assert_allclose(B.norm(), np.sqrt(2e-6 + 0.125))
+
+
+def test_what_is_put_into_a_motion_is_that_of_the_owners(monkeypatch):
+    """Ghosts follow them; the state is a copy."""
+    monkeypatch.setattr(motion, "motion_at", lambda eq, state, u, v: (state, u, v))
+    log = []
+
+    def function(name, *values):
+        x = SimpleNamespace(array=np.array(values), scatter_forward=lambda: log.append(name))
+        return SimpleNamespace(x=x)
+
+    stepper = mover(_velocity=function("v", 3.0))
+    stepper.problem.u = function("u", 2.0)
+    state, u, v = stepper._motion("state")
+    assert log == ["u", "v"]
+    assert (state, u.tolist(), v.tolist()) == ("state", [2.0], [3.0])
+    assert not np.shares_memory(u, stepper.problem.u.x.array)
+    assert not np.shares_memory(v, stepper._velocity.x.array)
 
 
 @pytest.mark.parametrize("comm", [ALONE, SECOND])

@@ -14,7 +14,7 @@ from dolfinx_contact.continuation.batch import BatchedSteps, Crossed, FreeSteps
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import BranchPoint, Change, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.ray_finder import RayFinder
+from dolfinx_contact.continuation.ray_finder import Kink, RayFinder
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.solvers import pivoting
@@ -337,6 +337,28 @@ def test_solutions_that_are_looked_for_beside_a_point():
     assert [piece for _, _, piece in found] == ["at 5.01", "at 4.999"]
     for there, away, _ in found:
         np.testing.assert_allclose(away.array_r, there.array_r - [7.0, 5.0])
+
+
+@pytest.mark.parametrize("inside", [(), (1.0,), (-1.0,), (1.0, -1.0)])
+def test_rays_of_statuses_of_points(inside):
+    """Both senses of the unit tangent in their piece that stay inside of it."""
+    asked = []
+    tangent = PETSc.Vec().createWithArray(np.array([0.6, 0.8]), comm=MPI.COMM_SELF)
+    corrector = SimpleNamespace(
+        bordered=SimpleNamespace(comm=SimpleNamespace(rank=1)),
+        tangent=lambda y, t, piece: asked.append((y, t, piece.codes.tolist())) or tangent.copy(),
+    )
+    finder = RayFinder(
+        corrector, "y", lambda ray: float(np.sign(ray.tangent.array_r[0])) in inside, None
+    )
+    kinks = [Kink(rank, point, 0, 1, (0, 1)) for rank, point in ((1, 2), (0, 1), (1, 0))]
+    first = Piece(np.array([3, 3, 3], dtype=np.int8))
+    rays = finder.of_statuses(first, kinks, (1, 0, 2), "towards")
+    assert asked == [("y", "towards", [2, 3, 1])]
+    assert [r.tangent.array_r.tolist() for r in rays] == [[0.6 * s, 0.8 * s] for s in inside]
+    assert all(r.piece.codes.tolist() == [2, 3, 1] for r in rays)
+    corrector.tangent = lambda *_: None
+    assert finder.of_statuses(first, kinks, (1, 0, 2), "towards") == []
 
 
 def test_rays_that_are_one_by_their_tangents():

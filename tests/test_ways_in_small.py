@@ -772,7 +772,7 @@ def test_points_at_borders_and_beyond(distance, slope, falls):
 
     def events(ray, away):
         return Events(
-            np.array([distance + away * slope, 9.0 + 4.0 * away]),
+            np.array([distance + slope * (away - 50.0 * away**3), 9.0 + 4.0 * away]),
             np.array([5, 7], np.int32),
             np.array([PLUS, OPEN], np.int8),
         )
@@ -937,6 +937,15 @@ def test_parts_that_change_slowly_are_left_alone(length, size, left):
             before=SimpleNamespace(time=1.0), after=SimpleNamespace(time=1.0 + length)
         )
         assert _Search.look(known, [], step) == (None if left else "at last")
+
+
+def test_nothing_falls_where_nothing_moves():
+    """Not at a border either."""
+    at = Events(np.zeros(2), np.array([5, 7], np.int32), np.array([PLUS, OPEN], np.int8))
+    known = SimpleNamespace(
+        _comm=ALONE, _tolerance=1e-8, _outside=0.5, _distances=lambda ray, away: at
+    )
+    assert [len(v) for v in RateProblem._falling(known, None)] == [0, 0, 0]
 
 
 @pytest.mark.parametrize("fails", [1, 2])
