@@ -976,6 +976,28 @@ class Moved(FewPoints):
         out.array[:-1].reshape(-1, 4)[:, :2] = x.array_r[:-1].reshape(-1, 4)[:, :2]
 
 
+@pytest.mark.parametrize(("unit", "scale", "size"), [(2.0, 0.25, 2.0), (2.0, 16.0, 8.0)])
+def test_what_is_at_a_border_without_load(unit, scale, size):
+    """Beside the numbers on the way, and what they become over the range of gamma."""
+    asked = []
+    allowed = np.array([[True, False], [True, True]])
+
+    def tangent_cone(w, tolerance):
+        asked.append((w, tolerance))
+        return SimpleNamespace(allowed=allowed)
+
+    known = SimpleNamespace(
+        condensed=SimpleNamespace(system=SimpleNamespace(tangent_cone=tangent_cone)),
+        bordered=SimpleNamespace(gamma_scale=scale),
+        _unit=unit,
+    )
+    ray = SimpleNamespace(direction=np.array([[0.25, -0.5]]))
+    assert Pivoting._cone_at(known, "w", ray).allowed is allowed
+    assert asked == [("w", pytest.approx(1e-10 * size))]
+    allowed[1, 1] = False
+    assert Pivoting._cone_at(known, "w", ray) is None
+
+
 @pytest.mark.parametrize("rate", [1.0, -1.0, 0.0])
 def test_rays_along_which_nothing_moves(rate):
     """Have no length where the load stays as well; else it is that of the load."""

@@ -607,6 +607,32 @@ def test_which_steps_are_wanted(monkeypatch):
             wanted(lambda step, answer=answer: answer, 1.0)
 
 
+@pytest.mark.parametrize("wanted", [True, False])
+def test_a_step_that_another_rank_is_asked_of(wanted):
+    """Who is not asked has nothing against it; what one refuses no rank accepts."""
+    answers = iter([1, int(not wanted)])
+    refused = []
+
+    class Two:
+        def Iallreduce(self, mine, failed, op):
+            return ALONE.Iallreduce(mine, failed, op)
+
+        def allreduce(self, mine):
+            refused.append(mine)
+            return next(answers)
+
+        def allgather(self, mine):
+            return [mine]
+
+    run = SimpleNamespace(
+        _stepper=SimpleNamespace(problem=SimpleNamespace(comm=Two()), show=lambda step: None),
+        task=SimpleNamespace(shortest=0.5, locate=False),
+        _accepts=None,
+    )
+    assert ThroughTimes._wanted(run, solved(1.0, 3.0)) is wanted
+    assert refused == [0, 0]
+
+
 def test_how_far_solutions_are_looked_for():
     """At times four times as far, each after the other, up to the last one."""
     tried = []
