@@ -774,6 +774,18 @@ def test_motions_that_statuses_hold():
     assert loose(2, [x, y], floor, [STICK + WHERE_OPEN]) not in ("", one, both)
     assert loose(2, [x], floor, [PLUS], bodies=1) == "1 of bodies"
     assert loose(2, [x], floor, [STICK], bodies=1) == ""
+    # What hardly takes part in a motion is not named: a body that follows, or one that leads.
+    led, leads = (
+        loose(2, [[[1.0, v]], [[w, 1.0]]], floor, [PLUS], bodies=1)
+        for v, w in ((1e-9, 0.0), (0.0, 1e-9))
+    )
+    assert led
+    assert "of bodies" not in led
+    assert led == leads
+    both = loose(2, [[[1.0, 0.5]], [[0.0, 1.0]]], floor, [PLUS], bodies=1)
+    assert both.endswith(", 1 of bodies")
+    alone = loose(2, [[[1e-9, 1.0]], [[1.0, 0.0]]], floor, [PLUS], bodies=1)
+    assert alone == "1 of bodies"
     assert loose(2, np.zeros((0, 1, 2)), floor, [OPEN]) == ""
     # In space a slip holds across its direction.
     axes = [[e] for e in np.eye(3).tolist()]
