@@ -236,18 +236,18 @@ def test_friction_that_weakens_in_the_plane(slip):
 
 
 @pytest.mark.parametrize("way", [0.2, -0.2])
-def test_friction_that_weakens_in_space(way):
+@pytest.mark.parametrize("size", [3.0, 0.03])
+def test_friction_that_weakens_in_space(way, size):
     """Along the shear, by what of the displacement is against it."""
     F, c, p = 0.4, 0.5, 2.0
     e = np.array([0.6, -0.8])
     u = way * e + 0.05 * np.array([0.8, 0.6])
-    t = R * u - 3.0 * e
+    t = R * u - size * e
     a = replace(at_point((*u, -0.1), (*t, p)), slid_before=number(0.1))
     pieces = Weakening(number(F), number(c)).pieces(a)
-    size = 3.0
     radius = (F - c * (0.1 + max(way, -1e-9 * p / R))) * p
     np.testing.assert_allclose(value(pieces[PLUS].answer), [*(-radius * e), p], rtol=1e-12)
-    np.testing.assert_allclose(value(pieces[STICK].answer), [*(-3.0 * e), p], rtol=1e-12)
+    np.testing.assert_allclose(value(pieces[STICK].answer), [*(-size * e), p], rtol=1e-12)
     assert distances(pieces[STICK]) == pytest.approx({OPEN: p, PLUS: radius - size})
     ends = size - radius if way >= 0 else R * way
     assert distances(pieces[PLUS]) == pytest.approx({OPEN: p, STICK: ends})

@@ -196,6 +196,26 @@ def test_a_number_whose_bracket_has_to_grow(sense, end):
     np.testing.assert_allclose(found[:, 0], sense * c, rtol=1e-12)
 
 
+@pytest.mark.parametrize("end", [None, 8.0])
+def test_two_numbers_that_newtons_method_does_not_find(end):
+    """The first is bisected by its own equation, with the other solved for."""
+
+    def system(c, z):
+        a, b = z.T
+        off = a + b - c
+        F = np.stack([off + np.where(off > 0, 1.0, -1.0), b - 0.5 * a - 1.0], axis=1)
+        one = np.ones_like(a)
+        J = np.stack([np.stack([one, one], axis=1), np.stack([-0.5 * one, one], axis=1)], axis=1)
+        return F, J
+
+    a = np.array([-1.0, 0.3, 2.0, 5.0])
+    one = root(2, system, 1, end=None if end is None else lambda c: end + 0.0 * c)
+    found, _ = solved(one, a + 0.5 * a + 1.0)
+    exact = np.maximum(a, 0.0)
+    np.testing.assert_allclose(found[:, 0], exact, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(found[:, 1], 0.5 * exact + 1.0, rtol=1e-12)
+
+
 @pytest.mark.parametrize("sense", [1, -1])
 @pytest.mark.parametrize("end", [None, 2.0])
 def test_a_number_at_rest_to_the_last_digit(sense, end):
