@@ -43,7 +43,7 @@ ROOMS = {
             *("law", "coulomb", "status", "table_of_laws", "anisotropic", "compliant"),
             *("compiled_law", "friction_limits", "more_friction", "own_law", "interfaces"),
             *("adhesion_in_time", "adhesion_recovers", "nonlocal", "core_in_small"),
-            *("roots_in_small", "laws_in_small"),
+            *("roots_in_small", "laws_in_small", "formulas_in_small"),
         ],
     ),
     "compiler": (["laws/compiled.py"], ["compiled_law", "law"]),
@@ -62,7 +62,7 @@ ROOMS = {
         [
             *("kinematics", "parametric", "checks", "law", "own_law", "more_friction"),
             *("curved_friction", "rigid_body", "pair", "nonlocal", "planes_of_symmetry"),
-            *("messages", "core_in_small", "equations_in_small"),
+            *("messages", "core_in_small", "equations_in_small", "rates_in_small"),
         ],
     ),
     "reduced": (
@@ -90,6 +90,7 @@ ROOMS = {
             *("evolution", "slip_memory", "increments", "sliding_steps", "at_rest", "motion"),
             *("motion_data", "motion_solver", "friction_from_zero", "arc_length", "jumps"),
             *("motion_laws", "paths_in_small", "energies_in_small", "evolution_in_small"),
+            *("runs_in_small", "ways_in_small", "states_in_small"),
         ],
     ),
 }

@@ -976,6 +976,80 @@ class Moved(FewPoints):
         out.array[:-1].reshape(-1, 4)[:, :2] = x.array_r[:-1].reshape(-1, 4)[:, :2]
 
 
+@pytest.mark.parametrize(("unit", "scale", "size"), [(2.0, 0.25, 2.0), (2.0, 16.0, 8.0)])
+def test_what_is_at_a_border_without_load(unit, scale, size):
+    """Beside the numbers on the way, and what they become over the range of gamma."""
+    asked = []
+    allowed = np.array([[True, False], [True, True]])
+
+    def tangent_cone(w, tolerance):
+        asked.append((w, tolerance))
+        return SimpleNamespace(allowed=allowed)
+
+    known = SimpleNamespace(
+        condensed=SimpleNamespace(system=SimpleNamespace(tangent_cone=tangent_cone)),
+        bordered=SimpleNamespace(gamma_scale=scale),
+        _unit=unit,
+    )
+    ray = SimpleNamespace(direction=np.array([[0.25, -0.5]]))
+    assert Pivoting._cone_at(known, "w", ray).allowed is allowed
+    assert asked == [("w", pytest.approx(1e-10 * size))]
+    allowed[1, 1] = False
+    assert Pivoting._cone_at(known, "w", ray) is None
+
+
+@pytest.mark.parametrize("rate", [1.0, -1.0, 0.0])
+def test_rays_along_which_nothing_moves(rate):
+    """Have no length where the load stays as well; else it is that of the load."""
+    required = []
+
+    def vector():
+        return PETSc.Vec().createWithArray(np.zeros(2), comm=MPI.COMM_SELF)
+
+    def join(x, gamma, y):
+        y.array[:] = [x.array_r[0], gamma]
+
+    bordered = SimpleNamespace(
+        vector=vector,
+        join=join,
+        set_scale=lambda t, y: None,
+        x_scale=0.0,
+        require_scale=lambda: required.append(rate),
+        inner=lambda a, b: 4.0,
+    )
+    known = SimpleNamespace(
+        bordered=bordered,
+        system=SimpleNamespace(create_vector=vector),
+        condensed=SimpleNamespace(expand=lambda w, gamma, x: x.set(1.0)),
+    )
+    ray = SimpleNamespace(direction=0.0, rate=rate)
+    t = Pivoting._tangent(known, 0.0, 0.5, ray)
+    assert t.array_r.tolist() == [0.0, rate / 2]
+    assert required == ([] if rate else [0.0])
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_pieces_are_regular_in_any_unit(unit):
+    """By their inverse over that of the largest entry; not if that is large."""
+
+    def piece(least):
+        bases = np.zeros((2, 1, 2, 1))
+        bases[:, 0, 0, 0] = 1.0
+        matrix = np.zeros((2, 2, 2))
+        matrix[:, :, 0] = unit * np.diag([1.0, least])
+        system = AffineSystem(
+            matrix, np.zeros(2), np.ones(2), bases, np.zeros((2, 1, 1, 2)), None, None
+        )
+        return system.piece(np.zeros(2, dtype=np.int8))
+
+    found = piece(1e-11)
+    np.testing.assert_allclose(found.inverse, np.diag([1.0, 1e11]) / unit)
+    assert found.sign == 1.0
+    assert piece(-1e-11).sign == -1.0
+    assert piece(1e-13) is None
+    assert piece(0.0) is None
+
+
 def test_the_first_motion_of_a_body_that_sticks():
     """Under a constant load it gives no scale: what moves then counts as it is."""
     points = Moved(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 2.0))

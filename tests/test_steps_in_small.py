@@ -14,7 +14,7 @@ from dolfinx_contact.continuation.batch import BatchedSteps, Crossed, FreeSteps
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import BranchPoint, Change, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.ray_finder import RayFinder
+from dolfinx_contact.continuation.ray_finder import Kink, RayFinder
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.solvers import pivoting
@@ -339,6 +339,28 @@ def test_solutions_that_are_looked_for_beside_a_point():
         np.testing.assert_allclose(away.array_r, there.array_r - [7.0, 5.0])
 
 
+@pytest.mark.parametrize("inside", [(), (1.0,), (-1.0,), (1.0, -1.0)])
+def test_rays_of_statuses_of_points(inside):
+    """Both senses of the unit tangent in their piece that stay inside of it."""
+    asked = []
+    tangent = PETSc.Vec().createWithArray(np.array([0.6, 0.8]), comm=MPI.COMM_SELF)
+    corrector = SimpleNamespace(
+        bordered=SimpleNamespace(comm=SimpleNamespace(rank=1)),
+        tangent=lambda y, t, piece: asked.append((y, t, piece.codes.tolist())) or tangent.copy(),
+    )
+    finder = RayFinder(
+        corrector, "y", lambda ray: float(np.sign(ray.tangent.array_r[0])) in inside, None
+    )
+    kinks = [Kink(rank, point, 0, 1, (0, 1)) for rank, point in ((1, 2), (0, 1), (1, 0))]
+    first = Piece(np.array([3, 3, 3], dtype=np.int8))
+    rays = finder.of_statuses(first, kinks, (1, 0, 2), "towards")
+    assert asked == [("y", "towards", [2, 3, 1])]
+    assert [r.tangent.array_r.tolist() for r in rays] == [[0.6 * s, 0.8 * s] for s in inside]
+    assert all(r.piece.codes.tolist() == [2, 3, 1] for r in rays)
+    corrector.tangent = lambda *_: None
+    assert finder.of_statuses(first, kinks, (1, 0, 2), "towards") == []
+
+
 def test_rays_that_are_one_by_their_tangents():
     """They differ by less than a millionth of the first."""
     known = SimpleNamespace(_norm=lambda v: v.norm())
@@ -490,8 +512,13 @@ def test_signs_of_quotients_of_determinants(rows):
             last = COMM.rank == COMM.size - 1
             piece = Piece(np.full(1 if last else 0, code, dtype=np.int8))
             sides.append((b.joined(x, J[n, n]), piece))
-        found = b.solver.determinant_quotient(b.vector(), *sides)
+        y, made = b.vector(), []
+        vector = b.solver.layout.vector
+        b.solver.layout.vector = lambda made=made, make=vector: made.append(make()) or made[-1]
+        found = b.solver.determinant_quotient(y, *sides)
         assert found == np.sign(np.linalg.det(second) / np.linalg.det(first))
+        assert made
+        assert not any(made)  # all are freed
         signs.add(found)
         b.destroy()
     assert signs == {-1, 1}
