@@ -157,6 +157,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         statuses = self.statuses_of(piece)
         assert statuses is not None
         self.problem.put(x, statuses)
+        self.problem.put_last.note([self.problem.u])
         self.equations.refresh()
         if all(s.motion is None and s.obstacle.flat for s in self.problem.surfaces):
             return

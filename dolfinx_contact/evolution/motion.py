@@ -31,9 +31,14 @@ from dolfinx import fem
 from dolfinx_contact._errors import require
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.body.rigid import largest_turn, parts
-from dolfinx_contact.equations.given_data import Constancy, GivenData, require_obstacles
+from dolfinx_contact.equations.given_data import (
+    Constancy,
+    GivenData,
+    owned,
+    require_obstacles,
+)
 from dolfinx_contact.equations.state import State, Statuses
-from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper
+from dolfinx_contact.evolution.accepted import AcceptedState, OfState, SolvedStep, Stepper
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.points.memory import Memory
@@ -114,6 +119,8 @@ class MotionStepper(Stepper):
         progress: of the solves.
     """
 
+    kind = "NSCD"
+
     def __init__(
         self,
         problem: ContactProblem,
@@ -157,6 +164,7 @@ class MotionStepper(Stepper):
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
     ) -> AcceptedState:
+        self.problem.put_last.note([self.problem.u, self._velocity])
         with self._loaded(time):
             self.problem.equations.remember(memory)
             state = self._contact()
@@ -176,6 +184,19 @@ class MotionStepper(Stepper):
         super().put(accepted)
         assert isinstance(accepted, MovingState)
         self._velocity.x.array[:] = accepted.motion.v
+        self.problem.put_last.note([self._velocity])
+
+    def changed_since_put(self) -> str:
+        assert isinstance(self._there, MovingState)
+        comm = self.problem.comm
+        mine = np.array_equal(owned(self._velocity), owned(self._velocity, self._there.motion.v))
+        stays = comm.allreduce(int(mine), op=MPI.MIN)
+        return super().changed_since_put() or ("" if stays else "the velocity")
+
+    def _of_state(self, accepted: AcceptedState) -> list[OfState]:
+        assert isinstance(accepted, MovingState)
+        moves = OfState("velocity", self._velocity, accepted.motion.v)
+        return [*super()._of_state(accepted), moves]
 
     def _stepped(
         self,
@@ -455,11 +476,10 @@ class MotionStepper(Stepper):
             )
 
     def _require_finite(self) -> None:
-        """Refuse a start that is not finite. Collective."""
+        super()._require_finite()
         eq = self.problem.equations
-        for name, f in (("displacement", self.problem.u), ("velocity", self._velocity)):
-            finite = bool(np.isfinite(f.x.array).all())
-            require(eq.comm, finite, f"the {name} at the start is not finite")
+        finite = bool(np.isfinite(self._velocity.x.array).all())
+        require(eq.comm, finite, "the velocity at the start is not finite")
         require_obstacles(eq)
 
     def _require_no_penetration(self, state: State) -> None:
