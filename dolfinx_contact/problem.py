@@ -38,7 +38,7 @@ from dolfinx_contact.body.circumference import check_circumference, refuse_revol
 from dolfinx_contact.body.quadrature import warn_of_rule
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import PutLast, mark_of_data
+from dolfinx_contact.equations.given_data import mark_of_data, note_put, was_put
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.memory import Memory
@@ -249,8 +249,6 @@ class ContactProblem(ReadOnly):
         self._linear = LinearSolverChoice(self.equations)
         #: In a run, the surfaces of which a warning has been logged, each with its kind.
         self._warned: set[tuple[str, str]] | None = None
-        #: What was put last into Functions of a state, also by motions, whose problems share it.
-        self.put_last = PutLast()
         #: What surfaces remembered in a solve of which a warning has been logged.
         self._said: list[Memory] = []
         warn_of_obstacles(self.equations)
@@ -312,7 +310,7 @@ class ContactProblem(ReadOnly):
         statuses = [s.statuses for s in self.surfaces]
         done = False
         motions = self.equations.rigid.given
-        known = self.put_last.is_in(self.u)
+        known = was_put(self.u)
         try:
             yield
             done = not always
@@ -321,7 +319,7 @@ class ContactProblem(ReadOnly):
                 for f, values in zip(self.fields, before, strict=True):
                     f.x.array[:] = values
                 if known:
-                    self.put_last.note([self.u])
+                    note_put(self.u)
                 for s, codes in zip(self.surfaces, statuses, strict=True):
                     s.statuses = codes
                 self.equations.rigid.show(motions)
@@ -621,7 +619,7 @@ class ContactProblem(ReadOnly):
         for attempt in attempts:
             attempt.state = None
         self.put(x, state.statuses)
-        self.put_last.note([self.u])
+        note_put(self.u)
         return collect(self.equations, state, attempts), state
 
     @contextmanager

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import weakref
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, NamedTuple
 
@@ -34,7 +34,6 @@ __all__ = [
     "Constancy",
     "Datum",
     "GivenData",
-    "PutLast",
     "check_law",
     "check_moduli",
     "check_surface",
@@ -47,11 +46,13 @@ __all__ = [
     "given_data",
     "mark_of_data",
     "not_finite",
+    "note_put",
     "numbers_of",
     "owned",
     "placed_data",
     "require_finite_geometry",
     "require_obstacles",
+    "was_put",
 ]
 
 
@@ -251,22 +252,30 @@ class Constancy:
             _values(d.value)[...] = values
 
 
-class PutLast:
-    """Marks of the owned values that were put into Functions last, on this rank."""
+#: Marks of the owned values that were put last into Functions that live, on this rank. Problems
+#: share Functions, so that none of them alone knows.
+_PUT: dict[int, tuple[weakref.ref[fem.Function], int]] = {}
 
-    def __init__(self) -> None:
-        self._marks: dict[int, tuple[weakref.ref[fem.Function], int]] = {}
 
-    def note(self, functions: Iterable[fem.Function]) -> None:
-        """Take what is in Functions now for what was put there. Not collective."""
-        self._marks = {k: v for k, v in self._marks.items() if v[0]() is not None}
-        for f in functions:
-            self._marks[id(f)] = weakref.ref(f), _mark(f)
+def note_put(*functions: fem.Function) -> None:
+    """Take what is in Functions now for what was put there, and not by users. Not collective."""
+    for f in functions:
+        _PUT[id(f)] = weakref.ref(f, _forgets(id(f))), _mark(f)
 
-    def is_in(self, f: fem.Function) -> bool:
-        """Whether a Function has what was put there last. Not collective."""
-        known, mark = self._marks.get(id(f), (None, 0))
-        return known is not None and known() is f and mark == _mark(f)
+
+def _forgets(key: int) -> Callable[[object], None]:
+    """What is called when the Function of a mark is gone."""
+
+    def forget(_: object) -> None:
+        _PUT.pop(key, None)
+
+    return forget
+
+
+def was_put(f: fem.Function) -> bool:
+    """Whether a Function has what was put there last. Not collective."""
+    known, mark = _PUT.get(id(f), (None, 0))
+    return known is not None and known() is f and mark == _mark(f)
 
 
 def numbers_of(eq: ContactEquations) -> list[list[float]]:

@@ -27,8 +27,10 @@ from dolfinx_contact.equations.given_data import (
     Constancy,
     GivenData,
     check_turn,
+    note_put,
     owned,
     placed_data,
+    was_put,
 )
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.state import State, Statuses
@@ -420,7 +422,7 @@ class Stepper:
             first: whether it is the start, whose statuses are not known.
         """
         eq = self.problem.equations
-        self.problem.put_last.note([self.problem.u])
+        note_put(self.problem.u)
         with self._loaded(time):
             eq.remember(memory)
             state = self.problem.state()
@@ -489,9 +491,8 @@ class Stepper:
             accepted: the last state, where the run begins.
         """
         comm = self.problem.comm
-        put_last = self.problem.put_last
         for name, f, values in self._of_state(accepted):
-            mine = np.array_equal(owned(f), owned(f, values)) or put_last.is_in(f)
+            mine = np.array_equal(owned(f), owned(f, values)) or was_put(f)
             require(
                 comm,
                 bool(comm.allreduce(int(mine), op=MPI.MIN)),
@@ -515,7 +516,7 @@ class Stepper:
         problem = self.problem
         for f, values in zip(problem.fields, accepted.fields, strict=True):
             f.x.array[:] = values
-        problem.put_last.note([problem.u])
+        note_put(problem.u)
         for body, motion in zip(problem.rigid_bodies, accepted.motions, strict=True):
             body.values = motion.copy()
         for s, codes in zip(problem.surfaces, accepted.shown, strict=True):

@@ -34,6 +34,7 @@ from dolfinx_contact.body.rigid import largest_turn, parts
 from dolfinx_contact.equations.given_data import (
     Constancy,
     GivenData,
+    note_put,
     owned,
     require_obstacles,
 )
@@ -164,7 +165,7 @@ class MotionStepper(Stepper):
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        self.problem.put_last.note([self.problem.u, self._velocity])
+        note_put(self.problem.u, self._velocity)
         with self._loaded(time):
             self.problem.equations.remember(memory)
             state = self._contact()
@@ -184,7 +185,7 @@ class MotionStepper(Stepper):
         super().put(accepted)
         assert isinstance(accepted, MovingState)
         self._velocity.x.array[:] = accepted.motion.v
-        self.problem.put_last.note([self._velocity])
+        note_put(self._velocity)
 
     def changed_since_put(self) -> str:
         assert isinstance(self._there, MovingState)
