@@ -78,6 +78,30 @@ def test_a_state_that_is_set_between_two_runs_is_refused(kind):
             evolution.settle(1.0)
 
 
+def test_a_motion_begins_where_one_has_ended_within_the_obstacle():
+    """Where the law is about velocities points come to be there; a body that is put there is not."""
+    ways = []
+    for again in (False, True):
+        block = Rubbing()
+        block.problem.u.x.array[:] = 0.0
+
+        def load(t, top=block.top):
+            put(top, (0.01 * t, -0.01 * t))
+
+        how = dict(dt=0.1, load=load, theta=0.6, level="velocity", mass="lumped")
+        motion = NSCD(block.problem, 1.0, **how)
+        motion.run([0.0, 0.3])
+        assert block.problem.table(block.problem.surfaces[0]).un.min() < -1e-6
+        if again:
+            motion = NSCD(block.problem, 1.0, velocity=motion.velocity, **how)
+        motion.run([0.3, 0.6])
+        ways.append(block.problem.u.x.array.copy())
+    assert np.abs(ways[1] - ways[0]).max() < 1e-9 * np.abs(ways[0]).max()
+    block.problem.surfaces[0].memory = None
+    with pytest.raises(ValueError, match="points are within the obstacle"):
+        NSCD(block.problem, 1.0, velocity=motion.velocity, **how).run([0.6, 0.7])
+
+
 @pytest.mark.parametrize("kind", EVOLUTIONS)
 @pytest.mark.parametrize("who", ["observer", "accept", "stop"])
 def test_what_is_changed_within_a_run_is_refused(kind, who):

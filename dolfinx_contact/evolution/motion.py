@@ -93,6 +93,11 @@ class Method:
         plain = self.scheme == "theta" and self.theta == 0.5
         return plain and self.level == "position" and not self.massless
 
+    @property
+    def ends_within(self) -> bool:
+        """Whether points may come to be within the obstacle, by the way of a step."""
+        return self.level == "velocity" or self.scheme == "modified-theta"
+
 
 @dataclass(frozen=True, eq=False)
 class MovingState(AcceptedState):
@@ -156,8 +161,11 @@ class MotionStepper(Stepper):
             self._require_finite()
             self._require_data()
             self._require_held()
+            left = eq.memory
             state, memory = self._begun(self._contact)
-            self._require_no_penetration(state)
+            goes_on = all(m is not None for m in left) and self._remembered(left, memory).stays
+            if not (goes_on and self._method.ends_within):
+                self._require_no_penetration(state)
         motion = self._motion(state)
         energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
         return self._moving(time, None, memory, energies, motion)
