@@ -79,7 +79,7 @@ def test_a_state_that_is_set_between_two_runs_is_refused(kind):
 
 
 def test_a_motion_begins_where_one_has_ended_within_the_obstacle():
-    """Where the law is about velocities points come to be there; a body that is put there is not."""
+    """Where the law is about velocities points come to be there; none is put there."""
     ways = []
     for again in (False, True):
         block = Rubbing()

@@ -264,7 +264,7 @@ def note_put(*functions: fem.Function) -> None:
 
 
 def _forgets(key: int) -> Callable[[object], None]:
-    """What is called when the Function of a mark is gone."""
+    """What is called where the Function of a mark lives no longer."""
 
     def forget(_: object) -> None:
         _PUT.pop(key, None)
