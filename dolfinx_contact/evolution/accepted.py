@@ -49,6 +49,7 @@ __all__ = [
     "Stepper",
     "change",
     "changes",
+    "is_still",
     "largest_at_points",
 ]
 
@@ -214,6 +215,15 @@ def _at_points(a: AtRest, b: AtRest) -> list[_AtPoints]:
         )
         found.append(_AtPoints(distances[free], weakened[free], left[free]))
     return found
+
+
+def is_still(f: fem.Function, values: Array) -> bool:
+    """Whether a Function has values (local), but for the round-off of a scale. Collective."""
+    was = owned(f, values)
+    off = float(np.max(np.abs(owned(f) - was), initial=0.0))
+    size = float(np.max(np.abs(was), initial=0.0))
+    off, size = f.function_space.mesh.comm.allreduce(np.array([off, size]), op=np.maximum)
+    return bool(off <= _SAME * size)
 
 
 def _other_fields(m: Memory | None, now: Memory | None) -> list[str]:
@@ -492,10 +502,10 @@ class Stepper:
         """
         comm = self.problem.comm
         for name, f, values in self._of_state(accepted):
-            mine = np.array_equal(owned(f), owned(f, values)) or was_put(f)
+            known = bool(comm.allreduce(int(was_put(f)), op=MPI.MIN))
             require(
                 comm,
-                bool(comm.allreduce(int(mine), op=MPI.MIN)),
+                known or is_still(f, values),
                 f"the {name} has been changed since the last run ended at {accepted.time:.10g}, "
                 "and a later run begins with the state in which that ended: to begin with what is "
                 f"there now make another {self.kind}, else put back what was there",

@@ -35,11 +35,16 @@ from dolfinx_contact.equations.given_data import (
     Constancy,
     GivenData,
     note_put,
-    owned,
     require_obstacles,
 )
 from dolfinx_contact.equations.state import State, Statuses
-from dolfinx_contact.evolution.accepted import AcceptedState, OfState, SolvedStep, Stepper
+from dolfinx_contact.evolution.accepted import (
+    AcceptedState,
+    OfState,
+    SolvedStep,
+    Stepper,
+    is_still,
+)
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.points.memory import Memory
@@ -197,9 +202,7 @@ class MotionStepper(Stepper):
 
     def changed_since_put(self) -> str:
         assert isinstance(self._there, MovingState)
-        comm = self.problem.comm
-        mine = np.array_equal(owned(self._velocity), owned(self._velocity, self._there.motion.v))
-        stays = comm.allreduce(int(mine), op=MPI.MIN)
+        stays = is_still(self._velocity, self._there.motion.v)
         return super().changed_since_put() or ("" if stays else "the velocity")
 
     def _of_state(self, accepted: AcceptedState) -> list[OfState]:
