@@ -30,7 +30,12 @@ from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
-from dolfinx_contact.equations.given_data import Constancy, data_within, placed_data
+from dolfinx_contact.equations.given_data import (
+    Constancy,
+    data_within,
+    note_put,
+    placed_data,
+)
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Coulomb, Frictionless, status
@@ -157,6 +162,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         statuses = self.statuses_of(piece)
         assert statuses is not None
         self.problem.put(x, statuses)
+        note_put(self.problem.u)
         self.equations.refresh()
         if all(s.motion is None and s.obstacle.flat for s in self.problem.surfaces):
             return

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -37,8 +38,10 @@ from dolfinx_contact.body.circumference import check_circumference, refuse_revol
 from dolfinx_contact.body.quadrature import warn_of_rule
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import mark_of_data
+from dolfinx_contact.equations.given_data import mark_of_data, note_put, was_put
 from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.laws.status import STICK
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.revolution import axis_condition
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
@@ -61,6 +64,8 @@ if TYPE_CHECKING:
     from dolfinx_contact.body.moving import MovingBody
 
 __all__ = ["ContactProblem"]
+
+logger = logging.getLogger(__name__)
 
 Answer = TypeVar("Answer")
 
@@ -243,6 +248,8 @@ class ContactProblem(ReadOnly):
         self._linear = LinearSolverChoice(self.equations)
         #: In a run, the surfaces of which a warning has been logged, each with its kind.
         self._warned: set[tuple[str, str]] | None = None
+        #: What surfaces remembered in a solve of which a warning has been logged.
+        self._said: list[Memory] = []
         warn_of_obstacles(self.equations)
         warn_of_rule(body.estimated_rule, self.comm.rank)
 
@@ -302,6 +309,7 @@ class ContactProblem(ReadOnly):
         statuses = [s.statuses for s in self.surfaces]
         done = False
         motions = self.equations.rigid.given
+        known = was_put(self.u)
         try:
             yield
             done = not always
@@ -309,6 +317,8 @@ class ContactProblem(ReadOnly):
             if not done:
                 for f, values in zip(self.fields, before, strict=True):
                     f.x.array[:] = values
+                if known:
+                    note_put(self.u)
                 for s, codes in zip(self.surfaces, statuses, strict=True):
                     s.statuses = codes
                 self.equations.rigid.show(motions)
@@ -458,7 +468,27 @@ class ContactProblem(ReadOnly):
                 is not finite, a negative friction field, a clamped node inside the obstacle).
             ConvergenceError: if no strategy converges; the Functions are as they were.
         """
+        if self._warned is None:
+            self._warn_of_memory()
         return self._solved(algorithm, monitor, increments, progress, Trial(tuple(expected)))[0]
+
+    def _warn_of_memory(self) -> None:
+        """Warn, once, of a memory that a history, motion or path has left. Not collective."""
+        memory = self.equations.memory
+        known = [any(m is said for said in self._said) for m in memory]
+        told = [
+            s.name
+            for s, m, is_known in zip(self.surfaces, memory, known, strict=True)
+            if m is not None and not is_known and (m.fields or STICK in s.law_at_points.codes)
+        ]
+        self._said[:] = [m for m in memory if m is not None]
+        if told and self.comm.rank == 0:
+            logger.warning(
+                "%s: slips and bonds are those since the state in which a history, motion or path "
+                "has ended, so that this solve is another step of it and none of the static law; "
+                "set surface.memory = None for that",
+                ", ".join(told),
+            )
 
     @mesh_stays()
     def solve_step(
@@ -588,6 +618,7 @@ class ContactProblem(ReadOnly):
         for attempt in attempts:
             attempt.state = None
         self.put(x, state.statuses)
+        note_put(self.u)
         return collect(self.equations, state, attempts), state
 
     @contextmanager

@@ -35,6 +35,13 @@ ON_TWO = {
     "test_benchmarks": (
         *("settings_by_name", "elastic_solution_is_in_equilibrium", "seconds_of_the_surface"),
     ),
+    "test_between_runs": (
+        *(
+            "a_state_that_is_set_between_two_runs_is_refused",
+            "a_history_begins_where_another_has_ended",
+        ),
+        *("a_record_says_what_has_changed",),
+    ),
     "test_blocks": (
         *("friction_as_number_constant_and_field", "level_set_is_the_sphere"),
         *("two_surfaces_with_their_own_laws", "no_contact_at_all"),

@@ -271,26 +271,30 @@ def test_data_that_are_changed_on_a_path_are_refused():
 
 
 @pytest.mark.parametrize("kind", ["pair", "moving"])
-def test_data_that_are_changed_in_a_history_are_put_back(kind):
-    """As those of the load, which an observer may change as well."""
+def test_data_of_the_load_that_are_changed_in_a_history_are_put_back(kind):
+    """Those that it does not set are refused, as on a path."""
 
-    def run(**options):
+    def run(changed=None):
         evolution = getattr(recorded_evolution, kind)(COMM)
         friction = evolution.problem.surfaces[0].law.friction
         before = float(friction.value)
-        options = {k: v(friction) for k, v in options.items()}
-        history = evolution.run(np.linspace(0, 1, 4), **options)
-        assert float(friction.value) == before
+
+        def disturb(step):
+            if changed == "load":
+                evolution.load(0.7)
+            elif changed == "friction":
+                friction.value = 7.0
+
+        try:
+            history = evolution.run(np.linspace(0, 1, 4), observer=disturb)
+        finally:
+            assert float(friction.value) == before
         return [step.result.tables["contact"].rt for step in history.steps]
 
-    def disturb(friction):
-        def observer(step):
-            friction.value = 7.0
-
-        return observer
-
-    for mine, theirs in zip(run(observer=disturb), run(), strict=True):
+    for mine, theirs in zip(run("load"), run(), strict=True):
         np.testing.assert_allclose(mine, theirs, atol=1e-10)
+    with pytest.raises(ValueError, match="an observer changed the friction of "):
+        run("friction")
 
 
 def test_classes_are_no_observers():

@@ -27,6 +27,7 @@ def load(t):
     way.value = 0.02 * t
 
 
+problem.solve()  # pressed on the belt before that moves
 run = QuasiStatic(problem, load).run(np.linspace(0, 1, 6))
 print([step.status for step in run.steps])
 shear, normal = run.steps[-1].result.resultants["contact"]

@@ -214,7 +214,8 @@ def refuse_change(who: str, changed: str) -> None:
     if changed:
         raise ValueError(
             f"{who} changed {changed}: all data but the load stay as they are on the way; put back "
-            "what is changed for a look, or begin another branch or run with other data"
+            "what is changed for a look, leave to the load what changes in time, or begin another "
+            "branch or run with other data"
         )
 
 

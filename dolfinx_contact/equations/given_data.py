@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What users may change between two solves: the Functions and Constants of a contact problem.
 
-With them the law of a surface must be one still, as must the memory be that of its law.
+With them the law of a surface must be one still, as must the memory be that of its law. And what
+was put into Functions of a state, to tell it from what users put there.
 """
 
 from __future__ import annotations
 
+import weakref
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, NamedTuple
 
@@ -44,10 +46,13 @@ __all__ = [
     "given_data",
     "mark_of_data",
     "not_finite",
+    "note_put",
     "numbers_of",
+    "owned",
     "placed_data",
     "require_finite_geometry",
     "require_obstacles",
+    "was_put",
 ]
 
 
@@ -174,7 +179,23 @@ class GivenData:
     """
 
     def __init__(self, eq: ContactEquations):
-        self._values = [(f, _values(f).copy()) for f in given_data(eq)]
+        self._data = placed_data(eq)
+        self._values = [(d.value, _values(d.value).copy()) for d in self._data]
+
+    def changed(self, comm: MPI.Comm, now: GivenData | None = None) -> str:
+        """What is not as it was, in words; "" if all is. Collective.
+
+        Args:
+            comm: of all that have the data.
+            now: as they were when that was made; by default as they are.
+        """
+        mine = ""
+        for i, (d, (f, was)) in enumerate(zip(self._data, self._values, strict=True)):
+            found = _values(f) if now is None else now._values[i][1]
+            if not np.array_equal(_owned(f, was), _owned(f, found), equal_nan=True):
+                mine = _before_and_now(d, was, found)
+                break
+        return next((words for words in comm.allgather(mine) if words), "")
 
     def unchanged(self) -> bool:
         """Whether all values are those still, on this rank. Not collective."""
@@ -219,10 +240,7 @@ class Constancy:
             self._data, self._values, mine, found, strict=True
         ):
             if not away <= _SAME * size:
-                words = d.place
-                if not hasattr(d.value, "x"):
-                    was, now = (np.asarray(a).tolist() for a in (v, d.value.value))
-                    words = f"{d.place} ({was} before, {now} now)"
+                words = _before_and_now(d, v, _values(d.value))
                 # In the words of a rank on which it has changed.
                 told = self._comm.allgather("" if here <= _SAME * size else words)
                 return next(w for w in told if w)
@@ -234,10 +252,61 @@ class Constancy:
             _values(d.value)[...] = values
 
 
+#: Marks of the owned values that were put last into Functions that live, on this rank. Problems
+#: share Functions, so that none of them alone knows.
+_PUT: dict[int, tuple[weakref.ref[fem.Function], int]] = {}
+
+
+def note_put(*functions: fem.Function) -> None:
+    """Take what is in Functions now for what was put there, and not by users. Not collective."""
+    for f in functions:
+        _PUT[id(f)] = weakref.ref(f, _forgets(id(f))), _mark(f)
+
+
+def _forgets(key: int) -> Callable[[object], None]:
+    """What is called where the Function of a mark lives no longer."""
+
+    def forget(_: object) -> None:
+        _PUT.pop(key, None)
+
+    return forget
+
+
+def was_put(f: fem.Function) -> bool:
+    """Whether a Function has what was put there last. Not collective."""
+    known, mark = _PUT.get(id(f), (None, 0))
+    return known is not None and known() is f and mark == _mark(f)
+
+
 def numbers_of(eq: ContactEquations) -> list[list[float]]:
     """The values of every Constant among the data."""
     constants = [c for c in given_data(eq) if not hasattr(c, "x")]
     return [[float(v) for v in np.real(np.ravel(c.value))] for c in constants]
+
+
+def owned(f: fem.Function, values: npt.NDArray[np.float64] | None = None) -> npt.NDArray:
+    """Owned ones among all local values, by default those in a Function. Not collective."""
+    dofs = f.function_space.dofmap
+    found = f.x.array if values is None else values
+    return np.asarray(found[: dofs.index_map.size_local * dofs.index_map_bs])
+
+
+def _mark(f: fem.Function) -> int:
+    return zlib.crc32(np.ascontiguousarray(owned(f) + 0.0))
+
+
+def _before_and_now(d: Datum, was: npt.NDArray[np.float64], now: npt.NDArray[np.float64]) -> str:
+    """What has changed, with both values of a Constant."""
+    if hasattr(d.value, "x"):
+        return d.place
+    return f"{d.place} ({was.tolist()} before, {now.tolist()} now)"
+
+
+def _owned(
+    f: fem.Function | fem.Constant, values: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Of the values of a Constant or Function those of this rank alone."""
+    return owned(f, values) if hasattr(f, "x") else values
 
 
 def _values(f: fem.Function | fem.Constant) -> npt.NDArray[np.float64]:

@@ -19,9 +19,19 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx import fem
+
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._mesh_mark import mesh_stays
-from dolfinx_contact.equations.given_data import Constancy, GivenData, check_turn, placed_data
+from dolfinx_contact.equations.given_data import (
+    Constancy,
+    GivenData,
+    check_turn,
+    note_put,
+    owned,
+    placed_data,
+    was_put,
+)
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
@@ -34,10 +44,12 @@ from dolfinx_contact.solvers.strategies import Trial
 __all__ = [
     "AcceptedState",
     "AtRest",
+    "OfState",
     "SolvedStep",
     "Stepper",
     "change",
     "changes",
+    "is_still",
     "largest_at_points",
 ]
 
@@ -152,6 +164,21 @@ def largest_at_points(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> tup
     return distances, np.divide(weakened, left, out=np.zeros_like(left), where=left > 0)
 
 
+class _Remembered(NamedTuple):
+    """What surfaces remember beyond what laws say of a state, and whether it is of that state."""
+
+    others: list[str]
+    stays: bool
+
+
+class OfState(NamedTuple):
+    """A Function that has a part of a state, what it is called, and values of it (local)."""
+
+    name: str
+    function: fem.Function
+    values: Array
+
+
 class _AtPoints(NamedTuple):
     """What happens at the points of a surface (n,) from a state to another, on this rank.
 
@@ -190,6 +217,15 @@ def _at_points(a: AtRest, b: AtRest) -> list[_AtPoints]:
     return found
 
 
+def is_still(f: fem.Function, values: Array) -> bool:
+    """Whether a Function has values (local), but for the round-off of a scale. Collective."""
+    was = owned(f, values)
+    off = float(np.max(np.abs(owned(f) - was), initial=0.0))
+    size = float(np.max(np.abs(was), initial=0.0))
+    off, size = f.function_space.mesh.comm.allreduce(np.array([off, size]), op=np.maximum)
+    return bool(off <= _SAME * size)
+
+
 def _other_fields(m: Memory | None, now: Memory | None) -> list[str]:
     """Names of what is remembered otherwise than a law alone would have it, on this rank."""
     if m is None or now is None:
@@ -222,10 +258,12 @@ class Stepper:
 
     Attributes:
         problem: as given.
-        asks: whether the load is asked in the first step whether it knows more than the time.
+        asks: whether the load is asked in the next step whether it knows more than the time.
     """
 
     asks = False
+    #: What has its runs, in words.
+    kind = "QuasiStatic"
 
     def __init__(
         self, problem: ContactProblem, load: Callable[[float], object], progress: bool | None
@@ -233,6 +271,8 @@ class Stepper:
         self.problem = problem
         self._load = load
         self._progress = progress
+        #: The state that was put last.
+        self._there: AcceptedState | None = None
 
     def start(self, time: float) -> AcceptedState:
         """The state in the Functions, from which slips are counted. Collective.
@@ -241,17 +281,13 @@ class Stepper:
             ValueError: on every rank, for Dirichlet data that a solve refuses.
         """
         eq = self.problem.equations
+        left = eq.memory
         with self._loaded(time):
             eq.refresh()
+            self._require_finite()
             self._require_data()
             state, memory = self._begun(self.problem.state)
-        residual = Scales(eq, settled=True).measure(state).worst
-        if residual > _SOLVED:  # before any solve the surfaces do not know their statuses
-            required = self.problem.state([s.answers.required for s in state.surfaces])
-            other = Scales(eq, settled=True).measure(required).worst
-            if other < residual:
-                state = required
-                residual = other
+            state, residual = self._best(state, left, memory)
         solved = residual <= _SOLVED
         if not solved and eq.comm.rank == 0:
             logger.warning(
@@ -277,33 +313,107 @@ class Stepper:
         eq.remember([None] * len(eq.surfaces))
         state = find()
         memory = eq.advanced(state)
-        pairs = list(zip(left, memory, strict=True))
-        others = sorted({name for m, new in pairs for name in _other_fields(m, new)})
-        others = sorted(set().union(*eq.comm.allgather(others)))
+        others, stays = self._remembered(left, memory)
         if not others:
             return state, memory
-        stays = all(m is None or _at_same_place(m, new, eq.body_size) for m, new in pairs)
-        if not eq.comm.allreduce(int(stays), op=MPI.MIN):
+        words = " and ".join(others)
+        if not stays:
             if eq.comm.rank == 0:
                 logger.warning(
                     "the surfaces remember %s of a history that ended in another state: this one "
                     "begins with those of the law; set surface.memory = None to say so, or run "
                     "that history on",
-                    " and ".join(others),
+                    words,
                 )
             return state, memory
         memory = tuple(
-            new if m is None or new is None else replace(new, fields=m.fields) for m, new in pairs
+            new if m is None or new is None else replace(new, fields=m.fields)
+            for m, new in zip(left, memory, strict=True)
         )
+        self._warn_of_undeformed(state, words)
+        eq.remember(memory)
+        return find(), memory
+
+    def _best(
+        self,
+        state: State,
+        left: tuple[Memory | None, ...],
+        memory: tuple[Memory | None, ...],
+    ) -> tuple[State, float]:
+        """The start, with the statuses in which it is a solution, and its residual. Collective.
+
+        Its forces are such as a history may begin with where they are in equilibrium and friction
+        is within its bound, whether the static law has them or slips of before.
+
+        Args:
+            state: as `_begun` found it.
+            left: what the surfaces remembered.
+            memory: of the start.
+        """
+        eq = self.problem.equations
+        residual = Scales(eq, settled=True).measure(state).worst
+        if not residual > _SOLVED:
+            return state, residual
+        # Before any solve the surfaces do not know their statuses.
+        required = self.problem.state([s.answers.required for s in state.surfaces])
+        other = Scales(eq, settled=True).measure(required).worst
+        if other < residual:
+            state = required
+            residual = other
+        timed = any(s.law_at_points.compiled.needs_time(0.0) for s in eq.surfaces)
+        if timed or not residual > _SOLVED:
+            return state, residual
+        before = eq.memory
+        eq.remember(memory)
+        here = self.problem.state()
+        found = Scales(eq, settled=True).measure(here).worst
+        if not found <= _SOLVED:
+            eq.remember(before)
+            return state, residual
+        if not self._remembered(left, memory).stays and eq.comm.rank == 0:
+            logger.warning(
+                "the start of the evolution is no solution of the static law: friction in it is "
+                "that of slips since the state in which another history ended, which the surfaces "
+                "remember; for a start that knows none set surface.memory = None before solve()"
+            )
+        return here, found
+
+    def _remembered(
+        self, left: tuple[Memory | None, ...], memory: tuple[Memory | None, ...]
+    ) -> _Remembered:
+        """What surfaces remember beyond what a start has by its laws. Collective.
+
+        Args:
+            left: what they remember.
+            memory: of the start by its laws.
+        """
+        eq = self.problem.equations
+        pairs = list(zip(left, memory, strict=True))
+        mine = {name for m, new in pairs for name in _other_fields(m, new)}
+        others = sorted(set().union(*eq.comm.allgather(sorted(mine))))
+        stays = all(m is None or _at_same_place(m, new, eq.body_size) for m, new in pairs)
+        return _Remembered(others, bool(eq.comm.allreduce(int(stays), op=MPI.MIN)))
+
+    def _warn_of_undeformed(self, state: State, words: str) -> None:
+        """Warn where bodies are undeformed, as at a first start, and bonds are not. Collective.
+
+        Args:
+            state: the start.
+            words: for what is not that of the law.
+        """
+        eq = self.problem.equations
         moved = eq.comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
         if moved <= _NO_LENGTH * eq.body_size and eq.comm.rank == 0:
             logger.warning(
                 "the body is undeformed, as a history has left it with %s that are not those of "
                 "the law: this one begins with these; set surface.memory = None to begin anew",
-                " and ".join(others),
+                words,
             )
-        eq.remember(memory)
-        return find(), memory
+
+    def _require_finite(self) -> None:
+        """Refuse a start that is not finite. Collective."""
+        finite = bool(np.isfinite(self.problem.u.x.array).all())
+        require(self.problem.comm, finite, "the displacement at the start is not finite")
 
     def _require_data(self) -> None:
         """Refuse a start with Dirichlet data that a solve refuses. Collective."""
@@ -322,6 +432,7 @@ class Stepper:
             first: whether it is the start, whose statuses are not known.
         """
         eq = self.problem.equations
+        note_put(self.problem.u)
         with self._loaded(time):
             eq.remember(memory)
             state = self.problem.state()
@@ -356,15 +467,49 @@ class Stepper:
         return replace(accepted, data=GivenData(self.problem.equations), solved=solved)
 
     def data_watch(self) -> Callable[[], str]:
-        """What says which data have changed since that are to stay; see `System.data_watch`.
+        """What says which data have changed since a state was put; see `System.data_watch`."""
+        return self.changed_since_put
 
-        None are here: a load may be any of them, and `put` puts them back.
+    def changed_since_put(self) -> str:
+        """Which data are not those of the state that was put last, "" if all are. Collective.
+
+        They are put back before the next step, so that a change of what the load does not set
+        would be lost, and nobody knew. What it sets may be anything.
         """
-        return lambda: ""
+        assert self._there is not None
+        comm = self.problem.comm
+        data = self._there.data
+        if not data.changed(comm):
+            return ""
+        self._set(self._there.time)
+        return data.changed(comm)
 
     def _is_solved(self, state: State) -> bool:
         """Whether a state is a solution under the load that is there. Collective."""
         return Scales(self.problem.equations, settled=True).measure(state).worst <= _SOLVED
+
+    def _of_state(self, accepted: AcceptedState) -> list[OfState]:
+        """Functions that have the state of the body, and their values at an accepted one."""
+        return [OfState("displacement", self.problem.u, accepted.fields[0])]
+
+    def require_untouched(self, accepted: AcceptedState) -> None:
+        """Refuse a later run where users have put something else in place of its start. Collective.
+
+        What solves, runs and records have put there since is none of the user's.
+
+        Args:
+            accepted: the last state, where the run begins.
+        """
+        comm = self.problem.comm
+        for name, f, values in self._of_state(accepted):
+            known = bool(comm.allreduce(int(was_put(f)), op=MPI.MIN))
+            require(
+                comm,
+                known or is_still(f, values),
+                f"the {name} has been changed since the last run ended at {accepted.time:.10g}, "
+                "and a later run begins with the state in which that ended: to begin with what is "
+                f"there now make another {self.kind}, else put back what was there",
+            )
 
     def put(self, accepted: AcceptedState) -> None:
         """Put a state into Functions, statuses, rigid bodies, data and memory, bit by bit.
@@ -374,12 +519,14 @@ class Stepper:
         self._put_unknowns(accepted)
         self.problem.equations.remember(accepted.memory)
         accepted.data.restore()
+        self._there = accepted
 
     def _put_unknowns(self, accepted: AcceptedState) -> None:
         """Put those and the statuses of an accepted state into the problem. Not collective."""
         problem = self.problem
         for f, values in zip(problem.fields, accepted.fields, strict=True):
             f.x.array[:] = values
+        note_put(problem.u)
         for body, motion in zip(problem.rigid_bodies, accepted.motions, strict=True):
             body.values = motion.copy()
         for s, codes in zip(problem.surfaces, accepted.shown, strict=True):
@@ -484,17 +631,24 @@ class Stepper:
         )
         self.show(solved)
 
-    def ask_at_end(self, accepted: AcceptedState) -> None:
-        """Warn of a load that depends on the solution, at the end of a run. Collective.
+    def ask_at_end(self, start: AcceptedState, accepted: AcceptedState) -> None:
+        """Warn of a load that knows more than the time, at the end of a run. Collective.
 
         Args:
+            start: where the run began.
             accepted: the last state of the run, at which the problem is.
         """
         given = self._given()
         self._set(accepted.time)
         changed = given.changed()
+        left = ""
+        if not changed:
+            self._set(start.time)
+            left = start.data.changed(self.problem.comm)
         accepted.data.restore()
-        if changed and self.problem.comm.rank == 0:
+        if self.problem.comm.rank > 0:
+            return
+        if changed:
             logger.warning(
                 "the load depends on the solution: at the end of the step to the time %g it sets "
                 "%s to something else than at its start. It is called before a step is solved, so "
@@ -502,6 +656,14 @@ class Stepper:
                 "short steps, or put what depends on the displacement into forms or law",
                 accepted.time,
                 changed,
+            )
+        elif left:
+            logger.warning(
+                "the load does not set all that it changes: called at the end of the run with the "
+                "time %g of its start it leaves %s, so that another history would begin with other "
+                "data; let it set at every time what it sets at any",
+                start.time,
+                left,
             )
 
     def _given(self) -> Constancy:
@@ -523,13 +685,16 @@ class Stepper:
 
     @contextmanager
     def _loaded(self, time: float) -> Iterator[None]:
-        """Set the load of a time; take it back if the context raises. Collective."""
-        data = GivenData(self.problem.equations)
+        """Set the load of a time; take it and memory back if the context raises. Collective."""
+        eq = self.problem.equations
+        data = GivenData(eq)
+        memory = eq.memory
         try:
             self._set(time)
             yield
         except BaseException:
             data.restore()
+            eq.remember(memory)
             raise
 
     def _set(self, time: float) -> None:

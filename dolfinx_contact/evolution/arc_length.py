@@ -82,7 +82,8 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
 
     It begins with the state in the problem's Functions, a solution under the present value of the
     parameter, and with the memory that is in the surfaces, as a `QuasiStatic` run leaves it;
-    without one, points slip from where they are, and bonds have the intensity of their law.
+    without one, points slip from where they are, and bonds have the intensity of their law. Of a
+    memory that another state has left the log warns.
     Functions, statuses, parameter and memory follow the accepted points.
 
     Args:
@@ -200,6 +201,8 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         if run_state is None:
             start = self._stepper(None).start(0.0)
             run_state = PathState(start, 0.0, known=Known(scales=self.parametric.scales))
+        else:
+            self._stepper(None).require_untouched(run_state.accepted)
         task = PathTask(gamma_range, direction, control, max_steps, bool(rays))
         listeners = Listeners(None, stop, observer, record, progress)
         return self._run(task, begun(task, run_state), listeners)

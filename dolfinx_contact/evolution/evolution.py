@@ -102,6 +102,7 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         if before is None:
             accepted = stepper.start(task.times[0])
             return self._run(task, RunState(accepted, task.longest), listeners)
+        stepper.require_untouched(before.accepted)
         # Data that were changed between two runs, and the load if it was, are those of the next.
         accepted = stepper.renewed(before.accepted)
         run_state = RunState(accepted, task.longest, before.rate, before.number)
@@ -125,7 +126,7 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         if rule.failed and task.at_jump != "stop":
             raise NoContinuation(history.reason, history) from rule.failure
         if self.load is not self._asked and not rule.failed:
-            stepper.ask_at_end(rule.run_state.accepted)
+            stepper.ask_at_end(run_state.accepted, rule.run_state.accepted)
             self._asked = self.load
         return history
 

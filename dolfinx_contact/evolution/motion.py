@@ -31,9 +31,20 @@ from dolfinx import fem
 from dolfinx_contact._errors import require
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.body.rigid import largest_turn, parts
-from dolfinx_contact.equations.given_data import Constancy, GivenData, require_obstacles
+from dolfinx_contact.equations.given_data import (
+    Constancy,
+    GivenData,
+    note_put,
+    require_obstacles,
+)
 from dolfinx_contact.equations.state import State, Statuses
-from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper
+from dolfinx_contact.evolution.accepted import (
+    AcceptedState,
+    OfState,
+    SolvedStep,
+    Stepper,
+    is_still,
+)
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.points.memory import Memory
@@ -87,6 +98,11 @@ class Method:
         plain = self.scheme == "theta" and self.theta == 0.5
         return plain and self.level == "position" and not self.massless
 
+    @property
+    def ends_within(self) -> bool:
+        """Whether points may come to be within the obstacle, by the way of a step."""
+        return self.level == "velocity" or self.scheme == "modified-theta"
+
 
 @dataclass(frozen=True, eq=False)
 class MovingState(AcceptedState):
@@ -113,6 +129,8 @@ class MotionStepper(Stepper):
         constancy: of the data in mass and damping.
         progress: of the solves.
     """
+
+    kind = "NSCD"
 
     def __init__(
         self,
@@ -148,8 +166,11 @@ class MotionStepper(Stepper):
             self._require_finite()
             self._require_data()
             self._require_held()
+            left = eq.memory
             state, memory = self._begun(self._contact)
-            self._require_no_penetration(state)
+            goes_on = all(m is not None for m in left) and self._remembered(left, memory).stays
+            if not (goes_on and self._method.ends_within):
+                self._require_no_penetration(state)
         motion = self._motion(state)
         energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
         return self._moving(time, None, memory, energies, motion)
@@ -157,6 +178,7 @@ class MotionStepper(Stepper):
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
     ) -> AcceptedState:
+        note_put(self.problem.u, self._velocity)
         with self._loaded(time):
             self.problem.equations.remember(memory)
             state = self._contact()
@@ -176,6 +198,17 @@ class MotionStepper(Stepper):
         super().put(accepted)
         assert isinstance(accepted, MovingState)
         self._velocity.x.array[:] = accepted.motion.v
+        note_put(self._velocity)
+
+    def changed_since_put(self) -> str:
+        assert isinstance(self._there, MovingState)
+        stays = is_still(self._velocity, self._there.motion.v)
+        return super().changed_since_put() or ("" if stays else "the velocity")
+
+    def _of_state(self, accepted: AcceptedState) -> list[OfState]:
+        assert isinstance(accepted, MovingState)
+        moves = OfState("velocity", self._velocity, accepted.motion.v)
+        return [*super()._of_state(accepted), moves]
 
     def _stepped(
         self,
@@ -455,11 +488,10 @@ class MotionStepper(Stepper):
             )
 
     def _require_finite(self) -> None:
-        """Refuse a start that is not finite. Collective."""
+        super()._require_finite()
         eq = self.problem.equations
-        for name, f in (("displacement", self.problem.u), ("velocity", self._velocity)):
-            finite = bool(np.isfinite(f.x.array).all())
-            require(eq.comm, finite, f"the {name} at the start is not finite")
+        finite = bool(np.isfinite(self._velocity.x.array).all())
+        require(eq.comm, finite, "the velocity at the start is not finite")
         require_obstacles(eq)
 
     def _require_no_penetration(self, state: State) -> None:

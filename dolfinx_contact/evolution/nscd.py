@@ -110,9 +110,10 @@ class NSCD(Evolution):
     """The motion of a body with contact and friction, by nonsmooth contact dynamics.
 
     It begins with the displacement and statuses in the problem's Functions, at the first time, and
-    with `velocity`, and with bonds as `QuasiStatic` has them. What is put into these between two
-    runs is not taken: another motion begins from it. They follow the accepted steps, as do data and
-    memory of the problem. The memory stays in the surfaces afterwards: ``surface.memory = None``
+    with `velocity`, and with bonds as `QuasiStatic` has them. A later run begins where the last one
+    has ended; where displacement or velocity have been set between, that is refused: another motion
+    begins from what is there. They follow the accepted steps, as do data and memory of the
+    problem. The memory stays in the surfaces afterwards: ``surface.memory = None``
     makes the law of the problem that was given static again. The multipliers are means over the
     step: impulses over areas and the length of the step.
     Dirichlet data prescribe the displacement at the ends of steps; what they prescribe begins with
@@ -242,7 +243,8 @@ class NSCD(Evolution):
             stop: called with every accepted step, on every rank, while its end is in the problem;
                 the reason for which the run ends there, or "" to continue. A later run continues
                 from there.
-            observer: called with every accepted step while its end is in the problem.
+            observer: called with every accepted step while its end is in the problem. It may look:
+                data or velocities that it has changed, and the load does not set, are refused.
             record: keeps every accepted step before the observer is called, as
                 `records.EvolutionRecord` does.
             progress: whether rank 0 reports on the standard error stream where it is; by default

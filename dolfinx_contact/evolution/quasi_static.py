@@ -75,8 +75,10 @@ class QuasiStatic(Evolution):
     another body or a `RigidBody`; of an obstacle that moves by Constants friction sees the motion
     along the normal alone.
     Functions, statuses, data and memory of the problem follow the accepted steps. The memory stays
-    in the surfaces afterwards, for example for a branch within the next step; ``surface.memory =
-    None`` makes the law static again.
+    in the surfaces afterwards, for example for a branch within the next step, and a solve is one of
+    that step, of which the log warns; ``surface.memory = None`` makes the law static again. A later
+    run begins where the last one has ended; where the displacement has been set between, that is
+    refused: another history begins from what is there.
 
     Args:
         problem: the contact problem.
@@ -164,7 +166,8 @@ class QuasiStatic(Evolution):
             stop: called with every accepted step, on every rank, while its end is in the problem;
                 the reason for which the run ends there, or "" to continue. A later run continues
                 from there.
-            observer: called with every accepted step while its end is in the problem.
+            observer: called with every accepted step while its end is in the problem. It may look:
+                data or velocities that it has changed, and the load does not set, are refused.
             record: keeps every accepted step before the observer is called, as
                 `records.EvolutionRecord` does.
             progress: whether rank 0 reports on the standard error stream where it is; by default

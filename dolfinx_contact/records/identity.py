@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["difference", "identity", "mesh_hash", "other_data", "same_words"]
+__all__ = ["difference", "identity", "mesh_hash", "other_data", "other_words", "same_words"]
 
 _TOLERANCE = 1e-9  # of numbers that are given
 _ROUND_OFF = 1e-14  # of the largest of the numbers of a Constant
@@ -274,6 +274,19 @@ def same_words(recorded: Sequence[str], found: Sequence[str]) -> bool:
     return True
 
 
+def other_words(recorded: Sequence[str], found: Sequence[str]) -> str:
+    """Those that are not the same, as `same_words` has it."""
+    was = list(recorded)
+    now = list(found)
+    if len(was) == len(now):
+        others = [
+            i for i, (a, b) in enumerate(zip(was, now, strict=True)) if not same_words([a], [b])
+        ]
+        was = [was[i] for i in others]
+        now = [now[i] for i in others]
+    return f"{', '.join(was)} was recorded, {', '.join(now)} is given"
+
+
 def _constants(problem: ContactProblem, but: Sequence[Any], more: Sequence[Datum]) -> list[Datum]:
     """The Constants in the problem, each once: materials, loads, friction."""
     found: list[Datum] = []
@@ -363,7 +376,10 @@ def _other_numbers(
         round_off: of numbers that were computed, relative to the largest at their place.
     """
     if not len(recorded) == len(found) == len(places):
-        return ""
+        return (
+            f": {len(recorded)} Constants were recorded, {len(found)} are given, as where one of "
+            "them is a Function now"
+        )
     for place, a, b in zip(places, recorded, found, strict=True):
         if len(a) != len(b) or _differ(a, b, round_off):
             return f": {_changed(place, a, b)}"

@@ -15,7 +15,7 @@ from dolfinx_contact._errors import on_root, require, same_everywhere
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.io.folder import agreed_path, output_folder
 from dolfinx_contact.records.checkpoints import Checkpoints, DamagedCheckpoint
-from dolfinx_contact.records.identity import difference, same_words
+from dolfinx_contact.records.identity import difference, other_words, same_words
 from dolfinx_contact.records.kept_data import KeptData, nodes_of, other_values, owned_values
 from dolfinx_contact.records.lines import FORMAT, JournalFile, Lines
 from dolfinx_contact.records.lock import processes
@@ -112,7 +112,7 @@ class ProblemRecord(Observer, Generic[J]):
             )
             for name, value in more.items():
                 if not differs and not same_words(recorded[name], value):
-                    differs = f"other {name} ({', '.join(recorded[name])})"
+                    differs = f"other {name}: {other_words(recorded[name], value)}"
             self._require_no_other(differs)
 
     def _require_data(

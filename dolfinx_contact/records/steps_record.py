@@ -216,6 +216,8 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             self._index = 0
             self._last = accepted
         at_the_end = self._index == len(states) - 1 and self._last is accepted
+        if not at_the_end and self._last is not None and self._index == len(states) - 1:
+            self._require_no_change(self._last, accepted)
         message = (
             f"the {self._what} is at {self._along} {accepted.time:.10g} and not at the end of the "
             f"record in {self.folder}, which is at {states[-1].time:.10g}: continue with "
@@ -225,6 +227,20 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         run = EvolutionRun(task=asdict(task), after=self._index)
         self._append({"type": "run", "task": run.task, "after": run.after})
         self.journal.runs.append(run)
+
+    def _require_no_change(self, last: AcceptedState, accepted: AcceptedState) -> None:
+        """Refuse a run whose start has other data than the end of the record. Collective."""
+        changed = ""
+        if accepted.time == last.time:
+            changed = last.data.changed(self.comm, accepted.data)
+        require(
+            self.comm,
+            not changed,
+            f"since the {self._what} came to the end of the record in {self.folder}, at "
+            f"{self._along} {last.time:.10g}, {changed} has changed: a record is resumed with the "
+            "data of its script and what the load sets, so put back what was there, leave to the "
+            "load what changes in time, or record to another folder",
+        )
 
     def step(self, step: EvolutionStep, state: S) -> None:
         index = self._index + 1

@@ -1,0 +1,258 @@
+"""What users change between two runs, or within one, is taken, refused or said, and never lost."""
+
+import re
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from test_evolution import dragged, put
+from test_left_memory import Glued, broken
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import RCCM, ContactProblem, Coulomb, ParametricContact
+from dolfinx_contact.continuation import StepControl
+from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
+from dolfinx_contact.records import EvolutionRecord
+
+COMM = MPI.COMM_WORLD
+EVOLUTIONS = [QuasiStatic, NSCD]
+
+
+class Rubbing:
+    """A block that is pressed on a floor, dragged to the right and back; friction is a Constant."""
+
+    def __init__(self, kind=QuasiStatic):
+        self.problem, self.top = dragged(n=2, law=self.law)
+        self.load(0.0)
+        self.problem.solve()
+        self.evolution = self.begun(kind)
+
+    def law(self, domain):
+        self.friction = fem.Constant(domain, 0.4)
+        return Coulomb(self.friction)
+
+    def begun(self, kind):
+        if kind is NSCD:
+            return NSCD(self.problem, 1e-3, dt=0.1, load=self.load, theta=1.0)
+        return QuasiStatic(self.problem, self.load)
+
+    def load(self, t):
+        put(self.top, (0.012 * np.interp(t, [0, 1, 2], [0, 1, -1]), -0.01))
+
+
+def said(caplog):
+    return COMM.bcast(caplog.text if COMM.rank == 0 else None)
+
+
+@pytest.mark.parametrize("kind", EVOLUTIONS)
+def test_a_state_that_is_set_between_two_runs_is_refused(kind):
+    """Another evolution begins with it; what solves and other runs leave is none of the user's."""
+    block = Rubbing(kind)
+    evolution = block.evolution
+    evolution.run([0.0, 0.2])
+    given = {"displacement": block.problem.u}
+    if kind is NSCD:
+        given["velocity"] = evolution.velocity
+    for name, f in given.items():
+        kept = f.x.array.copy()
+        f.x.array[:] = 1.1 * kept
+        words = f"the {name} has been changed since the last run ended at 0.2.*{kind.__name__}"
+        with pytest.raises(ValueError, match=words):
+            evolution.run([0.2, 0.3])
+        f.x.array[:] = 3.0 * kept
+        f.x.array[:] /= 3.0  # as for a picture: but for round-off what was there
+    evolution.run([0.2, 0.3])
+    block.problem.solve()
+    evolution.run([0.3, 0.4])
+    block.begun(NSCD).run([0.4, 0.5])
+    evolution.run([0.4, 0.5])
+    problem = block.problem
+    others = ContactProblem(problem.energy, problem.u, problem.surfaces, bcs=problem.bcs)
+    others.solve()
+    evolution.run([0.5, 0.6])
+    if kind is NSCD:
+        evolution.velocity.x.array[:] += 1.0
+        with pytest.raises(ValueError, match="the velocity has been changed"):
+            evolution.settle(1.0)
+
+
+def test_a_motion_begins_where_one_has_ended_within_the_obstacle():
+    """Where the law is about velocities points come to be there; none is put there."""
+    ways = []
+    for again in (False, True):
+        block = Rubbing()
+        block.problem.u.x.array[:] = 0.0
+
+        def load(t, top=block.top):
+            put(top, (0.01 * t, -0.01 * t))
+
+        how = dict(dt=0.1, load=load, theta=0.6, level="velocity", mass="lumped")
+        motion = NSCD(block.problem, 1.0, **how)
+        motion.run([0.0, 0.3])
+        assert block.problem.table(block.problem.surfaces[0]).un.min() < -1e-6
+        if again:
+            motion = NSCD(block.problem, 1.0, velocity=motion.velocity, **how)
+        motion.run([0.3, 0.6])
+        ways.append(block.problem.u.x.array.copy())
+    assert np.abs(ways[1] - ways[0]).max() < 1e-9 * np.abs(ways[0]).max()
+    block.problem.surfaces[0].memory = None
+    with pytest.raises(ValueError, match="points are within the obstacle"):
+        NSCD(block.problem, 1.0, velocity=motion.velocity, **how).run([0.6, 0.7])
+
+
+@pytest.mark.parametrize("kind", EVOLUTIONS)
+@pytest.mark.parametrize("who", ["observer", "accept", "stop"])
+def test_what_is_changed_within_a_run_is_refused(kind, who):
+    """It was put back before the next step, so that nothing came of it; looks are free."""
+    block = Rubbing(kind)
+    answer = {"accept": True, "stop": "", "observer": None}[who]
+
+    def looks(step):
+        block.friction.value = 0.1
+        block.friction.value = 0.4
+        block.load(7.0)
+        return answer
+
+    def rubs(step):
+        block.friction.value = 0.1
+        return answer
+
+    def kicks(step):
+        block.evolution.velocity.x.array[:] += 1.0
+        return answer
+
+    block.evolution.run([0.0, 0.1, 0.2], **{who: looks})
+    with pytest.raises(ValueError, match=rf"{who} changed the friction .*\(0\.4 before, 0\.1 now"):
+        block.evolution.run([0.2, 0.3, 0.4], **{who: rubs})
+    assert block.friction.value == 0.4
+    if kind is NSCD:
+        time = block.evolution._time
+        with pytest.raises(ValueError, match=f"{who} changed the velocity"):
+            block.evolution.run([time, time + 0.1, time + 0.2], **{who: kicks})
+
+
+def test_a_record_says_what_has_changed(folder):
+    block = Rubbing()
+    with EvolutionRecord(folder, block.evolution) as record:
+        block.evolution.run([0.0, 0.1], record=record)
+        block.friction.value = 0.1
+        with pytest.raises(
+            ValueError, match=r"the friction .* \(0\.4 before, 0\.1 now\) has chang"
+        ):
+            block.evolution.run([0.1, 0.2], record=record)
+        block.friction.value = 0.4
+        block.evolution.run([0.1, 0.2], record=record)
+
+
+def test_a_record_says_which_method_is_another(folder):
+    block = Rubbing(NSCD)
+    with EvolutionRecord(folder, block.evolution) as record:
+        block.evolution.run([0.0, 0.1], record=record)
+    other = NSCD(block.problem, 1e-3, dt=0.1, load=block.load, theta=0.6)
+    words = r"other method: theta 1\.0 was recorded, theta 0\.6 is given$"
+    with pytest.raises(ValueError, match=words):
+        EvolutionRecord(folder, other, resume=True)
+
+
+def test_a_history_begins_where_another_has_ended(caplog):
+    """Which is a solution, though none of the static law, and is searched for jumps as any."""
+    block = Rubbing()
+    block.evolution.run([0.0, 0.5, 1.0, 1.2])
+    expected = block.evolution.run([1.2, 1.4]).energies.dissipated
+    block = Rubbing()
+    before = block.evolution.run([0.0, 0.5, 1.0, 1.2]).energies.dissipated
+    caplog.clear()
+    other = block.begun(QuasiStatic)
+    found = other.run([1.2, 1.4]).energies.dissipated
+    assert found == pytest.approx(expected - before, rel=1e-9)
+    assert "no solution" not in said(caplog)
+    # A state out of equilibrium is none.
+    block.problem.u.x.array[:] *= 1.1
+    block.begun(QuasiStatic).run([1.4, 1.5])
+    assert "the start of the evolution is no solution" in said(caplog)
+
+
+def test_a_solve_that_knows_slips_of_before_says_so(caplog):
+    """Once; it is of the static law without the memory."""
+    block = Rubbing()
+    static = block.problem.solve().resultants["contact"]
+    block.evolution.run([0.0, 0.5, 1.0])
+    block.load(0.0)
+    caplog.clear()
+    later = [block.problem.solve().resultants["contact"] for _ in range(2)]
+    assert np.abs(later[1] - static).max() > 1e-3 * np.abs(static).max()
+    assert said(caplog).count("contact: slips and bonds are those since the state in which") == 1
+    block.problem.surfaces[0].memory = None
+    caplog.clear()
+    again = block.problem.solve().resultants["contact"]
+    assert again == pytest.approx(static, rel=1e-9, abs=1e-9 * np.abs(static).max())
+    assert "slips and bonds" not in said(caplog)
+
+
+@pytest.mark.chatty
+def test_a_path_says_what_another_has_left(caplog):
+    """As where a study begins again with the body undeformed: bonds were broken, unsaid."""
+    block = Glued(RCCM(200.0, 150.0, 0.004, 0.2))
+    lift = fem.Constant(block.problem.V.mesh, 0.0)
+    lifted = fem.Function(block.problem.V)
+    held = block.problem.bcs[0].dof_indices()[0][::2] // 2
+    bcs = [fem.dirichletbc(lifted, held)]
+    energy = block.problem.energy
+    problem = ContactProblem(energy, block.u, [block.surface], bcs=bcs)
+    way = ufl.as_vector((0.0 * lift, 0.03 * lift))
+    system = ParametricContact(problem, lift, driven=[(lifted, way)])
+    control = StepControl(kinks="exact", initial=0.05, maximum=0.05)
+    peaks = []
+    for again in (False, True, None):
+        for f in problem.fields:
+            f.x.array[:] = 0.0
+        lift.value = lifted.x.array[:] = 0.0
+        if again is None:
+            block.surface.memory = None
+        caplog.clear()
+        path = ArcLength(system)
+        steps = path.run(gamma_range=(-0.1, 1.0), control=control, max_steps=100).steps
+        peaks.append(max(np.abs(s.result.resultants["contact"]).max() for s in steps))
+        assert ("the surfaces remember another state" in said(caplog)) == bool(again)
+    assert peaks[1] < 0.1 * peaks[0]
+    assert peaks[2] == pytest.approx(peaks[0])
+
+
+def test_a_start_that_is_refused_leaves_what_is_remembered():
+    block, _ = broken()
+    left = block.surface.memory
+    still = block.through([0.0, 1.0], [(0.0, 0.0), (0.0, 0.0)])
+    history = QuasiStatic(block.problem, still)
+    motion = NSCD(block.problem, 1.0, dt=0.1, load=still)
+    for evolution, wrong in ((history, np.nan), (motion, 0.01)):
+        block.u.x.array[:] = wrong
+        with pytest.raises(ValueError, match="at the start"):
+            evolution.run([0.0, 0.1])
+        assert block.surface.memory is left
+
+
+def test_a_load_that_knows_more_than_the_time_later(caplog):
+    """Where a step is tried again it is refused; where it leaves what it has set, that is said."""
+    block = Rubbing()
+
+    def adds(t):
+        block.load(t)
+        if t > 0.5:
+            block.friction.value += 0.01
+
+    evolution = QuasiStatic(block.problem, adds)
+    with pytest.raises(ValueError, match=r"the load at the time .* depends on earlier calls"):
+        evolution.run([0.0, 0.4, 0.8, 1.0], accept=lambda step: step.time < 0.7, shortest=0.1)
+    block = Rubbing()
+
+    def leaves(t):
+        block.load(t)
+        if t > 0.5:
+            block.friction.value = 0.2
+
+    QuasiStatic(block.problem, leaves).run([0.0, 0.4, 0.8])
+    words = r"does not set all that it changes: .* the time 0 of its start it leaves the friction"
+    assert re.search(words, said(caplog))
