@@ -47,7 +47,8 @@ class RigidSurface(Obstacle):
     and is refused if its normals are inward. Facets that disagree with their neighbours are
     refused. With ``mend`` both are turned: each connected part as most of its area has it, and
     outward where it is closed; points in one place are made one, and facets with two corners in
-    one place, as writers of STL leave them, are left out. With ``reverse`` the body is on the other
+    one place, as writers of STL leave them, are left out, and facets are cut where a point of
+    another rim is on their edge. With ``reverse`` the body is on the other
     side, as inside a die.
 
     *Edges.* Normals are averaged at points and interpolated on facets, but not across edges where
