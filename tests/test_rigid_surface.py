@@ -244,7 +244,9 @@ def _fine_beside_coarse(fine):
     cells = cells[~np.isclose(points[cells][:, :, 2], 1).all(axis=1)]
     grid = np.array([(i, j, fine) for i in range(fine + 1) for j in range(fine + 1)]) / fine
     a = np.array([i * (fine + 1) + j for i in range(fine) for j in range(fine)])
-    top = np.concatenate([np.stack([a, a + fine + 1, a + fine + 2], 1), np.stack([a, a + fine + 2, a + 1], 1)])
+    top = np.concatenate(
+        [np.stack([a, a + fine + 1, a + fine + 2], 1), np.stack([a, a + fine + 2, a + 1], 1)]
+    )
     return np.concatenate([points, grid]), np.concatenate([cells, top + len(points)])
 
 
@@ -260,7 +262,9 @@ def test_points_on_edges():
     box = RigidSurface(*brick((0, 0, 0), (1, 1, 1)))
     np.testing.assert_allclose(mended.distances(x).distance, box.distances(x).distance, atol=1e-6)
     # Without the points that are in one place there are still those on edges.
-    plate = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0, 0), (1, -1, 0), (2, -1, 0)])
+    plate = np.array(
+        [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0, 0), (1, -1, 0), (2, -1, 0)]
+    )
     facets = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 1)]
     with pytest.raises(ValueError, match="1 points of rims are on the edges of facets of others"):
         RigidSurface(plate, facets)
@@ -723,6 +727,29 @@ def test_ways_through_tools_that_turn(dim, angle, through):
     steps = QuasiStatic(on_body.problem, load).run([0.0, 1.0], rays=False, sudden=np.inf).steps
     said = "came to the other side" in steps[-1].result.doubts.get("contact", "")
     assert said == through
+
+
+@pytest.mark.parametrize(
+    "drum", [Sphere((0.5, -0.5), 0.5), RigidSurface(*disc(48, radius=0.5, centre=(0.5, -0.5)))]
+)
+def test_drums_that_spin(drum):
+    """A block slips on a drum, which spins by a third of a turn a step, and passes through none."""
+    domain = blocks.box(COMM, 4, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    angle = fem.Constant(domain, 0.0)
+    body = RigidBody(drum, about=(0.5, -0.5), motion={"rz": angle}, held=["x", "y"])
+    face = blocks.facets(domain, 1, 0.0)
+    contact = ContactSurface(u, face, obstacle=body, law=Coulomb(0.1), sliding="large")
+    top = fem.locate_dofs_topological(u.function_space, 1, blocks.facets(domain, 1, 1.0))
+    bcs = [fem.dirichletbc(np.array([0.0, -0.03]), top, u.function_space)]
+    dx = ufl.dx(metadata={"quadrature_degree": 3})
+    problem = ContactProblem(NeoHookean(*lame(1.0, 0.3)).energy(u) * dx, u, [contact], bcs=bcs)
+
+    def load(t):
+        angle.value = np.radians(120) * t
+
+    steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0]).steps
+    assert not any("other side" in s.result.doubts.get("contact", "") for s in steps)
 
 
 @pytest.mark.skipif(COMM.size == 1, reason="ranks that differ")

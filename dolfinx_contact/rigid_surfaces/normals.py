@@ -70,9 +70,7 @@ def without_tips(corners: Array, fans: Ints) -> Ints:
         edge = _unit(corners[:, j] - corners[:, i])
         here = np.sum(normals[:, i] * edge, axis=1)
         there = -np.sum(normals[:, j] * edge, axis=1)
-        np.add.at(
-            sums, numbers[:, i], np.stack([here, np.abs(here), there, np.ones(k)], axis=1)
-        )
+        np.add.at(sums, numbers[:, i], np.stack([here, np.abs(here), there, np.ones(k)], axis=1))
     here, size, there, number = sums.T
     tip = np.abs(here) > np.maximum(_ONE_SIGN * size, _SHALLOW * number)
     tip &= np.abs(there) < _STRAIGHT * np.abs(here)

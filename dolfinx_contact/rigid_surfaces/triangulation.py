@@ -12,6 +12,7 @@ Trans. Vis. Comput. Graph. 11, 2005).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -110,7 +111,8 @@ def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
 def mended(points: Array, cells: Ints, name: str) -> Ints:
     """Facets without those that have two corners in one, turned like their neighbours.
 
-    Facets are cut where a point of a rim is on their edge, so that they meet those beyond it. Of each connected part the orientation of most of its area is kept, and it encloses a positive
+    Facets are cut where a point of a rim is on their edge, so that they meet those beyond it. Of
+    each connected part the orientation of most of its area is kept, and it encloses a positive
     volume where it is closed.
 
     Raises:
@@ -291,9 +293,7 @@ def _check_joints(points: Array, cells: Ints, ridges: Ints, nodes: Ints, name: s
         )
 
 
-def _points_on_rims(
-    points: Array, cells: Ints, ridges: Ints, nodes: Ints
-) -> tuple[Ints, Ints]:
+def _points_on_rims(points: Array, cells: Ints, ridges: Ints, nodes: Ints) -> tuple[Ints, Ints]:
     """Points of rims that are between the ends of edges of rims, or in 2D of segments.
 
     Returns:
@@ -319,8 +319,8 @@ def _points_on_rims(
     offset = points[point] - start[edge]
     along = np.sum(offset * way[edge], axis=1) / length[edge]
     apart = np.linalg.norm(offset - (along / length[edge])[:, None] * way[edge], axis=1)
-    within = _ON_EDGE * np.minimum(shortest[point], length[edge])
-    on = (apart < within) & (along > within) & (along < length[edge] - within)
+    size = np.minimum(shortest[point], length[edge])
+    on = (apart < _ON_EDGE * size) & (np.minimum(along, length[edge] - along) > _SLIT * size)
     edge, point, along = edge[on], point[on], along[on]
     order = np.lexsort((along, edge))
     return (rims if dim == 3 else np.arange(len(cells)))[edge[order]], point[order]
@@ -341,7 +341,7 @@ def _cut_at_points(points: Array, cells: Ints, name: str) -> Ints:
         for facet, edge in zip(facets, edges[first], strict=True):
             apex = cells[facet, edge % 3]
             chain = [nodes[edge, 0], *on[edges == edge], nodes[edge, 1]]
-            cut += [(apex, a, b) for a, b in zip(chain[:-1], chain[1:], strict=True)]
+            cut += [(apex, a, b) for a, b in pairwise(chain)]
         cells = np.concatenate([np.delete(cells, facets, axis=0), np.array(cut, dtype=np.int64)])
 
 
