@@ -464,7 +464,9 @@ class LevelSet(Obstacle):
     phi: Callable[[Any], Any]
 
     def fields(self, domain: mesh.Mesh) -> list[Any]:
-        return [self.phi(ufl.Constant(domain.ufl_domain(), shape=(domain.geometry.dim,)))]
+        # A variable, as in `at`, by which it may differentiate.
+        x = ufl.variable(ufl.Constant(domain.ufl_domain(), shape=(domain.geometry.dim,)))
+        return [self.phi(x)]
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         x = ufl.variable(x)

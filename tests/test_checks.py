@@ -352,6 +352,8 @@ RIGHT = {
     "all of the surface": ("tri", WHOLE),
     "all of it, deep in the floor": ("quad", {"obstacle": HalfSpace((0, 0.8), (0, 1)), **WHOLE}),
     "all of it over a ball": ("tet", {"obstacle": Sphere((0.5, 0.5, -1.0), 1.0), **WHOLE}),
+    "ball beside the face": ("tri", {"obstacle": Sphere((2.5, 1.2), 0.5)}),
+    "ball beside it, 3D": ("tet", {"obstacle": Sphere((2.5, 0.5, 1.2), 0.5)}),
     "inside of a ring": ("tri", {"obstacle": LevelSet(lambda x: 2 - ufl.sqrt(ufl.dot(x, x)))}),
 }
 
@@ -383,6 +385,31 @@ def test_obstacle_that_data_bring_to_the_wrong_side(what):
     value.value[:] = after
     result = problem.solve()
     assert np.abs(result.resultants["contact"]).max() < 1e-9
+    assert "the obstacle is on the wrong side" in result.doubts["contact"]
+
+
+def test_level_set_that_differentiates():
+    """By its position, to be a distance to first order."""
+
+    def steep(x):
+        phi = 2 * x[1] + 0.1 * x[0]
+        slope = ufl.diff(phi, x)
+        return phi / ufl.sqrt(ufl.dot(slope, slope))
+
+    plane = HalfSpace((0, 0), (0.1, 2))
+    forces = [block(obstacle=o).solve().resultants["contact"] for o in (plane, LevelSet(steep))]
+    np.testing.assert_allclose(*forces, rtol=1e-9)
+
+
+def test_reversed_floor_that_pulls():
+    """It touches, on the wrong side."""
+    domain = box(COMM, 4, "tri")
+    normal = fem.Constant(domain, (0.0, 1.0))
+    problem = block(domain=domain, obstacle=HalfSpace((0, -0.1), normal))
+    assert not problem.solve().doubts
+    normal.value[:] = 0.0, -1.0
+    result = problem.solve()
+    assert result.resultants["contact"][1] < -1e-3
     assert "the obstacle is on the wrong side" in result.doubts["contact"]
 
 

@@ -55,3 +55,17 @@ def test_an_estimate_that_is_dear(cell, degree, usual, points, caplog):
 def test_estimates_that_will_do(cell, degree, material, caplog):
     pressed(cell, degree, material, {})
     assert "UFL estimates" not in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("metadata", "dear"),
+    [
+        ({"quadrature_rule": "default"}, True),
+        ({"quadrature_degree": -1}, True),
+        ({"quadrature_rule": "vertex"}, False),
+    ],
+)
+def test_rules_without_a_degree(metadata, dear, caplog):
+    """A rule alone does not name one; -1 is an estimate."""
+    pressed("hex", 1, RUBBER, metadata)
+    assert ("UFL estimates" in caplog.text) == (dear and COMM.rank == 0)

@@ -1,5 +1,7 @@
 """Rigid surfaces of facets: distances, orientation, files, and contact with them."""
 
+from itertools import pairwise
+
 from mpi4py import MPI
 
 import blocks
@@ -140,6 +142,135 @@ def test_normals_of_flat_parts(dim, angles):
     x[:, :-1] = np.random.default_rng(3).uniform(-0.4, 0.4, (50, dim - 1))
     up = np.eye(dim)[-1]
     np.testing.assert_allclose(punch.distances(x).normal, np.tile(up, (50, 1)), atol=1e-3)
+
+
+def _turned(profile, angles):
+    """Rings of a profile (radius, height) about z, which ends on the axis, and its facets."""
+    n = len(angles)
+    points = [(r * np.cos(a), r * np.sin(a), z) for r, z in profile[1:-1] for a in angles]
+    rings = [np.arange(n) + n * k for k in range(len(profile) - 2)]
+    first, last = len(points), len(points) + 1
+    points += [(0.0, 0.0, profile[0][1]), (0.0, 0.0, profile[-1][1])]
+    cells = [(first, rings[0][(i + 1) % n], rings[0][i]) for i in range(n)]
+    for a, b in pairwise(rings):
+        for i, j in ((i, (i + 1) % n) for i in range(n)):
+            cells += [(a[i], a[j], b[j]), (a[i], b[j], b[i])]
+    cells += [(last, rings[-1][i], rings[-1][(i + 1) % n]) for i in range(n)]
+    return np.array(points), np.array(cells)
+
+
+def _even(n):
+    return np.arange(n) * 2 * np.pi / n
+
+
+def _capsule():
+    """Of radius 1, between half-spheres around -1 and 1, and its normals."""
+    angles = np.linspace(0, np.pi / 2, 5)
+    lower = [(np.sin(a), -1 - np.cos(a)) for a in angles]
+    profile = lower + [(r, -z) for r, z in lower[::-1]]
+    return _turned(profile, _even(16)), lambda x: x - np.clip(x, -1, 1) * [0, 0, 1]
+
+
+def _wall():
+    """Of a cylinder with facets of different widths, which go from one end to the other."""
+    steps = np.cumsum(np.where(np.arange(24) % 6 == 0, 5.0, 0.7))
+    surface = _turned([(0, -1), (1, -1), (1, 1), (0, 1)], steps * 2 * np.pi / steps[-1])
+    return surface, lambda x: x * [1, 1, 0]
+
+
+def _rounded_box():
+    """With parts of spheres for corners, and flat parts that are narrower than the round ones."""
+    inner, radius = np.array([0.5, 0.3, 0.05]), 0.3
+    angles = np.linspace(-np.pi / 4, np.pi / 4, 7)
+    way = np.array([(1.0, np.tan(a), np.tan(b)) for a in angles for b in angles])
+    ways = np.concatenate([s * np.roll(way, i, axis=1) for i in range(3) for s in (-1, 1)])
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    mine = ((ways[None] * signs[:, None]) > -1e-9).all(axis=2)
+    points = np.concatenate(
+        [s * inner + radius * ways[m] for s, m in zip(signs, mine, strict=True)]
+    )
+    points = np.unique(np.round(points, 12), axis=0)
+    cells = outward(points, ConvexHull(points, qhull_options="Qt").simplices)
+    return (points, cells), lambda x: x - np.clip(x, -inner, inner)
+
+
+def _cone():
+    """Of facets from the tip to the rim, with generators that rise by 45 degrees."""
+    profile = [(0, 0), (1, 1), (0, 1)]
+    return _turned(profile, _even(48)), lambda x: x * [1, 1, 0] / _radius(x) - [0, 0, 1]
+
+
+def _radius(x):
+    return np.maximum(np.linalg.norm(x[:, :2], axis=1, keepdims=True), 1e-300)
+
+
+ROUND = {
+    "capsule": (_capsule, lambda n: np.ones(len(n), dtype=bool), 1e-3),
+    "wall of a cylinder": (_wall, lambda n: np.abs(n[:, 2]) < 0.5, 1e-6),
+    "rounded box": (_rounded_box, lambda n: np.ones(len(n), dtype=bool), 1e-3),
+    "cone": (_cone, lambda n: n[:, 2] < 0, 0.04),
+}
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.parametrize("name", ROUND)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    reference="closed form: normals of spheres, cylinders, cones and planes that touch",
+    aspects=("3D",),
+)
+def test_normals_of_round_parts(name):
+    """Where parts of different curvature meet, facets are narrow, or a cone has its tip.
+
+    The bound of the cone is that of its facets, which are off by half the angle between them.
+    """
+    made, counted, bound = ROUND[name]
+    (points, cells), exact = made()
+    surface = RigidSurface(points, cells, crease=50.0)
+    rng = np.random.default_rng(5)
+    flat = surface._surface.normals
+    facets = np.flatnonzero(counted(flat))
+    parts = rng.dirichlet((1.0, 1.0, 1.0), (5, len(facets)))
+    x = np.einsum("skc,kci->ski", parts, surface.points[surface.cells[facets]]).reshape(-1, 3)
+    n = exact(x)
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    np.testing.assert_allclose(surface.distances(x).normal, n, atol=bound)
+
+
+def _fine_beside_coarse(fine):
+    """A box whose top has a finer grid of triangles than its sides, with points on their edges."""
+    points, cells = brick((0, 0, 0), (1, 1, 1))
+    cells = cells[~np.isclose(points[cells][:, :, 2], 1).all(axis=1)]
+    grid = np.array([(i, j, fine) for i in range(fine + 1) for j in range(fine + 1)]) / fine
+    a = np.array([i * (fine + 1) + j for i in range(fine) for j in range(fine)])
+    top = np.concatenate(
+        [np.stack([a, a + fine + 1, a + fine + 2], 1), np.stack([a, a + fine + 2, a + 1], 1)]
+    )
+    return np.concatenate([points, grid]), np.concatenate([cells, top + len(points)])
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.refuses("surfaces of facets", aspects=("3D",))
+def test_points_on_edges():
+    """Of facets that do not meet: refused, and mended by cutting those that have the edges."""
+    points, cells = _fine_beside_coarse(3)
+    points = np.float64(np.float32(points + 0.3)) - 0.3  # as from a file
+    mended = RigidSurface(points, cells, mend=True)
+    assert mended.closed
+    x = places(3) / 2 + 0.5
+    box = RigidSurface(*brick((0, 0, 0), (1, 1, 1)))
+    np.testing.assert_allclose(mended.distances(x).distance, box.distances(x).distance, atol=1e-6)
+    # Without the points that are in one place there are still those on edges.
+    plate = np.array(
+        [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0, 0), (1, -1, 0), (2, -1, 0)]
+    )
+    facets = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 1)]
+    with pytest.raises(ValueError, match="1 points of rims are on the edges of facets of others"):
+        RigidSurface(plate, facets)
+    assert len(RigidSurface(plate, facets, mend=True).cells) == 5
+    with pytest.raises(ValueError, match="1 points of rims are on the segments of others"):
+        RigidSurface([(0, 0), (2, 0), (1, 0), (1, 1)], [(0, 1), (2, 3)])
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="not collective")
@@ -596,6 +727,29 @@ def test_ways_through_tools_that_turn(dim, angle, through):
     steps = QuasiStatic(on_body.problem, load).run([0.0, 1.0], rays=False, sudden=np.inf).steps
     said = "came to the other side" in steps[-1].result.doubts.get("contact", "")
     assert said == through
+
+
+@pytest.mark.parametrize(
+    "drum", [Sphere((0.5, -0.5), 0.5), RigidSurface(*disc(48, radius=0.5, centre=(0.5, -0.5)))]
+)
+def test_drums_that_spin(drum):
+    """A block slips on a drum, which spins by a third of a turn a step, and passes through none."""
+    domain = blocks.box(COMM, 4, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    angle = fem.Constant(domain, 0.0)
+    body = RigidBody(drum, about=(0.5, -0.5), motion={"rz": angle}, held=["x", "y"])
+    face = blocks.facets(domain, 1, 0.0)
+    contact = ContactSurface(u, face, obstacle=body, law=Coulomb(0.1), sliding="large")
+    top = fem.locate_dofs_topological(u.function_space, 1, blocks.facets(domain, 1, 1.0))
+    bcs = [fem.dirichletbc(np.array([0.0, -0.03]), top, u.function_space)]
+    dx = ufl.dx(metadata={"quadrature_degree": 3})
+    problem = ContactProblem(NeoHookean(*lame(1.0, 0.3)).energy(u) * dx, u, [contact], bcs=bcs)
+
+    def load(t):
+        angle.value = np.radians(120) * t
+
+    steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0]).steps
+    assert not any("other side" in s.result.doubts.get("contact", "") for s in steps)
 
 
 @pytest.mark.skipif(COMM.size == 1, reason="ranks that differ")

@@ -9,7 +9,9 @@ are usual: assembly takes fifty times as long, for digits that are far below the
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import basix
 import ufl
@@ -19,6 +21,7 @@ from ufl.algorithms import compute_form_data
 __all__ = ["EstimatedRule", "estimated_rule", "warn_of_rule"]
 
 _MANY = 20  # times the points of the usual rule
+_WITHOUT_DEGREE = "vertex", "custom"  # rules of quadrature
 _SIMPLICES = "interval", "triangle", "tetrahedron"
 logger = logging.getLogger(__name__)
 
@@ -63,8 +66,7 @@ def estimated_rule(form: ufl.Form, V: fem.FunctionSpace) -> EstimatedRule | None
     degrees = [
         int(i.metadata()["estimated_polynomial_degree"])
         for i in integrals
-        if i.integral_type() == "cell"
-        and not {"quadrature_degree", "quadrature_rule"} & set(i.metadata())
+        if i.integral_type() == "cell" and _is_estimated(i.metadata())
     ]
     if not degrees:
         return None
@@ -72,6 +74,12 @@ def estimated_rule(form: ufl.Form, V: fem.FunctionSpace) -> EstimatedRule | None
     k = V.ufl_element().embedded_subdegree
     usual = 2 * k if name in _SIMPLICES else 2 * k + 1
     return EstimatedRule(max(degrees), _points(name, max(degrees)), usual, _points(name, usual))
+
+
+def _is_estimated(metadata: Mapping[str, Any]) -> bool:
+    """Whether the degree is not named; the rules that need none name their points."""
+    degree = metadata.get("quadrature_degree", -1)
+    return degree in (-1, "auto") and metadata.get("quadrature_rule") not in _WITHOUT_DEGREE
 
 
 def _points(cell: str, degree: int) -> int:

@@ -18,6 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx import fem, mesh
+
+from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.cells import midpoints, smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import Gathered
@@ -25,7 +28,7 @@ from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.points.pair_motion import Moved
 from dolfinx_contact.points.surface import ContactSurface
-from dolfinx_contact.points.trace import simplex_normals
+from dolfinx_contact.points.trace import facet_normals, simplex_normals
 
 __all__ = ["Sliding", "sliding_doubt", "slidings", "warn_of_inversion", "warn_of_obstacles"]
 
@@ -45,6 +48,7 @@ _WRONG_SIDE = (
 )
 _NO_SLIP = 1e-9  # body sizes
 _FACING = 0.5  # cosine of a normal and an axis, above which that is not along the face
+_OUT = 0.05  # cosine of a normal that leads out of the body, and not along it
 _BEHIND = 1e-2  # of a facet, by which a node may be behind a plane of symmetry
 
 
@@ -136,12 +140,12 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
             )
         elif s.obstacle.flat:
             found[s.name] = _with_spin(eq, s, Sliding(0.0), contact)
-            found[s.name] = _with_side(eq, s, found[s.name], state, closed_points)
+            found[s.name] = _with_side(eq, s, found[s.name], state)
         else:
             small = _of_obstacle(eq, s, eq.gaps(s, state), closed_points, held)
             small = _with_edges(s, small, state, contact, held)
             small = _with_spin(eq, s, small, contact)
-            found[s.name] = _with_side(eq, s, small, state, closed_points)
+            found[s.name] = _with_side(eq, s, small, state)
     return found
 
 
@@ -335,22 +339,19 @@ def _with_spin(
     return replace(sliding, spin=spin, doubt="; ".join(reasons))
 
 
-def _with_side(
-    eq: ContactEquations, s: ContactSurface, sliding: Sliding, state: State, closed_points: Marks
-) -> Sliding:
-    """With an obstacle on the wrong side of a face that nothing touches. Collective.
+def _with_side(eq: ContactEquations, s: ContactSurface, sliding: Sliding, state: State) -> Sliding:
+    """With an obstacle on the wrong side of a face. Collective.
 
     So it is where data have turned it round or moved it across the body, and where the body came
-    through a thin tool steps ago: the law holds, of a face that has nothing before it.
+    through a thin tool steps ago: the law holds, of a face that has nothing before it, or is pulled
+    to the obstacle.
     """
-    if s.comm.allreduce(int(closed_points.any())):
-        return sliding
     body = s.rigid_body
     moved: Array = state.u.reshape(-1, s.dim)
     seen = s.relative(moved, None if body is None else body.values)
     nodes = s.points.vertex_trace_dofs
     gaps, normals = s.at_vertices(seen[nodes])
-    place = _opposed(eq, s, gaps, normals, moved[nodes])
+    place = _opposed(eq, s, gaps, normals, moved)
     if place is None:
         return sliding
     reasons = [r for r in (sliding.doubt, _WRONG_SIDE.format(_shown(place))) if r]
@@ -491,7 +492,8 @@ def warn_of_obstacles(eq: ContactEquations) -> None:
                     nearest,
                 )
         n = s.points.vertex_normals
-        place = _opposed(eq, s, s.points.vertex_gaps, n, np.zeros_like(n))
+        still = np.zeros((s.node_positions.shape[0], s.dim))
+        place = _opposed(eq, s, s.points.vertex_gaps, n, still)
         if place is not None and s.comm.rank == 0:
             logger.warning("%s: %s", s.name, _WRONG_SIDE.format(_shown(place)))
 
@@ -503,24 +505,78 @@ def _opposed(
 
     None if it does not. Of a body that is deep in its obstacle those points decide that are
     deepest, and where they face neither way (the rims of a round foot) those that are nearest to
-    the obstacle's surface. Collective.
+    the obstacle's surface. At an edge of the face the normal may lead out of the body through
+    another one beside it: the obstacle is beside the face then, not behind it. Collective.
 
     Args:
         eq: the contact problem.
         s: a surface with an obstacle.
         gaps: at the local vertices (n,).
         normals: there (n, dim).
-        moved: by which the vertices have moved (n, dim).
+        moved: by which the local nodes of the displacement have moved (m, dim).
     """
     tolerance = 1e-9 * eq.body_size
     lowest = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
     closest = s.comm.allreduce(float(np.min(np.abs(gaps), initial=np.inf)), op=min)
-    deepest, x = _facing(s, gaps <= lowest + tolerance, normals, moved)
+    at_vertices = moved[s.points.vertex_trace_dofs]
+    marked = gaps <= lowest + tolerance
+    deepest, x = _facing(s, marked, normals, at_vertices)
     if not np.isfinite(deepest):
         return None
     if -0.5 <= deepest < 0.5:
-        deepest, x = _facing(s, np.abs(gaps) <= closest + tolerance, normals, moved)
-    return x if deepest < -0.5 else None
+        marked = np.abs(gaps) <= closest + tolerance
+        deepest, x = _facing(s, marked, normals, at_vertices)
+    if deepest >= -0.5:
+        return None
+    marked = marked & ~_led_out(s, marked, normals, moved)
+    deepest, x = _facing(s, marked, normals, at_vertices)
+    return x if np.isfinite(deepest) else None
+
+
+def _led_out(s: ContactSurface, marked: Marks, normals: Array, moved: Array) -> Marks:
+    """At which vertices normals lead out of the body through a facet of its boundary. Collective.
+
+    Args:
+        s: the surface.
+        marked: vertices that count (n,).
+        normals: n at the vertices (n, dim).
+        moved: by which the local nodes of the displacement have moved (m, dim).
+    """
+    V = s.u.function_space
+    domain = s.domain
+    dim = s.dim
+    nodes = s.points.vertex_trace_dofs
+    shared = SharedValues(V.dofmap.index_map)
+    mine = np.flatnonzero(marked[: s.points.vertices.dofmap.index_map.size_local])
+    at_nodes = shared.sums(nodes[mine], np.column_stack([np.ones(len(mine)), normals[mine]]))
+    facets = mesh.exterior_facet_indices(domain.topology)
+    corners = _corner_nodes(V, facets)
+    x = s.node_positions + moved[: len(s.node_positions)]
+    outward = facet_normals(domain, facets)
+    N = simplex_normals(s.node_positions[corners[:, :dim]])
+    # As these turn with the corners, so does the side that is outside.
+    N = np.sign(np.sum(N * outward, axis=1))[:, None] * simplex_normals(x[corners[:, :dim]])
+    there = at_nodes[corners]
+    out = (there[..., 0] > 0.5) & (np.einsum("fd,fvd->fv", N, there[..., 1:]) > _OUT)
+    return np.asarray(shared.sums(corners, out.astype(np.float64))[nodes] > 0.5)
+
+
+def _corner_nodes(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    """Nodes of the displacement at the corners of facets (n, k)."""
+    topology = V.mesh.topology
+    dim = topology.dim
+    for of, to in ((dim, 0), (dim - 1, 0), (0, dim)):
+        topology.create_connectivity(of, to)
+    layout = V.dofmap.dof_layout
+    vertices = topology.connectivity(dim, 0).array
+    corners = vertices.size // max(len(V.dofmap.list), 1)
+    of_vertices = np.zeros(int(vertices.max(initial=-1)) + 1, dtype=np.int32)
+    places = [layout.entity_dofs(0, i)[0] for i in range(corners)]
+    of_vertices[vertices.reshape(-1, max(corners, 1))] = V.dofmap.list[:, places]
+    of_facets = topology.connectivity(dim - 1, 0)
+    return np.array([of_vertices[of_facets.links(f)] for f in facets], dtype=np.int32).reshape(
+        len(facets), -1
+    )
 
 
 def _facing(

@@ -7,7 +7,10 @@ examined, from where it was to where it is, both seen from the obstacle: straigh
 rigid body turns by even parts of its rotation. It leads through where it is deeper within the
 obstacle than at both ends, and comes out on another side: from the normal where it enters to one
 within or behind it is more than a quarter of a turn, or between those at the ends. What is thinner
-than a part of the way is found by halving, since normals are opposite on both sides of it.
+than a part of the way is found by halving, since normals are opposite on both sides of it. Where
+they turn little by little, by an angle a within it, the way is a chord of what is round, as deep
+for its length as d/l = tan(a/4)/2. What slips along the surface, as under a drum that spins, is
+within its facets by less.
 """
 
 from __future__ import annotations
@@ -34,6 +37,7 @@ _PARTS = 8, 32  # least and most of the longest way, at whose ends points are lo
 _PART = 0.25  # of a facet, below which parts need not be
 _HALVINGS = 12  # of a part in which normals turn round
 _WITHIN = 1e-4  # of a facet, by which a point is within an obstacle
+_CHORD = 0.1  # of its length, by which a chord of an eighth of a turn is deep
 
 
 def way_through(s: ContactSurface, contact: ContactState) -> Array | None:
@@ -60,9 +64,17 @@ def way_through(s: ContactSurface, contact: ContactState) -> Array | None:
     outside: Array = normal
     deep: Array = np.zeros(len(now))
     through: Array = np.zeros(len(now))
+    # How far it has come within it, and whether normals have turned round at once.
+    length: Array = np.zeros(len(now))
+    jumped: Marks = np.zeros(len(now), dtype=bool)
+    place = way.at(0.0)
     last, beyond = normal, turned
     for k in range(1, parts + 1):
-        gap, normal = shape.gaps_and_normals(way.at(k / parts))
+        before, place = place, way.at(k / parts)
+        was, (gap, normal) = gap, shape.gaps_and_normals(place)
+        within = np.maximum(-was, 0.0) + np.maximum(-gap, 0.0)
+        whole = np.maximum(np.abs(was) + np.abs(gap), np.finfo(float).tiny)
+        length = length + within / whole * np.linalg.norm(place - before, axis=1)
         round_ = np.sum(last * normal, axis=1) < 0.0
         if s.comm.allreduce(int(round_.any())):
             at = (k - 1) / parts, k / parts
@@ -72,7 +84,11 @@ def way_through(s: ContactSurface, contact: ContactState) -> Array | None:
         out = -gap <= level
         # Where it is out again another part of the obstacle may be the nearest.
         beyond = beyond | (np.sum(outside * normal, axis=1) < 0.0)
-        through = np.maximum(through, np.where(out & (deep > level) & beyond, deep, 0.0))
+        jumped = jumped | round_
+        crossed = jumped | (deep > _CHORD * length)
+        through = np.maximum(through, np.where(out & (deep > level) & beyond & crossed, deep, 0.0))
+        length = np.where(out, 0.0, length)
+        jumped = jumped & ~out
         outside = np.where(out[:, None], normal, outside)
         deep = np.where(out, 0.0, deep)
         beyond = np.where(out, turned, beyond)

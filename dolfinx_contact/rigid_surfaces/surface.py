@@ -46,13 +46,14 @@ class RigidSurface(Obstacle):
     from the body; segments leave the obstacle to their left. What is closed encloses the obstacle,
     and is refused if its normals are inward. Facets that disagree with their neighbours are
     refused. With ``mend`` both are turned: each connected part as most of its area has it, and
-    outward where it is closed; points in one place are made one, and facets with two corners in
-    one place, as writers of STL leave them, are left out. With ``reverse`` the body is on the other
-    side, as inside a die.
+    outward where it is closed; points in one place are made one, facets with two corners in one
+    place, as writers of STL leave them, are left out, and those with a point of a rim on their
+    edge are cut there. With ``reverse`` the body is on the other side, as inside a die.
 
-    *Edges.* Normals are averaged at points and interpolated on facets, but not across edges where
-    those of facets differ by more than ``crease`` degrees; with 0 they are those of the facets
-    everywhere. Where edges are creases the normal of what is at the edge itself jumps from that of
+    *Edges.* Normals are those of the smooth surface of which facets are chords, found at points and
+    interpolated on facets (`rigid_surfaces.normals`), but not across edges where those of facets
+    differ by more than ``crease`` degrees, nor at a tip, as that of a cone, where no plane is
+    tangent; with 0 they are those of the facets everywhere. Where edges are creases the normal of what is at the edge itself jumps from that of
     one facet to that of the other. A radius ``rounding``, by which the obstacle is larger than its
     surface, makes edges that stick out round, and their normals continuous.
 

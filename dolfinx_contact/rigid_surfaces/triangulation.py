@@ -4,22 +4,21 @@ r"""Surfaces of segments (2D) or triangles (3D): checked, oriented, and with the
 What two facets have in common is a *ridge*: a point of segments, an edge of triangles. A ridge of
 one facet is the rim of an open surface; one of three or more is refused.
 
-Normals of points are sums over the facets around them, of the products of the edges e_1, e_2 that
-meet there, n = sum e_1 x e_2 / (|e_1|^2 |e_2|^2): those of a sphere through the points, exactly
-(Max, J. Graphics Tools 4(2), 1999); of segments sum n_s / |s|, those of a circle. They are summed
-over the facets that no crease parts; where a flat part goes over into a round one those of the flat
-part count, since small facets would tilt the large one. Which side a point is on is known by the
-sum of normals by the angles of facets (Baerentzen and Aanaes, IEEE Trans. Vis. Comput. Graph. 11,
-2005).
+Normals at corners are those of `normals`, averaged over the facets that no crease parts. Which side
+a point is on is known by the sum of normals by the angles of facets (Baerentzen and Aanaes, IEEE
+Trans. Vis. Comput. Graph. 11, 2005).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 import scipy
+
+from dolfinx_contact.rigid_surfaces.normals import corner_normals, crossed, without_tips
 
 __all__ = ["Triangulation", "angles_of", "mended", "merged", "triangulated"]
 
@@ -28,13 +27,9 @@ Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
 _SAME = 1e-7  # of the extent, up to which two points of a file are one: those have single precision
+_ON_EDGE = 1e-3  # of it, within which a point of a rim is on an edge of another
 _SLIT = 0.01  # of the edges of two points on rims, within which these are meant to be one
-_TIMES = 3  # times that normals are averaged anew by how facets bend
-_BENT = 0.45  # of how much the most bent facet of a fan bends, below which one is a flatter part
 _COPLANAR = 1e-3  # difference of unit normals below which facets lie in one plane
-_NARROW = 0.25  # of the widest facet of its fans, below which one is narrow
-_FLATTEST = 1e-2  # of that, what a facet bends at least
-_POWER = 4  # of the ratio, by which flatter parts count more
 _FLAT = 1e-10  # of the longest edge squared, up to which a facet has no area
 
 
@@ -116,13 +111,14 @@ def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
 def mended(points: Array, cells: Ints, name: str) -> Ints:
     """Facets without those that have two corners in one, turned like their neighbours.
 
-    Of each connected part the orientation of most of its area is kept, and it encloses a positive
+    Facets are cut where a point of a rim is on their edge, so that they meet those beyond it. Of
+    each connected part the orientation of most of its area is kept, and it encloses a positive
     volume where it is closed.
 
     Raises:
         ValueError: if a part has one side alone, as a Moebius strip.
     """
-    cells = cells[~_collapsed(cells)]
+    cells = _cut_at_points(points, cells[~_collapsed(cells)], name)
     ridges, signs, _, pairs = _ridges(cells, name)
     first, second = pairs
     unlike = (signs[first] == signs[second]).astype(np.int64)
@@ -130,7 +126,7 @@ def mended(points: Array, cells: Ints, name: str) -> Ints:
     turned, part = _turned(len(cells), first // dim, second // dim, unlike)
     if np.any(turned[first // dim] ^ turned[second // dim] ^ unlike.astype(bool)):
         raise ValueError(f"{name}: the surface has one side alone, as a Moebius strip has")
-    area = np.linalg.norm(_crossed(points[cells]), axis=1)
+    area = np.linalg.norm(crossed(points[cells]), axis=1)
     volume = _volumes(points, _flipped(cells, turned))
     rims = np.bincount(ridges.ravel())[ridges] == 1
     for k in range(part.max(initial=-1) + 1):
@@ -162,8 +158,8 @@ def triangulated(
     """
     dim = cells.shape[1]
     _check_facets(points, cells, name)
-    crossed = _crossed(points[cells])
-    normals = crossed / np.linalg.norm(crossed, axis=1)[:, None]
+    across = crossed(points[cells])
+    normals = across / np.linalg.norm(across, axis=1)[:, None]
     ridges, signs, nodes, (first, second) = _ridges(cells, name)
     _check_sides(points, nodes, signs, ridges, (first, second), name)
     if not inward:
@@ -173,10 +169,11 @@ def triangulated(
     cosine = np.einsum("pi,pi->p", normals[first // dim], normals[second // dim])
     creases = np.zeros(count, dtype=bool)
     creases[ridges.ravel()[first]] = cosine < np.cos(crease)
-    turns = _turns(normals, (first // dim, second // dim), creases[ridges.ravel()[first]])
+    turns = _turns(points[cells], normals, (first, second), creases[ridges.ravel()[first]])
     ridge_normals = np.zeros((count, dim))
     np.add.at(ridge_normals, ridges, normals[:, None])
-    fans = _fans(cells, nodes, ridges, (first, second), ~creases)
+    fans = without_tips(points[cells], _fans(cells, nodes, ridges, (first, second), ~creases))
+    _check_joints(points, cells, ridges, nodes, name)
     _check_fans(points, cells, _fans(cells, nodes, ridges, (first, second), ~rims), name)
     point_normals = np.zeros_like(points)
     np.add.at(point_normals, cells, angles_of(points[cells])[..., None] * normals[:, None])
@@ -195,7 +192,7 @@ def triangulated(
         parts_of_points > 1,
         rims,
         point_rims,
-        _corner_normals(points[cells], crossed, fans, turns),
+        corner_normals(points[cells], fans, turns),
     )
 
 
@@ -215,7 +212,7 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
             f"{_at(points[cells[same][0]])}: mend=True leaves them out"
         )
     corners = points[cells]
-    area = np.linalg.norm(_crossed(corners), axis=1)
+    area = np.linalg.norm(crossed(corners), axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     flat = area <= _FLAT * longest ** (cells.shape[1] - 1)
     if flat.any():
@@ -268,12 +265,7 @@ def _check_fans(points: Array, cells: Ints, fans: Ints, name: str) -> None:
 
 def _check_slits(points: Array, cells: Ints, rims: Bools, name: str) -> None:
     """Refuse rims that have points in one place, or nearly so, as facets that do not meet have."""
-    shortest = np.full(len(points), np.inf)
-    for i in range(cells.shape[1]):
-        a, b = cells[:, i - 1], cells[:, i]
-        length = np.linalg.norm(points[a] - points[b], axis=1)
-        np.minimum.at(shortest, a, length)
-        np.minimum.at(shortest, b, length)
+    shortest = _shortest_edges(points, cells)
     ends = np.flatnonzero(rims)
     if len(ends) < 2:
         return
@@ -286,6 +278,82 @@ def _check_slits(points: Array, cells: Ints, rims: Bools, name: str) -> None:
             f"{_at(points[near[:1]])}; mend=True joins those that are in one place; else repair it "
             "in the program that made it"
         )
+
+
+def _check_joints(points: Array, cells: Ints, ridges: Ints, nodes: Ints, name: str) -> None:
+    """Refuse points of rims that are on an edge of another rim, where facets do not meet."""
+    _, on = _points_on_rims(points, cells, ridges, nodes)
+    if len(on):
+        flat = ridges.shape[1] == 2
+        how = "join them in the program that made them" if flat else "mend=True cuts these there"
+        raise ValueError(
+            f"{name}: the surface is torn: {len(np.unique(on))} points of rims are on the "
+            f"{'segments' if flat else 'edges of facets'} of others, the first at "
+            f"{_at(points[on[:1]])}: {how}"
+        )
+
+
+def _points_on_rims(points: Array, cells: Ints, ridges: Ints, nodes: Ints) -> tuple[Ints, Ints]:
+    """Points of rims that are between the ends of edges of rims, or in 2D of segments.
+
+    Returns:
+        The edges, by facet and corner the way round (in 2D segments), and the points, by edge and
+        along it.
+    """
+    dim = ridges.shape[1]
+    rims = np.flatnonzero((np.bincount(ridges.ravel())[ridges] == 1).ravel())
+    ends = np.unique(nodes[rims])
+    if not len(ends):
+        return np.zeros(0, dtype=np.int64), ends
+    edges = nodes[rims] if dim == 3 else cells
+    shortest = _shortest_edges(points, cells)
+    start = points[edges[:, 0]]
+    way = points[edges[:, 1]] - start
+    length = np.linalg.norm(way, axis=1)
+    tree = scipy.spatial.cKDTree(points[ends])
+    near = tree.query_ball_point(start + way / 2, (0.5 + _ON_EDGE) * length)
+    edge = np.repeat(np.arange(len(edges)), [len(n) for n in near])
+    point = ends[np.concatenate([np.asarray(n, dtype=np.int64) for n in near])]
+    other = (point[:, None] != edges[edge]).all(axis=1)
+    edge, point = edge[other], point[other]
+    offset = points[point] - start[edge]
+    along = np.sum(offset * way[edge], axis=1) / length[edge]
+    apart = np.linalg.norm(offset - (along / length[edge])[:, None] * way[edge], axis=1)
+    size = np.minimum(shortest[point], length[edge])
+    on = (apart < _ON_EDGE * size) & (np.minimum(along, length[edge] - along) > _SLIT * size)
+    edge, point, along = edge[on], point[on], along[on]
+    order = np.lexsort((along, edge))
+    return (rims if dim == 3 else np.arange(len(cells)))[edge[order]], point[order]
+
+
+def _cut_at_points(points: Array, cells: Ints, name: str) -> Ints:
+    """Triangles that are cut where points of rims are on their edges."""
+    if cells.shape[1] == 2:
+        return cells
+    while True:
+        ridges, _, nodes, _ = _ridges(cells, name)
+        edges, on = _points_on_rims(points, cells, ridges, nodes)
+        # One edge of a facet after the other.
+        facets, first = np.unique(edges // 3, return_index=True)
+        if not len(facets):
+            return cells
+        cut = []
+        for facet, edge in zip(facets, edges[first], strict=True):
+            apex = cells[facet, edge % 3]
+            chain = [nodes[edge, 0], *on[edges == edge], nodes[edge, 1]]
+            cut += [(apex, a, b) for a, b in pairwise(chain)]
+        cells = np.concatenate([np.delete(cells, facets, axis=0), np.array(cut, dtype=np.int64)])
+
+
+def _shortest_edges(points: Array, cells: Ints) -> Array:
+    """Of the facets at points (m,)."""
+    shortest = np.full(len(points), np.inf)
+    for i in range(cells.shape[1]):
+        a, b = cells[:, i - 1], cells[:, i]
+        length = np.linalg.norm(points[a] - points[b], axis=1)
+        np.minimum.at(shortest, a, length)
+        np.minimum.at(shortest, b, length)
+    return shortest
 
 
 def _at(x: Array) -> str:
@@ -368,19 +436,11 @@ def _fans(cells: Ints, nodes: Ints, ridges: Ints, pairs: tuple[Ints, Ints], join
 # -- geometry --------------------------------------------------------------------------------------
 
 
-def _crossed(corners: Array) -> Array:
-    """Normals of facets (k, dim), of the length of a segment or twice the area of a triangle."""
-    if corners.shape[1] == 2:
-        along = corners[:, 1] - corners[:, 0]
-        return np.stack([along[:, 1], -along[:, 0]], axis=1)
-    return np.asarray(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-
-
 def _volumes(points: Array, cells: Ints) -> Array:
     """Of the cones from the centre of the surface to its facets (k,)."""
     corners = points[cells] - points.mean(axis=0)
     dim = cells.shape[1]
-    return np.einsum("ki,ki->k", corners.mean(axis=1), _crossed(corners)) / (dim * (dim - 1))
+    return np.einsum("ki,ki->k", corners.mean(axis=1), crossed(corners)) / (dim * (dim - 1))
 
 
 def angles_of(corners: Array) -> Array:
@@ -396,85 +456,30 @@ def angles_of(corners: Array) -> Array:
     return found
 
 
-def _corner_normals(corners: Array, crossed: Array, fans: Ints, turns: Array) -> Array:
-    """Normals at the corners of facets (k, dim, dim), averaged over the fans.
-
-    Where a facet bends far less than the most bent one of its fan, as a flat part beside a rounded
-    edge, the surface leaves along that facet, and its weight is larger by a power of their ratio.
-    A narrow facet, as a chamfer, bends as it does at its crease.
-
-    Args:
-        corners: of facets (k, dim, dim).
-        crossed: their normals, as long as they are large (k, dim).
-        fans: of the corners, which no crease parts (k dim,).
-        turns: from their normals to those across creases (k,).
-    """
-    dim = corners.shape[1]
-    edges = np.stack(
-        [np.sum((corners[:, (i + 1) % dim] - corners[:, i]) ** 2, axis=1) for i in range(dim)],
-        axis=1,
-    )
-    products = edges * np.roll(edges, 1, axis=1) if dim == 3 else edges
-    weights = 1.0 / products
-    heights = np.linalg.norm(crossed, axis=1)
-    if dim == 3:
-        heights = heights / np.sqrt(edges.max(axis=1))
-    narrow = heights < _NARROW * _most(heights, fans, dim).max(axis=1)
-    found = _averaged(weights, crossed, fans)
-    for _ in range(_TIMES):
-        bends = _bends(corners, found)
-        bends = np.where(narrow, np.maximum(bends, turns / heights), bends)
-        most = _most(bends, fans, dim)
-        part = np.divide(bends[:, None], most, out=np.ones_like(most), where=most > 0)
-        flatter = np.maximum(_BENT / np.maximum(part, _FLATTEST), 1.0) ** _POWER
-        found = _averaged(weights * flatter, crossed, fans)
-    return found
-
-
-def _turns(normals: Array, pairs: tuple[Ints, Ints], creases: Bools) -> Array:
-    """How far it is from the normals of facets to those across creases, the most (k,).
+def _turns(corners: Array, normals: Array, pairs: tuple[Ints, Ints], creases: Bools) -> Array:
+    """How much facets bend if they turn at their creases (k,): the difference of normals there, the
+    most, over the width of the facet across it.
 
     Facets that lie in one plane, as both triangles of a strip, have all the same.
 
     Args:
-        normals: of facets (k, dim).
-        pairs: of neighbours (p,).
-        creases: between these (p,).
+        corners: of facets (k, dim, dim).
+        normals: of these (k, dim).
+        pairs: of facets and corners the way round, opposite to what two of them share (p,).
+        creases: whether that is one (p,).
     """
-    first, second = pairs
+    dim = normals.shape[1]
+    first, second = (p // dim for p in pairs)
     off = np.linalg.norm(normals[first] - normals[second], axis=1)
     plane = off < _COPLANAR
     part = _parts(len(normals), first[plane], second[plane])
+    size = np.linalg.norm(crossed(corners), axis=1)
     most = np.zeros(len(normals))
-    for facets in pairs:
-        np.maximum.at(most, part[facets], np.where(creases, off, 0.0))
+    for ridge in pairs:
+        facet, corner = np.divmod(ridge, dim)
+        width = size[facet]
+        if dim == 3:
+            ends = [corners[facet, (corner + k) % 3] for k in (1, 2)]
+            width = width / np.linalg.norm(ends[1] - ends[0], axis=1)
+        np.maximum.at(most, part[facet], np.where(creases, off / width, 0.0))
     return np.asarray(most[part])
-
-
-def _most(of_facets: Array, fans: Ints, dim: int) -> Array:
-    """The largest values of facets (k,) in the fans of their corners (k, dim)."""
-    most = np.zeros(len(fans))
-    np.maximum.at(most, fans, np.repeat(of_facets, dim))
-    return np.asarray(most[fans].reshape(-1, dim))
-
-
-def _averaged(weights: Array, crossed: Array, fans: Ints) -> Array:
-    """Unit sums over the fans of the normals of facets, by weights at their corners (k, dim)."""
-    k, dim = weights.shape
-    sums = np.zeros((k * dim, dim))
-    np.add.at(sums, fans, (weights[..., None] * crossed[:, None]).reshape(-1, dim))
-    found = sums[fans]
-    found /= np.linalg.norm(found, axis=1)[:, None]
-    return found.reshape(k, dim, dim)
-
-
-def _bends(corners: Array, normals: Array) -> Array:
-    """How much normals turn along facets (k,), the most along an edge, over its length."""
-    dim = corners.shape[1]
-    found = np.zeros(len(corners))
-    for i in range(dim if dim == 3 else 1):
-        j = (i + 1) % dim
-        turn = np.linalg.norm(normals[:, j] - normals[:, i], axis=1)
-        length = np.linalg.norm(corners[:, j] - corners[:, i], axis=1)
-        found = np.maximum(found, turn / length)
-    return found

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Normals at the corners of facets, of the smooth surface that these are chords of.
+
+With the gradient g of a quadric, which is linear, (g_a + g_b).(x_b - x_a) = 0 for any two of its
+points (the trapezoidal rule). So unit normals of planes, spheres and circular cylinders, and of all
+that goes over from one into another smoothly along edges of facets, satisfy
+
+    (n_a + n_b).(x_b - x_a) = 0    for every edge,
+
+and those of any other smooth surface up to the order h^3. They are found by least squares from a
+first guess, as near to that as the edges allow, since these do not determine them where facets are
+strips: the sums over the facets around a point of the products of the edges e_1, e_2 that meet
+there, sum e_1 x e_2 / (|e_1|^2 |e_2|^2), those of a sphere through the points, exactly (Max,
+J. Graphics Tools 4(2), 1999); of segments sum n_s / |s|, those of a circle. Where a flat part goes
+over into a round one the guess is that of the flat part, and stays.
+
+At a *tip*, as that of a cone, no plane is tangent. There n_a.(x_b - x_a) has one sign all around,
+but n_b.(x_b - x_a), opposite to it at the pole of a sphere, is far less.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+__all__ = ["corner_normals", "crossed", "without_tips"]
+
+Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+
+_TIMES = 3  # times that flat parts are looked for
+_BENT = 0.45  # of how much the most bent facet of a fan bends, below which one is a flatter part
+_FLATTEST = 1e-2  # of that, what a facet bends at least
+_POWER = 4  # of the ratio, by which flatter parts count more
+_DAMPED = 3e-2  # of the singular values of edges, below which normals stay as guessed
+_STEPS = 60  # of the least squares
+_ONE_SIGN = 0.5  # of the sum of magnitudes, that of values of one sign
+_STRAIGHT = 0.25  # of the slope at a tip, below which that at the other ends of edges is small
+_SHALLOW = 1e-3  # the slope below which there is no tip
+
+
+def crossed(corners: Array) -> Array:
+    """Normals of facets (k, dim), of the length of a segment or twice the area of a triangle.
+
+    Args:
+        corners: of facets (k, dim, dim).
+    """
+    if corners.shape[1] == 2:
+        along = corners[:, 1] - corners[:, 0]
+        return np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return np.asarray(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+
+
+def without_tips(corners: Array, fans: Ints) -> Ints:
+    """Numbers of fans by facet and corner (k dim,), in which each corner at a tip is its own.
+
+    Args:
+        corners: of facets (k, dim, dim).
+        fans: of the corners, which no crease parts (k dim,).
+    """
+    k, dim = corners.shape[:2]
+    if dim == 2:
+        return fans
+    normals = _averaged(_weights(corners), crossed(corners), fans)
+    numbers = fans.reshape(k, dim)
+    sums = np.zeros((int(fans.max()) + 1, 4))  # here, its magnitude, at the other ends, number
+    for i, j in ((i, j) for i in range(dim) for j in range(dim) if i != j):
+        edge = _unit(corners[:, j] - corners[:, i])
+        here = np.sum(normals[:, i] * edge, axis=1)
+        there = -np.sum(normals[:, j] * edge, axis=1)
+        np.add.at(sums, numbers[:, i], np.stack([here, np.abs(here), there, np.ones(k)], axis=1))
+    here, size, there, number = sums.T
+    tip = np.abs(here) > np.maximum(_ONE_SIGN * size, _SHALLOW * number)
+    tip &= np.abs(there) < _STRAIGHT * np.abs(here)
+    own = np.where(tip[fans], len(sums) + np.arange(k * dim), fans)
+    return np.asarray(np.unique(own, return_inverse=True)[1].reshape(-1), dtype=np.int64)
+
+
+def corner_normals(corners: Array, fans: Ints, turns: Array) -> Array:
+    """Unit normals at the corners of facets (k, dim, dim), the same in a fan.
+
+    Where a facet bends far less than the most bent one of its fan, as a flat part beside a rounded
+    edge, the surface leaves along that facet, and its weight in the guess is larger by a power of
+    their ratio. A chamfer bends as it does at its crease.
+
+    Args:
+        corners: of facets (k, dim, dim).
+        fans: of the corners, which no crease parts (k dim,).
+        turns: how much facets bend at creases (k,).
+    """
+    dim = corners.shape[1]
+    across = crossed(corners)
+    weights = _weights(corners)
+    size = np.linalg.norm(across, axis=1)[:, None]
+    shares = size * weights
+    guess = _averaged(weights, across, fans)
+    edges = _edges(corners, fans)
+    found = _along_edges(edges, guess, fans, np.ones(len(fans)))
+    for _ in range(_TIMES):
+        # Neither alone: guesses are off beside other curvatures, edges where parts meet in a mitre.
+        bends = np.sqrt(_bends(corners, guess) * _bends(corners, found))
+        bends = np.maximum(bends, turns)
+        most = _most(np.repeat(bends[:, None], dim, axis=1), fans)
+        part = np.divide(bends[:, None], most, out=np.ones_like(most), where=most > 0)
+        part = np.maximum(part, _FLATTEST)
+        heaviest = _most(shares, fans) / size
+        flatter = np.where(part < _BENT, heaviest * (_BENT / part) ** _POWER, weights)
+        guess = _averaged(flatter, across, fans)
+        found = _along_edges(edges, guess, fans, part.reshape(-1) ** 2)
+    return found
+
+
+def _weights(corners: Array) -> Array:
+    """Of facets at their corners (k, dim)."""
+    dim = corners.shape[1]
+    edges = np.sum((np.roll(corners, -1, axis=1) - corners) ** 2, axis=2)
+    return np.asarray(1.0 / (edges * np.roll(edges, 1, axis=1) if dim == 3 else edges))
+
+
+def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
+    """Unit sums over the fans of the normals of facets, by weights at their corners (k, dim)."""
+    k, dim = weights.shape
+    sums = np.zeros((k * dim, dim))
+    np.add.at(sums, fans, (weights[..., None] * across[:, None]).reshape(-1, dim))
+    return _unit(sums[fans]).reshape(k, dim, dim)
+
+
+def _along_edges(
+    edges_of_fans: tuple[Ints, Ints, Array], guess: Array, fans: Ints, part: Array
+) -> Array:
+    """Normals that satisfy the condition of edges by least squares (k, dim, dim).
+
+    Args:
+        edges_of_fans: of `_edges`.
+        guess: unit normals at the corners of facets (k, dim, dim), of fans.
+        fans: of the corners (k dim,).
+        part: in which the normals of fans may be off the guess, by corner (k dim,); the least of a
+            fan counts.
+    """
+    a, b, edges = edges_of_fans
+    dim = guess.shape[1]
+    first = np.unique(fans, return_index=True)[1]
+    free = np.ones(len(first))
+    np.minimum.at(free, fans, part)
+    normals = guess.reshape(-1, dim)[first]
+    row = np.arange(len(a))[:, None] * np.ones((1, dim - 1), dtype=np.int64)
+    for _ in range(2):  # unit vectors turn a little more than along their tangents
+        frames = _tangents(normals)
+        off = -np.sum((normals[a] + normals[b]) * edges, axis=1)
+        values, columns = [], []
+        for end in (a, b):
+            values.append(free[end, None] * np.einsum("ei,eid->ed", edges, frames[end]))
+            columns.append((dim - 1) * end[:, None] + np.arange(dim - 1))
+        matrix = scipy.sparse.coo_array(
+            (np.ravel(values), (np.ravel([row, row]), np.ravel(columns))),
+            shape=(len(a), (dim - 1) * len(first)),
+        ).tocsr()
+        turn = scipy.sparse.linalg.lsmr(matrix, off, damp=_DAMPED, maxiter=_STEPS, atol=1e-8)[0]
+        turn = free[:, None] * turn.reshape(len(first), dim - 1)
+        normals = _unit(normals + np.einsum("vid,vd->vi", frames, turn))
+    return np.asarray(normals[fans].reshape(guess.shape))
+
+
+def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
+    """Of facets, each once: the fans at both ends, and unit vectors (n, dim)."""
+    k, dim = corners.shape[:2]
+    numbers = fans.reshape(k, dim)
+    ends, ways = [], []
+    for i in range(dim if dim == 3 else 1):
+        j = (i + 1) % dim
+        ends.append(np.sort(numbers[:, [i, j]], axis=1))
+        ways.append(_unit(corners[:, j] - corners[:, i]))
+    pairs, first = np.unique(np.concatenate(ends), axis=0, return_index=True)
+    return pairs[:, 0], pairs[:, 1], np.concatenate(ways)[first]
+
+
+def _tangents(normals: Array) -> Array:
+    """Orthogonal unit vectors across normals (n, dim, dim - 1)."""
+    if normals.shape[1] == 2:
+        return np.stack([-normals[:, 1], normals[:, 0]], axis=1)[:, :, None]
+    axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    first = _unit(np.cross(normals, axis))
+    return np.stack([first, np.cross(normals, first)], axis=2)
+
+
+def _bends(corners: Array, normals: Array) -> Array:
+    """How much normals turn along facets (k,), the most along an edge, over its length."""
+    dim = corners.shape[1]
+    found = np.zeros(len(corners))
+    for i in range(dim if dim == 3 else 1):
+        j = (i + 1) % dim
+        turn = np.linalg.norm(normals[:, j] - normals[:, i], axis=1)
+        length = np.linalg.norm(corners[:, j] - corners[:, i], axis=1)
+        found = np.maximum(found, turn / length)
+    return found
+
+
+def _most(of_corners: Array, fans: Ints) -> Array:
+    """The largest values of corners (k, dim) in their fans, at these."""
+    most = np.zeros(len(fans))
+    np.maximum.at(most, fans, of_corners.reshape(-1))
+    return np.asarray(most[fans].reshape(of_corners.shape))
+
+
+def _unit(x: Array) -> Array:
+    return np.asarray(x / np.linalg.norm(x, axis=-1, keepdims=True))
