@@ -3,8 +3,8 @@
 #
 # `resultants` has the total contact force on the body by surface, with its friction. Reaction
 # forces of Dirichlet data are apart, in `support`. Moments, as the torque on an axle, follow from
-# the table, which has positions in the mesh and forces of all points; where displacements are large add
-# them to the arms. Forces must balance: `imbalance` says how well they do.
+# the table, which has positions in the mesh and forces of all points; where displacements are large
+# add them to the arms. Forces must balance: `imbalance` says how well they do.
 
 import numpy as np
 from common import Block
