@@ -53,9 +53,10 @@ class RigidSurface(Obstacle):
     *Edges.* Normals are those of the smooth surface of which facets are chords, found at points and
     interpolated on facets (`rigid_surfaces.normals`), but not across edges where those of facets
     differ by more than ``crease`` degrees, nor at a tip, as that of a cone, where no plane is
-    tangent; with 0 they are those of the facets everywhere. Where edges are creases the normal of what is at the edge itself jumps from that of
-    one facet to that of the other. A radius ``rounding``, by which the obstacle is larger than its
-    surface, makes edges that stick out round, and their normals continuous.
+    tangent; with 0 they are those of the facets everywhere. Where edges are creases the normal of
+    what is at the edge itself jumps from that of one facet to that of the other. A radius
+    ``rounding``, by which the obstacle is larger than its surface, makes edges that stick out
+    round, and their normals continuous.
 
     *Rims.* An open surface ends at its rim: what goes past it leaves, and has no contact behind it.
     A face that slides leaves by degrees, within one of its facets, so that forces fall to zero;
