@@ -187,9 +187,8 @@ class ProblemOptions:
         return None if value is None else str(value)
 
     def beside_newton(self) -> dict[str, str]:
-        """The options as they are now, but for those of SNES: a linear solver is made with them."""
-        found = in_database(self.prefix) | {k: str(v) for k, v in self.given.items()}
-        return {k: v for k, v in found.items() if not k.startswith("snes_")}
+        """Those given now, but for the options of SNES: a linear solver is made with them."""
+        return {k: str(v) for k, v in self.given.items() if not k.startswith("snes_")}
 
     def note(self) -> None:
         """Take note of what has been read, while the options are in the database."""

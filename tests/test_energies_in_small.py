@@ -325,11 +325,15 @@ def step(before, after, **more):
 def test_steps_that_are_shortened(error, brief, shortest, part):
     """To a half where they are not wanted, or are known to be brief; else to a quarter."""
     run = SimpleNamespace(
-        _accepted=SimpleNamespace(time=2.0), task=SimpleNamespace(shortest=shortest), _rejected=1
+        _accepted=SimpleNamespace(time=2.0),
+        task=SimpleNamespace(shortest=shortest),
+        _rejected=1,
+        _stepper=SimpleNamespace(asks=False),
     )
     error = None if error is None else ConvergenceError(error)
     assert ThroughTimes._shorten(run, 3.0, error, brief=brief) is None
     assert (run._length, run._rejected) == (1.0 / part, 2)
+    assert run._stepper.asks is True
 
 
 def test_steps_that_cannot_be_shorter():

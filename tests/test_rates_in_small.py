@@ -23,6 +23,7 @@ from dolfinx_contact import (
     HalfSpace,
     ParametricContact,
 )
+from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.equations import (
     constraints,
     contact,
@@ -744,6 +745,7 @@ def loose(dim, jumps, normals, codes, creeps=False, traction=None, bodies=0):
         motions[i, :, i] = 1.0
     vars(known).update(
         _V=V,
+        _part=parts(V),
         _surfaces=[s],
         _axisymmetric=False,
         of_body=motions,

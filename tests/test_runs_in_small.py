@@ -582,7 +582,11 @@ def test_which_steps_are_wanted(monkeypatch):
     def wanted(accept, length, locate=False, closes=False):
         shown.clear()
         run = SimpleNamespace(
-            _stepper=SimpleNamespace(problem=SimpleNamespace(comm=ALONE), show=shown.append),
+            _stepper=SimpleNamespace(
+                problem=SimpleNamespace(comm=ALONE),
+                show=shown.append,
+                changed_since_put=lambda: changed,
+            ),
             task=SimpleNamespace(shortest=0.5, locate=locate),
             _accepts=accept,
             _step=lambda step, jump: (step, jump),
@@ -590,6 +594,7 @@ def test_which_steps_are_wanted(monkeypatch):
         return ThroughTimes._wanted(run, solved(1.0, 1.0 + length, closes=closes))
 
     asked = []
+    changed = ""
     no = lambda step: asked.append(step) or False  # noqa: E731
     assert wanted(None, 1.0) is True
     assert wanted(None, 1.0, locate=True, closes=True) is False
@@ -605,6 +610,9 @@ def test_which_steps_are_wanted(monkeypatch):
     for answer in (None, 1, "yes"):
         with pytest.raises(ValueError, match="accept must answer True or False, got "):
             wanted(lambda step, answer=answer: answer, 1.0)
+    changed = "the lid"
+    with pytest.raises(ValueError, match="accept changed the lid"):
+        wanted(no, 1.0)
 
 
 @pytest.mark.parametrize("wanted", [True, False])
@@ -625,7 +633,11 @@ def test_a_step_that_another_rank_is_asked_of(wanted):
             return [mine]
 
     run = SimpleNamespace(
-        _stepper=SimpleNamespace(problem=SimpleNamespace(comm=Two()), show=lambda step: None),
+        _stepper=SimpleNamespace(
+            problem=SimpleNamespace(comm=Two()),
+            show=lambda step: None,
+            changed_since_put=lambda: "",
+        ),
         task=SimpleNamespace(shortest=0.5, locate=False),
         _accepts=None,
     )
@@ -868,11 +880,13 @@ class Whole(Evolution):
     """An evolution whose runs are recorded, and do nothing."""
 
     def __init__(self):
-        vars(self).update(runs=[], _run_state=None, load="load", _asked=None)
+        vars(self).update(runs=[], asked=[], _run_state=None, load="load", _asked=None)
 
     def _stepper(self, progress):
         return SimpleNamespace(
-            start=lambda time: ("start", time), renewed=lambda accepted: ("renewed", accepted)
+            start=lambda time: ("start", time),
+            renewed=lambda accepted: ("renewed", accepted),
+            require_untouched=self.asked.append,
         )
 
     def _run(self, task, run_state, listeners):
@@ -893,6 +907,7 @@ def test_where_runs_begin():
     )
     vars(one)["_run_state"] = RunState("there", 9.0, "rate", 7, False, Ending.STOPPED, "why")
     one._begin(task, Listeners())
+    assert one.asked == ["there"]
     (_, state, _) = one.runs[1]
     assert (state.accepted, state.length) == (("renewed", "there"), 0.5)
     assert (state.rate, state.number, state.settled) == ("rate", 7, True)
@@ -907,7 +922,7 @@ def test_how_runs_end(failed, at_jump, asked, monkeypatch):
     done, asks = [], []
     stepper = SimpleNamespace(
         put=lambda accepted: done.append(("put", accepted)),
-        ask_at_end=lambda accepted: done.append(("asked", accepted)),
+        ask_at_end=lambda start, accepted: done.append(("asked", start.time, accepted)),
     )
     rule = SimpleNamespace(
         forks=["fork"],
@@ -939,7 +954,7 @@ def test_how_runs_end(failed, at_jump, asked, monkeypatch):
     (told,) = asks
     assert told == (not asked, rule, history)
     assert done[0] == ("put", "last")
-    assert done[1:] == ([("asked", "last")] if not asked and not failed else [])
+    assert done[1:] == ([("asked", 1.5, "last")] if not asked and not failed else [])
     assert one._asked == (one.load if asked or not failed else None)
 
 

@@ -52,6 +52,13 @@ SECOND = SimpleNamespace(
 )
 
 
+@pytest.fixture(autouse=True)
+def _unmarked(monkeypatch):
+    """No Function is marked as one that has a state: those in this file are stand-ins."""
+    for room in (accepted, motion):
+        monkeypatch.setattr(room, "note_put", lambda *functions: None)
+
+
 def memory(jump=((1.0, 2.0),), **fields):
     given = {
         SLID if k == "slid" else k: np.atleast_1d(np.array(v, float)) for k, v in fields.items()
@@ -266,6 +273,8 @@ def test_whether_a_start_is_a_solution(found, required, solved, chosen, comm, mo
         return SimpleNamespace(name=name, surfaces=surfaces)
 
     eq = Eq(None, None, comm)
+    timed = SimpleNamespace(needs_time=lambda step: True)
+    eq.surfaces = [SimpleNamespace(law_at_points=SimpleNamespace(compiled=timed))]
     problem = SimpleNamespace(equations=eq, comm=comm, state=state)
     stepper = Stepper(problem, None, None)
     loads = []
@@ -276,11 +285,12 @@ def test_whether_a_start_is_a_solution(found, required, solved, chosen, comm, mo
         yield
 
     stepper._loaded = loaded
+    stepper._require_finite = lambda: loads.append("finite")
     stepper._require_data = lambda: loads.append("data")
     stepper._begun = lambda find: (find(), ("memory",))
     stepper.accepted = lambda *given, solved: (*given, solved)
     made = stepper.start(2.5)
-    assert loads == [2.5, "data"]
+    assert loads == [2.5, "finite", "data"]
     assert eq.log == ["refreshed"]
     assert made == (2.5, None, ("memory",), ("forces", chosen), Energies(), solved)
     assert asked == ([None] if found < 1e-6 else [None, ["codes"]])
@@ -298,7 +308,7 @@ def test_a_state_that_is_recalled(first, good, monkeypatch):
     monkeypatch.setattr(accepted, "forces_at", lambda eq, state: "forces")
     eq = Eq(None, None)
     problem = SimpleNamespace(
-        equations=eq, comm=ALONE, state=lambda: SimpleNamespace(statuses="codes")
+        equations=eq, comm=ALONE, u=None, state=lambda: SimpleNamespace(statuses="codes")
     )
     stepper = Stepper(problem, None, None)
     stepper._loaded = contextmanager(lambda time: iter([None]))
@@ -322,6 +332,7 @@ def in_problem(comm=ALONE, load=None):
     problem = SimpleNamespace(
         equations=eq,
         comm=comm,
+        u=None,
         fields=[SimpleNamespace(x=SimpleNamespace(array=np.zeros(2)))],
         rigid_bodies=[body],
         surfaces=[surface],
@@ -334,7 +345,9 @@ def in_problem(comm=ALONE, load=None):
         shown=[np.array([OPEN], np.int8)],
         memory=(memory(),),
         data=SimpleNamespace(
-            restore=lambda: data.__setitem__(0, 7.0), unchanged=lambda: data[0] == 7.0
+            restore=lambda: data.__setitem__(0, 7.0),
+            unchanged=lambda: data[0] == 7.0,
+            changed=lambda comm: "" if data[0] == 7.0 else "the lid",
         ),
         statuses="codes",
     )
@@ -426,7 +439,7 @@ def test_a_step_that_fails_is_put_back():
         stepper.take(there, 2.5, trial=Trial(brief=True))
     assert puts == [there, there]
     assert Stepper.asks is False
-    assert stepper.data_watch()() == ""
+    assert stepper.data_watch() == stepper.changed_since_put
 
 
 @pytest.mark.parametrize("likely", [(), ("a", None, "b")])
@@ -537,12 +550,19 @@ def test_loads_that_depend_on_the_solution(comm, depends, caplog, monkeypatch):
     monkeypatch.setattr(accepted, "Constancy", Known)
     load = lambda time: data.__setitem__(0, time + depends)  # noqa: E731
     stepper, there, restored = in_problem(comm, load)
-    stepper.ask_at_end(there)
-    assert restored == [7.0]
-    said = [r.message for r in caplog.records]
-    assert len(said) == (depends and comm is ALONE)
-    for words in said:
-        assert "at the end of the step to the time 2 it sets the lid to something else" in words
+    start = SimpleNamespace(time=1.0, data=SimpleNamespace(changed=lambda comm: left))
+    for left in ("", "the floor"):
+        caplog.clear()
+        data[0] = 2.0
+        stepper.ask_at_end(start, there)
+        assert restored == [7.0]
+        said = [r.message for r in caplog.records]
+        assert len(said) == ((depends or left != "") and comm is ALONE)
+        for words in said:
+            if depends:
+                assert "at the end of the step to the time 2 it sets the lid to" in words
+            else:
+                assert "with the time 1 of its start it leaves the floor, so" in words
 
 
 @pytest.mark.parametrize("changed", [True, False])
@@ -636,11 +656,12 @@ def mover(comm=ALONE, method=None, **more):
     eq = SimpleNamespace(
         comm=comm, body_size=2.0, surfaces=[], fixed=np.ones(6, bool), owned_sizes=[4]
     )
-    problem = SimpleNamespace(equations=eq, comm=comm, V="V")
+    problem = SimpleNamespace(equations=eq, comm=comm, V="V", u=None)
     known = {
         "problem": problem,
         "_method": method or Method("theta", 0.5, "position", 0.0, True),
         "_body": SimpleNamespace(origin=np.zeros(4)),
+        "_velocity": None,
         "_warned": False,
         "_asks_turn": True,
         "_parts": None,
@@ -885,6 +906,7 @@ def test_the_start_of_a_motion():
     asked = []
     stepper = mover()
     stepper.problem.equations.refresh = lambda: asked.append("refresh")
+    stepper.problem.equations.memory = (None,)
 
     @contextmanager
     def loaded(time):

@@ -638,13 +638,15 @@ def test_a_run_of_a_path(monkeypatch):
 def test_a_first_run_of_a_path_begins_at_no_length():
     """A later one where the path has come to."""
     one = ArcLength.__new__(ArcLength)
-    runs, samples = [], []
+    runs, samples, asked = [], [], []
     scales = (1.0, 2.0)
     vars(one).update(
         _run_state=None,
         parametric=SimpleNamespace(scales=scales, check_parameter=samples.append),
         _require_no_time=lambda: None,
-        _stepper=lambda progress: SimpleNamespace(start=lambda time: SimpleNamespace(time=time)),
+        _stepper=lambda progress: SimpleNamespace(
+            start=lambda time: SimpleNamespace(time=time), require_untouched=asked.append
+        ),
         _run=lambda task, state, listeners: runs.append((task, state, listeners)),
     )
     run = ArcLength.run.__wrapped__
@@ -664,6 +666,7 @@ def test_a_first_run_of_a_path_begins_at_no_length():
     assert (samples[0][0], samples[0][-1]) == (0.0, 2.0)
     vars(one)["_run_state"] = PathState(SimpleNamespace(time=5.0), 0.5, number=7)
     run(one, **given, rays=True, max_steps=3)
+    assert [a.time for a in asked] == [5.0]
     task, state, _ = runs[1]
     assert (task.rays, task.max_steps) == (True, 3)
     assert (state.number, state.passed, state.length) == (7, (5.0,), 0.03)
@@ -679,6 +682,7 @@ def test_the_state_that_a_path_begins_with(remembers, monkeypatch):
         problem=problem, constant=SimpleNamespace(value=np.array(0.5)), _set=sets.append
     )
     stepper = PathStepper(system)
+    stepper._warn_of_memory = lambda state: None
     started = OnPath.__new__(OnPath)
     monkeypatch.setattr(path_stepper.Stepper, "start", lambda self, time: started)
     monkeypatch.setattr(path_stepper, "forces_at", lambda eq, state: "forces")

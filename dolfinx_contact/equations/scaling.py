@@ -204,7 +204,7 @@ def automatic_augmentation(
 
 
 def _in_series(stiffness: Array, s: ContactSurface) -> Array:
-    """The stiffness of nodes together with that of what is opposite to them, at the local nodes."""
+    """The stiffness of nodes and of the points opposite to them together, at the local nodes."""
     other = s.opposite(stiffness)
     return np.divide(stiffness * other, stiffness + other, where=other > 0, out=stiffness.copy())
 

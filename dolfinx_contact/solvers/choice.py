@@ -37,7 +37,7 @@ _AMG_MEMORY = 4.2e-6  # gigabytes per unknown, measured at 10^6 and 5 10^6 unkno
 class LinearSolverChoice:
     """The linear solver of a problem, made when it is first needed. Collective.
 
-    It is made anew when the options that are not Newton's have changed.
+    It is made anew when given options that are not Newton's have changed.
 
     Args:
         equations: the contact problem.
