@@ -74,8 +74,8 @@ def extents(V: fem.FunctionSpace, part: npt.NDArray[np.int32]) -> npt.NDArray[np
     """The size of every connected part, a length that depends on no axes. Collective.
 
     It is the root of twelve times the mean square of the distance from the centre of mass: the
-    diagonal of a rectangle or of a box, 1.22 times the diameter of a disc. Of a cell
-    that is none its vertices make a simplex or a parallelepiped.
+    diagonal of a rectangle or of a box, 1.22 times the diameter of a disc. Cells that are curved or
+    warped are replaced by simplices or parallelepipeds (`cells.vertex_moments`).
 
     Args:
         V: displacement space.
