@@ -16,16 +16,43 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State, Statuses
-from dolfinx_contact.laws.status import PLUS, STICK
+from dolfinx_contact.laws.status import PLUS, STICK, closed
 from dolfinx_contact.points.surface import ContactSurface
 
-__all__ = ["bring_together", "touching"]
+__all__ = ["bring_together", "touches_nothing", "touching"]
 
 Array = npt.NDArray[np.float64]
 
 _TOUCHES = 1e-9  # of the size of the body, a gap that is none
+_ROUND_OFF = 1e-14  # of the size of the body, a penetration that is none
+_BESIDE = 1e-3  # of the reach, a penetration that says nothing of where bodies will touch
 #: Bands of gaps over the size of the body in which points may hold a rigid body.
 _BANDS = (_TOUCHES, *0.5 ** np.arange(20, -1, -1))
+
+
+def touches_nothing(eq: ContactEquations, load: float, state: State) -> bool:
+    """Whether what is closed at a state is nothing beside what a part of the load closes. Collective.
+
+    Faces that lie on each other have gaps of round-off, a few of them negative. Where nothing
+    presses there yet, the few say nothing of where the bodies will touch: a first step that they
+    alone hold would lead the others through each other by all of the prescribed motion.
+
+    Args:
+        eq: the contact problem.
+        load: part of the prescribed motion that is applied.
+        state: with its statuses, gaps and tractions; a traction counts as the penetration from
+            which the augmentation would make it.
+    """
+    nothing = True
+    for found, reach in zip(state.surfaces, _reaches(eq, load, state), strict=True):
+        which = closed(found.statuses)
+        gap = np.abs(found.kinematics.gap[which])
+        pressed = np.linalg.norm(found.traction[which], axis=1)
+        comes = _BESIDE * reach
+        nothing &= bool(np.all(gap <= max(comes, _TOUCHES * eq.body_size)))
+        limit = max(comes, _ROUND_OFF * eq.body_size)
+        nothing &= bool(np.all(pressed <= limit * found.data.r[which]))
+    return bool(eq.comm.allreduce(int(nothing), op=min))
 
 
 def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
@@ -40,13 +67,7 @@ def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
         state: whose displacements are checked.
     """
     gaps = [eq.gaps(s, state) for s in eq.surfaces]
-    reaches = [
-        max(
-            load * (eq.reach(s, state.u) + _rigid_reach(eq, s, state, i)),
-            _TOUCHES * eq.body_size,
-        )
-        for i, s in enumerate(eq.surfaces)
-    ]
+    reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, load, state)]
     found = eq.as_possible(_within(eq, gaps, reaches))
     if not eq.rigid.size or not eq.loose_motions(found):
         return found
@@ -57,6 +78,14 @@ def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
         if not eq.loose_motions(found):
             break
     return found
+
+
+def _reaches(eq: ContactEquations, load: float, state: State) -> list[float]:
+    """Gaps up to which points are expected to close, surface by surface. Collective."""
+    return [
+        load * (eq.reach(s, state.u) + _rigid_reach(eq, s, state, i))
+        for i, s in enumerate(eq.surfaces)
+    ]
 
 
 def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]) -> Statuses:

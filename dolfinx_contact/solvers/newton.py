@@ -26,7 +26,7 @@ from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Measures, Scales
 from dolfinx_contact.equations.state import State, Statuses, differs
-from dolfinx_contact.equations.touching import touching
+from dolfinx_contact.equations.touching import touches_nothing, touching
 from dolfinx_contact.solvers.history import Attempt, FloatingBodyError, LinearSolverError, Step
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.states import without_normal
@@ -378,7 +378,7 @@ class Newton:
         needs a step that is H's own, unless a body would float. Collective.
         """
         eq = self.equations
-        self._warm = eq.any_closed(statuses)
+        self._warm = not touches_nothing(eq, self.load, self.state)
         cold = self._full_steps and not self._warm and self.held is None
         if cold or eq.loose_motions(statuses, self.state):
             self._guess = statuses = touching(eq, self.load, self.state)
