@@ -16,6 +16,7 @@ from dolfinx.fem.petsc import assemble_matrix
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody, Sphere
 from dolfinx_contact.equations import parametric
+from dolfinx_contact.equations import touching as starts
 from dolfinx_contact.equations.arguments import check
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import (
@@ -34,7 +35,12 @@ from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.scaling import automatic_augmentation, softness
 from dolfinx_contact.equations.sliding import SlidingTerms, _of_law, _on_master, _Pieces
 from dolfinx_contact.equations.state import ContactState
-from dolfinx_contact.equations.touching import _within, bring_together, touching
+from dolfinx_contact.equations.touching import (
+    _within,
+    bring_together,
+    touches_nothing,
+    touching,
+)
 from dolfinx_contact.laws import Internal
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
@@ -481,9 +487,6 @@ def test_resultants_and_what_is_anywhere():
     last = COMM.rank == COMM.size - 1
     assert ContactEquations._any(known, np.zeros(3), np.array([0.0, float(last)])) is True
     assert ContactEquations._any(known, np.zeros(3), np.zeros(0)) is False
-    for here, anywhere in ((PLUS if last else OPEN, True), (OPEN, False)):
-        codes = [np.array([OPEN]), np.array([OPEN, here])]
-        assert ContactEquations.any_closed(known, codes) is anywhere
 
 
 def test_memories_of_other_surfaces_are_refused():
@@ -708,6 +711,40 @@ def test_motions_that_contact_holds():
 
 
 # -- where a solve begins -------------------------------------------------------------------------
+
+
+def test_what_is_closed_and_nothing_beside_what_is_to_come(monkeypatch):
+    """By gap and traction of closed points, against the reach and the size of the body."""
+    eq = SimpleNamespace(comm=COMM, body_size=2.0, surfaces=["one", "other"])
+    reach = 0.0
+    monkeypatch.setattr(starts, "_reaches", lambda eq, load, state: [0.0, load * reach])
+
+    def nothing(*points, load=0.5):
+        """Whether these are, (status, gap, traction, r) each, of the last rank's second surface."""
+        here = points if COMM.rank == COMM.size - 1 else ()
+        surfaces = []
+        for at in ((), here):
+            codes, gap, t, r = np.array(at, dtype=float).reshape(-1, 4).T
+            found = SimpleNamespace(
+                statuses=codes.astype(np.int8),
+                kinematics=SimpleNamespace(gap=gap),
+                traction=np.column_stack([np.zeros(len(t)), -t]),
+                data=SimpleNamespace(r=r),
+            )
+            surfaces.append(found)
+        return touches_nothing(eq, load, SimpleNamespace(surfaces=surfaces))
+
+    assert nothing()
+    assert nothing((OPEN, 1.0, 1.0, 1.0))
+    assert nothing((PLUS, 1.9e-9, 0.0, 1.0), (STICK, -1.9e-9, 1.9e-13, 10.0))
+    assert not nothing((PLUS, -2.1e-9, 0.0, 1.0))
+    assert not nothing((PLUS, 2.1e-9, 0.0, 1.0))
+    assert not nothing((STICK, 0.0, 2.1e-13, 10.0))
+    reach = 1.0  # of which a half is applied
+    assert nothing((PLUS, -4.9e-4, 0.0, 1.0), (STICK, 0.0, 4.9e-3, 10.0))
+    assert not nothing((PLUS, -5.1e-4, 0.0, 1.0), (PLUS, 0.0, 0.0, 1.0))
+    assert not nothing((STICK, 0.0, 5.1e-3, 10.0))
+    assert nothing((PLUS, -9e-4, 0.0, 1.0), load=1.0)
 
 
 def test_points_that_touch_at_first():

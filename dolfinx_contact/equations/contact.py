@@ -37,7 +37,6 @@ from dolfinx_contact.equations.constraints import Constraints, PrescribedDisplac
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.scaling import Scaling
 from dolfinx_contact.equations.state import ContactState, State, Statuses
-from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, slid_after
@@ -417,10 +416,6 @@ class ContactEquations:
             state: whose shear shows where points that slip hold as well (`loose`).
         """
         return self.scaling.loose.not_held(statuses, state)
-
-    def any_closed(self, statuses: Statuses) -> bool:
-        """Whether a point of any rank is closed."""
-        return bool(self.comm.allreduce(int(any(closed(codes).any() for codes in statuses))))
 
     @contextmanager
     def ramped(self, x: PETSc.Vec) -> Iterator[None]:

@@ -31,7 +31,7 @@ _BANDS = (_TOUCHES, *0.5 ** np.arange(20, -1, -1))
 
 
 def touches_nothing(eq: ContactEquations, load: float, state: State) -> bool:
-    """Whether what is closed at a state is nothing beside what a part of the load closes. Collective.
+    """Whether what is closed is nothing beside what a part of the load closes. Collective.
 
     Faces that lie on each other have gaps of round-off, a few of them negative. Where nothing
     presses there yet, the few say nothing of where the bodies will touch: a first step that they
