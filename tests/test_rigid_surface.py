@@ -38,6 +38,7 @@ from dolfinx_contact import (
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.records import EvolutionRecord
+from dolfinx_contact.rigid_surfaces import closest
 from dolfinx_contact.rigid_surfaces.closest import closest_on
 
 COMM = MPI.COMM_WORLD
@@ -65,12 +66,17 @@ def places(dim, number=400):
     reference="enumeration: the distances of all facets",
     aspects=("2D", "3D"),
 )
-def test_closest(name):
+def test_closest(name, monkeypatch):
     """The search finds what all facets one by one give; derivatives are those of differences."""
     surface = RigidSurface(*SURFACES[name])
     dim = surface.points.shape[1]
-    x = places(dim)
+    x = np.concatenate([places(dim), 20 * places(dim)[:20], 1e-3 * places(dim)[:20]])
     found = surface.distances(x)
+    with monkeypatch.context() as few:
+        few.setattr(closest, "_PAIRS", 50)
+        again = vars(surface.distances(x))
+    for name_of, values in vars(found).items():
+        np.testing.assert_array_equal(again[name_of], values, err_msg=name_of)
     best = np.full(len(x), np.inf)
     for facet in surface.points[surface.cells]:
         corners = np.broadcast_to(facet, (len(x), *facet.shape))

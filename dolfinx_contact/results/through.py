@@ -71,7 +71,8 @@ def way_through(s: ContactSurface, contact: ContactState) -> Array | None:
     last, beyond = normal, turned
     for k in range(1, parts + 1):
         before, place = place, way.at(k / parts)
-        was, (gap, normal) = gap, shape.gaps_and_normals(place)
+        was = gap
+        gap, normal = (end, normal_now) if k == parts else shape.gaps_and_normals(place)
         within = np.maximum(-was, 0.0) + np.maximum(-gap, 0.0)
         whole = np.maximum(np.abs(was) + np.abs(gap), np.finfo(float).tiny)
         length = length + within / whole * np.linalg.norm(place - before, axis=1)

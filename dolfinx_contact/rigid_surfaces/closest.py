@@ -5,12 +5,14 @@ On a triangle the regions of its corners, edges and inside are distinguished by 
 (Ericson, Real-Time Collision Detection, 2005, section 5.1.5). Barycentric coordinates of what is
 on an edge or a corner are exactly zero for the corners that have no part in it.
 
-A search examines few facets: each is covered by balls of at most one radius R, large facets by
-balls around their parts. What is at a distance d has its facet among those whose balls have their
-centres within d + R.
+A search examines few facets: each is covered by balls of radii r, large facets by balls around
+their parts. What is at a distance d has its facet among those whose balls have their centres within
+d + r. The facets of the nearest balls bound d; where others may be closer they are examined too.
 """
 
 from __future__ import annotations
+
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +23,8 @@ __all__ = ["ClosestFacets", "closest_on"]
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-_FIRST = 8  # balls that are looked at first
-_MORE = 4  # factor of their number where these do not decide
+_FIRST = 8  # balls whose facets bound the distance
+_LARGER = 1.0 + 1e-12  # round-off of distances
 _PAIRS = 2**18  # of points and facets that are looked at in one go
 _PARTS = 64.0  # balls along the largest extent of a surface, up to which facets are cut
 
@@ -84,53 +86,57 @@ class ClosestFacets:
 
     def __init__(self, points: Array, cells: Ints):
         self._corners = points[cells]
-        centres, self._owners, self._radius = _covered(self._corners)
-        self._tree = scipy.spatial.cKDTree(centres)
+        self._centres, self._owners, self._radii = _covered(self._corners)
+        self._largest = float(self._radii.max())
+        self._tree = scipy.spatial.cKDTree(self._centres)
 
     def __call__(self, x: Array) -> tuple[Ints, Array]:
         """The facets (n,) that are closest to points (n, dim), and barycentric coordinates."""
-        facets: Ints = np.zeros(len(x), dtype=np.int64)
-        parts = np.zeros((len(x), self._corners.shape[1]))
-        left = np.arange(len(x))
         count = min(_FIRST, self._tree.n)
-        while len(left):
-            rest = []
-            step = max(_PAIRS // count, 1)
-            for some in (left[i : i + step] for i in range(0, len(left), step)):
-                facets[some], parts[some], sure = self._among(x[some], count)
-                rest.append(some[~sure])
-            left = np.concatenate(rest)
-            count = min(_MORE * count, self._tree.n)
+        away, balls = self._tree.query(x, k=range(1, count + 1))
+        facets, parts, distance = self._among(x, balls.reshape(-1), np.full(len(x), count))
+        within = _LARGER * (distance + self._largest)
+        left = np.flatnonzero((away[:, -1] < within) & (count < self._tree.n))
+        sizes = self._tree.query_ball_point(x[left], within[left], return_length=True)
+        groups = np.cumsum(sizes) // _PAIRS
+        for some in np.split(left, np.flatnonzero(np.diff(groups)) + 1):
+            found = self._tree.query_ball_point(x[some], within[some])
+            balls = np.fromiter(chain.from_iterable(found), dtype=np.int64)
+            points = np.repeat(some, [len(f) for f in found])
+            apart = np.linalg.norm(x[points] - self._centres[balls], axis=1)
+            near = apart <= _LARGER * (distance[points] + self._radii[balls])
+            sizes = np.bincount(points[near], minlength=len(x))[some]
+            facets[some], parts[some], _ = self._among(x[some], balls[near], sizes)
         return facets, parts
 
-    def _among(self, x: Array, count: int) -> tuple[Ints, Array, npt.NDArray[np.bool_]]:
-        """The closest facets among so many balls, and whether there can be no closer one."""
-        away, balls = self._tree.query(x, k=range(1, count + 1))
+    def _among(self, x: Array, balls: Ints, sizes: Ints) -> tuple[Ints, Array, Array]:
+        """The closest facets among those of balls, so many point by point, and distances."""
         owners = self._owners[balls]
-        points, which = np.nonzero(np.ones_like(owners, dtype=bool))
-        parts = closest_on(x[points], self._corners[owners[points, which]])
-        feet = np.einsum("pk,pki->pi", parts, self._corners[owners[points, which]])
-        distances = np.linalg.norm(x[points] - feet, axis=1).reshape(owners.shape)
-        best = np.argmin(distances, axis=1)
-        row = np.arange(len(x))
-        sure = (distances[row, best] <= away[:, -1] - self._radius) | (count == self._tree.n)
-        return owners[row, best], parts.reshape(*owners.shape, -1)[row, best], sure
+        points = np.repeat(np.arange(len(x)), sizes)
+        parts = closest_on(x[points], self._corners[owners])
+        feet = np.einsum("pk,pki->pi", parts, self._corners[owners])
+        distances = np.linalg.norm(x[points] - feet, axis=1)
+        first = np.cumsum(sizes) - sizes
+        best = np.lexsort((owners, distances, points))[first]
+        return owners[best], parts[best], distances[best]
 
 
-def _covered(corners: Array) -> tuple[Array, Ints, float]:
-    """Balls that cover facets: centres, the facet of each, and a radius that all have."""
+def _covered(corners: Array) -> tuple[Array, Ints, Array]:
+    """Balls that cover facets: their centres, the facet of each, and their radii."""
     owners = np.arange(len(corners))
     largest = float(np.ptp(corners.reshape(-1, corners.shape[2]), axis=0).max()) / _PARTS
     target = max(largest, 2.0 * float(np.median(_radii(corners))))
-    done: list[tuple[Array, Ints]] = []
+    done: list[tuple[Array, Ints, Array]] = []
     while True:
-        large = _radii(corners) > target
-        done.append((corners[~large].mean(axis=1), owners[~large]))
+        radii = _radii(corners)
+        large = radii > target
+        done.append((corners[~large].mean(axis=1), owners[~large], radii[~large]))
         if not large.any():
             break
         corners = _halved(corners[large])
         owners = np.repeat(owners[large], 2)
-    return np.concatenate([c for c, _ in done]), np.concatenate([o for _, o in done]), target
+    centres, facets, radii = (np.concatenate(part) for part in zip(*done, strict=True))
+    return centres, facets, radii
 
 
 def _radii(corners: Array) -> Array:
