@@ -29,7 +29,7 @@ Bools = npt.NDArray[np.bool_]
 _SAME = 1e-7  # of the extent, up to which two points of a file are one: those have single precision
 _ON_EDGE = 1e-3  # of it, within which a point of a rim is on an edge of another
 _SLIT = 0.01  # of the edges of two points on rims, within which these are meant to be one
-_COPLANAR = 1e-3  # difference of unit normals below which facets lie in one plane
+_COPLANAR = 1e-4  # difference of unit normals below which facets lie in one plane
 _FLAT = 1e-10  # of the longest edge squared, up to which a facet has no area
 
 
@@ -169,7 +169,9 @@ def triangulated(
     cosine = np.einsum("pi,pi->p", normals[first // dim], normals[second // dim])
     creases = np.zeros(count, dtype=bool)
     creases[ridges.ravel()[first]] = cosine < np.cos(crease)
-    turns = _turns(points[cells], normals, (first, second), creases[ridges.ravel()[first]])
+    planes = _planes(normals, (first // dim, second // dim))
+    at_creases = creases[ridges.ravel()[first]]
+    turns = _turns(points[cells], normals, (first, second), at_creases, planes)
     ridge_normals = np.zeros((count, dim))
     np.add.at(ridge_normals, ridges, normals[:, None])
     fans = without_tips(points[cells], _fans(cells, nodes, ridges, (first, second), ~creases))
@@ -192,7 +194,7 @@ def triangulated(
         parts_of_points > 1,
         rims,
         point_rims,
-        corner_normals(points[cells], fans, turns),
+        corner_normals(points[cells], fans, planes, turns),
     )
 
 
@@ -456,7 +458,21 @@ def angles_of(corners: Array) -> Array:
     return found
 
 
-def _turns(corners: Array, normals: Array, pairs: tuple[Ints, Ints], creases: Bools) -> Array:
+def _planes(normals: Array, pairs: tuple[Ints, Ints]) -> Ints:
+    """Numbers of the planes that facets which meet have in common (k,).
+
+    Args:
+        normals: of facets (k, dim).
+        pairs: of facets that meet.
+    """
+    first, second = pairs
+    same = np.linalg.norm(normals[first] - normals[second], axis=1) < _COPLANAR
+    return _parts(len(normals), first[same], second[same])
+
+
+def _turns(
+    corners: Array, normals: Array, pairs: tuple[Ints, Ints], creases: Bools, planes: Ints
+) -> Array:
     """How much facets bend if they turn at their creases (k,): the difference of normals there, the
     most, over the width of the facet across it.
 
@@ -467,12 +483,11 @@ def _turns(corners: Array, normals: Array, pairs: tuple[Ints, Ints], creases: Bo
         normals: of these (k, dim).
         pairs: of facets and corners the way round, opposite to what two of them share (p,).
         creases: whether that is one (p,).
+        planes: that facets have in common (k,).
     """
     dim = normals.shape[1]
     first, second = (p // dim for p in pairs)
     off = np.linalg.norm(normals[first] - normals[second], axis=1)
-    plane = off < _COPLANAR
-    part = _parts(len(normals), first[plane], second[plane])
     size = np.linalg.norm(crossed(corners), axis=1)
     most = np.zeros(len(normals))
     for ridge in pairs:
@@ -481,5 +496,5 @@ def _turns(corners: Array, normals: Array, pairs: tuple[Ints, Ints], creases: Bo
         if dim == 3:
             ends = [corners[facet, (corner + k) % 3] for k in (1, 2)]
             width = width / np.linalg.norm(ends[1] - ends[0], axis=1)
-        np.maximum.at(most, part[facet], np.where(creases, off / width, 0.0))
-    return np.asarray(most[part])
+        np.maximum.at(most, planes[facet], np.where(creases, off / width, 0.0))
+    return np.asarray(most[planes])
