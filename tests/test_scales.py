@@ -180,7 +180,7 @@ def test_the_size_of_a_box(cell, sides, degree):
 def on_a_wavy_tool(angle=0.0, far=None, poisson=0.3, shift=0.0, other=0.3):
     """Contact forces by the integral method on a block that is turned by an angle with its tool.
 
-    Both are shifted along the tool. Another body may be far away, with a Poisson's ratio of its own.
+    Both are shifted along the tool. Another body, of another Poisson ratio, may be far away.
     """
     n = 4
     domain = create_grid(COMM, [np.linspace(0.0, 1.0, n + 1)] * 2, CELLS["quad"])
