@@ -116,6 +116,26 @@ def test_uniform_functions_of_any_element(element):
             s.check_gaps()
 
 
+def test_a_linear_solver_that_the_database_names_after_the_first_solve():
+    """It wins over what is given, from the next solve on, and leaves with the option."""
+    problem = block(n=4)
+    given = PETSc.Options()
+    problem.solve()
+    assert problem.linear_solver.name == "direct"
+    expected = problem.u.x.array.copy()
+    problem.petsc_options["linear_solver"] = "direct"
+    given["contact_linear_solver"] = "amg"
+    try:
+        problem.u.x.array[:] = 0.0
+        problem.solve()
+        assert problem.linear_solver.name != "direct"
+    finally:
+        given.delValue("contact_linear_solver")
+    np.testing.assert_allclose(problem.u.x.array, expected, atol=1e-6 * np.abs(expected).max())
+    problem.solve()
+    assert problem.linear_solver.name == "direct"
+
+
 def test_facets_named_on_one_rank_only():
     """Owned facets alone, without ghosts, give the same surface."""
     domain = box(COMM, 4, "tet")

@@ -13,7 +13,7 @@ strips: the sums over the facets around a point of the products of the edges e_1
 there, sum e_1 x e_2 / (|e_1|^2 |e_2|^2), those of a sphere through the points, exactly (Max,
 J. Graphics Tools 4(2), 1999); of segments sum n_s / |s|, those of a circle. Where a flat part goes
 over into a round one the guess is that of the flat part, and stays. A flat part is one of two
-triangles at least: those of a round one, in planes of their own, would be taken for flat ones in
+triangles at least: those of a round one, in planes of their own, would count as flat ones in
 turn, whose normals agree with the edges as well.
 
 Noise of points, or facets that no smooth surface has, as around a rim that is a crease in part,
