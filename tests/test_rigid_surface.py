@@ -239,6 +239,19 @@ def test_normals_of_round_parts(name):
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.refuses("surfaces of facets", aspects=("3D",))
+def test_facets_that_are_there_twice():
+    """Those with the same side are left out; a plate without thickness is none to be mended."""
+    points, cells = brick((0, 0, 0), (1, 1, 1))
+    again = np.concatenate([cells, np.roll(cells[:5], 1, axis=1), cells[3:4]])
+    with pytest.raises(ValueError, match="6 facets are there twice: mend=True"):
+        RigidSurface(points, again)
+    np.testing.assert_array_equal(RigidSurface(points, again, mend=True).cells, cells)
+    with pytest.raises(ValueError, match="no manifold"):
+        RigidSurface(points, np.concatenate([cells, cells[:1, ::-1]]), mend=True)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
 @pytest.mark.parametrize("seed", [0, 2, 3])
 @pytest.mark.verifies(
     "surfaces of facets", reference="closed form: normals of a saddle", aspects=("3D",)

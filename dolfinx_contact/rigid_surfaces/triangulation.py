@@ -109,8 +109,9 @@ def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
 
 
 def mended(points: Array, cells: Ints, name: str) -> Ints:
-    """Facets without those that have two corners in one, turned like their neighbours.
+    """Facets that have no two corners in one and are there once, turned like their neighbours.
 
+    Of two that look to different sides both stay, as those of a plate without thickness.
     Facets are cut where a point of a rim is on their edge, so that they meet those beyond it. Of
     each connected part the orientation of most of its area is kept, and it encloses a positive
     volume where it is closed.
@@ -118,7 +119,7 @@ def mended(points: Array, cells: Ints, name: str) -> Ints:
     Raises:
         ValueError: if a part has one side alone, as a Moebius strip.
     """
-    cells = _cut_at_points(points, cells[~_collapsed(cells)], name)
+    cells = _cut_at_points(points, _once(cells[~_collapsed(cells)]), name)
     ridges, signs, _, pairs = _ridges(cells, name)
     first, second = pairs
     unlike = (signs[first] == signs[second]).astype(np.int64)
@@ -206,6 +207,14 @@ def _collapsed(cells: Ints) -> Bools:
     return np.asarray((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
 
 
+def _once(cells: Ints) -> Ints:
+    """Facets without those that are there before, with the same corners the same way round."""
+    dim = cells.shape[1]
+    first = np.argmin(cells, axis=1)[:, None] if dim == 3 else np.zeros((len(cells), 1), int)
+    turned = np.take_along_axis(cells, (first + np.arange(dim)) % dim, axis=1)
+    return cells[np.sort(np.unique(turned, axis=0, return_index=True)[1])]
+
+
 def _check_facets(points: Array, cells: Ints, name: str) -> None:
     same = _collapsed(cells)
     if same.any():
@@ -224,7 +233,10 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
         )
     twice = len(cells) - len(np.unique(np.sort(cells, axis=1), axis=0))
     if twice:
-        raise ValueError(f"{name}: {twice} facets are there twice")
+        raise ValueError(
+            f"{name}: {twice} facets are there twice: mend=True leaves out those that look to the "
+            "same side"
+        )
 
 
 def _check_sides(
