@@ -187,8 +187,13 @@ class ProblemOptions:
         return None if value is None else str(value)
 
     def beside_newton(self) -> dict[str, str]:
-        """Those given now, but for the options of SNES: a linear solver is made with them."""
-        return {k: str(v) for k, v in self.given.items() if not k.startswith("snes_")}
+        """Those given now, but for the options of SNES: a linear solver is made with them.
+
+        Its kind is that of the database, if it is there.
+        """
+        found = {k: str(v) for k, v in self.given.items() if not k.startswith("snes_")}
+        kind = self.value(_READ_HERE)
+        return found if kind is None else found | {_READ_HERE: kind}
 
     def note(self) -> None:
         """Take note of what has been read, while the options are in the database."""

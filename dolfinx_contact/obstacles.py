@@ -19,15 +19,17 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+import basix
 import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
-from ufl.corealg.traversal import traverse_unique_terminals
+from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
 
 from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._errors import require
+from dolfinx_contact._forms import compiled_expression
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._numbers import is_number
 
@@ -108,7 +110,19 @@ def is_uniform(value: Any) -> bool:
     return not any(isinstance(part, varies) for part in traverse_unique_terminals(value))
 
 
-def fields_within(obstacle: Obstacle, domain: mesh.Mesh, what: str) -> list[fem.Function]:
+class Uniform(NamedTuple):
+    """A Function that has to be uniform.
+
+    Attributes:
+        function: which.
+        components: of its values that are used; None for all.
+    """
+
+    function: fem.Function
+    components: tuple[int, ...] | None
+
+
+def fields_within(obstacle: Obstacle, domain: mesh.Mesh, what: str) -> list[Uniform]:
     """The Functions in an obstacle, which have to be uniform (`require_uniform`). Not collective.
 
     Args:
@@ -119,18 +133,38 @@ def fields_within(obstacle: Obstacle, domain: mesh.Mesh, what: str) -> list[fem.
     Raises:
         ValueError: if the position on the mesh is in it (`Obstacle.fields`).
     """
-    found: set[fem.Function] = set()
+    found: dict[fem.Function, tuple[int, ...] | None] = {}
     for value in obstacle.fields(domain):
         parts = list(value) if has_ufl(value) else [value]
         for part in (p for p in parts if isinstance(p, ufl.core.expr.Expr)):
             terminals = list(traverse_unique_terminals(part))
             if any(isinstance(t, ufl.classes.GeometricQuantity) for t in terminals):
                 raise ValueError(_VARIES.format(what, "the position on the mesh"))
-            found.update(t for t in terminals if isinstance(t, fem.Function))
-    return sorted(found, key=lambda f: f.count())
+            for f in (t for t in terminals if isinstance(t, fem.Function)):
+                mine, more = _components(part, f), found.get(f, ())
+                both = None if mine is None or more is None else tuple(sorted({*mine, *more}))
+                found[f] = both
+    return sorted((Uniform(*u) for u in found.items()), key=lambda u: u.function.count())
 
 
-def require_uniform(comm: MPI.Comm, functions: Sequence[fem.Function], what: str) -> None:
+def _components(part: Any, f: fem.Function) -> tuple[int, ...] | None:
+    """The components of a Function that UFL has, as those of a mixed space; None for all."""
+    taken: set[int] = set()
+    if part is f:
+        return None
+    for node in unique_pre_traversal(part):
+        if not any(operand is f for operand in node.ufl_operands):
+            continue
+        index: Sequence[Any] = ()
+        if isinstance(node, ufl.classes.Indexed):
+            index = tuple(node.ufl_operands[1])
+        if len(index) != 1 or not isinstance(index[0], ufl.classes.FixedIndex):
+            return None
+        taken.add(int(index[0]))
+    return tuple(sorted(taken))
+
+
+def require_uniform(comm: MPI.Comm, functions: Sequence[Uniform], what: str) -> None:
     """Raise ``ValueError`` if Functions have not one value as they are now. Collective.
 
     Args:
@@ -138,13 +172,32 @@ def require_uniform(comm: MPI.Comm, functions: Sequence[fem.Function], what: str
         functions: of `fields_within`.
         what: they are in, for the message.
     """
-    for f in functions:
-        values = f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)
+    for f, components in functions:
+        values = _values(f, components)
         low = comm.allreduce(values.min(axis=0, initial=np.inf), op=np.minimum)
         high = comm.allreduce(values.max(axis=0, initial=-np.inf), op=np.maximum)
         size = max(float(np.max(np.abs([low, high]))), np.finfo(float).tiny)
         same = bool(np.all(high - low <= _UNIFORM * size))
         require(comm, same, _VARIES.format(what, f"the Function {f.name}, which varies"))
+
+
+def _values(f: fem.Function, components: tuple[int, ...] | None) -> npt.NDArray[Any]:
+    """Values that a Function has, all of them if these are one (n, components). Collective.
+
+    Degrees of freedom are values, but for those of vectors along edges and of mixed spaces.
+    """
+    V = f.function_space
+    element = V.ufl_element()
+    mixed = element.num_sub_elements not in (0, element.block_size)
+    if not mixed and V.element.interpolation_ident:
+        values = f.x.array.reshape(-1, V.dofmap.index_map_bs)
+        return np.asarray(values if components is None else values[:, components])
+    every = range(int(np.prod(f.ufl_shape, dtype=int))) if components is None else components
+    degree = max(element.embedded_superdegree, 1)
+    points = basix.create_lattice(V.mesh.basix_cell(), degree, basix.LatticeType.equispaced, True)
+    e = compiled_expression(ufl.as_vector([f[i] for i in every]), points)
+    cells = np.arange(V.mesh.topology.index_map(V.mesh.topology.dim).size_local, dtype=np.int32)
+    return np.asarray(e.eval(V.mesh, cells).reshape(-1, len(every)))
 
 
 def _radius(domain: mesh.Mesh, value: Any) -> Any:

@@ -162,7 +162,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         statuses = self.statuses_of(piece)
         assert statuses is not None
         self.problem.put(x, statuses)
-        note_put(self.problem.u)
+        note_put(*self.problem.fields, *self.problem.rigid_bodies)
         self.equations.refresh()
         if all(s.motion is None and s.obstacle.flat for s in self.problem.surfaces):
             return

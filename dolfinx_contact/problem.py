@@ -309,7 +309,7 @@ class ContactProblem(ReadOnly):
         statuses = [s.statuses for s in self.surfaces]
         done = False
         motions = self.equations.rigid.given
-        known = was_put(self.u)
+        known = [f for f in (*self.fields, *self.rigid_bodies) if was_put(f)]
         try:
             yield
             done = not always
@@ -317,11 +317,10 @@ class ContactProblem(ReadOnly):
             if not done:
                 for f, values in zip(self.fields, before, strict=True):
                     f.x.array[:] = values
-                if known:
-                    note_put(self.u)
                 for s, codes in zip(self.surfaces, statuses, strict=True):
                     s.statuses = codes
                 self.equations.rigid.show(motions)
+                note_put(*known)
 
     # -- H ---------------------------------------------------------------------------------------
 
@@ -618,7 +617,7 @@ class ContactProblem(ReadOnly):
         for attempt in attempts:
             attempt.state = None
         self.put(x, state.statuses)
-        note_put(self.u)
+        note_put(*self.fields, *self.rigid_bodies)
         return collect(self.equations, state, attempts), state
 
     @contextmanager

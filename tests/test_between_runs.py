@@ -12,7 +12,14 @@ from test_left_memory import Glued, broken
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import RCCM, ContactProblem, Coulomb, ParametricContact
+from dolfinx_contact import (
+    RCCM,
+    ContactProblem,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    RigidBody,
+)
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
 from dolfinx_contact.records import EvolutionRecord
@@ -56,6 +63,8 @@ def test_a_state_that_is_set_between_two_runs_is_refused(kind):
     given = {"displacement": block.problem.u}
     if kind is NSCD:
         given["velocity"] = evolution.velocity
+    if kind is QuasiStatic:
+        given["multiplier of 'contact'"] = block.problem.surfaces[0].multiplier
     for name, f in given.items():
         kept = f.x.array.copy()
         f.x.array[:] = 1.1 * kept
@@ -77,6 +86,36 @@ def test_a_state_that_is_set_between_two_runs_is_refused(kind):
         evolution.velocity.x.array[:] += 1.0
         with pytest.raises(ValueError, match="the velocity has been changed"):
             evolution.settle(1.0)
+
+
+def test_the_motion_of_a_rigid_body_that_is_set_between_two_runs_is_refused():
+    """It may be set where a solve or another history begins, and solves of others move it."""
+    problem, top = dragged(n=2, law=lambda domain: Coulomb(0.4), obstacle=pressing)
+    (punch,) = problem.rigid_bodies
+    put(top, (0.0, 0.0))
+    problem.solve()
+
+    def load(t):
+        put(top, (0.01 * t, 0.0))
+
+    history = QuasiStatic(problem, load)
+    history.run([0.0, 0.2])
+    kept = punch.values
+    punch.values = kept + 0.1
+    with pytest.raises(ValueError, match="the motion of 'punch' has been changed since the last"):
+        history.run([0.2, 0.3])
+    punch.values = kept.copy()
+    history.run([0.2, 0.3])
+    problem.solve()
+    history.run([0.3, 0.4])
+    with pytest.raises(ValueError, match="observer changed the motion of 'punch'"):
+        history.run([0.4, 0.5], observer=lambda step: setattr(punch, "values", kept + 0.1))
+
+
+def pressing(domain):
+    """A floor as a rigid body that is pressed on the block from below."""
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    return RigidBody(floor, about=(0.0, 0.0), load={"y": 0.5}, held=["x", "rz"], name="punch")
 
 
 def test_a_motion_begins_where_one_has_ended_within_the_obstacle():
@@ -120,6 +159,10 @@ def test_what_is_changed_within_a_run_is_refused(kind, who):
         block.friction.value = 0.1
         return answer
 
+    def pushes(step):
+        block.problem.u.x.array[:] *= 1.1
+        return answer
+
     def kicks(step):
         block.evolution.velocity.x.array[:] += 1.0
         return answer
@@ -128,6 +171,8 @@ def test_what_is_changed_within_a_run_is_refused(kind, who):
     with pytest.raises(ValueError, match=rf"{who} changed the friction .*\(0\.4 before, 0\.1 now"):
         block.evolution.run([0.2, 0.3, 0.4], **{who: rubs})
     assert block.friction.value == 0.4
+    with pytest.raises(ValueError, match=f"{who} changed the displacement"):
+        block.evolution.run([block.evolution._accepted.time, 0.5, 0.6], **{who: pushes})
     if kind is NSCD:
         time = block.evolution._time
         with pytest.raises(ValueError, match=f"{who} changed the velocity"):

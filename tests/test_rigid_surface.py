@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from _surfaces import ball, brick, cylinder, disc, outward, write_stl
 from blocks import same_tables
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, Delaunay
 from test_curved_friction import (
     OnBody,
     Stopped,
@@ -242,6 +242,44 @@ def test_normals_of_round_parts(name):
     n = exact(x)
     n /= np.linalg.norm(n, axis=1)[:, None]
     np.testing.assert_allclose(surface.distances(x).normal, n, atol=bound)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.refuses("surfaces of facets", aspects=("3D",))
+def test_facets_that_are_there_twice():
+    """Those with the same side are left out; a plate without thickness is none to be mended."""
+    points, cells = brick((0, 0, 0), (1, 1, 1))
+    again = np.concatenate([cells, np.roll(cells[:5], 1, axis=1), cells[3:4]])
+    with pytest.raises(ValueError, match="6 facets are there twice: mend=True"):
+        RigidSurface(points, again)
+    np.testing.assert_array_equal(RigidSurface(points, again, mend=True).cells, cells)
+    with pytest.raises(ValueError, match="no manifold"):
+        RigidSurface(points, np.concatenate([cells, cells[:1, ::-1]]), mend=True)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.parametrize("seed", [0, 2, 3])
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: normals of a saddle", aspects=("3D",)
+)
+def test_normals_of_slivers(seed):
+    """Facets of a round surface that bend little beside slivers are no flat parts of it."""
+    side = np.linspace(-1, 1, 20)
+    ends = np.ones(20)
+    rims = [(side, -ends), (side, ends), (-ends, side), (ends, side)]
+    inner = np.random.default_rng(seed).uniform(-1, 1, (400, 2))
+    x, y = np.unique(np.concatenate([inner, *(np.stack(r, axis=1) for r in rims)]), axis=0).T
+    cells = Delaunay(np.stack([x, 8 * y], axis=1)).simplices
+    surface = RigidSurface(np.stack([x, y, x * y], axis=1), cells, crease=60)._surface
+    at = surface.points[surface.cells]
+    exact = np.stack([-at[..., 1], -at[..., 0], np.ones(at.shape[:2])], axis=2)
+    exact /= np.linalg.norm(exact, axis=2)[..., None]
+    off = np.linalg.norm(surface.corner_normals - exact, axis=2)
+    facets = np.linalg.norm(surface.normals[:, None] - exact, axis=2)
+    assert np.sqrt(np.mean(off**2)) < 0.016
+    assert facets.max() > 0.5
+    # No normal is nearly opposite to a facet, whatever the edges say.
+    assert off.max() < facets.max()
 
 
 def _fine_beside_coarse(fine):

@@ -177,38 +177,53 @@ def test_the_size_of_a_box(cell, sides, degree):
     np.testing.assert_allclose(np.sort(extents(V, parts(V))), expected, rtol=1e-11)
 
 
-def on_a_wavy_tool(angle=0.0, far=None):
-    """Contact forces by the integral method on a block that is turned by an angle with its tool."""
+def on_a_wavy_tool(angle=0.0, far=None, poisson=0.3, shift=0.0, other=0.3):
+    """Contact forces by the integral method on a block that is turned by an angle with its tool.
+
+    Both are shifted along the tool. Another body, of another Poisson ratio, may be far away.
+    """
     n = 4
     domain = create_grid(COMM, [np.linspace(0.0, 1.0, n + 1)] * 2, CELLS["quad"])
     if far is not None:
-        other = create_grid(COMM, [np.array([far, far + 1.0])] * 2, CELLS["quad"])
-        domain = join([domain, other]).mesh
+        beside = create_grid(COMM, [np.array([far, far + 1.0])] * 2, CELLS["quad"])
+        domain = join([domain, beside]).mesh
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s], [s, c]])
     bottom, top = facets(domain, 1, 0.0), facets(domain, 1, 1.0)
-    domain.geometry.x[:, :2] = domain.geometry.x[:, :2] @ turn.T
+    domain.geometry.x[:, :2] = domain.geometry.x[:, :2] @ turn.T + shift * turn[:, 0]
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
     bcs = [fem.dirichletbc(turn @ [0.02, -0.05], fem.locate_dofs_topological(V, 1, top), V)]
     if far is not None:
-        edge = fem.locate_dofs_geometrical(V, lambda x: c * x[0] + s * x[1] > 0.5 * far)
+        edge = fem.locate_dofs_geometrical(V, lambda x: c * x[0] + s * x[1] - shift > 0.5 * far)
         bcs.append(fem.dirichletbc(np.zeros(2), edge, V))
 
     def tool(x):
-        return -s * x[0] + c * x[1] - 0.03 * ufl.cos(5.0 * (c * x[0] + s * x[1]))
+        return -s * x[0] + c * x[1] - 0.03 * ufl.cos(5.0 * (c * x[0] + s * x[1] - shift))
 
     surface = ContactSurface(
         u, bottom, obstacle=LevelSet(tool), law=Coulomb(0.4), method="integral"
     )
-    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+    ratio = fem.Function(fem.functionspace(domain, ("DG", 0)))
+    ratio.interpolate(lambda x: np.where(c * x[0] + s * x[1] - shift < 2.0, poisson, other))
+    energy = LinearElastic.from_young(1.0, ratio).energy(u) * ufl.dx
     problem = ContactProblem(energy, u, [surface], bcs=bcs, petsc_options={"snes_rtol": 1e-12})
     problem.solve()
     table = problem.table(surface)
     return (table.force @ turn)[np.argsort(table.x @ turn[:, 0])]
 
 
-@pytest.mark.parametrize("given", [{"angle": 0.7}, {"far": 30.0}], ids=["turned", "another body"])
+@pytest.mark.parametrize(
+    "given",
+    [{"angle": 0.7}, {"far": 30.0}, {"far": 30.0, "other": 0.4999}],
+    ids=["turned", "another body", "another nearly incompressible body"],
+)
 def test_the_integral_method_depends_on_no_axes(given):
     """Nor on other bodies: its solution depends on r, and that on the size of the body."""
     np.testing.assert_allclose(on_a_wavy_tool(**given), on_a_wavy_tool(), atol=1e-10)
+
+
+def test_the_softness_of_a_body_far_from_the_origin():
+    """Of a nearly incompressible one the integral method depends on it."""
+    near, far = (on_a_wavy_tool(poisson=0.4999, shift=shift) for shift in (0.0, 1e6))
+    np.testing.assert_allclose(far, near, atol=1e-7)

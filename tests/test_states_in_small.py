@@ -308,7 +308,11 @@ def test_a_state_that_is_recalled(first, good, monkeypatch):
     monkeypatch.setattr(accepted, "forces_at", lambda eq, state: "forces")
     eq = Eq(None, None)
     problem = SimpleNamespace(
-        equations=eq, comm=ALONE, u=None, state=lambda: SimpleNamespace(statuses="codes")
+        equations=eq,
+        comm=ALONE,
+        fields=[],
+        rigid_bodies=[],
+        state=lambda: SimpleNamespace(statuses="codes"),
     )
     stepper = Stepper(problem, None, None)
     stepper._loaded = contextmanager(lambda time: iter([None]))
@@ -889,6 +893,8 @@ def test_a_motion_under_data_of_now(monkeypatch):
 @pytest.mark.parametrize("first", [True, False])
 def test_a_motion_that_is_recalled(first):
     stepper = mover()
+    stepper.problem.fields = []
+    stepper.problem.rigid_bodies = []
     remembered = []
     stepper.problem.equations.remember = remembered.append
     stepper._loaded = contextmanager(lambda time: iter([None]))

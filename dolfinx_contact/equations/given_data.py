@@ -2,7 +2,7 @@
 """What users may change between two solves: the Functions and Constants of a contact problem.
 
 With them the law of a surface must be one still, as must the memory be that of its law. And what
-was put into Functions of a state, to tell it from what users put there.
+was put into unknowns of a state, to tell it from what users put there.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.obstacles import Measured
+from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = [
@@ -252,19 +253,19 @@ class Constancy:
             _values(d.value)[...] = values
 
 
-#: Marks of the owned values that were put last into Functions that live, on this rank. Problems
-#: share Functions, so that none of them alone knows.
-_PUT: dict[int, tuple[weakref.ref[fem.Function], int]] = {}
+#: Marks of what was put last into Functions and rigid bodies that live, on this rank. Problems
+#: share these, so that none of them alone knows.
+_PUT: dict[int, tuple[weakref.ref[Any], int]] = {}
 
 
-def note_put(*functions: fem.Function) -> None:
-    """Take what is in Functions now for what was put there, and not by users. Not collective."""
-    for f in functions:
+def note_put(*unknowns: fem.Function | RigidBody) -> None:
+    """Take what unknowns are now for what was put there, and not by users. Not collective."""
+    for f in unknowns:
         _PUT[id(f)] = weakref.ref(f, _forgets(id(f))), _mark(f)
 
 
 def _forgets(key: int) -> Callable[[object], None]:
-    """What is called where the Function of a mark lives no longer."""
+    """What is called where that of a mark lives no longer."""
 
     def forget(_: object) -> None:
         _PUT.pop(key, None)
@@ -272,8 +273,8 @@ def _forgets(key: int) -> Callable[[object], None]:
     return forget
 
 
-def was_put(f: fem.Function) -> bool:
-    """Whether a Function has what was put there last. Not collective."""
+def was_put(f: fem.Function | RigidBody) -> bool:
+    """Whether an unknown is what was put there last. Not collective."""
     known, mark = _PUT.get(id(f), (None, 0))
     return known is not None and known() is f and mark == _mark(f)
 
@@ -284,14 +285,21 @@ def numbers_of(eq: ContactEquations) -> list[list[float]]:
     return [[float(v) for v in np.real(np.ravel(c.value))] for c in constants]
 
 
-def owned(f: fem.Function, values: npt.NDArray[np.float64] | None = None) -> npt.NDArray:
-    """Owned ones among all local values, by default those in a Function. Not collective."""
+def owned(
+    f: fem.Function | RigidBody, values: npt.NDArray[np.float64] | None = None
+) -> npt.NDArray[np.float64]:
+    """Owned ones among all local values, by default those that are there. Not collective.
+
+    Every rank has the motion of a rigid body.
+    """
+    if isinstance(f, RigidBody):
+        return f.values if values is None else values
     dofs = f.function_space.dofmap
     found = f.x.array if values is None else values
     return np.asarray(found[: dofs.index_map.size_local * dofs.index_map_bs])
 
 
-def _mark(f: fem.Function) -> int:
+def _mark(f: fem.Function | RigidBody) -> int:
     return zlib.crc32(np.ascontiguousarray(owned(f) + 0.0))
 
 

@@ -62,7 +62,7 @@ class Scaling:
 
     Attributes:
         stiffness: mean diagonal entry.
-        softness: of the body (`softness`).
+        softness: of the part of the body that yields least (`softness`).
         automatic_r: at the local vertices of each surface.
         at_vertices: stiffness of a node by its area, there.
         loose: rigid motions that neither stiffness nor Dirichlet data hold.
@@ -115,9 +115,10 @@ class Scaling:
         around = surfaces[0].axisymmetric
         if around:
             require_hoop_stiffness(K)
-        self.softness = softness(products, self._V, axisymmetric=around)
+        soft = softness(products, self._V, self._part, axisymmetric=around)
+        self.softness = float(soft.min())
         self.stiffness, self.automatic_r, self.at_vertices = automatic_augmentation(
-            K, self.softness, self._V, surfaces, self._extents
+            K, soft[self._part], self._V, surfaces, self._extents
         )
         moves = None if self._bulk.has_mass else K
         self.loose = LooseMotions(
@@ -144,7 +145,7 @@ class Scaling:
 
 def automatic_augmentation(
     K: PETSc.Mat,
-    soft: float,
+    soft: float | Array,
     V: fem.FunctionSpace,
     surfaces: Sequence[ContactSurface],
     extents: Array,
@@ -165,7 +166,7 @@ def automatic_augmentation(
 
     Args:
         K: the stiffness.
-        soft: the `softness` of the body.
+        soft: the `softness` of the body, or at the local nodes that of the part they belong to.
         V: displacement space.
         surfaces: where the body may touch.
         extents: at the local nodes, the size of the connected part they belong to.
@@ -188,7 +189,7 @@ def automatic_augmentation(
     per_node = diagonal.x.array.reshape(-1, bs).mean(axis=1)
     automatic = []
     at_vertices = []
-    share = np.sqrt(min(2.0 * soft, 1.0))
+    share = np.sqrt(np.minimum(2.0 * soft, 1.0))
     for s in surfaces:
         # Of two bodies that touch both yield.
         pair = _in_series(per_node, s)
@@ -198,8 +199,8 @@ def automatic_augmentation(
         if s.slides:
             automatic.append(_SLIDING * stiffness)
             continue
-        whole = _in_series(per_node / extents, s)
-        automatic.append(share * width * whole[s.points.vertex_trace_dofs] / s.points.vertex_areas)
+        whole = _in_series(share * per_node / extents, s)
+        automatic.append(width * whole[s.points.vertex_trace_dofs] / s.points.vertex_areas)
     return size / (V.dofmap.index_map.size_global * bs), automatic, at_vertices
 
 
@@ -227,33 +228,70 @@ def require_hoop_stiffness(K: PETSc.Mat) -> None:
     )
 
 
-def softness(K: PETSc.Mat, V: fem.FunctionSpace, *, axisymmetric: bool = False) -> float:
-    """Median over mean eigenvalue of the stiffness of the body to uniform strains. Collective.
+def softness(
+    K: PETSc.Mat,
+    V: fem.FunctionSpace,
+    part: npt.NDArray[np.int32] | None = None,
+    *,
+    axisymmetric: bool = False,
+) -> Array:
+    """Median over mean eigenvalue of the stiffness of parts to uniform strains. Collective.
 
     The energies of displacements E x with a constant symmetric E are those of Voigt's average of
     the elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952), whose eigenvalues are 2 mu
     (five times in 3D) and 3 lambda + 2 mu for an isotropic body: 4 mu / (4 mu + lambda), which is
     0.73 for Poisson's ratio 0.3 and 0.008 for 0.499. Of a body of revolution they are (r, 0), with
     the same strain around, (0, z) and (0, r).
+
+    Args:
+        K: the stiffness.
+        V: displacement space.
+        part: of each local node, the connected part; None if there is one.
+        axisymmetric: whether the body is one of revolution.
+
+    Returns:
+        That of every part (parts,).
     """
+    comm = V.mesh.comm
     dim = V.mesh.geometry.dim
     n = V.dofmap.index_map.size_local
     x = V.tabulate_dof_coordinates()[:n, :dim]
+    mine = np.zeros(n, dtype=np.int32) if part is None else part[:n]
+    number = comm.allreduce(int(mine.max(initial=0)), op=max) + 1
+
+    def summed(values: Array) -> Array:
+        """Sums over the nodes of every part (parts, columns), of all ranks."""
+        found = np.zeros((number, values.shape[1]))
+        np.add.at(found, mine, values)
+        return np.asarray(comm.allreduce(found))
+
+    # From the middle of the part: far from the origin strains are lost in round-off.
+    *total, count = summed(np.column_stack([x, np.ones(n)])).T
+    middle = np.stack(total, axis=1) / count[:, None]
+    if axisymmetric:
+        middle[:, 0] = 0.0
+    x = x - middle[mine]
     gradients = [np.diag(row) for row in np.eye(dim)]
     for i, j in combinations(range(dim), 2):
         gradients.append(np.zeros((dim, dim)))
         gradients[-1][i, j] = gradients[-1][j, i] = np.sqrt(0.5)
     if axisymmetric:
         gradients = [np.diag([np.sqrt(0.5), 0.0]), gradients[1], np.sqrt(2.0) * np.eye(2, k=1)]
-    fields = [(x @ gradient).reshape(-1) for gradient in gradients]
+    fields = [x @ gradient for gradient in gradients]
     u, f = K.createVecs()
-    energies = np.empty((len(fields), len(fields)))
-    for column, a in enumerate(fields):
-        u.array[:] = a
+    columns = []
+    for a in fields:
+        u.array[:] = a.reshape(-1)
         K.mult(u, f)
-        energies[:, column] = [b @ f.array_r for b in fields]
+        forces = f.array_r.reshape(-1, dim)
+        columns.append(np.stack([np.einsum("ni,ni->n", b, forces) for b in fields], axis=1))
     u.destroy(), f.destroy()
-    energies = V.mesh.comm.allreduce(energies)
+    every = summed(np.concatenate(columns, axis=1)).reshape(number, len(fields), len(fields))
+    return np.array([_softness(energies) for energies in every])
+
+
+def _softness(energies: Array) -> float:
+    """Of a part by its energies under uniform strains (strains, strains)."""
     if not np.isfinite(energies).all() or not energies.any():
         return 1.0
     eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))

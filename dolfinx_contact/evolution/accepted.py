@@ -37,6 +37,7 @@ from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
 from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.solvers.strategies import Trial
@@ -172,10 +173,10 @@ class _Remembered(NamedTuple):
 
 
 class OfState(NamedTuple):
-    """A Function that has a part of a state, what it is called, and values of it (local)."""
+    """What has a part of a state, what it is called, and values of it (local)."""
 
     name: str
-    function: fem.Function
+    unknown: fem.Function | RigidBody
     values: Array
 
 
@@ -217,12 +218,12 @@ def _at_points(a: AtRest, b: AtRest) -> list[_AtPoints]:
     return found
 
 
-def is_still(f: fem.Function, values: Array) -> bool:
-    """Whether a Function has values (local), but for the round-off of a scale. Collective."""
+def is_still(comm: MPI.Comm, f: fem.Function | RigidBody, values: Array) -> bool:
+    """Whether an unknown has values (local), but for the round-off of a scale. Collective."""
     was = owned(f, values)
     off = float(np.max(np.abs(owned(f) - was), initial=0.0))
     size = float(np.max(np.abs(was), initial=0.0))
-    off, size = f.function_space.mesh.comm.allreduce(np.array([off, size]), op=np.maximum)
+    off, size = comm.allreduce(np.array([off, size]), op=np.maximum)
     return bool(off <= _SAME * size)
 
 
@@ -432,7 +433,7 @@ class Stepper:
             first: whether it is the start, whose statuses are not known.
         """
         eq = self.problem.equations
-        note_put(self.problem.u)
+        note_put(*self.problem.fields, *self.problem.rigid_bodies)
         with self._loaded(time):
             eq.remember(memory)
             state = self.problem.state()
@@ -471,26 +472,29 @@ class Stepper:
         return self.changed_since_put
 
     def changed_since_put(self) -> str:
-        """Which data are not those of the state that was put last, "" if all are. Collective.
+        """What is not that of the state that was put last, "" if all is. Collective.
 
-        They are put back before the next step, so that a change of what the load does not set
-        would be lost, and nobody knew. What it sets may be anything.
+        It is put back before the next step, so that a change of what the load does not set would be
+        lost, and nobody knew. What it sets may be anything.
         """
         assert self._there is not None
-        comm = self.problem.comm
         data = self._there.data
-        if not data.changed(comm):
-            return ""
-        self._set(self._there.time)
-        return data.changed(comm)
+        if data.changed(self.problem.comm):
+            self._set(self._there.time)
+        other = self._other_state(self._there)
+        return data.changed(self.problem.comm) or (other and f"the {other}")
 
     def _is_solved(self, state: State) -> bool:
         """Whether a state is a solution under the load that is there. Collective."""
         return Scales(self.problem.equations, settled=True).measure(state).worst <= _SOLVED
 
     def _of_state(self, accepted: AcceptedState) -> list[OfState]:
-        """Functions that have the state of the body, and their values at an accepted one."""
-        return [OfState("displacement", self.problem.u, accepted.fields[0])]
+        """What has the state, and its values at an accepted one."""
+        problem = self.problem
+        names = ["displacement", *(f"multiplier of {s.name!r}" for s in problem.surfaces)]
+        found = list(map(OfState, names, problem.fields, accepted.fields))
+        moved = zip(problem.rigid_bodies, accepted.motions, strict=True)
+        return found + [OfState(f"motion of {body.name!r}", body, v) for body, v in moved]
 
     def require_untouched(self, accepted: AcceptedState) -> None:
         """Refuse a later run where users have put something else in place of its start. Collective.
@@ -500,16 +504,23 @@ class Stepper:
         Args:
             accepted: the last state, where the run begins.
         """
+        other = self._other_state(accepted)
+        require(
+            self.problem.comm,
+            not other,
+            f"the {other} has been changed since the last run ended at {accepted.time:.10g}, "
+            "and a later run begins with the state in which that ended: to begin with what is "
+            f"there now make another {self.kind}, else put back what was there",
+        )
+
+    def _other_state(self, accepted: AcceptedState) -> str:
+        """What users have put in place of an accepted state, "" if nothing. Collective."""
         comm = self.problem.comm
         for name, f, values in self._of_state(accepted):
             known = bool(comm.allreduce(int(was_put(f)), op=MPI.MIN))
-            require(
-                comm,
-                known or is_still(f, values),
-                f"the {name} has been changed since the last run ended at {accepted.time:.10g}, "
-                "and a later run begins with the state in which that ended: to begin with what is "
-                f"there now make another {self.kind}, else put back what was there",
-            )
+            if not (known or is_still(comm, f, values)):
+                return name
+        return ""
 
     def put(self, accepted: AcceptedState) -> None:
         """Put a state into Functions, statuses, rigid bodies, data and memory, bit by bit.
@@ -526,9 +537,9 @@ class Stepper:
         problem = self.problem
         for f, values in zip(problem.fields, accepted.fields, strict=True):
             f.x.array[:] = values
-        note_put(problem.u)
         for body, motion in zip(problem.rigid_bodies, accepted.motions, strict=True):
             body.values = motion.copy()
+        note_put(*problem.fields, *problem.rigid_bodies)
         for s, codes in zip(problem.surfaces, accepted.shown, strict=True):
             s.statuses = codes.copy()
 

@@ -43,7 +43,6 @@ from dolfinx_contact.evolution.accepted import (
     OfState,
     SolvedStep,
     Stepper,
-    is_still,
 )
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
@@ -178,7 +177,7 @@ class MotionStepper(Stepper):
     def recalled(
         self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        note_put(self.problem.u, self._velocity)
+        note_put(*self.problem.fields, *self.problem.rigid_bodies, self._velocity)
         with self._loaded(time):
             self.problem.equations.remember(memory)
             state = self._contact()
@@ -199,11 +198,6 @@ class MotionStepper(Stepper):
         assert isinstance(accepted, MovingState)
         self._velocity.x.array[:] = accepted.motion.v
         note_put(self._velocity)
-
-    def changed_since_put(self) -> str:
-        assert isinstance(self._there, MovingState)
-        stays = is_still(self._velocity, self._there.motion.v)
-        return super().changed_since_put() or ("" if stays else "the velocity")
 
     def _of_state(self, accepted: AcceptedState) -> list[OfState]:
         assert isinstance(accepted, MovingState)

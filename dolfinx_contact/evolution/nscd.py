@@ -244,7 +244,7 @@ class NSCD(Evolution):
                 the reason for which the run ends there, or "" to continue. A later run continues
                 from there.
             observer: called with every accepted step while its end is in the problem. It may look:
-                data or velocities that it has changed, and the load does not set, are refused.
+                data or a state that it has changed, and the load does not set, are refused.
             record: keeps every accepted step before the observer is called, as
                 `records.EvolutionRecord` does.
             progress: whether rank 0 reports on the standard error stream where it is; by default

@@ -12,7 +12,13 @@ first guess, as near to that as the edges allow, since these do not determine th
 strips: the sums over the facets around a point of the products of the edges e_1, e_2 that meet
 there, sum e_1 x e_2 / (|e_1|^2 |e_2|^2), those of a sphere through the points, exactly (Max,
 J. Graphics Tools 4(2), 1999); of segments sum n_s / |s|, those of a circle. Where a flat part goes
-over into a round one the guess is that of the flat part, and stays.
+over into a round one the guess is that of the flat part, and stays. A flat part is one of two
+triangles at least: those of a round one, in planes of their own, would count as flat ones in
+turn, whose normals agree with the edges as well.
+
+Noise of points, or facets that no smooth surface has, as around a rim that is a crease in part,
+leave normals that do not fit any facet. None is farther from the guess than facets around a point,
+or around one beside it, are.
 
 At a *tip*, as that of a cone, no plane is tangent. There n_a.(x_b - x_a) has one sign all around,
 but n_b.(x_b - x_a), opposite to it at the pole of a sphere, is far less.
@@ -78,7 +84,7 @@ def without_tips(corners: Array, fans: Ints) -> Ints:
     return np.asarray(np.unique(own, return_inverse=True)[1].reshape(-1), dtype=np.int64)
 
 
-def corner_normals(corners: Array, fans: Ints, turns: Array) -> Array:
+def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Array:
     """Unit normals at the corners of facets (k, dim, dim), the same in a fan.
 
     Where a facet bends far less than the most bent one of its fan, as a flat part beside a rounded
@@ -88,28 +94,47 @@ def corner_normals(corners: Array, fans: Ints, turns: Array) -> Array:
     Args:
         corners: of facets (k, dim, dim).
         fans: of the corners, which no crease parts (k dim,).
-        turns: how much facets bend at creases (k,).
+        planes: numbers of the planes that facets which meet have in common (k,).
+        turns: how much facets bend at creases (k,), the same in a plane.
     """
     dim = corners.shape[1]
     across = crossed(corners)
     weights = _weights(corners)
     size = np.linalg.norm(across, axis=1)[:, None]
     shares = size * weights
-    guess = _averaged(weights, across, fans)
+    guess = first = _averaged(weights, across, fans)
     edges = _edges(corners, fans)
     found = _along_edges(edges, guess, fans, np.ones(len(fans)))
+    flat = (np.bincount(planes)[planes] > 1) | (dim == 2)
     for _ in range(_TIMES):
         # Neither alone: guesses are off beside other curvatures, edges where parts meet in a mitre.
         bends = np.sqrt(_bends(corners, guess) * _bends(corners, found))
-        bends = np.maximum(bends, turns)
-        most = _most(np.repeat(bends[:, None], dim, axis=1), fans)
+        bends = np.maximum(_most(bends, planes), turns)
+        most = _most(np.repeat(bends, dim), fans).reshape(-1, dim)
         part = np.divide(bends[:, None], most, out=np.ones_like(most), where=most > 0)
-        part = np.maximum(part, _FLATTEST)
-        heaviest = _most(shares, fans) / size
+        part = np.where(flat[:, None], np.maximum(part, _FLATTEST), 1.0)
+        heaviest = _most(shares.reshape(-1), fans).reshape(-1, dim) / size
         flatter = np.where(part < _BENT, heaviest * (_BENT / part) ** _POWER, weights)
         guess = _averaged(flatter, across, fans)
         found = _along_edges(edges, guess, fans, part.reshape(-1) ** 2)
-    return found
+    return _near(found, first, across, fans, edges)
+
+
+def _near(
+    found: Array, guess: Array, across: Array, fans: Ints, edges_of_fans: tuple[Ints, Ints, Array]
+) -> Array:
+    """Normals (k, dim, dim) no farther from a guess than facets are from it, there or beside."""
+    a, b, _ = edges_of_fans
+    off = np.linalg.norm(_unit(across)[:, None] - guess, axis=2).reshape(-1)
+    first, fans = np.unique(fans, return_index=True, return_inverse=True)[1:]
+    here = _most(off, fans)[first]
+    most = here.copy()
+    np.maximum.at(most, a, here[b])
+    np.maximum.at(most, b, here[a])
+    turn = (found - guess).reshape(-1, guess.shape[1])
+    size = np.maximum(np.linalg.norm(turn, axis=1), np.finfo(float).tiny)
+    turn *= np.minimum(1.0, most[fans] / size)[:, None]
+    return _unit(guess + turn.reshape(guess.shape))
 
 
 def _weights(corners: Array) -> Array:
@@ -197,11 +222,11 @@ def _bends(corners: Array, normals: Array) -> Array:
     return found
 
 
-def _most(of_corners: Array, fans: Ints) -> Array:
-    """The largest values of corners (k, dim) in their fans, at these."""
-    most = np.zeros(len(fans))
-    np.maximum.at(most, fans, of_corners.reshape(-1))
-    return np.asarray(most[fans].reshape(of_corners.shape))
+def _most(values: Array, groups: Ints) -> Array:
+    """The largest values (n,) in their groups, by the numbers of these (n,)."""
+    most = np.zeros(int(groups.max()) + 1)
+    np.maximum.at(most, groups, values)
+    return np.asarray(most[groups])
 
 
 def _unit(x: Array) -> Array:

@@ -47,8 +47,9 @@ class RigidSurface(Obstacle):
     and is refused if its normals are inward. Facets that disagree with their neighbours are
     refused. With ``mend`` both are turned: each connected part as most of its area has it, and
     outward where it is closed; points in one place are made one, facets with two corners in one
-    place, as writers of STL leave them, are left out, and those with a point of a rim on their
-    edge are cut there. With ``reverse`` the body is on the other side, as inside a die.
+    place, as writers of STL leave them, and those that are there again are left out, and those
+    with a point of a rim on their edge are cut there. With ``reverse`` the body is on the other
+    side, as inside a die.
 
     *Edges.* Normals are those of the smooth surface of which facets are chords, found at points and
     interpolated on facets (`rigid_surfaces.normals`), but not across edges where those of facets

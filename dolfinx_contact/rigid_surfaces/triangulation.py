@@ -29,7 +29,7 @@ Bools = npt.NDArray[np.bool_]
 _SAME = 1e-7  # of the extent, up to which two points of a file are one: those have single precision
 _ON_EDGE = 1e-3  # of it, within which a point of a rim is on an edge of another
 _SLIT = 0.01  # of the edges of two points on rims, within which these are meant to be one
-_COPLANAR = 1e-3  # difference of unit normals below which facets lie in one plane
+_COPLANAR = 1e-4  # difference of unit normals below which facets lie in one plane
 _FLAT = 1e-10  # of the longest edge squared, up to which a facet has no area
 
 
@@ -109,8 +109,9 @@ def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
 
 
 def mended(points: Array, cells: Ints, name: str) -> Ints:
-    """Facets without those that have two corners in one, turned like their neighbours.
+    """Facets that have no two corners in one and are there once, turned like their neighbours.
 
+    Of two that look to different sides both stay, as those of a plate without thickness.
     Facets are cut where a point of a rim is on their edge, so that they meet those beyond it. Of
     each connected part the orientation of most of its area is kept, and it encloses a positive
     volume where it is closed.
@@ -118,7 +119,7 @@ def mended(points: Array, cells: Ints, name: str) -> Ints:
     Raises:
         ValueError: if a part has one side alone, as a Moebius strip.
     """
-    cells = _cut_at_points(points, cells[~_collapsed(cells)], name)
+    cells = _cut_at_points(points, _once(cells[~_collapsed(cells)]), name)
     ridges, signs, _, pairs = _ridges(cells, name)
     first, second = pairs
     unlike = (signs[first] == signs[second]).astype(np.int64)
@@ -169,7 +170,9 @@ def triangulated(
     cosine = np.einsum("pi,pi->p", normals[first // dim], normals[second // dim])
     creases = np.zeros(count, dtype=bool)
     creases[ridges.ravel()[first]] = cosine < np.cos(crease)
-    turns = _turns(points[cells], normals, (first, second), creases[ridges.ravel()[first]])
+    planes = _planes(normals, (first // dim, second // dim))
+    at_creases = creases[ridges.ravel()[first]]
+    turns = _turns(points[cells], normals, (first, second), at_creases, planes)
     ridge_normals = np.zeros((count, dim))
     np.add.at(ridge_normals, ridges, normals[:, None])
     fans = without_tips(points[cells], _fans(cells, nodes, ridges, (first, second), ~creases))
@@ -192,7 +195,7 @@ def triangulated(
         parts_of_points > 1,
         rims,
         point_rims,
-        corner_normals(points[cells], fans, turns),
+        corner_normals(points[cells], fans, planes, turns),
     )
 
 
@@ -202,6 +205,14 @@ def triangulated(
 def _collapsed(cells: Ints) -> Bools:
     ordered = np.sort(cells, axis=1)
     return np.asarray((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+
+
+def _once(cells: Ints) -> Ints:
+    """Facets without those that are there before, with the same corners the same way round."""
+    dim = cells.shape[1]
+    first = np.argmin(cells, axis=1)[:, None] if dim == 3 else np.zeros((len(cells), 1), int)
+    turned = np.take_along_axis(cells, (first + np.arange(dim)) % dim, axis=1)
+    return cells[np.sort(np.unique(turned, axis=0, return_index=True)[1])]
 
 
 def _check_facets(points: Array, cells: Ints, name: str) -> None:
@@ -222,7 +233,10 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
         )
     twice = len(cells) - len(np.unique(np.sort(cells, axis=1), axis=0))
     if twice:
-        raise ValueError(f"{name}: {twice} facets are there twice")
+        raise ValueError(
+            f"{name}: {twice} facets are there twice: mend=True leaves out those that look to the "
+            "same side"
+        )
 
 
 def _check_sides(
@@ -456,7 +470,21 @@ def angles_of(corners: Array) -> Array:
     return found
 
 
-def _turns(corners: Array, normals: Array, pairs: tuple[Ints, Ints], creases: Bools) -> Array:
+def _planes(normals: Array, pairs: tuple[Ints, Ints]) -> Ints:
+    """Numbers of the planes that facets which meet have in common (k,).
+
+    Args:
+        normals: of facets (k, dim).
+        pairs: of facets that meet.
+    """
+    first, second = pairs
+    same = np.linalg.norm(normals[first] - normals[second], axis=1) < _COPLANAR
+    return _parts(len(normals), first[same], second[same])
+
+
+def _turns(
+    corners: Array, normals: Array, pairs: tuple[Ints, Ints], creases: Bools, planes: Ints
+) -> Array:
     """How much facets bend if they turn at their creases (k,): the difference of normals there, the
     most, over the width of the facet across it.
 
@@ -467,12 +495,11 @@ def _turns(corners: Array, normals: Array, pairs: tuple[Ints, Ints], creases: Bo
         normals: of these (k, dim).
         pairs: of facets and corners the way round, opposite to what two of them share (p,).
         creases: whether that is one (p,).
+        planes: that facets have in common (k,).
     """
     dim = normals.shape[1]
     first, second = (p // dim for p in pairs)
     off = np.linalg.norm(normals[first] - normals[second], axis=1)
-    plane = off < _COPLANAR
-    part = _parts(len(normals), first[plane], second[plane])
     size = np.linalg.norm(crossed(corners), axis=1)
     most = np.zeros(len(normals))
     for ridge in pairs:
@@ -481,5 +508,5 @@ def _turns(corners: Array, normals: Array, pairs: tuple[Ints, Ints], creases: Bo
         if dim == 3:
             ends = [corners[facet, (corner + k) % 3] for k in (1, 2)]
             width = width / np.linalg.norm(ends[1] - ends[0], axis=1)
-        np.maximum.at(most, part[facet], np.where(creases, off / width, 0.0))
-    return np.asarray(most[part])
+        np.maximum.at(most, planes[facet], np.where(creases, off / width, 0.0))
+    return np.asarray(most[planes])
