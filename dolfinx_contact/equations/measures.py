@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._reductions import largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws.status import STICK, closed, senses
@@ -46,7 +47,7 @@ class Measures:
     @property
     def worst(self) -> float:
         """The largest of the three; NaN if one is."""
-        return float(np.max([self.force, self.constraint, self.cone]))
+        return _most(self.force, self.constraint, self.cone)
 
 
 def least_scales(equations: ContactEquations, length: float) -> tuple[float, float]:
@@ -97,8 +98,7 @@ class Scales:
             lengths.append(held_back(s, found, stiffness))
             lengths.append(float(np.max(-s.points.vertex_gaps, initial=0.0)))
         values = np.array([_most(*v) for v in (forces, lengths, [force], constraint, cone)])
-        # np.maximum carries NaN over to every rank.
-        values = eq.comm.allreduce(values, op=np.maximum)
+        values = largest(eq.comm, values)
         self.force = max(self.force, float(values[0]))
         self.length = max(self.length, float(values[1]), 1e-14 * eq.body_size)
         if self._settled:
@@ -162,8 +162,8 @@ def _row_measures(
 
 def _most(*values: float) -> float:
     """The largest; NaN if one is, which Python's own would leave out."""
-    return float(np.max(values))
+    return np.nan if any(v != v for v in values) else max(values)
 
 
 def _largest(values: npt.NDArray[Any]) -> float:
-    return float(np.max(np.abs(values), initial=0.0))
+    return float(np.abs(values).max(initial=0.0))
