@@ -171,17 +171,20 @@ class ContactEquations:
         with logged("ContactStatus"):
             return State(u, q, self._contact(x, u, q, statuses))
 
-    def taken_by(self, x: PETSc.Vec, state: State, statuses: Statuses) -> State:
+    def taken_by(self, x: PETSc.Vec, state: State, statuses: Statuses | None) -> State:
         """A state at ``x``, without the rows of H, as `contact` has it by other statuses.
 
         Laws answer for every status, so that they are not asked again unless they see the points
         around theirs, or some have nothing opposite.
         """
+        self.refresh()
         if any(
             found.answers.spreading is not None or found.kinematics.operator.absent is not None
             for found in state.surfaces
         ):
             return self.contact(x, statuses)
+        if statuses is None:
+            statuses = [found.answers.required for found in state.surfaces]
         found = zip(state.surfaces, statuses, strict=True)
         return State(state.u, state.q, [replace(at, statuses=codes) for at, codes in found])
 
