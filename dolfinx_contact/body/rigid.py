@@ -50,9 +50,13 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     owned = index_map.size_local
     size = index_map.size_local + index_map.num_ghosts
     cells = V.dofmap.list
-    edges = np.stack([np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].reshape(-1)])
-    graph = scipy.sparse.coo_array((np.ones(edges.shape[1]), tuple(edges)), shape=(size, size))
+    number, nodes = cells.shape
+    # Nodes, then cells, each of which leads to its nodes.
+    starts = np.concatenate([np.zeros(size, dtype=np.int32), nodes * np.arange(number + 1)])
+    rows = np.ones(cells.size), cells.reshape(-1), starts.astype(np.int32)
+    graph = scipy.sparse.csr_array(rows, shape=(size + number, size + number))
     count, mine = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    mine = mine[:size]
     if comm.size == 1:
         return np.asarray(mine, dtype=np.int32)
     counts = comm.allgather(count)

@@ -145,19 +145,16 @@ def _row_measures(
         size = _largest(rows)
         return size / unit, size, _largest(found.traction) * _largest(area)
     rows = rows.reshape(-1, s.dim)
-    along = np.sum(rows * found.data.n, axis=1)
-    across = np.linalg.norm(rows - along[:, None] * found.data.n, axis=1)
+    normal = np.sum(rows * found.data.n, axis=1)
+    along = np.abs(normal)
+    across = np.linalg.norm(rows - normal[:, None] * found.data.n, axis=1)
     touching = closed(found.statuses)
     stuck = senses(found.statuses) == STICK
     # The direction of a slip is known to the shear residual over r, a length as well. Friction may
     # hold an open point.
-    lengths = np.where(touching, np.abs(along), 0.0), np.where(touching | stuck, across, 0.0)
-    sizes = np.where(touching, 0.0, np.abs(along)), np.where(stuck, 0.0, across)
-    return (
-        _most(*(_largest(v / (r * area)) for v in lengths)),
-        _most(*(_largest(v) for v in sizes)),
-        forces,
-    )
+    lengths = np.array([np.where(touching, along, 0.0), np.where(touching | stuck, across, 0.0)])
+    sizes = np.array([np.where(touching, 0.0, along), np.where(stuck, 0.0, across)])
+    return _largest(lengths / (r * area)), _largest(sizes), forces
 
 
 def _most(*values: float) -> float:

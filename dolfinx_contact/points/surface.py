@@ -23,6 +23,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact._frozen import ReadOnly, seal
 from dolfinx_contact._kept import keep
 from dolfinx_contact._mesh_mark import mesh_mark
+from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.laws import Answers, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
@@ -52,7 +53,7 @@ from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite, Overlap
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_revolution, check_section
 from dolfinx_contact.points.rigid_body import RigidBody, number
-from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.trace import exterior_facets, rounded, simplex_normals
 
 __all__ = ["ContactSurface"]
 
@@ -580,6 +581,23 @@ class ContactSurface(ReadOnly):
     def node_positions(self) -> Array:
         """Positions of the local nodes of the displacement (n, dim)."""
         return self.u.function_space.tabulate_dof_coordinates()[:, : self.dim].copy()
+
+    @cached_property
+    def facet_sides(self) -> tuple[npt.NDArray[np.int32], Array, Array]:
+        """Of the local facets the vertices, and on which side the body is not.
+
+        Returns:
+            Local vertices (facets, k); places of all of these without the round-off in them, so
+            that the first of several is the same everywhere (n, dim); signs by which
+            `trace.simplex_normals` point out of the body (facets,).
+        """
+        facets = self.submesh.parent_facets
+        corners = self.points.vertices.dofmap.list[: len(facets)]
+        x = rounded(self.points.vertices.tabulate_dof_coordinates()[:, : self.dim])
+        to_cells = self.domain.topology.connectivity(self.dim - 1, self.dim)
+        inside = midpoints(self.domain, to_cells.array[to_cells.offsets[facets]])
+        N = simplex_normals(x[corners[:, : self.dim]])
+        return corners, x, np.sign(np.sum(N * (x[corners[:, 0]] - inside), axis=1))
 
     @cached_property
     def parts(self) -> tuple[npt.NDArray[np.int64], int]:

@@ -196,8 +196,8 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     eq.require_same_mesh()
     check_moduli(eq)
     eq.bulk.require_continuous()
+    eq.refresh()
     for s in eq.surfaces:
-        s.update_geometry()
         s.check_gaps()
         check_law(s)
         if s.memory is None:
