@@ -329,7 +329,10 @@ class Bulk:
 
     @property
     def for_products(self) -> PETSc.Mat:
-        """The stiffness assembled last, by half where it stays and is symmetric. Collective."""
+        """The stiffness assembled last, by half where it stays and is symmetric. Collective.
+
+        For many products: it is made in the time of some tens of them.
+        """
         assert self._K is not None
         if not self.linear or not self.is_energy:
             return self._K
@@ -405,7 +408,7 @@ class Bulk:
         x = self._K.createVecRight()
         y = self._K.createVecLeft()
         x.array[:] = u[: x.getLocalSize()]
-        self.for_products.mult(x, y)
+        (self._K if self._half is None else self._half).mult(x, y)
         values = y.array_r.copy()
         x.destroy(), y.destroy()
         return values

@@ -120,11 +120,10 @@ class Scaling:
         surfaces = self._surfaces
         fixed, rigid = self._given
         K = self._bulk.stiffness(u)
-        products = self._bulk.for_products
         around = surfaces[0].axisymmetric
         if around:
             require_hoop_stiffness(K)
-        self.softness = softness(products, self._V, axisymmetric=around)
+        self.softness = softness(K, self._V, axisymmetric=around)
         self.stiffness, self.automatic_r, self.at_vertices = automatic_augmentation(
             K, self.softness, self._V, surfaces, self._extents
         )
