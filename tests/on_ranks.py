@@ -316,7 +316,7 @@ ON_TWO = {
     ),
     "test_settling": ("rounds",),
     "test_shakedown": ("bad_input",),
-    "test_shared_values": ("values_from_owners",),
+    "test_shared_values": ("values_from_owners", "a_few_numbers_of_all_ranks"),
     "test_sliding_pair": (
         *("history",),
         *("patch_in_space", "branch", "a_record_of_another_sliding", "refused"),

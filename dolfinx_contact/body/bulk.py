@@ -36,15 +36,16 @@ from dolfinx_contact._affine import dependence, has_branches, is_affine, jumps_i
 from dolfinx_contact._forms import Content, content_of, derived_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
-from dolfinx_contact._reductions import anywhere
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._shared import SharedValues, anywhere
 from dolfinx_contact.body.quadrature import EstimatedRule, estimated_rule
 from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk", "check_jumps"]
 
+Array = npt.NDArray[np.float64]
+
 _PRODUCTS = 2  # that are timed
-_NOWHERE = np.empty(0), np.empty(0)
+_NOWHERE: tuple[Array, Array] = (np.empty(0), np.empty(0))
 _Fact = TypeVar("_Fact")
 logger = logging.getLogger(__name__)
 

@@ -23,7 +23,6 @@ import numpy.typing as npt
 
 from dolfinx_contact._forcing import Forcing
 from dolfinx_contact._petsc import as_raised, options_in_database
-from dolfinx_contact._reductions import total
 from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.chords import Chords
@@ -429,7 +428,7 @@ class Corrector:
         if it == 0 or before is None:
             return 1.0
         mine = np.array([np.sum(codes != before), len(before)])
-        changed, number = total(self.bordered.comm, mine)
+        changed, number = self.bordered.comm.allreduce(mine)
         return float(changed / max(number, 1))
 
     def _forcing(self, error: float, changed: float) -> float:

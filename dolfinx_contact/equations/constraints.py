@@ -20,8 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._reductions import total
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._shared import SharedValues, total
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.held_ends import resting

@@ -32,7 +32,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays
 from dolfinx_contact._options import ProblemOptions
 from dolfinx_contact._petsc import logged
-from dolfinx_contact._reductions import anywhere, total
+from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.constraints import Constraints, PrescribedDisplacement, check_overlap
@@ -260,7 +260,7 @@ class ContactEquations:
         # A linear body takes its Dirichlet data in the product, and needs no assembly.
         affine = self.bulk.affine_residual(u + missing)
         body = self.bulk.residual_at(u) if affine is None else affine
-        pushed = np.zeros(self.rigid.size)
+        pushed: Array = np.zeros(self.rigid.size)
         for s, state in zip(self.surfaces, contact, strict=True):
             forces = state.kinematics.operator.transpose(state.traction)
             body = body - forces

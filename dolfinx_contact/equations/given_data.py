@@ -25,7 +25,7 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._errors import require
 from dolfinx_contact._mesh_mark import mesh_mark
-from dolfinx_contact._reductions import anywhere, largest
+from dolfinx_contact._shared import anywhere, largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.obstacles import Measured
@@ -235,7 +235,7 @@ class Constancy:
             (np.max(a, initial=0.0), np.max(np.abs(v), initial=0.0))
             for a, v in zip(off, self._values, strict=True)
         ]
-        found = largest(self._comm, mine)
+        found: Any = largest(self._comm, mine)
         for d, v, (here, _), (away, size) in zip(
             self._data, self._values, mine, found, strict=True
         ):

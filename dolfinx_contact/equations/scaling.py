@@ -20,7 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._reductions import anywhere, total
+from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import extents, parts
@@ -252,7 +252,7 @@ def softness(K: PETSc.Mat, V: fem.FunctionSpace, *, axisymmetric: bool = False) 
         gradients = [np.diag([np.sqrt(0.5), 0.0]), gradients[1], np.sqrt(2.0) * np.eye(2, k=1)]
     fields = [(x @ gradient).reshape(-1) for gradient in gradients]
     u, f = K.createVecs()
-    energies = np.empty((len(fields), len(fields)))
+    energies: Array = np.empty((len(fields), len(fields)))
     for column, a in enumerate(fields):
         u.array[:] = a
         K.mult(u, f)

@@ -18,8 +18,7 @@ from dolfinx import fem, la, mesh
 from dolfinx_contact._compat import is_topology_of
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._numbers import is_number
-from dolfinx_contact._reductions import anywhere
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._shared import SharedValues, anywhere
 from dolfinx_contact.body.cells import midpoints
 
 __all__ = [
@@ -302,8 +301,8 @@ def at_global_places(
         Of shape (*places.shape, ...).
     """
     first: int = comm.exscan(len(values)) or 0
-    here = (first <= places) & (places < first + len(values))
-    if not anywhere(comm, not here.all())[0]:
+    mine = (first <= places) & (places < first + len(values))
+    if not anywhere(comm, not mine.all())[0]:
         return np.asarray(values[places - first])
     shape = values.shape[1:]
     width = int(np.prod(shape, dtype=int))

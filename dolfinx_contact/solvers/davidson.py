@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import on_root
-from dolfinx_contact._reductions import total
+from dolfinx_contact._shared import total
 
 __all__ = ["Davidson"]
 

@@ -42,7 +42,7 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
-from dolfinx_contact._reductions import anywhere
+from dolfinx_contact._shared import anywhere
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import (
     check_law,

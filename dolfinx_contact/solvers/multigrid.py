@@ -17,7 +17,7 @@ from dolfinx import la
 
 from dolfinx_contact._forcing import Forcing
 from dolfinx_contact._petsc import has_package, logged
-from dolfinx_contact._reductions import total
+from dolfinx_contact._shared import total
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.trace import facet_closures
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy

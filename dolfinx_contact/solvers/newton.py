@@ -22,8 +22,8 @@ import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact._petsc import as_raised, logged, options_in_database
-from dolfinx_contact._reductions import anywhere
 from dolfinx_contact._settling import ROUNDS, settle
+from dolfinx_contact._shared import anywhere
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Measures, Scales
 from dolfinx_contact.equations.state import Evaluated, State, Statuses, differs

@@ -7,7 +7,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._reductions import largest
+from dolfinx_contact._shared import largest
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State

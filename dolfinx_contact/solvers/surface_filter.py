@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._petsc import logged
-from dolfinx_contact._reductions import total
+from dolfinx_contact._shared import total
 from dolfinx_contact.solvers.condensation import CondensedBlock
 from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.surface_block import SurfaceBlock, SurfaceSet
