@@ -66,7 +66,8 @@ def test_a_few_numbers_of_all_ranks():
     for values in (mine, mine.T, mine[0, 1]):
         found = total(comm, values + r)
         np.testing.assert_array_equal(found, n * values + whole)
-        assert found.shape == values.shape and found.dtype == values.dtype
+        assert found.shape == values.shape
+        assert found.dtype == values.dtype
     np.testing.assert_array_equal(total(comm, np.zeros((0, 2))), np.zeros((0, 2)))
     np.testing.assert_array_equal(largest(comm, [[r, -r], [r % 2, -1]]), [[n - 1, 0], [n > 1, -1]])
     for rank in range(n):

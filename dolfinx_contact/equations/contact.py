@@ -413,11 +413,9 @@ class ContactEquations:
     def gaps(self, s: ContactSurface, state: State) -> Array:
         """Gap of the displacement at the points of ``s`` as the law has it, but no averages."""
         points = s.points
-        u = state.u
-        q = state.q
         if s.method != "mixed" or s.slides:
-            return self.kinematics(s, u, q).gap
-        nodes = self.rigid.relative(s, u.reshape(-1, self.dim), q)
+            return state.surfaces[self.surfaces.index(s)].kinematics.gap
+        nodes = self.rigid.relative(s, state.u.reshape(-1, self.dim), state.q)
         at = (nodes - s.opposite(nodes))[points.trace_dofs[: points.number]]
         return np.asarray(points.gaps - np.sum(at * points.data.n, axis=1))
 
