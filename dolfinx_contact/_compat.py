@@ -11,6 +11,7 @@ import ctypes
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -249,12 +250,20 @@ def option_is_used(key: str) -> bool:
 
     True if this PETSc does not tell: petsc4py has no name for ``PetscOptionsUsed``.
     """
-    try:
-        ask = ctypes.CDLL(PETSc.__file__).PetscOptionsUsed
-    except (OSError, AttributeError):
+    ask = _petsc_options_used()
+    if ask is None:
         return True
     used = ctypes.c_int(0)  # PetscBool is an int, in newer versions a bool
     return bool(ask(None, key.encode(), ctypes.byref(used)) or used.value)
+
+
+@cache
+def _petsc_options_used() -> Any:
+    """PETSc's function; None where its library has none, or cannot be found."""
+    try:
+        return ctypes.CDLL(PETSc.__file__).PetscOptionsUsed
+    except (OSError, AttributeError):
+        return None
 
 
 def geometry_dofmap(domain: mesh.Mesh) -> npt.NDArray[np.int32]:

@@ -34,11 +34,12 @@ class Entries:
         self._sums: npt.NDArray[np.int64] | None = None
         if not np.all(places[1:] > places[:-1]):
             places, self._sums = np.unique(places, return_inverse=True)
+            i, j = np.divmod(places, width)
         self._size = len(places)
-        known, starts = np.unique(places // width, return_index=True)
-        self._rows = known.astype(PETSc.IntType)
+        starts = np.flatnonzero(np.diff(i, prepend=-1))
+        self._rows = i[starts].astype(PETSc.IntType)
         self._starts = np.append(starts, self._size).astype(PETSc.IntType)
-        self._columns = (places % width).astype(PETSc.IntType)
+        self._columns = j.astype(PETSc.IntType)
 
     def numbers(self, rows: int) -> npt.NDArray[np.int64]:
         """Of the places in each of the first ``rows`` rows of all."""

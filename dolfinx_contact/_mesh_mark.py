@@ -18,18 +18,17 @@ from dolfinx import mesh
 __all__ = ["mesh_mark", "mesh_stays"]
 
 _depth = 0  # of contexts in which meshes stay
-_marks: dict[int, int] = {}  # found there, by the address of the nodes
+_marks: dict[mesh.Mesh, int] = {}  # found there
 
 
 def mesh_mark(domain: mesh.Mesh) -> int:
     """A checksum of the nodes of a mesh, on this rank. Not collective."""
-    x = domain.geometry.x
-    if not _depth:
-        return zlib.crc32(np.ascontiguousarray(x))
-    address = int(x.ctypes.data)
-    if address not in _marks:
-        _marks[address] = zlib.crc32(np.ascontiguousarray(x))
-    return _marks[address]
+    known = _marks.get(domain) if _depth else None
+    if known is None:
+        known = zlib.crc32(np.ascontiguousarray(domain.geometry.x))
+        if _depth:
+            _marks[domain] = known
+    return known
 
 
 @contextmanager

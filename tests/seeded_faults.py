@@ -54,8 +54,8 @@ FAULTS = {
     ),
     "stale load": Fault(
         "body/bulk.py",
-        "if self._f is None or not self._same(mark, self._f_mark):",
-        "if self._f is None:",
+        "self._f is None or mark != self._f_mark,",
+        "self._f is None,",
     ),
     "stale stiffness": Fault("body/bulk.py", "elif self._same(mark, self._K_mark):", "elif True:"),
 }

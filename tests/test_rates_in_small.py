@@ -572,11 +572,7 @@ def test_gaps_without_averages(method, slides):
     """Of a mixed method those at its nodes, from what is opposite; else as the law has them."""
     eq = ContactEquations.__new__(ContactEquations)
     u = np.arange(8.0)
-    vars(eq).update(
-        dim=2,
-        rigid=SimpleNamespace(relative=lambda s, nodes, q: nodes + q),
-        kinematics=lambda s, u, q: SimpleNamespace(gap="gap"),
-    )
+    vars(eq).update(dim=2, rigid=SimpleNamespace(relative=lambda s, nodes, q: nodes + q))
     points = SimpleNamespace(
         trace_dofs=np.array([3, 0, 1]),
         number=2,
@@ -586,7 +582,9 @@ def test_gaps_without_averages(method, slides):
     s = SimpleNamespace(
         method=method, slides=slides, points=points, opposite=lambda nodes: 0.5 * nodes
     )
-    found = eq.gaps(s, SimpleNamespace(u=u, q=1.0))
+    eq.surfaces = [None, s]
+    at = [None, SimpleNamespace(kinematics=SimpleNamespace(gap="gap"))]
+    found = eq.gaps(s, SimpleNamespace(u=u, q=1.0, surfaces=at))
     if method == "nodal" or slides:
         assert found == "gap"
         return

@@ -9,14 +9,20 @@ import demo_ciarlet_geymonat
 import numpy as np
 import pytest
 from _triangle import linear_triangle
+from blocks import block as elastic_block
+from blocks import box
 from recorded_run import moved_block
 from textbook import Textbook
 
+from dolfinx import fem
+
 from dolfinx_contact import _mesh_mark
+from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.continuation import Follower, Observer, StepControl, follow, row_update
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.laws.status import STICK
 
 COMM = MPI.COMM_WORLD
 
@@ -221,7 +227,7 @@ def test_the_mesh_is_not_hashed_at_every_residual(block, monkeypatch):
 
 
 def test_the_residual_of_a_solution_is_not_evaluated_again(monkeypatch):
-    """Once by the check of the data, else by Newton's method alone; the state is that evaluated."""
+    """By Newton's method alone, which begins where the data were checked; its state is the last."""
     count = [0]
     residual = ContactEquations.residual
 
@@ -233,7 +239,7 @@ def test_the_residual_of_a_solution_is_not_evaluated_again(monkeypatch):
     system, _ = moved_block(COMM, n=3)
     system.set_parameter(0.3)
     result, state = system.problem.solve_step(progress=False)
-    assert count[0] == 1 + sum(a.evaluations for a in result.attempts)
+    assert count[0] == sum(a.evaluations for a in result.attempts)
     assert all(a.state is None for a in result.attempts)
     again = system.problem.state()
     for found, expected in zip((*state.rows, state.u), (*again.rows, again.u), strict=True):
@@ -256,3 +262,77 @@ def test_chords_change_nothing(block):
     assert events[0] == events[1]
     away = with_chords.points[-1].y - newton.points[-1].y
     assert away.norm() < 1e-9 * newton.points[-1].y.norm()
+
+
+def test_what_follows_from_a_state_is_made_of_one_evaluation(block, monkeypatch):
+    """Matrix, rate by gamma, events and pieces, where nobody else changes data; and it is right."""
+    eq = block.equations
+    block.set_parameter(1.0)
+    block.problem.solve()
+    x = block.create_vector()
+    block.problem.write(x)
+    other = x.copy()
+    other.scale(1.1)
+    b, c = x.duplicate(), x.duplicate()
+    count = [0]
+    kinematics = ContactEquations.kinematics
+
+    def counted(*args):
+        count[0] += 1
+        return kinematics(*args)
+
+    monkeypatch.setattr(ContactEquations, "kinematics", counted)
+
+    def evaluations(y, gamma):
+        """How often a surface was looked at for all that a step wants at a state."""
+        count[0] = 0
+        block.residual(y, gamma, b, None)
+        piece = block.piece_at(y, gamma)
+        block.jacobian(y, gamma, piece)
+        block.parameter_derivative(y, gamma, c, piece)
+        stuck = block.piece([np.full(len(codes), STICK) for codes in eq.contact(y).statuses])
+        events = block.events(y, gamma, stuck)
+        return count[0] - 1, c.array_r.copy(), (events.distance, events.point, events.target)
+
+    alone = {}
+    with block.restored(always=True), block.undisturbed():
+        for name, y, gamma in (("x", x, 1.0), ("gamma", x, 0.9), ("other", other, 0.9)):
+            alone[name] = evaluations(y, gamma)
+            assert alone[name][0] == 1, name
+    with block.restored(always=True):
+        for name, y, gamma in (("x", x, 1.0), ("gamma", x, 0.9), ("other", other, 0.9)):
+            number, rate, events = evaluations(y, gamma)
+            assert number == 5
+            np.testing.assert_array_equal(rate, alone[name][1])
+            for found, expected in zip(events, alone[name][2], strict=True):
+                np.testing.assert_array_equal(found, expected)
+    for v in (x, other, b, c):
+        v.destroy()
+
+
+def test_a_product_is_not_made_twice(monkeypatch):
+    """K u at one displacement, for the residual, the energy and the balance, until K is another."""
+    count = [0]
+    times = Bulk.times
+
+    def counted(*args):
+        count[0] += 1
+        return times(*args)
+
+    monkeypatch.setattr(Bulk, "times", counted)
+    domain = box(COMM, 3, "quad")
+    young = fem.Constant(domain, 1000.0)
+    body = elastic_block(domain=domain, young=young).equations.bulk
+    u = np.sin(np.arange(len(body.displacement.x.array)) + 1.0)
+    K = body.stiffness(u)
+    before = count[0]
+    rows = body.affine_residual(u)
+    np.testing.assert_array_equal(body.affine_residual(u.copy()), rows)
+    assert body.energy_at(u) is not None
+    assert count[0] == before + 1
+    body.affine_residual(2.0 * u)
+    assert count[0] == before + 2
+    young.value *= 2.0
+    assert body.affine_residual(u) is None
+    assert body.stiffness(u) == K
+    np.testing.assert_allclose(body.affine_residual(u), 2.0 * rows, rtol=1e-12)

@@ -1,4 +1,4 @@
-"""Values at places that ranks share: sums of what every rank adds, and values from their owners."""
+"""What ranks share: values at common places, and sums and extremes of a few numbers."""
 
 from mpi4py import MPI
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from dolfinx import fem, mesh
 
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._shared import SharedValues, anywhere, largest, total
 
 
 def _cells_of_a_square():
@@ -54,3 +54,24 @@ def test_values_from_owners():
     np.testing.assert_array_equal(shared.zeros(2).array, 0.0)
     np.testing.assert_array_equal(again, 2 * expected)
     assert shared.from_owners(np.zeros((n, 0))).shape == (size, 0)
+
+
+def test_a_few_numbers_of_all_ranks():
+    """Sums and extremes keep shapes and types; what is no number on one rank is none on any."""
+    comm = MPI.COMM_WORLD
+    r = comm.rank
+    n = comm.size
+    whole = n * (n - 1) // 2
+    mine = np.arange(6).reshape(3, 2)
+    for values in (mine, mine.T, mine[0, 1]):
+        found = total(comm, values + r)
+        np.testing.assert_array_equal(found, n * values + whole)
+        assert found.shape == values.shape
+        assert found.dtype == values.dtype
+    np.testing.assert_array_equal(total(comm, np.zeros((0, 2))), np.zeros((0, 2)))
+    np.testing.assert_array_equal(largest(comm, [[r, -r], [r % 2, -1]]), [[n - 1, 0], [n > 1, -1]])
+    for rank in range(n):
+        found = largest(comm, [np.nan if r == rank else 1.0, r, -np.inf])
+        np.testing.assert_array_equal(found, [np.nan, n - 1, -np.inf])
+    assert anywhere(comm, r == n - 1, False, r == 0) == [True, False, True]
+    assert anywhere(comm) == []

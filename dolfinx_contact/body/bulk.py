@@ -36,13 +36,16 @@ from dolfinx_contact._affine import dependence, has_branches, is_affine, jumps_i
 from dolfinx_contact._forms import Content, content_of, derived_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._shared import SharedValues, anywhere
 from dolfinx_contact.body.quadrature import EstimatedRule, estimated_rule
 from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk", "check_jumps"]
 
+Array = npt.NDArray[np.float64]
+
 _PRODUCTS = 2  # that are timed
+_NOWHERE: tuple[Array, Array] = (np.empty(0), np.empty(0))
 _Fact = TypeVar("_Fact")
 logger = logging.getLogger(__name__)
 
@@ -118,6 +121,8 @@ class Bulk:
         self._half: PETSc.Mat | None = None
         self._K_mark = self._f_mark = 0
         self._f: npt.NDArray[np.float64] | None = None
+        #: Where the stiffness was multiplied last by `affine_residual`, and the product (owned).
+        self._product = _NOWHERE
         self._rest: tuple[int, float] | None = None  # energy at zero displacement
         #: How many times the stiffness was assembled.
         self.assemblies = 0
@@ -318,13 +323,17 @@ class Bulk:
         if self.assemblies == 0:
             self.seconds = time.perf_counter() - start, _seconds_of_product(self._K)
         self._forget_half()
+        self._product = _NOWHERE
         self._K_mark = mark
         self.assemblies += 1
         return self._K
 
     @property
     def for_products(self) -> PETSc.Mat:
-        """The stiffness assembled last, by half where it stays and is symmetric. Collective."""
+        """The stiffness assembled last, by half where it stays and is symmetric. Collective.
+
+        For many products: it is made in the time of some tens of them.
+        """
         assert self._K is not None
         if not self.linear or not self.is_energy:
             return self._K
@@ -347,21 +356,42 @@ class Bulk:
             Owned entries; None if the body is not linear or its stiffness has changed, so that the
             residual is cheaper assembled than multiplied.
         """
-        f = self.affine_load()
-        return None if f is None else np.asarray(self.times(u) + f)
+        mine = u[: self._owned]
+        at, product = self._product
+        f, moved = self._load_unless_moved(not np.array_equal(mine, at))
+        if f is None:
+            return None
+        if moved:
+            product = self.times(u)
+            self._product = mine.copy(), product
+        return np.asarray(product + f)
 
     def affine_load(self) -> npt.NDArray[np.float64] | None:
         """The residual at zero displacement (owned), if K is at hand. Collective.
 
         It is kept: the caller does not change it, and it is another array once the data are others.
         """
-        if not self._is_current():
-            return None
+        return self._load_unless_moved()[0]
+
+    def _load_unless_moved(
+        self, moved: bool = False
+    ) -> tuple[npt.NDArray[np.float64] | None, bool]:
+        """See `affine_load`; and whether anything has ``moved`` on any rank. Collective."""
+        if not self.linear or self._K is None:
+            return None, moved
         mark = self._mark(self._loads)
-        if self._f is None or not self._same(mark, self._f_mark):
+        outdated, loaded, moved = anywhere(
+            self.comm,
+            self._mark(self._data) != self._K_mark,
+            self._f is None or mark != self._f_mark,
+            moved,
+        )
+        if outdated:
+            return None, moved
+        if loaded:
             self._f = self._load()
             self._f_mark = mark
-        return self._f
+        return self._f, moved
 
     def product(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
         """K u, as `affine_residual`. Collective."""
@@ -379,7 +409,7 @@ class Bulk:
         x = self._K.createVecRight()
         y = self._K.createVecLeft()
         x.array[:] = u[: x.getLocalSize()]
-        self.for_products.mult(x, y)
+        (self._K if self._half is None else self._half).mult(x, y)
         values = y.array_r.copy()
         x.destroy(), y.destroy()
         return values

@@ -12,6 +12,7 @@ import scipy
 
 from dolfinx import fem, la
 
+from dolfinx_contact._shared import largest, total
 from dolfinx_contact.body.cells import vertex_moments
 
 __all__ = [
@@ -49,9 +50,13 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     owned = index_map.size_local
     size = index_map.size_local + index_map.num_ghosts
     cells = V.dofmap.list
-    edges = np.stack([np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].reshape(-1)])
-    graph = scipy.sparse.coo_array((np.ones(edges.shape[1]), tuple(edges)), shape=(size, size))
+    number, nodes = cells.shape
+    # Nodes, then cells, each of which leads to its nodes.
+    starts = np.concatenate([np.zeros(size, dtype=np.int32), nodes * np.arange(number + 1)])
+    rows = np.ones(cells.size), cells.reshape(-1), starts.astype(np.int32)
+    graph = scipy.sparse.csr_array(rows, shape=(size + number, size + number))
     count, mine = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    mine = mine[:size]
     if comm.size == 1:
         return np.asarray(mine, dtype=np.int32)
     counts = comm.allgather(count)
@@ -90,12 +95,12 @@ def extents(V: fem.FunctionSpace, part: npt.NDArray[np.int32]) -> npt.NDArray[np
 
     def summed(*values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Sums over the cells of every part, of all ranks."""
-        return np.asarray(comm.allreduce(np.array([np.bincount(p, v, number) for v in values])))
+        return total(comm, np.array([np.bincount(p, v, number) for v in values]))
 
-    total, *centre = summed(volume, *(volume * middle))
-    middle -= (np.array(centre) / total)[:, p]
+    size, *centre = summed(volume, *(volume * middle))
+    middle -= (np.array(centre) / size)[:, p]
     square = summed(volume * (spread + np.einsum("in,in->n", middle, middle)))[0]
-    return np.asarray(np.sqrt(12.0 * square / total))
+    return np.asarray(np.sqrt(12.0 * square / size))
 
 
 def rigid_motions(
@@ -160,7 +165,7 @@ def largest_turn(
         """Sums over the nodes of every part."""
         sums = np.zeros((number, *values.shape[1:]))
         np.add.at(sums, p, values)
-        return np.asarray(comm.allreduce(sums))
+        return total(comm, sums)
 
     sums = summed(np.hstack([np.ones((n, 1)), x, u]))
     means = sums[:, 1:] / sums[:, :1]
@@ -179,8 +184,9 @@ def bounding_box(
     comm: MPI.Comm, x: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """The lowest and the highest coordinates of points (n, dim) of all ranks. Collective."""
-    low = comm.allreduce(x.min(axis=0, initial=np.inf), op=np.minimum)
-    return low, comm.allreduce(x.max(axis=0, initial=-np.inf), op=np.maximum)
+    ends = np.stack([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
+    opposite, high = largest(comm, ends)
+    return -opposite, high
 
 
 def free_motions(
@@ -206,7 +212,7 @@ def free_motions(
     modes = rigid_motions(V, part, axisymmetric=axisymmetric)
     n = V.dofmap.index_map.size_local
     held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), n * modes.shape[2])
-    by_data = V.mesh.comm.allreduce(held @ held.T)
+    by_data = total(V.mesh.comm, held @ held.T)
     if not len(loose(by_data)):
         return modes[:0]
     x = K.createVecRight()
@@ -219,7 +225,7 @@ def free_motions(
         forces.append(y.array.copy() / scale)
     x.destroy(), y.destroy()
     resisting = np.array(forces)
-    return combine(by_data + V.mesh.comm.allreduce(resisting @ resisting.T), modes)
+    return combine(by_data + total(V.mesh.comm, resisting @ resisting.T), modes)
 
 
 def combine(
@@ -248,7 +254,7 @@ def describe(
     comm = V.mesh.comm
     A = modes[:, :n].reshape(len(modes), n * modes.shape[2])
     B = free[:, :n].reshape(len(free), n * modes.shape[2])
-    coefficients = np.linalg.solve(comm.allreduce(A @ A.T), comm.allreduce(A @ B.T))
+    coefficients = np.linalg.solve(total(comm, A @ A.T), total(comm, A @ B.T))
     size = np.abs(coefficients).max(axis=1)
     names = ("axial translation",) if axisymmetric else _NAMES[V.mesh.geometry.dim]
     number = len(size) // len(names)

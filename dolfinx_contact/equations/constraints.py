@@ -20,7 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._shared import SharedValues, total
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.held_ends import resting
@@ -101,7 +101,7 @@ class Constraints:
             u: displacement of the local nodes, (n, dim).
         """
         n = s.points.vertices.dofmap.index_map.size_local
-        normal = s.comm.allreduce(s.points.vertex_normals[:n].sum(axis=0))
+        normal = total(s.comm, s.points.vertex_normals[:n].sum(axis=0))
         normal /= max(float(np.linalg.norm(normal)), 1e-300)
         motion = np.where(self.fixed, self.values(fill=0.0) - u, 0.0)
         along = motion @ normal
@@ -219,7 +219,7 @@ class Constraints:
         n = self._V.dofmap.index_map.size_local
         on_slave, on_master = s.obstacle.opposite.sides
         held = on_slave[:n] & self.fixed[:n].all(axis=1)
-        counts = s.comm.allreduce(np.array([int(held.sum()), int(on_master[:n].sum())]))
+        counts = total(s.comm, np.array([int(held.sum()), int(on_master[:n].sum())]))
         require(
             s.comm,
             bool(counts[0] <= counts[1]),
@@ -294,7 +294,7 @@ def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
             ]
             require(
                 a.comm,
-                not all(a.comm.allreduce(np.array(twice))),
+                not all(total(a.comm, np.array(twice))),
                 f"{a.name} and {b.name} are one pair with slave and master exchanged",
             )
 

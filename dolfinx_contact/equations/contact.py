@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
@@ -31,6 +32,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays
 from dolfinx_contact._options import ProblemOptions
 from dolfinx_contact._petsc import logged
+from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.constraints import Constraints, PrescribedDisplacement, check_overlap
@@ -168,13 +170,30 @@ class ContactEquations:
         with logged("ContactStatus"):
             return State(u, q, self._contact(x, u, q, statuses))
 
+    def taken_by(self, x: PETSc.Vec, state: State, statuses: Statuses | None) -> State:
+        """A state at ``x``, without the rows of H, as `contact` has it by other statuses.
+
+        Laws answer for every status, so that they are not asked again unless they see the points
+        around theirs, or some have nothing opposite.
+        """
+        self.refresh()
+        if any(
+            found.answers.spreading is not None or found.kinematics.operator.absent is not None
+            for found in state.surfaces
+        ):
+            return self.contact(x, statuses)
+        if statuses is None:
+            statuses = [found.answers.required for found in state.surfaces]
+        found = zip(state.surfaces, statuses, strict=True)
+        return State(state.u, state.q, [replace(at, statuses=codes) for at, codes in found])
+
     def refresh(self) -> None:
         """Evaluate anew what is given on surfaces where the user has changed it. Collective.
 
         The ghosts of Functions that are given follow their owners, in the forms of the body too.
         """
         parts = [self.bulk, *self.surfaces]
-        changed = self.comm.allreduce(np.array([part.has_changed for part in parts], np.int32))
+        changed = anywhere(self.comm, *(part.has_changed for part in parts))
         if changed[0]:
             self.bulk.update_ghosts()
         for s, other in zip(self.surfaces, changed[1:], strict=True):
@@ -240,7 +259,7 @@ class ContactEquations:
         # A linear body takes its Dirichlet data in the product, and needs no assembly.
         affine = self.bulk.affine_residual(u + missing)
         body = self.bulk.residual_at(u) if affine is None else affine
-        pushed = np.zeros(self.rigid.size)
+        pushed: Array = np.zeros(self.rigid.size)
         for s, state in zip(self.surfaces, contact, strict=True):
             forces = state.kinematics.operator.transpose(state.traction)
             body = body - forces
@@ -259,7 +278,7 @@ class ContactEquations:
                 off = off - self._change(s, state, u, q, missing, missing_q)
             rows.append(self._with_removed(i, s.points.rows(off), x))
         if self.rigid.size:
-            pushed = self.comm.allreduce(pushed)
+            pushed = total(self.comm, pushed)
         held = self.stiffness_scale * (q - motion)
         balance = np.where(self.rigid.fixed, held, pushed - self.rigid.loads())
         rows.append(self.rigid.here(balance))
@@ -393,11 +412,9 @@ class ContactEquations:
     def gaps(self, s: ContactSurface, state: State) -> Array:
         """Gap of the displacement at the points of ``s`` as the law has it, but no averages."""
         points = s.points
-        u = state.u
-        q = state.q
         if s.method != "mixed" or s.slides:
-            return self.kinematics(s, u, q).gap
-        nodes = self.rigid.relative(s, u.reshape(-1, self.dim), q)
+            return state.surfaces[self.surfaces.index(s)].kinematics.gap
+        nodes = self.rigid.relative(s, state.u.reshape(-1, self.dim), state.q)
         at = (nodes - s.opposite(nodes))[points.trace_dofs[: points.number]]
         return np.asarray(points.gaps - np.sum(at * points.data.n, axis=1))
 
@@ -464,8 +481,8 @@ class ContactEquations:
 
     def resultant(self, forces: Array) -> Array:
         """The sum of forces (n, dim) of all ranks; of a body of revolution its axial part."""
-        total = self.comm.allreduce(forces.sum(axis=0))
-        return np.where(np.arange(self.dim) < self.axisymmetric, 0.0, total)
+        whole = total(self.comm, forces.sum(axis=0))
+        return np.where(np.arange(self.dim) < self.axisymmetric, 0.0, whole)
 
     def require_same_mesh(self) -> None:
         """Raise ``ValueError`` if the mesh has moved since the problem was made."""

@@ -25,6 +25,7 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._errors import require
 from dolfinx_contact._mesh_mark import mesh_mark
+from dolfinx_contact._shared import anywhere, largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.obstacles import Measured
@@ -156,9 +157,8 @@ def _placed(
 
 def not_finite(eq: ContactEquations, data: list[Datum]) -> str:
     """The first place at which data are not finite on any rank; "" if all are. Collective."""
-    here = np.array([not np.isfinite(_values(d.value)).all() for d in data], dtype=np.int32)
-    anywhere = eq.comm.allreduce(here, op=np.maximum)
-    return next((d.place for d, bad in zip(data, anywhere, strict=True) if bad), "")
+    here = [not np.isfinite(_values(d.value)).all() for d in data]
+    return next((d.place for d, bad in zip(data, anywhere(eq.comm, *here), strict=True) if bad), "")
 
 
 def require_obstacles(eq: ContactEquations) -> None:
@@ -236,7 +236,7 @@ class Constancy:
             (np.max(a, initial=0.0), np.max(np.abs(v), initial=0.0))
             for a, v in zip(off, self._values, strict=True)
         ]
-        found = self._comm.allreduce(np.array(mine, dtype=float), op=np.maximum)
+        found: Any = largest(self._comm, mine)
         for d, v, (here, _), (away, size) in zip(
             self._data, self._values, mine, found, strict=True
         ):

@@ -117,7 +117,8 @@ class ContactTerms:
     def __init__(self, equations: ContactEquations):
         self._equations = equations
         eq = equations
-        numbering = _Numbering(eq)
+        #: Shared with what puts the body in beside.
+        self.numbering = numbering = _Numbering(eq)
         removed = eq.constraints.removed_multipliers()
         held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
         rigid = numbering.rigid()
@@ -252,7 +253,7 @@ class Jacobian:
         self._equations = equations
         self._terms = ContactTerms(equations)
         eq = equations
-        numbering = _Numbering(eq)
+        numbering = self._terms.numbering
         n = eq.owned_sizes[0]
         K = eq.bulk.stiffness(eq.bulk.displacement.x.array.copy())
         indptr, columns, _ = K.getValuesCSR()

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._shared import largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws.status import STICK, closed, senses
@@ -46,7 +47,7 @@ class Measures:
     @property
     def worst(self) -> float:
         """The largest of the three; NaN if one is."""
-        return float(np.max([self.force, self.constraint, self.cone]))
+        return _most(self.force, self.constraint, self.cone)
 
 
 def least_scales(equations: ContactEquations, length: float) -> tuple[float, float]:
@@ -97,8 +98,7 @@ class Scales:
             lengths.append(held_back(s, found, stiffness))
             lengths.append(float(np.max(-s.points.vertex_gaps, initial=0.0)))
         values = np.array([_most(*v) for v in (forces, lengths, [force], constraint, cone)])
-        # np.maximum carries NaN over to every rank.
-        values = eq.comm.allreduce(values, op=np.maximum)
+        values = largest(eq.comm, values)
         self.force = max(self.force, float(values[0]))
         self.length = max(self.length, float(values[1]), 1e-14 * eq.body_size)
         if self._settled:
@@ -145,25 +145,22 @@ def _row_measures(
         size = _largest(rows)
         return size / unit, size, _largest(found.traction) * _largest(area)
     rows = rows.reshape(-1, s.dim)
-    along = np.sum(rows * found.data.n, axis=1)
-    across = np.linalg.norm(rows - along[:, None] * found.data.n, axis=1)
+    normal = np.sum(rows * found.data.n, axis=1)
+    along = np.abs(normal)
+    across = np.linalg.norm(rows - normal[:, None] * found.data.n, axis=1)
     touching = closed(found.statuses)
     stuck = senses(found.statuses) == STICK
     # The direction of a slip is known to the shear residual over r, a length as well. Friction may
     # hold an open point.
-    lengths = np.where(touching, np.abs(along), 0.0), np.where(touching | stuck, across, 0.0)
-    sizes = np.where(touching, 0.0, np.abs(along)), np.where(stuck, 0.0, across)
-    return (
-        _most(*(_largest(v / (r * area)) for v in lengths)),
-        _most(*(_largest(v) for v in sizes)),
-        forces,
-    )
+    lengths = np.array([np.where(touching, along, 0.0), np.where(touching | stuck, across, 0.0)])
+    sizes = np.array([np.where(touching, 0.0, along), np.where(stuck, 0.0, across)])
+    return _largest(lengths / (r * area)), _largest(sizes), forces
 
 
 def _most(*values: float) -> float:
     """The largest; NaN if one is, which Python's own would leave out."""
-    return float(np.max(values))
+    return np.nan if any(v != v for v in values) else max(values)
 
 
 def _largest(values: npt.NDArray[Any]) -> float:
-    return float(np.max(np.abs(values), initial=0.0))
+    return float(np.abs(values).max(initial=0.0))

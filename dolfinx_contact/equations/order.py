@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 
@@ -56,9 +57,10 @@ class Gathered:
         self, comm: MPI.Comm, x: npt.NDArray[np.float64], ids: npt.NDArray[np.int64]
     ) -> None:
         self._comm = comm
-        everywhere = np.concatenate(comm.allgather(x))
-        self._order = by_coordinates(everywhere, np.concatenate(comm.allgather(ids)))
-        self._starts = np.concatenate([[0], np.cumsum(comm.allgather(len(x)))])
+        parts = comm.allgather((x, ids))
+        everywhere = np.concatenate([places for places, _ in parts])
+        self._order = by_coordinates(everywhere, np.concatenate([names for _, names in parts]))
+        self._starts = np.concatenate([[0], np.cumsum([len(places) for places, _ in parts])])
         self.positions = everywhere[self._order]
         places = np.argsort(self._order)
         first = self._starts[comm.rank]
@@ -71,6 +73,11 @@ class Gathered:
     def __call__(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
         """Values at all points, in order, from those at the points of this rank. Collective."""
         return np.concatenate(self._comm.allgather(values))[self._order]
+
+    def columns(self, values: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+        """Several by name, as `__call__` has one. Collective."""
+        parts = self._comm.allgather(dict(values))
+        return {k: np.concatenate([part[k] for part in parts])[self._order] for k in values}
 
     def owner(self, i: int) -> tuple[int, int]:
         """The rank that owns point ``i``, and its number among the points there."""

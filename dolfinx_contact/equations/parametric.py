@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+import operator
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +23,7 @@ from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays
+from dolfinx_contact._shared import anywhere
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import (
@@ -40,8 +42,9 @@ from dolfinx_contact.equations.rates import (
     depends_on,
     dirichlet_rates,
 )
-from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.equations.state import Evaluated, State, Statuses
 from dolfinx_contact.laws.status import OPEN
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["ParametricEquations"]
@@ -137,6 +140,8 @@ class ParametricEquations(System):
         #: Gamma of the driven Functions where nobody else changes them; see `undisturbed`.
         self._driven_at: float | None = None
         self._alone = False
+        #: What was evaluated there last, with gamma and what surfaces remember.
+        self._last: tuple[Evaluated, float, Sequence[Memory | None]] | None = None
 
     # -- data ------------------------------------------------------------------------------------
 
@@ -234,6 +239,7 @@ class ParametricEquations(System):
         finally:
             self._alone = False
             self._driven_at = None
+            self._last = None
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
         eq = self.equations
@@ -307,12 +313,38 @@ class ParametricEquations(System):
     def _evaluate(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> State:
         """H(x, gamma) into ``b``, and the state. Collective."""
         self._set(gamma)
-        return self.equations.residual(x, b, self.statuses_of(piece))
+        state = self.equations.residual(x, b, self.statuses_of(piece))
+        self._note(x, gamma, state)
+        return state
 
     def contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> State:
-        """The state (x, gamma) without the rows of H. Collective."""
+        """The state (x, gamma), which may be without the rows of H. Collective.
+
+        Matrix, rate by gamma, events and piece at one state are made of one evaluation where nobody
+        else changes data in between (`undisturbed`).
+        """
         self._set(gamma)
-        return self.equations.contact(x, self.statuses_of(piece))
+        statuses = self.statuses_of(piece)
+        known = self._noted(x, gamma)
+        if known is not None:
+            return self.equations.taken_by(x, known, statuses)
+        state = self.equations.contact(x, statuses)
+        self._note(x, gamma, state)
+        return state
+
+    def _note(self, x: PETSc.Vec, gamma: float, state: State) -> None:
+        """Keep what was evaluated last where nobody else changes data."""
+        if self._alone:
+            self._last = Evaluated(x.array_r.copy(), state), gamma, self.equations.memory
+
+    def _noted(self, x: PETSc.Vec, gamma: float) -> State | None:
+        """What was evaluated last, if that was at (x, gamma). Collective."""
+        if self._last is None:
+            return None
+        last, at, memory = self._last
+        same = at == gamma and all(map(operator.is_, memory, self.equations.memory))
+        same = same and np.array_equal(last.unknowns, x.array_r)
+        return None if anywhere(self.comm, not same)[0] else last.state
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
         return self._scales.measure(self._evaluate(x, gamma, b, piece)).worst

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import extents, parts
@@ -96,26 +97,33 @@ class Scaling:
         self.loose: LooseMotions
         self.follow(bulk.displacement.x.array.copy())
 
-    def follow(self, u: Array) -> None:
+    def follow(self, u: Array) -> bool:
         """Take scales anew where data of the stiffness have changed.
 
         So a problem has the scales of its data, whatever it was solved with before. A body that is
         not linear is measured at ``u``, at all local dofs. If another problem has had the surfaces
         in between they get the r of this one.
+
+        Returns:
+            Whether anything is another than it was, so that H is.
         """
-        if self._anywhere(self._bulk.stiffness_mark != self._mark):
+        (outdated,) = anywhere(self._comm, self._bulk.stiffness_mark != self._mark)
+        if outdated:
             self._measure(u)
+        before = [s.points.r for s in self._surfaces]
         self._augment(self._forced)
+        now = [s.points.r for s in self._surfaces]
+        others = any(not np.array_equal(a, b) for a, b in zip(before, now, strict=True))
+        return anywhere(self._comm, outdated or others)[0]
 
     def _measure(self, u: Array) -> None:
         surfaces = self._surfaces
         fixed, rigid = self._given
         K = self._bulk.stiffness(u)
-        products = self._bulk.for_products
         around = surfaces[0].axisymmetric
         if around:
             require_hoop_stiffness(K)
-        soft = softness(products, self._V, self._part, axisymmetric=around)
+        soft = softness(K, self._V, self._part, axisymmetric=around)
         self.softness = float(soft.min())
         self.stiffness, self.automatic_r, self.at_vertices = automatic_augmentation(
             K, soft[self._part], self._V, surfaces, self._extents
@@ -125,9 +133,6 @@ class Scaling:
             moves, self._V, self._part, surfaces, fixed, rigid, axisymmetric=around
         )
         self._mark = self._bulk.stiffness_mark
-
-    def _anywhere(self, here: bool) -> bool:
-        return bool(self._comm.allreduce(int(here)))
 
     @contextmanager
     def automatic(self) -> Iterator[None]:
@@ -294,8 +299,10 @@ def _softness(energies: Array) -> float:
     """Of a part by its energies under uniform strains (strains, strains)."""
     if not np.isfinite(energies).all() or not energies.any():
         return 1.0
-    eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))
-    share = np.median(eigenvalues) / np.mean(eigenvalues)
+    eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))  # in their order
+    last = len(eigenvalues) - 1
+    median = 0.5 * (eigenvalues[last // 2] + eigenvalues[-(last // 2) - 1])
+    share = median / eigenvalues.mean()
     # A body on the way to instability has no typical stiffness in this sense.
     return float(max(share, 1e-4)) if eigenvalues[0] > 0 else 1.0
 
@@ -385,7 +392,7 @@ class LooseMotions:
                 grips |= slips
             along *= grips[None, :, None]
             gram += (normal * closed(codes)) @ normal.T + np.einsum("and,bnd->ab", along, along)
-        loose = rigid.loose(self._V.mesh.comm.allreduce(gram))
+        loose = rigid.loose(total(self._V.mesh.comm, gram))
         words = []
         if np.any(np.abs(loose[:, :count]) > _SHARE):
             body = np.einsum("ab,bnd->and", loose[:, :count], self.of_body)

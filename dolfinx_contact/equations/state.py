@@ -13,7 +13,7 @@ import numpy.typing as npt
 from dolfinx_contact.laws import Answers, PointData
 from dolfinx_contact.points.kinematics import Kinematics
 
-__all__ = ["ContactState", "State", "Statuses", "differs"]
+__all__ = ["ContactState", "Evaluated", "State", "Statuses", "differs"]
 
 Array = npt.NDArray[np.float64]
 #: Numbers of the statuses of the contact points of this rank, surface by surface.
@@ -147,6 +147,19 @@ class State:
     def statuses(self) -> Statuses:
         """Those by which the laws were taken."""
         return [s.statuses for s in self.surfaces]
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated:
+    """A state that was evaluated with the data as they are, by the statuses that it determines.
+
+    Attributes:
+        unknowns: where (owned).
+        state: with the rows of H.
+    """
+
+    unknowns: Array
+    state: State
 
 
 def _turning(n: Array, v: Array) -> Array:

@@ -100,6 +100,8 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
 
 def _rigid_reach(eq: ContactEquations, s: ContactSurface, state: State, i: int) -> float:
     """Half of how far prescribed motions will bring a rigid body nearer to points of ``s``."""
+    if not eq.rigid.size:
+        return 0.0
     step = np.where(eq.rigid.fixed, eq.prescribed_motions() - state.q, 0.0)
     nearer = float(np.max(_closing(eq, s, state, i, step), initial=0.0))
     return 0.5 * float(eq.comm.allreduce(nearer, op=max))

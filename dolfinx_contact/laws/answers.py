@@ -17,6 +17,7 @@ __all__ = ["Answers", "Borders", "Columns", "HeldAnswers", "PointData", "Spreadi
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
+_ABSENT = -np.finfo(np.float64).max  # distance to the borders of a status that a point cannot have
 
 
 class Columns(Protocol):
@@ -105,11 +106,11 @@ class Answers:
         self._values = values
         self.spreading = spreading
         self._turning = turning
+        self._known: dict[int, tuple[Array, npt.NDArray[np.bool_], list[int]]] = {}
 
     def _of(self, codes: Codes, what: str, shape: tuple[int, ...]) -> Array:
-        every = np.stack([self._values[:, k] for k in self._law.places[what]], axis=1)
-        mine = every[np.arange(len(codes)), self._law.rows[codes]]
-        return mine.reshape(-1, *shape)
+        columns = np.array(self._law.places[what])[self._law.rows[codes]]
+        return self._values[np.arange(len(codes))[:, None], columns].reshape(-1, *shape)
 
     @cached_property
     def required(self) -> Codes:
@@ -127,28 +128,32 @@ class Answers:
         least = np.empty((len(self._values), len(self._law.codes)))
         for i, code in enumerate(self._law.codes):
             distance, exists, _ = self._borders(code)
-            nearest = np.min(distance, axis=1, initial=np.inf)
-            least[:, i] = np.where(exists, nearest, -np.inf)
+            nearest = distance.min(axis=1, initial=np.inf)
+            least[:, i] = np.where(exists, nearest, _ABSENT)
+        least[np.isnan(least)] = -np.inf  # below what is absent
         # The first whose borders all are beyond; where there is none the one that is nearest.
-        known = np.nan_to_num(least, nan=-np.inf)
-        first = np.where(
-            known.max(axis=1) >= 0, np.argmax(known >= 0, axis=1), known.argmax(axis=1)
-        )
-        worst = known[np.arange(len(known)), first]
+        beyond = least >= 0
+        first = np.where(beyond.any(axis=1), beyond.argmax(axis=1), least.argmax(axis=1))
+        worst = least[np.arange(len(least)), first]
         return np.array(self._law.codes, dtype=np.int8)[first], worst
 
     def _borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
+        """Distances to the borders of a status, whether points can have it, and what is beyond."""
+        if code not in self._known:
+            self._known[code] = self._found_borders(code)
+        return self._known[code]
+
+    def _found_borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
         law = self._law
         row = law.rows[code]
         columns = law.borders[row]
-        values = self._values[:, [c for c, _, _ in columns]]
-        where = np.ones(values.shape, dtype=bool)
+        distance = self._values[:, [c for c, _, _ in columns]]
         for i, (_, w, _) in enumerate(columns):
             if w is not None:
-                where[:, i] = self._values[:, w] > 0
+                distance[~(self._values[:, w] > 0), i] = np.inf
         place = law.exists[row]
-        exists = np.ones(len(values), bool) if place is None else self._values[:, place] > 0
-        return np.where(where, values, np.inf), exists, [target for _, _, target in columns]
+        exists = np.ones(len(distance), bool) if place is None else self._values[:, place] > 0
+        return distance, exists, [target for _, _, target in columns]
 
     def borders(self, codes: Codes) -> Borders:
         """Distances of the points to the borders of the statuses ``codes``."""
@@ -242,8 +247,8 @@ class HeldAnswers(Answers):
     def __init__(self, answers: Answers):
         super().__init__(answers._law, answers._values, answers.spreading, answers._turning)
 
-    def _borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
-        distance, exists, targets = super()._borders(code)
+    def _found_borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
+        distance, exists, targets = super()._found_borders(code)
         if code >= DAMAGING:
             return distance, np.zeros_like(exists), targets
         changes = np.array(targets, dtype=np.int64) >= DAMAGING

@@ -153,7 +153,7 @@ class ContactPoints(ABC):
             self.trace_dofs if degrees[1] == 1 else trace_dofs(V, self.vertices, facets)
         )
         self._at_nodes = measure_of(domain, facets, 1, "vertex")
-        self._exact = measure_of(domain, facets, 2 * max(degrees) + axisymmetric)
+        self._exact_degree = 2 * max(degrees) + axisymmetric
         self.E: PETSc.Mat | None = None
         self._shared: PETSc.Mat | None = None
         self._place(rule_degree, opposite)
@@ -324,6 +324,11 @@ class ContactPoints(ABC):
         """Set r at the local vertices."""
         self.r = np.asarray(r, dtype=np.float64).copy()
         self.data = replace(self.data, r=self.from_vertices(self.r))
+
+    @cached_property
+    def _exact(self) -> ufl.Measure:
+        """The measure that is exact for products of displacements and multipliers. Collective."""
+        return measure_of(self._V.mesh, self.submesh.parent_facets, self._exact_degree)
 
     def _swept(self) -> Array:
         """Areas of the local vertices of a body of revolution. Collective."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 from mpi4py import MPI
@@ -18,6 +18,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+import basix
 import basix.ufl
 import ufl
 from dolfinx import fem, la, mesh
@@ -154,15 +155,23 @@ def measure_of(
 
 def blocked_space(W: fem.FunctionSpace, width: int) -> fem.FunctionSpace:
     """The space of vectors over a scalar space of points."""
-    element = W.ufl_element()
-    domain = W.mesh
-    return fem.functionspace(domain, basix.ufl.blocked_element(element, shape=(width,)))
+    return fem.functionspace(W.mesh, _blocked(W.ufl_element(), width))
+
+
+@cache
+def _blocked(element: Any, width: int) -> Any:
+    return basix.ufl.blocked_element(element, shape=(width,))
+
+
+@cache
+def _linear(cell: basix.CellType, dtype: np.dtype[Any]) -> Any:
+    return basix.ufl.element("Lagrange", cell, 1, dtype=dtype)
 
 
 def point_space(domain: mesh.Mesh, degree: int | None) -> fem.FunctionSpace:
     """Scalar space with one dof per vertex, or per Gauss point of a degree."""
     if degree is None:
-        return fem.functionspace(domain, ("Lagrange", 1))
+        return fem.functionspace(domain, _linear(domain.basix_cell(), domain.geometry.x.dtype))
     cell = domain.basix_cell()
     element = basix.ufl.quadrature_element(cell, value_shape=(), scheme="default", degree=degree)
     return fem.functionspace(domain, element)

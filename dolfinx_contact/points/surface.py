@@ -23,8 +23,9 @@ from dolfinx_contact._errors import require
 from dolfinx_contact._frozen import ReadOnly, seal
 from dolfinx_contact._kept import keep
 from dolfinx_contact._mesh_mark import mesh_mark
+from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.body.rigid import parts
-from dolfinx_contact.laws import Law, LawAtPoints, PointData
+from dolfinx_contact.laws import Answers, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.meshing import GmshMesh, tagged_facets
 from dolfinx_contact.obstacles import Obstacle, fields_within, require_uniform
@@ -52,7 +53,7 @@ from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite, Overlap
 from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_revolution, check_section
 from dolfinx_contact.points.rigid_body import RigidBody, number
-from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.trace import exterior_facets, rounded, simplex_normals
 
 __all__ = ["ContactSurface"]
 
@@ -234,7 +235,9 @@ class ContactSurface(ReadOnly):
         self._true_gaps = TrueGaps(u, self.points, obstacle)
         #: Of two bodies, how they have slid and turned.
         self.motion: PairMotion | None = None
-        self._numbers = self.given.constants
+        #: Of Functions and Constants that are given, where DOLFINx has them.
+        self._values = [f.x.array for f in self._functions]
+        self._values += [c.value for c in self.given.constants]
         self._mark = self._marked()
 
     def _take_law_and_obstacle(
@@ -357,7 +360,7 @@ class ContactSurface(ReadOnly):
     def _marked(self) -> int:
         """A checksum of what is given on the surface, on this rank."""
         mark = mesh_mark(self.domain)
-        for values in (*(f.x.array for f in self._functions), *(c.value for c in self._numbers)):
+        for values in self._values:
             mark = zlib.crc32(np.ascontiguousarray(values), mark)
         return mark
 
@@ -580,6 +583,23 @@ class ContactSurface(ReadOnly):
         return self.u.function_space.tabulate_dof_coordinates()[:, : self.dim].copy()
 
     @cached_property
+    def facet_sides(self) -> tuple[npt.NDArray[np.int32], Array, Array]:
+        """Of the local facets the vertices, and on which side the body is not.
+
+        Returns:
+            Local vertices (facets, k); places of all of these without the round-off in them, so
+            that the first of several is the same everywhere (n, dim); signs by which
+            `trace.simplex_normals` point out of the body (facets,).
+        """
+        facets = self.submesh.parent_facets
+        corners = self.points.vertices.dofmap.list[: len(facets)]
+        x = rounded(self.points.vertices.tabulate_dof_coordinates()[:, : self.dim])
+        to_cells = self.domain.topology.connectivity(self.dim - 1, self.dim)
+        inside = midpoints(self.domain, to_cells.array[to_cells.offsets[facets]])
+        N = simplex_normals(x[corners[:, : self.dim]])
+        return corners, x, np.sign(np.sum(N * (x[corners[:, 0]] - inside), axis=1))
+
+    @cached_property
     def parts(self) -> tuple[npt.NDArray[np.int64], int]:
         """The connected part of the face that each point is on (n,), and how many there are.
 
@@ -634,8 +654,18 @@ class ContactSurface(ReadOnly):
         owned = self.points.Q.dofmap.index_map.size_local * self.dim
         return self.points.traction(self.multiplier.x.array[:owned])
 
-    def state_of(self, at: Kinematics, traction: Array) -> dict[str, Array]:
-        """The table of `state`, at given kinematics and tractions (n, dim). Collective."""
+    def state_of(
+        self, at: Kinematics, traction: Array, answers: Answers | None = None
+    ) -> dict[str, Array]:
+        """The table of `state`, at given kinematics and tractions (n, dim). Collective.
+
+        Args:
+            at: gap, slip and what the law is given.
+            traction: (n, dim).
+            answers: of the law to these, where they are known.
+        """
+        if answers is None:
+            answers = self.law_at_points(at.jump, traction, at.data)
         points = self.points
         n = at.data.n
         pressure = -np.sum(traction * n, axis=1)
@@ -649,12 +679,11 @@ class ContactSurface(ReadOnly):
             "traction": traction,
             "pressure": pressure,
             "shear": traction + pressure[:, None] * n,
-            "bound": self._bound(at, traction),
+            "bound": self._bound(answers),
         }
 
-    def _bound(self, at: Kinematics, traction: Array) -> Array:
+    def _bound(self, answers: Answers) -> Array:
         """Radius of the friction disc (n,); 0 where nothing grips."""
-        answers = self.law_at_points(at.jump, traction, at.data)
         acts = closed(answers.required) | (not self.law.needs_pressure)
         return np.where(acts, np.maximum(answers.bound, 0.0), 0.0)
 

@@ -18,7 +18,7 @@ from dolfinx import fem, la, mesh
 from dolfinx_contact._compat import is_topology_of
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._numbers import is_number
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._shared import SharedValues, anywhere
 from dolfinx_contact.body.cells import midpoints
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "nodes_on",
     "outward_normals",
     "owned_exterior",
+    "rounded",
     "simplex_normals",
     "trace_dofs",
 ]
@@ -193,6 +194,12 @@ def facet_normals(
     return np.asarray(normals)
 
 
+def rounded(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Coordinates to nine digits of the largest."""
+    size = 10.0 ** np.ceil(np.log10(np.max(np.abs(x), initial=1e-300)))
+    return np.round(x / size, 9) * size + 0.0
+
+
 def simplex_normals(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Unit normals of simplices, to one side as their corners go."""
     along = corners[:, 1:] - corners[:, :1]
@@ -293,6 +300,10 @@ def at_global_places(
     Returns:
         Of shape (*places.shape, ...).
     """
+    first: int = comm.exscan(len(values)) or 0
+    mine = (first <= places) & (places < first + len(values))
+    if not anywhere(comm, not mine.all())[0]:
+        return np.asarray(values[places - first])
     shape = values.shape[1:]
     width = int(np.prod(shape, dtype=int))
     given = PETSc.Vec().createMPI((values.size, None), comm=comm)

@@ -45,6 +45,7 @@ from dolfinx import fem
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root, require
 from dolfinx_contact._petsc import staged
+from dolfinx_contact._shared import total
 from dolfinx_contact.algorithms.exchange import save_points
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.continuation import Piece
@@ -368,7 +369,7 @@ class Reduction:
         S = np.empty((columns, columns))
         for part, theirs in zip(self.comm.allgather(mine), self.comm.allgather(rows), strict=True):
             S[theirs] = part
-        sizes, residuals = np.sqrt(self.comm.allreduce(squares))
+        sizes, residuals = np.sqrt(total(self.comm, squares))
         return S, sizes, residuals + self._body.round_off(sizes, self._scale)
 
     def _solve(self, load: Array, jumps: Array) -> tuple[Array, Array, float]:

@@ -67,7 +67,12 @@ class Balance:
     imbalance: float
 
 
-def balance(eq: ContactEquations, state: State, tables: Iterable[ContactForces]) -> Balance:
+def balance(
+    eq: ContactEquations,
+    state: State,
+    tables: Iterable[ContactForces],
+    supports: npt.NDArray[np.float64],
+) -> Balance:
     """The balance of forces at a state. Collective.
 
     Logs a warning if the imbalance is above 1e-6.
@@ -76,10 +81,11 @@ def balance(eq: ContactEquations, state: State, tables: Iterable[ContactForces])
         eq: the contact problem.
         state: with reactions.
         tables: of all surfaces, in their order.
+        supports: reactions of Dirichlet data, as `support_at_nodes` has them.
     """
     comm = eq.comm
     n = eq.V.dofmap.index_map.size_local
-    reactions = support_at_nodes(eq, state)[:n]
+    reactions = supports[:n]
     support = eq.resultant(reactions)
     external = eq.resultant(-eq.bulk.local_rows(state.u))
     contact = np.zeros_like(support)

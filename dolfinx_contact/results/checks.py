@@ -21,14 +21,14 @@ import numpy.typing as npt
 from dolfinx import fem, mesh
 
 from dolfinx_contact._shared import SharedValues
-from dolfinx_contact.body.cells import midpoints, smallest_jacobian
+from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.points.pair_motion import Moved
 from dolfinx_contact.points.surface import ContactSurface
-from dolfinx_contact.points.trace import facet_normals, simplex_normals
+from dolfinx_contact.points.trace import facet_normals, rounded, simplex_normals
 
 __all__ = ["Sliding", "sliding_doubt", "slidings", "warn_of_inversion", "warn_of_obstacles"]
 
@@ -590,18 +590,9 @@ def _facing(
         normals: n at the vertices (n, dim).
         moved: by which these have moved (n, dim).
     """
-    domain = s.domain
-    dim = s.dim
-    m = len(s.submesh.parent_facets)
-    corners = s.points.vertices.dofmap.list[:m]
-    # Without the round-off in them, so that the first of several places is the same everywhere.
-    x = _rounded(s.points.vertices.tabulate_dof_coordinates()[:, :dim])
-    to_cells = domain.topology.connectivity(dim - 1, dim)
-    inside = midpoints(domain, to_cells.array[to_cells.offsets[s.submesh.parent_facets]])
-    N = simplex_normals(x[corners[:, :dim]])
-    # As these turn with the corners, so does the side that is outside.
-    side = np.sign(np.sum(N * (x[corners[:, 0]] - inside), axis=1))
-    N = side[:, None] * simplex_normals((x + moved)[corners[:, :dim]])
+    corners, x, side = s.facet_sides
+    # As normals turn with the corners, so does the side that is outside.
+    N = side[:, None] * simplex_normals((x + moved)[corners[:, : s.dim]])
     along = np.einsum("fd,fvd->fv", N, normals[corners])
     along = np.round(np.where(marked[corners], along, -np.inf).reshape(-1), 9)
     places = x[corners.reshape(-1)[along == np.max(along, initial=-np.inf)]].tolist()
@@ -614,11 +605,5 @@ def _facing(
     return value, np.array(place)
 
 
-def _rounded(x: Array) -> Array:
-    """Coordinates to nine digits of the largest."""
-    size = 10.0 ** np.ceil(np.log10(np.max(np.abs(x), initial=1e-300)))
-    return np.round(x / size, 9) * size + 0.0
-
-
 def _shown(x: npt.ArrayLike) -> str:
-    return "(" + ", ".join(f"{c:.6g}" for c in _rounded(np.asarray(x))) + ")"
+    return "(" + ", ".join(f"{c:.6g}" for c in rounded(np.asarray(x))) + ")"

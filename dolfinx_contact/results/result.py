@@ -275,7 +275,7 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
     energies = {} if energy is None else {"bulk": energy}
     energies["friction"] = float(-sum(np.sum(t.friction * t.increment) for t in tables.values()))
     force, length = _scales(eq, state, tables.values())
-    forces = balance(eq, state, tables.values())
+    forces = balance(eq, state, tables.values(), supports)
     violated = violation(eq, state, force, length)
     weak = any(s.points.E is not None for s in eq.surfaces)
     if not weak and not violated <= _LARGEST_VIOLATION and eq.comm.rank == 0:

@@ -202,7 +202,7 @@ def contact_table(
     found = state.surfaces[number]
     clamped = eq.constraints.clamped[number]
     removed = eq.constraints.removed[number]
-    known = s.state_of(found.kinematics, found.traction)
+    known = s.state_of(found.kinematics, found.traction, found.answers)
     n = s.points.number
     area = known["area"]
     normal = known["n"]
@@ -245,7 +245,7 @@ def contact_table(
     columns |= _of_memory(s, found, area, letters)
     internal = s.law.variables(s.dim)
     gathered = Gathered(s.comm, known["x"], s.points.ids)
-    ordered = {k: gathered(v) for k, v in columns.items()}
+    ordered = gathered.columns(columns)
     mine = {name: ordered.pop(f"internal.{name}") for name in internal}
     return ContactTable(s.name, s.dim, **ordered, internal=mine, axisymmetric=s.axisymmetric)
 

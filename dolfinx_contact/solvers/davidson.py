@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import on_root
+from dolfinx_contact._shared import total
 
 __all__ = ["Davidson"]
 
@@ -226,7 +227,7 @@ class Davidson:
 
     def _sum(self, mine: npt.ArrayLike) -> Array:
         """Over all ranks."""
-        return np.asarray(self.comm.allreduce(mine))
+        return total(self.comm, np.asarray(mine))
 
     @staticmethod
     def _root(squared: float | Array) -> float:

@@ -42,6 +42,7 @@ from ufl.algorithms.analysis import extract_constants
 from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
+from dolfinx_contact._shared import anywhere
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import (
     check_law,
@@ -52,7 +53,7 @@ from dolfinx_contact.equations.given_data import (
     require_finite_geometry,
     require_obstacles,
 )
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.state import Evaluated, State
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, ConvergenceError, FloatingBodyError, Step
@@ -107,7 +108,7 @@ def solve(
             negative friction field, a clamped node inside the obstacle).
         ConvergenceError: if no strategy converges.
     """
-    check_data(equations, x0)
+    start = check_data(equations, x0)
     bring_together(equations, x0)
     attempts: list[Attempt] = []
     floating: FloatingBodyError | None = None
@@ -115,7 +116,7 @@ def solve(
     turned = x0.duplicate()
     objection = ""
     inverting = ""
-    for strategy, run in strategies(equations, linear, increments, trial):
+    for strategy, run in strategies(equations, linear, increments, trial, start):
         if objection and strategy != INCREMENTS and inverting != EXTRAPOLATED:
             continue
         attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
@@ -185,14 +186,18 @@ def _compare_with_prediction(linear: LinearSolverChoice, seconds: float) -> None
         logger.info("the solve took %.2g s; %.2g s were predicted", seconds, solver.predicted)
 
 
-def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
-    """Raise ``ValueError`` for data that no solver can work with; else follow them. Collective."""
+def check_data(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
+    """Raise ``ValueError`` for data that no solver can work with; else follow them. Collective.
+
+    Returns:
+        The state at ``x0``; None where the scales of the data, which are others, have changed it.
+    """
     same_everywhere(eq.comm, "data of the problem", Constants=_given_numbers(eq))
     eq.require_same_mesh()
     check_moduli(eq)
     eq.bulk.require_continuous()
+    eq.refresh()
     for s in eq.surfaces:
-        s.update_geometry()
         s.check_gaps()
         check_law(s)
         if s.memory is None:
@@ -214,7 +219,8 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> None:
         place = not_finite(eq, placed_data(eq)) or _not_finite_law(eq, state)
         place = place or "loads and material data, for NaN"
         raise ValueError(f"the residual is not finite at the start: look at {place}")
-    eq.scaling.follow(eq.displacement(x0))
+    changed = eq.scaling.follow(eq.displacement(x0))
+    return None if changed else Evaluated(x0.array_r.copy(), state)
 
 
 def _not_finite_law(eq: ContactEquations, state: State) -> str:
@@ -232,10 +238,10 @@ def _require_start(eq: ContactEquations, x0: PETSc.Vec) -> None:
     """Raise ``ValueError`` if a start is not finite. Collective."""
     tractions = [f"traction of {s.name!r}" for s in eq.surfaces]
     names = "displacement", *tractions, "motion of the rigid bodies"
-    good = [int(np.isfinite(part).all()) for part in eq.blocks(x0)]
-    everywhere = eq.comm.allreduce(np.array(good, dtype=np.int32), op=np.minimum)
-    for name, finite in zip(names, everywhere, strict=True):
-        require(eq.comm, bool(finite), f"the {name} at the start is not finite")
+    bad = [not np.isfinite(part).all() for part in eq.blocks(x0)]
+    for name, wrong in zip(names, anywhere(eq.comm, *bad), strict=True):
+        if wrong:
+            raise ValueError(f"the {name} at the start is not finite")
 
 
 def _given_numbers(eq: ContactEquations) -> list[list[float]]:

@@ -17,6 +17,7 @@ from dolfinx import la
 
 from dolfinx_contact._forcing import Forcing
 from dolfinx_contact._petsc import has_package, logged
+from dolfinx_contact._shared import total
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.trace import facet_closures
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
@@ -278,7 +279,7 @@ class Multigrid(LinearSolver):
         s = self.filter.surface.local
         on_surface = residual.array_r[s]
         squares = np.array([np.sum(on_surface**2), np.sum(residual.array_r**2)])
-        part, whole = self.comm.allreduce(squares)
+        part, whole = total(self.comm, squares)
         if not part > _NEGLIGIBLE**2 * whole:  # NaN is none of its business
             return False
         with logged("ContactJacobian"):

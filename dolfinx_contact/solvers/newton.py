@@ -23,9 +23,10 @@ import numpy.typing as npt
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact._petsc import as_raised, logged, options_in_database
 from dolfinx_contact._settling import ROUNDS, settle
+from dolfinx_contact._shared import anywhere
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Measures, Scales
-from dolfinx_contact.equations.state import State, Statuses, differs
+from dolfinx_contact.equations.state import Evaluated, State, Statuses, differs
 from dolfinx_contact.equations.touching import touches_nothing, touching
 from dolfinx_contact.solvers.history import Attempt, FloatingBodyError, LinearSolverError, Step
 from dolfinx_contact.solvers.linear import LinearSolver
@@ -90,7 +91,8 @@ class Newton:
         self._guess: Statuses | None = None
         self._warm = False
         self._history: list[tuple[Statuses, float]] = []
-        #: Unknowns, and H there, that the line search needs after the surface was corrected.
+        #: Unknowns, and H there: of the start, or after the surface was corrected, which the line
+        #: search needs.
         self._known: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None = None
         self._at: npt.NDArray[np.float64] = np.zeros(0)  # unknowns of the state
 
@@ -158,12 +160,22 @@ class Newton:
         for thing in (self.offset, *self._after):
             thing.destroy()
 
-    def run(self, x: PETSc.Vec, attempt: Attempt) -> bool:
-        """Solve H(x) = (1 - load) offset from ``x``, which is overwritten. Collective."""
+    def run(self, x: PETSc.Vec, attempt: Attempt, start: Evaluated | None = None) -> bool:
+        """Solve H(x) = (1 - load) offset from ``x``, which is overwritten. Collective.
+
+        Args:
+            x: unknowns.
+            attempt: where the iterates are noted.
+            start: the state there under the whole load, where it is known.
+        """
         self.attempt = attempt
         self._history = []
         self.floating = None
         self._known = None
+        if start is not None:
+            self.state = start.state
+            self._known = start.unknowns, np.concatenate(start.state.rows)
+            attempt.evaluations += 1
         given = self.equations.options
         ksp = self.snes.getKSP()
         y = x.copy()
@@ -254,8 +266,10 @@ class Newton:
         guess = self._guess
         self._guess = None
         state = self.state
-        if guess is not None or not self._everywhere(np.array_equal(x.array_r, self._at)):
+        if not self._everywhere(np.array_equal(x.array_r, self._at)):
             state = self.equations.contact(x, self.held if guess is None else guess)
+        elif guess is not None:
+            state = self.equations.taken_by(x, state, guess)
         before = self.linear.matrix
         self.linear.update(state)
         if self.linear.matrix is not before:  # the SNES takes its matrix after this call
@@ -398,16 +412,11 @@ class Newton:
 
     def _in_cycle(self, statuses: Statuses, worst: float) -> bool:
         """Whether a status returns after others without the residual having halved. Collective."""
-        same = np.array(
-            [
-                worst > 0.5 * old_worst and not any(c.any() for c in differs(statuses, old))
-                for old, old_worst in self._history[:-1]
-            ]
-        )
-        if len(same) == 0:
-            return False
-        same = self.comm.allreduce(same.astype(np.int32), op=np.minimum)
-        return bool(same.any())
+        others = [
+            worst <= 0.5 * old_worst or any(c.any() for c in differs(statuses, old))
+            for old, old_worst in self._history[:-1]
+        ]
+        return not all(anywhere(self.comm, *others))
 
     def _at_round_off(self, statuses: Statuses, worst: float, tolerance: float) -> str:
         """That the residual cannot fall further, in words; "" if it may. Collective.

@@ -17,6 +17,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._shared import total
 from dolfinx_contact.algorithms import Penalty, Trend, TrescaFixedPoint, Uzawa
 from dolfinx_contact.algorithms.penalty import LEAST, Extrapolation
 from dolfinx_contact.algorithms.tresca import BoundRelaxation
@@ -282,7 +283,7 @@ class OnBody:
             products = np.array(
                 [[np.sum(w * j * v), np.sum(w * v * v), np.sum(w * j * j)] for j, v, w in parts]
             )
-            along, before, after = eq.comm.allreduce(products.sum(axis=0))
+            along, before, after = total(eq.comm, products.sum(axis=0))
             new = float(along / before)
             size = np.sqrt(after)
             t = [j / size for j in jumps]

@@ -7,6 +7,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._shared import largest
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
@@ -39,7 +40,7 @@ def diverged(equations: ContactEquations, x: PETSc.Vec) -> str:
     """
     parts = equations.blocks(x)
     values = np.array([np.max(np.abs(v), initial=0.0) for v in (parts[0], parts[-1])])
-    body, rigid = equations.comm.allreduce(values, op=np.maximum) / equations.body_size
+    body, rigid = largest(equations.comm, values) / equations.body_size
     if max(body, rigid) <= _FAR:
         return ""
     which = "the body" if body >= rigid else "a rigid body"

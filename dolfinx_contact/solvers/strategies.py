@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.equations.state import Evaluated, Statuses
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.newton import Newton
@@ -61,6 +61,7 @@ def strategies(
     linear: LinearSolverChoice,
     increments: int,
     trial: Trial,
+    start: Evaluated | None,
 ) -> list[tuple[str, Strategy]]:
     """Names and strategies in the order in which they are tried.
 
@@ -69,6 +70,7 @@ def strategies(
         linear: its linear solver.
         increments: of the load, to begin with.
         trial: how the solve begins, and how far it goes.
+        start: the state of the caller, where it is known.
     """
     known = _Strategies(eq, linear, increments)
     # In the integral method r is a part of the discretisation: what is forced stays.
@@ -81,7 +83,8 @@ def strategies(
     if trial.extrapolated is not None:
         found.append((EXTRAPOLATED, known.from_unknowns(trial.extrapolated)))
     found += [(EXPECTED, known.from_statuses(statuses)) for statuses in trial.expected]
-    found.append(("full steps", known.newton("none")))
+    # What was tried before may have led elsewhere what is kept of faces that slide.
+    found.append(("full steps", known.newton("none", None if found else start)))
     if trial.brief:
         return found
     if eq.forced_r is not None and not weak:
@@ -117,12 +120,12 @@ class _Strategies:
     linear: LinearSolverChoice
     increments: int
 
-    def newton(self, line_search: str) -> Strategy:
-        """Newton's method with a line search of PETSc."""
+    def newton(self, line_search: str, start: Evaluated | None = None) -> Strategy:
+        """Newton's method with a line search of PETSc, from a start that may be known."""
 
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
             with Newton(self.eq, self.linear(), line_search, monitor) as solver:
-                done = solver.run(x, attempt)
+                done = solver.run(x, attempt, start)
                 stagnated = solver.stagnated
             if stagnated and self.linear.direct_instead():
                 with Newton(self.eq, self.linear(), line_search, monitor) as solver:
@@ -145,7 +148,6 @@ class _Strategies:
 
     def from_unknowns(self, unknowns: npt.NDArray[np.float64]) -> Strategy:
         """Newton's method from other unknowns."""
-        full_steps = self.newton("none")
 
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
             x.array[:] = unknowns
@@ -153,13 +155,13 @@ class _Strategies:
             if attempt.reason:
                 return False
             b = x.duplicate()
-            self.eq.residual(x, b)
+            start = Evaluated(unknowns, self.eq.residual(x, b))
             finite = np.isfinite(b.norm())
             b.destroy()
             if not finite:
                 attempt.reason = "the residual is not finite there"
                 return False
-            return full_steps(x, attempt, monitor)
+            return self.newton("none", start)(x, attempt, monitor)
 
         return run
 

@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._petsc import logged
+from dolfinx_contact._shared import total
 from dolfinx_contact.solvers.condensation import CondensedBlock
 from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.surface_block import SurfaceBlock, SurfaceSet
@@ -101,7 +102,7 @@ class SurfaceFilter:
         r.copy(t)
         z.set(0.0)
         squares = np.array([np.sum(r.array_r[s] ** 2), np.sum(r.array_r**2)])
-        on_surface, whole = self.comm.allreduce(squares)
+        on_surface, whole = total(self.comm, squares)
         if on_surface > _NEGLIGIBLE**2 * whole:
             z.array[s] += self.solve(t.array_r[s])
             A.mult(z, self._e)
