@@ -35,6 +35,7 @@ def test_greco_block(accuracy, folder):
 
 
 @pytest.mark.chatty
+@pytest.mark.long
 def test_greco_block_in_other_units(folder):
     runs = [
         demo_greco_block.main([f"--units={units}", f"--output={folder / units}"])

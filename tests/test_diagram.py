@@ -41,7 +41,7 @@ def test_a_branch_closes_wherever_it_begins(longest):
         1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
     )
     control = StepControl(initial=min(longest, 0.02), maximum=longest)
-    for angle in np.arange(0.2, 6.2, 0.55):
+    for angle in np.arange(0.2, 6.2, 1.1):
         for direction in ("increasing", "decreasing"):
             branch = follow(
                 system,

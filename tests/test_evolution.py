@@ -81,7 +81,7 @@ def cycle(top):
     return load
 
 
-@pytest.mark.parametrize("case", ["two_n8", "rigid_n8"])
+@pytest.mark.parametrize("case", ["two_n8", pytest.param("rigid_n8", marks=pytest.mark.long)])
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "quasi-static",
@@ -283,7 +283,7 @@ def test_energy():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("sliding", ["small", "large"])
+@pytest.mark.parametrize("sliding", [pytest.param("small", marks=pytest.mark.long), "large"])
 @pytest.mark.verifies(
     "energies of histories",
     "moving obstacles",

@@ -42,7 +42,7 @@ def pushed(law, push, cell, friction, n=2):
     [
         ("coulomb", 0.004, "tri", "batched"),
         ("coulomb", -0.004, "tri", "exact"),
-        ("coulomb", -0.004, "tri", "stepping"),
+        pytest.param("coulomb", -0.004, "tri", "stepping", marks=pytest.mark.long),
         ("coulomb", 0.004, "tet", "exact"),
         pytest.param("bonds", -0.004, "tri", "batched", marks=pytest.mark.long),
         ("bonds", 0.004, "tet", "exact"),

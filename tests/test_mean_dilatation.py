@@ -430,7 +430,9 @@ def test_one_point_where_others_are_not_defined():
     assert np.isfinite(fem.assemble_scalar(compiled_form(form)))
 
 
-@pytest.mark.parametrize("kind", ["quad", "hex", "revolution"])
+@pytest.mark.parametrize(
+    "kind", ["quad", pytest.param("hex", marks=pytest.mark.long), "revolution"]
+)
 @pytest.mark.verifies(
     "nearly incompressible bodies",
     "stresses",

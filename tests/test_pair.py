@@ -94,7 +94,7 @@ def largest(values):
     return COMM.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max)
 
 
-@pytest.mark.parametrize("case", ["two_n8", "rigid_n8"])
+@pytest.mark.parametrize("case", ["two_n8", pytest.param("rigid_n8", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "matching meshes",
     "Coulomb",

@@ -785,7 +785,7 @@ def test_killed_at_random_moments(whole, folder, kills):
 
 
 @serial
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.parametrize("ranks", [pytest.param(n, marks=pytest.mark.long) for n in (2, 3)])
 def test_errors_reach_every_rank(whole, folder, ranks):
     """A foreign and a damaged journal on several ranks: one message, no hang."""
     lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
