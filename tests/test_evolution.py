@@ -489,7 +489,7 @@ def klarbring():
     return system.problem, system.constant
 
 
-@pytest.mark.parametrize("at_jump", ["raise", "stop", "jump"])
+@pytest.mark.parametrize("at_jump", ["raise", pytest.param("stop", marks=pytest.mark.long), "jump"])
 @pytest.mark.verifies(
     "jumps",
     "quasi-static",

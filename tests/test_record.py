@@ -133,7 +133,7 @@ def test_fields_come_back_exactly(whole):
     ("cell", "method", "degree"),
     [
         ("tri", "integral", 2),
-        ("tri", "mixed", 1),
+        pytest.param("tri", "mixed", 1, marks=pytest.mark.long),
         ("tet", "nodal", 1),
     ],
 )

@@ -379,7 +379,10 @@ CURVED = {
 
 @pytest.mark.parametrize(
     ("kind", "method"),
-    [("disc", "nodal"), ("disc", "integral"), ("ball", "nodal"), ("roller", "nodal")],
+    [
+        *(("disc", "nodal"), ("disc", "integral"), ("ball", "nodal")),
+        pytest.param("roller", "nodal", marks=pytest.mark.long),
+    ],
 )
 @pytest.mark.verifies(
     "surfaces of facets",

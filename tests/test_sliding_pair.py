@@ -299,6 +299,7 @@ def test_patch(cell, slave, part):
     assert balance.moment < 1e-12
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["tet", "hex"])
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.verifies(
@@ -934,7 +935,11 @@ def hairpin(h=0.1, stretch=1.15, comm=COMM):
 )
 @pytest.mark.parametrize(
     ("friction", "force", "accuracy"),
-    [(0.0, 193.671, 0.01), (0.3, 205.1, 0.4)],  # with friction the force depends on the steps
+    [
+        (0.0, 193.671, 0.01),
+        # With friction the force depends on the steps.
+        pytest.param(0.3, 205.1, 0.4, marks=pytest.mark.long),
+    ],
 )
 def test_self_contact(friction, force, accuracy):
     """The arms of a U pressed together, with friction; each place is looked at from one side."""
@@ -997,7 +1002,7 @@ def disc_on_a_block(cell, slave, n=4, law=None):
 
 
 @pytest.mark.parametrize(
-    ("cell", "slave", "common"), [("hex", 2, 1.0), ("tet", 2, 0.0), ("hex", 3, 1.0)]
+    ("cell", "slave", "common"), [pytest.param("hex", 2, 1.0, marks=pytest.mark.long), ("tet", 2, 0.0), ("hex", 3, 1.0)]
 )
 @pytest.mark.verifies(
     "sliding pairs",

@@ -276,6 +276,7 @@ def test_a_floating_body_is_said_once(caplog):
 # -- files -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("case", [CASES[2], CASES[4], CASES[5]])
 @pytest.mark.parametrize("format", ["vtx", "vtk"])
 def test_files(format, case, folder):
