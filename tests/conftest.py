@@ -47,8 +47,8 @@ def pytest_collection_modifyitems(config, items):
     Of cases that are a product, `each_value` leaves so few that every value is in one of them. On
     several ranks only what `on_ranks` names is run, and what sends many messages is not. There a
     test with several cases runs in one, the last on two ranks and the first on more, but for tests
-    of what ranks do to each other and the golden record: of it two ranks run all but what takes
-    long there, and three ranks a third of that.
+    of what ranks do to each other and the golden record, of which two ranks run half and three a
+    third, without what takes long there.
     """
     if find_spec("dolfinx_solver"):
         for item in items:
@@ -79,7 +79,7 @@ def pytest_collection_modifyitems(config, items):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
     for number, item in enumerate(golden):
         name = item.callspec.params["name"] if hasattr(item, "callspec") else None
-        if COMM.size > 1 and (name in LONG_ON_RANKS or (COMM.size > 2 and number % 3)):
+        if COMM.size > 1 and (name in LONG_ON_RANKS or number % COMM.size):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
     for repeated in cases.values():
         for item in repeated[:-1] if COMM.size == 2 else repeated[1:]:

@@ -9,7 +9,7 @@ EVERY_CASE = (
     "test_messages",
     "test_results",
 )
-#: Tests of which every case runs on one rank, nearly all on two, and every third on more.
+#: Tests of which every case runs on one rank, every second on two, and every third on three.
 ON_ANY = ("test_golden",)
 #: Of the record what takes several times as long on ranks, for hundreds of small linear systems;
 #: paths by arc length, their records, histories of bonds and Uzawa are in other tests there too.

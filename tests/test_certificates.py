@@ -336,6 +336,7 @@ def lifted_by_slips(rng, n):
     return S + 0.1 * G @ G.T / (2 * n), p, np.full(n, rng.uniform(2, 5))
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "certificates",
     reference="enumeration: all statuses of random problems",

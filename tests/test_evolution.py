@@ -556,7 +556,9 @@ def test_a_jump_after_other_data():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("times", [(0.0, 4.0), (0.0, 0.5, 4.0)])
+@pytest.mark.parametrize(
+    "times", [pytest.param((0.0, 4.0), marks=pytest.mark.long), (0.0, 0.5, 4.0)]
+)
 def test_a_jump_in_a_long_step(times):
     """It is seen in the first step, and where the state then changes little faster than the load.
 

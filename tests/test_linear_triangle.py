@@ -126,6 +126,7 @@ def test_complete_set_on_a_coarse_mesh(folder):
     assert free["un_A"] == pytest.approx(0.0013871244868142803, rel=1e-9)
 
 
+@pytest.mark.long
 @serial
 def test_friction_decides_on_the_number_of_solutions():
     """On the 64-node mesh three solutions exist for gamma > 0 iff F >= 1.6588005832."""

@@ -150,7 +150,7 @@ def test_friction_as_parameter(folder):
     assert (folder / "branch.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("factor", [pytest.param(0.1, marks=pytest.mark.long), 10.0])
+@pytest.mark.parametrize("factor", [pytest.param(f, marks=pytest.mark.long) for f in (0.1, 10.0)])
 def test_single_element_with_other_steps_and_units(factor, folder):
     options = ["--output", str(folder), "--route", "steps"]
     other = [

@@ -287,7 +287,14 @@ def test_journals_without_numbers_of_lines_are_read(whole, folder):
     assert (session["type"], session["line"]) == ("session", len(lines) + 1)
 
 
-@pytest.mark.parametrize("name", ["float", "distance", "series", "</script>\n"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("float", marks=pytest.mark.long),
+        pytest.param("distance", marks=pytest.mark.long),
+        *("series", "</script>\n"),
+    ],
+)
 def test_any_word_is_a_name(name, folder):
     """Of a functional and of a surface, of finite numbers and of others."""
     for kind, value in (("number", 42.0), ("nothing", float("nan"))):

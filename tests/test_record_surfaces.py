@@ -169,6 +169,7 @@ def test_tables_of_contact_points(folder):
                 same_table(found[surface], table)
 
 
+@pytest.mark.long
 def test_both_faces_of_a_pair(folder):
     """Of a history; drawn in a process that knows nothing of the problem."""
     evolution = recorded_evolution.pair(COMM)

@@ -70,6 +70,7 @@ def test_twisting_hemisphere(folder, no_picture):
     assert found["newton_mean"] < 6
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "self contact",

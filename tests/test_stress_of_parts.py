@@ -48,7 +48,9 @@ def two(u, dx):
     return sum(part.energy(u) * dx(tag) for tag, part in PARTS.items())
 
 
-@pytest.mark.parametrize(("dim", "format"), [(3, "vtk"), pytest.param(2, "vtk", marks=pytest.mark.long), (2, "vtx")])
+@pytest.mark.parametrize(
+    ("dim", "format"), [(3, "vtk"), pytest.param(2, "vtk", marks=pytest.mark.long), (2, "vtx")]
+)
 @pytest.mark.verifies(
     "stresses",
     "files for ParaView",

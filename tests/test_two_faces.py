@@ -95,6 +95,7 @@ def total(face, name):
     return COMM.allreduce((values * face.areas[:, None])[:n].sum(axis=0))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["quad", "tet"])
 @pytest.mark.parametrize("given", [{}, {"method": "integral"}, {"sliding": "large"}], ids=str)
 @pytest.mark.verifies(
