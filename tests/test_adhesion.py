@@ -384,7 +384,7 @@ def gap_of_node(system):
     return float(table.un[table.letters != "d"][0])
 
 
-@pytest.mark.parametrize("k", [1.0, 0.3])
+@pytest.mark.parametrize("k", [1.0, pytest.param(0.3, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "RCCM adhesion",
     "branches",

@@ -759,6 +759,7 @@ def test_energy(turning):
     assert rests[2] < 0.6 * rests[1] < 0.36 * rests[0]
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "NSCD motion",
     "energies of motions",

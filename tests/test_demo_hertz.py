@@ -107,6 +107,7 @@ def test_line_contact_with_friction(folder):
         assert (folder / "friction.png").stat().st_size > 0
 
 
+@pytest.mark.long
 def test_point_contact_with_friction(folder):
     summary = run(folder, "--dim", 3, "--friction", 0.3, "--levels", 4)
     assert summary["stick"] > 2

@@ -17,7 +17,10 @@ TUTORIALS = sorted((DOCS / "tutorials").glob("[0-9]*.py"))
 DEMOS = sorted((DOCS.parent / "demos").glob("demo_*.py"))
 THEORY = sorted((DOCS / "theory").glob("*.md"))
 #: Scripts of which each spends seconds on pictures, or on the derivatives of a law.
-LONG = ("22_pdf_figure", "23_film", "1_frictional_solve", "6_law_of_your_own")
+LONG = (
+    *("22_pdf_figure", "23_film", "26_rolling", "35_friction_as_parameter", "38_scaling"),
+    *("1_frictional_solve", "2_two_bodies_and_a_crack", "5_motion_and_impact", "6_law_of_your_own"),
+)
 #: Lines of code of a recipe, without imports and what is empty.
 MOST_LINES = 15
 

@@ -154,7 +154,7 @@ def test_two_points_at_one_place_differ():
 @pytest.mark.parametrize(
     ("route", "first"),
     [
-        ("pivoting", "all ranks"),
+        pytest.param("pivoting", "all ranks", marks=pytest.mark.long),
         pytest.param("steps", "all ranks", marks=pytest.mark.long),
         ("pivoting", "one rank"),
     ],

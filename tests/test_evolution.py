@@ -456,7 +456,7 @@ def test_a_floor_that_moves():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "quasi-static",
     "Coulomb",

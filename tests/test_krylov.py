@@ -126,6 +126,7 @@ def test_vee(kinks):
     assert signs[0] == signs[-1]
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "Krylov branches",

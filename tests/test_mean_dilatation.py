@@ -540,7 +540,7 @@ def test_a_stress_of_another_pressure(tags, mean, caplog):
         )
 
 
-@pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
 def test_one_stress_of_two_materials(cell, caplog):
     """A modulus of each cell is seen to be that of the bulk, or not, where cells are distorted."""
     domain = box(COMM, 2, cell)

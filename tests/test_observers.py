@@ -86,7 +86,12 @@ def check(system, looks):
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param("load", marks=pytest.mark.long), "obstacle", "dirichlet"]
+    "kind",
+    [
+        pytest.param("load", marks=pytest.mark.long),
+        "obstacle",
+        pytest.param("dirichlet", marks=pytest.mark.long),
+    ],
 )
 @pytest.mark.verifies(
     "observers",

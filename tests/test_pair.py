@@ -659,7 +659,7 @@ def test_a_block_that_tips(monkeypatch):
     [
         (2, "tri", 2.0, 0.02, -0.001, 1000.0),
         pytest.param(2, "tri", 20.0, 0.2, -0.05, 1000.0, marks=pytest.mark.long),
-        (3, "hex", 2.0, 0.02, -0.001, 100.0),
+        pytest.param(3, "hex", 2.0, 0.02, -0.001, 100.0, marks=pytest.mark.long),
     ],
 )
 def test_penalisation_with_a_bound_given_in_advance(dim, cell, bound, shift, press, stiffness):

@@ -132,7 +132,7 @@ def test_fields_come_back_exactly(whole):
 @pytest.mark.parametrize(
     ("cell", "method", "degree"),
     [
-        ("tri", "integral", 2),
+        pytest.param("tri", "integral", 2, marks=pytest.mark.long),
         pytest.param("tri", "mixed", 1, marks=pytest.mark.long),
         ("tet", "nodal", 1),
     ],

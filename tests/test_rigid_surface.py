@@ -380,7 +380,8 @@ CURVED = {
 @pytest.mark.parametrize(
     ("kind", "method"),
     [
-        *(("disc", "nodal"), ("disc", "integral"), ("ball", "nodal")),
+        *(("disc", "nodal"), ("disc", "integral")),
+        pytest.param("ball", "nodal", marks=pytest.mark.long),
         pytest.param("roller", "nodal", marks=pytest.mark.long),
     ],
 )

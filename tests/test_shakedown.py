@@ -531,6 +531,7 @@ def test_loads_that_differ_by_round_off():
         shakedown_of(points(np.eye(2), [0.3]), np.array([steady, near]))
 
 
+@pytest.mark.long
 def test_the_demo(folder):
     summary = demo_shakedown.main(["--n", "4", "--cases", "6", "--output", str(folder)])
     assert summary["pair"]["theorem_holds"]

@@ -88,6 +88,7 @@ def test_flattened_ring(folder, no_picture):
     assert found["failed_steps"] == 0
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "sliding pairs",
     "hyperelastic bodies",

@@ -263,6 +263,7 @@ def test_bad_input():
         sliding.onset(0.0)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_demo(folder):
     """Numbers of the benchmark, what regularised friction hides, and the animation."""

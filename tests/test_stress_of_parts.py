@@ -49,7 +49,12 @@ def two(u, dx):
 
 
 @pytest.mark.parametrize(
-    ("dim", "format"), [(3, "vtk"), pytest.param(2, "vtk", marks=pytest.mark.long), (2, "vtx")]
+    ("dim", "format"),
+    [
+        (3, "vtk"),
+        pytest.param(2, "vtk", marks=pytest.mark.long),
+        pytest.param(2, "vtx", marks=pytest.mark.long),
+    ],
 )
 @pytest.mark.verifies(
     "stresses",
