@@ -322,6 +322,8 @@ def test_animated_picture(folder):
 
 
 def test_what_is_no_film(folder):
+    pytest.importorskip("pyvista")
+    pytest.importorskip("imageio")
     problem = pad(2)
     problem.u.x.array[:] = 0.25
     with pytest.raises(ValueError, match=r"\.gif or \.mp4, not mode.png"):
