@@ -392,6 +392,7 @@ def test_the_earth_pressure_at_rest():
     np.testing.assert_allclose(table.shear, 0.0, atol=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "RCCM adhesion",
