@@ -149,7 +149,11 @@ def test_slice_leaves_as_the_plane(friction):
 @pytest.mark.each_value
 @pytest.mark.parametrize("overlap", [0.3, 1.4])
 @pytest.mark.parametrize(
-    ("dim", "cell", "method"), [(2, "tri", "nodal"), (2, "quad", "integral"), (3, "hex", "nodal")]
+    ("dim", "cell", "method"),
+    [
+        pytest.param(2, "tri", "nodal", marks=pytest.mark.long),
+        *((2, "quad", "integral"), (3, "hex", "nodal")),
+    ],
 )
 @pytest.mark.verifies(
     "surfaces of facets",

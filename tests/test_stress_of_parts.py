@@ -51,9 +51,9 @@ def two(u, dx):
 @pytest.mark.parametrize(
     ("dim", "format"),
     [
-        (3, "vtk"),
+        pytest.param(3, "vtk", marks=pytest.mark.long),
         pytest.param(2, "vtk", marks=pytest.mark.long),
-        pytest.param(2, "vtx", marks=pytest.mark.long),
+        (2, "vtx"),
     ],
 )
 @pytest.mark.verifies(
