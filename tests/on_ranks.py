@@ -261,7 +261,7 @@ ON_TWO = {
     ),
     "test_pair": (
         *("a_gap_that_closes", "crack", "bad_pairs"),
-        *("faces_of_different_meshes",),
+        *("faces_of_different_meshes", "branches_on_a_held_body"),
     ),
     "test_pair_demos": ("a_crack_in_the_plane", "a_press_fit"),
     "test_parametric": (
