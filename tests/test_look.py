@@ -120,7 +120,7 @@ def test_bonds_are_seen(drawn, strength):
         assert (bound.max() > 0.1) == (strength < 1.0)
 
 
-@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_bonds_are_drawn(folder, dim):
     if dim == 3 and COMM.size > 1:
         pytest.skip("the picture is the same")
