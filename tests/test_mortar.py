@@ -418,7 +418,6 @@ def sheared(options=None, law=Coulomb(0.15)):  # noqa: B008
     return system, x
 
 
-@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "pivoting",
