@@ -469,7 +469,8 @@ def test_a_bound_given_in_advance_has_one_solution():
         assert np.abs(one.state - state).max() < 1e-7
 
 
-def test_data_with_errors():
+@pytest.mark.parametrize("tries", [2, pytest.param(5, marks=pytest.mark.long)])
+def test_data_with_errors(tries):
     """Solutions of every problem within the errors are within those of the solutions."""
     rng = np.random.default_rng(7)
     for problem in (three_solutions(), two_far_nodes(rng)):
@@ -478,7 +479,7 @@ def test_data_with_errors():
             ReducedProblem(problem.S, problem.p, problem.friction, None, S_error, p_error)
         )
         assert found.verdict == "complete"
-        for _ in range(2):
+        for _ in range(tries):
             half = np.triu(rng.choice([-1.0, 1.0], problem.S.shape))
             signs = half + np.triu(half, 1).T
             S = problem.S + signs * S_error
