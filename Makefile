@@ -50,10 +50,10 @@ demo:
 	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output "$$OUTPUT/linear_triangle"
 	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output "$$OUTPUT/dragged_body"
 
-# Types and attacks, which are bounded in time, have a core each.
+# Two at a time, in this order: attacks, which are bounded in time, and types have a core each, and
+# what is left at the end, the two ranks of test-pip, has both.
 test: style
-	$(MAKE) --jobs=2 --output-sync=target types attacks-sample
-	$(MAKE) --jobs=2 --output-sync=target docs-check test-pip
+	$(MAKE) --jobs=2 --output-sync=target attacks-sample types docs-check test-pip
 	$(RUN) $(PYTEST) --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)

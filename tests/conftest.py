@@ -8,7 +8,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import pytest
-from on_ranks import EVERY_CASE, ON_ANY, ON_THREE, ON_TWO
+from on_ranks import EVERY_CASE, LONG_ON_RANKS, ON_ANY, ON_THREE, ON_TWO
 
 # With more threads SCOTCH parts the same mesh otherwise every time; it looks at its first call.
 os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
@@ -47,7 +47,8 @@ def pytest_collection_modifyitems(config, items):
     Of cases that are a product, `each_value` leaves so few that every value is in one of them. On
     several ranks only what `on_ranks` names is run, and what sends many messages is not. There a
     test with several cases runs in one, the last on two ranks and the first on more, but for tests
-    of what ranks do to each other and the golden record, of which three ranks run a third.
+    of what ranks do to each other and the golden record, of which two ranks run half and three a
+    third, without what takes long there.
     """
     if find_spec("dolfinx_solver"):
         for item in items:
@@ -77,7 +78,8 @@ def pytest_collection_modifyitems(config, items):
         elif COMM.size > 1 and (COMM.size > 2 or item.path.stem not in EVERY_CASE):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
     for number, item in enumerate(golden):
-        if COMM.size > 2 and number % 3:
+        name = item.callspec.params["name"] if hasattr(item, "callspec") else None
+        if COMM.size > 1 and (name in LONG_ON_RANKS or number % COMM.size):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
     for repeated in cases.values():
         for item in repeated[:-1] if COMM.size == 2 else repeated[1:]:

@@ -3,14 +3,15 @@
 #: Tests of what ranks do to each other, on two of them in all cases.
 EVERY_CASE = (
     "test_bad_input",
-    "test_disk",
     "test_hostile",
-    "test_kinematics",
     "test_messages",
     "test_results",
 )
-#: Tests of which every case runs on one and two ranks, and every third on more.
+#: Tests of which every case runs on one rank, every second on two, and every third on three.
 ON_ANY = ("test_golden",)
+#: Of the record what takes several times as long on ranks, for hundreds of small linear systems;
+#: paths by arc length, their records, histories of bonds and Uzawa are in other tests there too.
+LONG_ON_RANKS = ("path with a record", "path that snaps back", "Uzawa", "history of a crack")
 #: Tests on two ranks beside those of `ON_THREE`: for every mechanism of a file one that ranks share
 #: in, short where there is a choice. Algebra, laws and pictures of one rank are seen serially.
 ON_TWO = {
@@ -23,13 +24,12 @@ ON_TWO = {
     "test_algorithms": ("energies_fall", "data_that_are_refused"),
     "test_all_solutions_3d": (
         *("words_that_do_not_fit", "what_is_refused_by_name", "a_step_of_a_history"),
-        *("others_exist",),
     ),
     "test_anisotropic": ("mirrored_fibres_hold_slip_to_the_left",),
-    "test_arc_length": ("bad_input",),
+    "test_arc_length": ("bad_input", "of_two_that_are_alike"),
     "test_at_rest": ("without_a_load", "on_the_points"),
     "test_axisymmetric": (
-        *("uniform_pressure_on_a_disc", "lame", "multigrid", "uniform_strain"),
+        *("uniform_pressure_on_a_disc", "lame", "multigrid", "uniform_strain", "units"),
         *("surfaces_that_disagree", "the_axis_is_held", "large_sliding", "a_branch"),
     ),
     "test_benchmarks": (
@@ -52,6 +52,7 @@ ON_TWO = {
     "test_checkpoint_files": (
         *("without_adios_the_other_format_is_written",),
         *("a_checkpoint_of_adios_without_it_is_refused_by_name", "a_full_disk"),
+        "resumed_on_one_rank_and_on_all",
     ),
     "test_checks": (
         *("misfit_of_other_obstacles", "smallest_jacobian", "an_empty_cell_is_named"),
@@ -67,7 +68,10 @@ ON_TWO = {
     "test_codes": ("an_answer_passes", "what_is_no_answer_is_refused"),
     "test_common_points": ("on_any_number_of_ranks", "fields_of_the_law", "bad_input"),
     "test_compliant": (
-        *("uniform_compression", "between_bodies", "a_branch_by_pivoting"),
+        *(
+            "uniform_compression",
+            "between_bodies",
+        ),
         *("warning_and_bad_laws",),
     ),
     "test_continuation": (
@@ -91,13 +95,30 @@ ON_TWO = {
     ),
     "test_demo_dragged_body": ("mesh_without_the_top", "unwritable_output", "bad_option"),
     "test_demo_hertz": ("line_contact_numbers", "numbers_do_not_depend_on_ranks", "bad_arguments"),
-    "test_demos": ("greco_block", "hild_triangle_instance"),
+    "test_demos": ("hild_triangle_instance",),
     "test_diagram": (
         *("observers_see_the_branches_of_the_diagram", "three_pieces_that_meet_are_a_node"),
         *("budgets_and_bad_input",),
     ),
     "test_directions_of_slip": (
         *("few_eigenvalues", "one_body_serves_all_directions", "bad_input"),
+    ),
+    "test_disk": (
+        "fields_on_a_full_disk",
+        "something_is_in_the_way_of_fields",
+        "what_a_killed_run_left_is_removed",
+        "a_script_of_the_users_own_stays",
+        "table_and_summary",
+        "pictures",
+        "a_record_on_a_full_disk_is_resumed",
+        "a_record_that_cannot_begin",
+        "a_record_that_nothing_is_in",
+        "a_series_on_a_full_disk",
+        "the_lock_says_who_holds_it",
+        "what_is_known_of_a_holder",
+        "a_note_that_is_a_link",
+        "a_process_that_has_the_journal_open_does_not_hold_it",
+        "a_file_system_without_flock",
     ),
     "test_docs": ("theory",),
     "test_doubled_nodes": ("two_points_at_one_place_differ", "resumed_on_other_ranks"),
@@ -111,16 +132,18 @@ ON_TWO = {
         *("what_has_slid_as_a_whole", "a_start_that_is_no_solution"),
         *("a_proof_is_of_the_step_that_was_taken", "where_nothing_continues"),
         "a_load_that_depends_on_the_solution_is_said",
-        *("large_deformation", "bad_input"),
+        *("bad_input",),
     ),
     "test_evolution_output": (
-        *("a_series_with_stresses_and_its_start",),
-        *("a_series_step_by_step", "a_series_that_is_stopped", "numbers_in_a_record"),
+        *("a_series_step_by_step", "numbers_in_a_record"),
         *("tables_of_any_step",),
     ),
     "test_evolution_record": (
-        *("an_interrupted_run_resumes", "a_damaged_checkpoint_is_passed_over"),
-        *("what_is_refused", "a_submesh_is_refused", "a_rigid_body_and_three_dimensions"),
+        "an_interrupted_run_resumes",
+        *(
+            "what_is_refused",
+            "a_submesh_is_refused",
+        ),
     ),
     "test_explorer": (
         "a_history",
@@ -141,11 +164,7 @@ ON_TWO = {
         *("budgets",),
     ),
     "test_interfaces": (
-        *(
-            "jacobian_by_taylor",
-            "adhesion_of_a_block",
-        ),
-        *("friction_with_and_without_pressure", "interfaces_that_are_none"),
+        *("adhesion_of_a_block", "interfaces_that_are_none"),
         *("law_that_is_not_finite",),
     ),
     "test_jumps": ("what_is_proved_of_a_coarse_step",),
@@ -153,15 +172,22 @@ ON_TWO = {
         *("other_data_are_refused", "other_masses_are_refused"),
         *("what_neither_data_nor_forms_show", "a_branch_knows_its_functions"),
     ),
-    "test_kink_starts": (
-        *("a_record_of_a_diagram_from_such_a_state", "a_branch_from_a_state_without_load"),
+    "test_kinematics": (
+        "derivatives_by_taylor",
+        "forces_do_the_work_of_pressure_and_shear",
+        "slips_since_the_last_step",
+        "residual_where_points_slide",
+        "what_needs_a_constant_operator",
+        "what_needs_the_nodes_opposite_to_stay",
+        "what_rests_on_linear_contact",
     ),
-    "test_kinked_data": ("a_jump_in_a_part", "beyond_a_kink"),
+    "test_kink_starts": (*("a_branch_from_a_state_without_load",),),
+    "test_kinked_data": ("a_jump_in_a_part",),
     "test_kinks": ("a_batch_brackets_its_events", "bad_input"),
-    "test_krylov": ("sign_of_the_determinant", "parity_is_that_of_mumps", "work_of_a_step"),
+    "test_krylov": ("sign_of_the_determinant", "work_of_a_step"),
     "test_large_sliding": (
         *("around_a_cylinder", "refused", "a_gradient_that_vanishes"),
-        *("an_obstacle_that_comes_and_turns", "a_rigid_body", "multigrid"),
+        *("a_rigid_body", "multigrid"),
     ),
     "test_law": ("nodal_rows_are_alart_curnier", "classification"),
     "test_lemke": ("data_that_it_does_not_take", "the_same_as_newton"),
@@ -180,7 +206,7 @@ ON_TWO = {
         *("files_read_differently", "a_drawing_that_ends_the_run", "missing_file"),
         *("not_a_gmsh_file", "model_that_does_not_fit"),
     ),
-    "test_left_memory": ("bonds_stay_broken_in_another_history",),
+    "test_left_memory": ("what_is_remembered_of_another_state_is_said",),
     "test_mortar": ("a_rounded_face", "bad_mortars", "a_warped_face_in_space"),
     "test_motion": (
         *("a_bar_step_by_step", "ranks_change_nothing", "bad_input"),
@@ -214,11 +240,10 @@ ON_TWO = {
         *("bad_laws_and_a_small_radius",),
     ),
     "test_observers": (
-        *("after_a_kill", "data_that_are_changed_on_a_branch_are_refused"),
+        "data_that_are_changed_on_a_branch_are_refused",
         *("a_record_comes_first", "an_observer_that_raises_on_one_rank_ends_a_history"),
-        *("a_recorded_diagram",),
     ),
-    "test_open_tools": ("slice_leaves_as_the_plane", "starts_below_a_rim"),
+    "test_open_tools": ("starts_below_a_rim",),
     "test_output": (
         *("von_mises_of_uniaxial_stress", "nodal_fields_are_the_table", "clamped_nodes"),
         *("integral_fields", "files_read_back", "two_surfaces", "unwritable_folder"),
@@ -236,7 +261,7 @@ ON_TWO = {
     ),
     "test_pair": (
         *("a_gap_that_closes", "crack", "bad_pairs"),
-        *("faces_of_different_meshes", "a_block_that_tips"),
+        *("faces_of_different_meshes", "branches_on_a_held_body"),
     ),
     "test_pair_demos": ("a_crack_in_the_plane", "a_press_fit"),
     "test_parametric": (
@@ -247,12 +272,8 @@ ON_TWO = {
         *("data_that_change_between_branches", "looking_for_solutions_leaves_no_trace"),
         *("evaluating_writes_no_function", "what_drives_changes_between_branches"),
         *("an_obstacle_that_is_moved_into_clamped_nodes",),
-        *("a_parameter_that_is_counted_from_elsewhere",),
     ),
-    "test_path_record": (
-        *("the_journal_says_what_was_followed",),
-        *("what_is_refused",),
-    ),
+    "test_path_record": (*("the_journal_says_what_was_followed",),),
     "test_paths_in_small": (
         *("matrices_that_differ_in_rows_and_a_column", "changes_of_a_step_in_order"),
         *("a_mass_that_lies_elsewhere_is_said_once",),
@@ -284,29 +305,28 @@ ON_TWO = {
     "test_record": (
         *("journal_says_what_was_followed", "fields_come_back_exactly"),
         *("a_torn_last_line_is_dropped", "the_journal_of_another_problem_is_refused"),
-        *("points_that_differ_are_refused", "a_record_from_rest_by_pivoting"),
-        *("an_interrupted_run_resumes", "progress", "a_mesh_has_one_hash"),
+        *("points_that_differ_are_refused",),
+        *("progress", "a_mesh_has_one_hash"),
     ),
     "test_record_surfaces": (
         *("the_displacement_of_every_point", "on_another_number_of_ranks"),
-        *("tables_of_contact_points", "both_faces_of_a_pair"),
-        *("a_disk_that_cannot_be_written_to",),
+        *("tables_of_contact_points",),
     ),
     "test_regions": ("figures_of_the_seed_example",),
     "test_renard": ("hild_triangle", "bad_input"),
     "test_reuse": (
         *("a_row_that_makes_it_singular", "work_of_a_nonlinear_body"),
-        *("the_mesh_is_not_hashed_at_every_residual", "chords_change_nothing"),
+        "the_mesh_is_not_hashed_at_every_residual",
         *("what_follows_from_a_state_is_made_of_one_evaluation", "a_product_is_not_made_twice"),
     ),
     "test_rigid_body": (
         *("a_punch_under_a_force", "tilting_in_three_dimensions", "two_surfaces_share_a_body"),
-        *("bodies_that_nothing_holds", "a_branch_under_a_growing_force", "all_solutions"),
+        *("bodies_that_nothing_holds", "all_solutions"),
         *("bad_input", "a_load_that_is_not_a_number", "loads_that_differ_between_ranks"),
         *("what_is_told",),
     ),
     "test_rigid_surface": (
-        *("edge_that_ploughs_is_said", "bad_use", "ranks_with_other_tools", "files"),
+        *("bad_use", "ranks_with_other_tools", "files"),
         "a_step_through_a_thin_tool_is_said",
     ),
     "test_rooms": ("floors",),
@@ -319,19 +339,23 @@ ON_TWO = {
     "test_shakedown": ("bad_input",),
     "test_shared_values": ("values_from_owners", "a_few_numbers_of_all_ranks"),
     "test_sliding_pair": (
-        *("history",),
         *("patch_in_space", "branch", "a_record_of_another_sliding", "refused"),
-        *("overlap_is_refused", "self_contact", "self_contact_is_refused", "a_disc_that_spins"),
+        *(
+            "overlap_is_refused",
+            "self_contact",
+            "self_contact_is_refused",
+        ),
         "jacobian_of_bodies_that_spin",
     ),
-    "test_sliding_revolution": ("seal",),
     "test_sliding_steps": (
-        *("a_fall_of_the_smallest_det_is_refused",),
         "a_step_in_a_cycle_is_halved",
         "facets_that_a_step_passes",
     ),
     "test_slip_memory": ("a_static_start_has_slipped", "jacobian_by_taylor"),
-    "test_small_sliding": ("far_and_turned", "uniqueness", "a_history_says_it_once"),
+    "test_small_sliding": (
+        "far_and_turned",
+        "uniqueness",
+    ),
     "test_solutions": ("bad_input", "what_was_not_found_is_said"),
     "test_special_curves": ("what_is_refused",),
     "test_spins": ("on_any_number_of_ranks", "one_of_two_bodies_on_a_floor_spins"),
@@ -369,7 +393,7 @@ ON_TWO = {
         *("no_theory_of_a_result_of_a_branch", "seconds_that_are_none"),
         "other_friction_under_open_points",
     ),
-    "test_vtk": ("fields_as_vtk", "series_as_vtk", "formats"),
+    "test_vtk": ("fields_as_vtk", "formats"),
     "test_wedging": ("time_that_is_over", "bad_input"),
     "test_weighted": ("in_space", "result_of_a_body"),
     "test_words": (
@@ -382,10 +406,9 @@ ON_THREE = {
     "test_adhesion": ("as_on_one_rank",),
     "test_affine": ("a_bulk_that_jumps_is_refused", "a_kink_that_becomes_a_jump"),
     "test_all_solutions_3d": ("what_is_proved",),
-    "test_arc_length": ("of_two_that_are_alike",),
     "test_bad_input": ("bad_numbers_on_one_rank_only", "a_rank_without_any_cell"),
     "test_blocks": ("oracle_forces", "ranks_and_ghost_modes", "patch"),
-    "test_checkpoint_files": ("on_any_ranks", "resumed_on_one_rank_and_on_all"),
+    "test_checkpoint_files": ("on_any_ranks",),
     "test_classical": ("in_space",),
     "test_common_points": ("patch", "patch_of_a_short_block"),
     "test_compliant": ("jacobian_by_taylor",),

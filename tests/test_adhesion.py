@@ -148,7 +148,7 @@ def test_closed_form_at_every_point(cell, given):
 
 @pytest.mark.parametrize(
     ("cell", "pair"),
-    [("quad", False), pytest.param("hex", False, marks=pytest.mark.long), ("tri", True)],
+    [*(pytest.param(c, False, marks=pytest.mark.long) for c in ("quad", "hex")), ("tri", True)],
 )
 @pytest.mark.verifies(
     "RCCM adhesion",
@@ -192,7 +192,7 @@ def test_opening(cell, pair):
     assert t.rn.min() > 0
 
 
-@pytest.mark.parametrize("m", [2.0, 1.0])
+@pytest.mark.parametrize("m", [pytest.param(2.0, marks=pytest.mark.long), 1.0])
 @pytest.mark.verifies(
     "RCCM adhesion",
     reference="closed form: R_T = w^2/(C u^3) + mu P (1 - w/(C u^2))",
@@ -384,7 +384,7 @@ def gap_of_node(system):
     return float(table.un[table.letters != "d"][0])
 
 
-@pytest.mark.parametrize("k", [1.0, 0.3])
+@pytest.mark.parametrize("k", [1.0, pytest.param(0.3, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "RCCM adhesion",
     "branches",

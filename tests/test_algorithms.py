@@ -332,7 +332,10 @@ def test_friction_polygons():
 # -- parts ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize(
+    "friction",
+    [pytest.param(0.0, marks=pytest.mark.long), 0.4, pytest.param(1.0, marks=pytest.mark.long)],
+)
 def test_two_levels_take_fewer_sweeps(friction):
     """On S of order 1 (a half-plane, discrete) with fronts between statuses."""
     runs = {n: GaussSeidel(two_level=True).run(half_plane(n, friction)) for n in (32, 64, 128, 256)}

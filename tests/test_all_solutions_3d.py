@@ -46,8 +46,8 @@ TABLE = {
 @pytest.mark.parametrize(
     "case",
     [
-        pytest.param("2x1", marks=pytest.mark.long),
-        "2x2",
+        "2x1",
+        pytest.param("2x2", marks=pytest.mark.long),
         *(pytest.param(c, marks=[serial, pytest.mark.long]) for c in list(TABLE)[2:]),
     ],
 )

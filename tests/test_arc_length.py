@@ -530,10 +530,8 @@ TRACED = {
     [
         *[pytest.param(body, 0.002, marks=pytest.mark.long) for body in TRACED],
         *[
-            pytest.param(*given, marks=marks)
-            for *given, marks in zip(
-                TRACED, (0.005, 0.003, 0.005), ([], pytest.mark.long, pytest.mark.long), strict=True
-            )
+            pytest.param(*given, marks=pytest.mark.long)
+            for given in zip(TRACED, (0.005, 0.003, 0.005), strict=True)
         ],
     ],
 )

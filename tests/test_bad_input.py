@@ -364,6 +364,7 @@ def test_unstable_pairs():
         surface(u, method="mortar")
 
 
+@pytest.mark.chatty
 def test_an_energy_of_the_wrong_sign():
     """What the strategies ran into is listed after the reason for it."""
     domain = box(MPI.COMM_WORLD, 2, "tri")
@@ -423,6 +424,7 @@ def test_a_solve_that_cannot_converge():
     np.testing.assert_array_equal(s.multiplier.x.array, before[1])
 
 
+@pytest.mark.chatty
 def test_a_part_of_the_mesh_that_nothing_holds():
     """Two squares in one mesh, one of them without support: named, not solved into nonsense."""
     n = 3

@@ -394,6 +394,7 @@ def test_no_vector_excludes_a_state(kind, error):
                 assert region.most(y, slot, point) >= ub[slot, point] - 1e-12
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("error", [0.0, 0.05])
 @pytest.mark.parametrize("law", IN_SPACE)
 def test_no_vector_excludes_a_state_in_space(law, error):

@@ -336,6 +336,7 @@ def lifted_by_slips(rng, n):
     return S + 0.1 * G @ G.T / (2 * n), p, np.full(n, rng.uniform(2, 5))
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "certificates",
     reference="enumeration: all statuses of random problems",
@@ -378,7 +379,7 @@ def test_the_progress_of_a_proof(capsys):
     problem = ReducedProblem(G @ G.T + np.eye(24), rng.standard_normal(24), np.full(12, 4.0))
     shown = {}
     for progress in (True, False):
-        prove_solutions(problem, proof_seconds=0.5, progress=progress)
+        prove_solutions(problem, proof_seconds=0.2, progress=progress)
         shown[progress] = capsys.readouterr().err
     assert shown[True].startswith("proof of all solutions: ")
     assert not shown[False]

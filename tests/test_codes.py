@@ -101,6 +101,7 @@ def test_what_is_out_of_balance_is_found():
     assert found(problem, u, forces) == {"equilibrium"}
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "NSCD motion", reference="closed form: the path of a bar that bounces", aspects=("2D",)
 )

@@ -88,6 +88,7 @@ def test_the_end_of_the_range_to_the_last_bit(end):
     assert branch.points[-1].gamma == values(system, branch.points[-1])[1] == end
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("route", ["auto", "steps"])
 @pytest.mark.parametrize("gamma", [-1.0, 1.0, 1.0 - 1e-15])
 def test_a_start_at_an_end_of_the_range(route, gamma):
@@ -141,6 +142,7 @@ def test_path_with_two_nonsmooth_folds():
     np.testing.assert_allclose(x[:2], np.linalg.solve([[2, 1], [1, 2]], [-5, -1]), atol=1e-9)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 @pytest.mark.parametrize("units", [1.0, 1e9, 1e-6])
 def test_the_path_does_not_depend_on_steps_and_units(factor, units, algebra):
@@ -275,6 +277,7 @@ def test_three_pieces_meet():
     assert ends == {(1, 1), (-1, 1), (-1, -1)}
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kinks", ["exact", "batched", "stepping"])
 def test_points_beside_smooth_folds(kinks):
     """All roots of x^3 - x + g = 0, also where the fold alone is further than g."""

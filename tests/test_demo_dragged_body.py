@@ -89,6 +89,7 @@ def barrel(file, names=("body", "contact", "top")):
     gmsh.finalize()
 
 
+@pytest.mark.long
 def test_mesh_from_a_file(folder):
     """The same numbers on any number of ranks."""
     file = folder / "barrel.msh"

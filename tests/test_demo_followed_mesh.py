@@ -56,7 +56,7 @@ def test_every_solution_satisfies_the_contact_law():
             assert result.tables["contact"].status == followed.letters(point.piece)
 
 
-@pytest.mark.parametrize("factor", [pytest.param(0.1, marks=pytest.mark.long), 10.0])
+@pytest.mark.parametrize("factor", [pytest.param(f, marks=pytest.mark.long) for f in (0.1, 10.0)])
 def test_steps_do_not_matter(reference, folder, factor):
     summary, _ = reference
     with varied(step_factor=factor):
@@ -83,6 +83,7 @@ def test_hyperelastic_vee_driven_by_its_top(folder):
     assert abs(summary["end"]["sum_rt"]) <= 0.8 * summary["end"]["sum_rn"] * (1 + 1e-9)
 
 
+@pytest.mark.long
 def test_a_budget_that_ends_early_is_resumed_from_the_record(reference, folder):
     """Same summary from the record, resumed half-way, as from memory."""
     summary, _ = reference

@@ -59,6 +59,7 @@ def test_line_contact_numbers(folder):
     assert summary["load"] == pytest.approx(3529.868228, rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.verifies("Signorini", reference="closed form: Hertz, point contact", aspects=("3D",))
 def test_point_contact_converges(folder):
     summary = run(folder, "--dim", 3, "--levels", 4, 6)
@@ -72,7 +73,7 @@ def test_point_contact_converges(folder):
 @pytest.mark.parametrize(
     "options",
     [
-        ["--cell", "tri", "--levels", 5, 10, 20],
+        pytest.param(["--cell", "tri", "--levels", 5, 10, 20], marks=pytest.mark.long),
         ["--degree", 2, "--levels", 5, 10, 20],
         ["--load", 57800, "--size", 10, "--levels", 5, 20],  # a/R = 0.08
     ],
@@ -106,6 +107,7 @@ def test_line_contact_with_friction(folder):
         assert (folder / "friction.png").stat().st_size > 0
 
 
+@pytest.mark.long
 def test_point_contact_with_friction(folder):
     summary = run(folder, "--dim", 3, "--friction", 0.3, "--levels", 4)
     assert summary["stick"] > 2

@@ -35,6 +35,7 @@ def test_greco_block(accuracy, folder):
 
 
 @pytest.mark.chatty
+@pytest.mark.long
 def test_greco_block_in_other_units(folder):
     runs = [
         demo_greco_block.main([f"--units={units}", f"--output={folder / units}"])
@@ -100,6 +101,7 @@ def test_hild_triangle_continuum(folder):
     np.testing.assert_allclose(values, [[0, 0, 1, 0.5], [-0.5, 0, 0, 0]], atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "all solutions", "charts", reference="paper: Hild (2002), Proposition 2", aspects=("2D",)
@@ -175,6 +177,7 @@ def test_which_solution(folder):
     assert (folder / "basins_element.png").exists()
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_sliding_solution(folder):
     """Beyond F = 3 Newton's method alone reaches the sliding solution, from starts around it."""

@@ -33,15 +33,16 @@ def test_closed_branch():
 
 
 @pytest.mark.parametrize(
-    "longest", [*(pytest.param(ds, marks=pytest.mark.long) for ds in (0.01, 0.1)), 0.5]
+    ("longest", "apart"),
+    [*(pytest.param(ds, 0.55, marks=pytest.mark.long) for ds in (0.01, 0.1, 0.5)), (0.5, 1.1)],
 )
-def test_a_branch_closes_wherever_it_begins(longest):
+def test_a_branch_closes_wherever_it_begins(longest, apart):
     """The circle from all around it, both ways, with steps that turn by up to 26 degrees."""
     system = smooth(
         1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
     )
     control = StepControl(initial=min(longest, 0.02), maximum=longest)
-    for angle in np.arange(0.2, 6.2, 0.55):
+    for angle in np.arange(0.2, 6.2, apart):
         for direction in ("increasing", "decreasing"):
             branch = follow(
                 system,

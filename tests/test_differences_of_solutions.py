@@ -71,6 +71,7 @@ def sides(row, d, e, F, x):
     return [d[v] * (f + t * e[w]) + (1 - F * abs(t)) * more for t in tilts]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("error", [0.0, 0.03125])
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_hold_for_all_pairs(kind, error):

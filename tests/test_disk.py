@@ -240,7 +240,11 @@ def run_until_full(folder, every, size):
 
 
 @pytest.mark.parametrize(
-    ("every", "room", "name"), [(100, 60, FILE_NAME), (5, 9000, "branch_0000_point_000005")]
+    ("every", "room", "name"),
+    [
+        (100, 60, FILE_NAME),
+        pytest.param(5, 9000, "branch_0000_point_000005", marks=pytest.mark.long),
+    ],
 )
 def test_a_record_on_a_full_disk_is_resumed(folder, every, room, name):
     """Full in a line of the journal, or in a checkpoint: the points before it are kept."""

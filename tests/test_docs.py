@@ -16,12 +16,22 @@ RECIPES = sorted((DOCS / "recipes").glob("[0-9]*.py"))
 TUTORIALS = sorted((DOCS / "tutorials").glob("[0-9]*.py"))
 DEMOS = sorted((DOCS.parent / "demos").glob("demo_*.py"))
 THEORY = sorted((DOCS / "theory").glob("*.md"))
+#: Scripts of which each spends seconds on pictures, or on the derivatives of a law.
+LONG = (
+    *("22_pdf_figure", "23_film", "26_rolling", "35_friction_as_parameter", "38_scaling"),
+    *("1_frictional_solve", "2_two_bodies_and_a_crack", "5_motion_and_impact", "6_law_of_your_own"),
+)
 #: Lines of code of a recipe, without imports and what is empty.
 MOST_LINES = 15
 
 
 def name_of(script):
     return getattr(script, "stem", None)
+
+
+def scripts(found):
+    """Cases of a test, of which some take long."""
+    return [pytest.param(s, marks=pytest.mark.long) if s.stem in LONG else s for s in found]
 
 
 def run(script, tmp_path, monkeypatch):
@@ -33,7 +43,7 @@ def run(script, tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="recipes write to a folder of one rank")
-@pytest.mark.parametrize("recipe", RECIPES, ids=name_of)
+@pytest.mark.parametrize("recipe", scripts(RECIPES), ids=name_of)
 def test_recipe(recipe, tmp_path, monkeypatch, capsys):
     run(recipe, tmp_path, monkeypatch)
     pictures = [f for f in tmp_path.rglob("*") if f.suffix in (".png", ".gif")]
@@ -41,7 +51,7 @@ def test_recipe(recipe, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="tutorials write to a folder of one rank")
-@pytest.mark.parametrize("tutorial", TUTORIALS, ids=name_of)
+@pytest.mark.parametrize("tutorial", scripts(TUTORIALS), ids=name_of)
 def test_tutorial(tutorial, tmp_path, monkeypatch):
     run(tutorial, tmp_path, monkeypatch)
     assert any(f.suffix == ".png" for f in tmp_path.rglob("*"))

@@ -153,7 +153,11 @@ def test_two_points_at_one_place_differ():
 
 @pytest.mark.parametrize(
     ("route", "first"),
-    [("pivoting", "all ranks"), ("steps", "all ranks"), ("pivoting", "one rank")],
+    [
+        pytest.param("pivoting", "all ranks", marks=pytest.mark.long),
+        pytest.param("steps", "all ranks", marks=pytest.mark.long),
+        ("pivoting", "one rank"),
+    ],
 )
 @pytest.mark.verifies(
     "records of branches",

@@ -81,7 +81,7 @@ def cycle(top):
     return load
 
 
-@pytest.mark.parametrize("case", ["two_n8", "rigid_n8"])
+@pytest.mark.parametrize("case", ["two_n8", pytest.param("rigid_n8", marks=pytest.mark.long)])
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "quasi-static",
@@ -283,7 +283,7 @@ def test_energy():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("sliding", ["small", "large"])
+@pytest.mark.parametrize("sliding", [pytest.param("small", marks=pytest.mark.long), "large"])
 @pytest.mark.verifies(
     "energies of histories",
     "moving obstacles",
@@ -456,7 +456,7 @@ def test_a_floor_that_moves():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "quasi-static",
     "Coulomb",
@@ -489,7 +489,7 @@ def klarbring():
     return system.problem, system.constant
 
 
-@pytest.mark.parametrize("at_jump", ["raise", "stop", "jump"])
+@pytest.mark.parametrize("at_jump", ["raise", pytest.param("stop", marks=pytest.mark.long), "jump"])
 @pytest.mark.verifies(
     "jumps",
     "quasi-static",
@@ -556,7 +556,9 @@ def test_a_jump_after_other_data():
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("times", [(0.0, 4.0), (0.0, 0.5, 4.0)])
+@pytest.mark.parametrize(
+    "times", [pytest.param((0.0, 4.0), marks=pytest.mark.long), (0.0, 0.5, 4.0)]
+)
 def test_a_jump_in_a_long_step(times):
     """It is seen in the first step, and where the state then changes little faster than the load.
 

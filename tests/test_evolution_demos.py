@@ -66,6 +66,7 @@ def test_the_bar_to_one_percent(folder):
     assert max(bar(folder, 200, 100, 10)) < 0.01
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_two_blocks(folder, no_pictures):
     """Other nodes below cost as much friction, to some percent; what is written is there."""
@@ -241,6 +242,7 @@ def test_peeling_as_a_beam(folder):
         assert summary["crack_over_peeled"] == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "regularised friction",
     "friction of speed and time",
@@ -390,6 +392,7 @@ def test_the_earth_pressure_at_rest():
     np.testing.assert_allclose(table.shear, 0.0, atol=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "RCCM adhesion",

@@ -130,7 +130,7 @@ def test_the_journal_says_what_was_run(folder):
     assert [r.after for r in read_journal(folder).runs] == [0, len(history.steps)]
 
 
-@pytest.mark.parametrize("case", ["crack", "pair", "motion"])
+@pytest.mark.parametrize("case", ["crack", pytest.param("motion", marks=pytest.mark.long), "pair"])
 @pytest.mark.verifies(
     "records of histories",
     "cracks",

@@ -271,7 +271,7 @@ def check_states(page, journal, entries, allowed=0.005):
                 assert name not in state.obstacles
 
 
-@pytest.mark.parametrize("cell", ["quad", "tet"])
+@pytest.mark.parametrize("cell", ["quad", pytest.param("tet", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "explorer",
     "pictures",

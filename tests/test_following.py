@@ -18,7 +18,10 @@ def only_following(monkeypatch):
     monkeypatch.setattr(ladder, "strategies", lambda *a: whole(*a)[-1:])
 
 
-@pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.parametrize(
+    ("dim", "cell"),
+    [pytest.param(*k, marks=pytest.mark.long) if k == (2, "tri") else k for k in KINDS],
+)
 @pytest.mark.verifies(
     "loads in increments",
     "Newton's method",

@@ -42,8 +42,8 @@ def pushed(law, push, cell, friction, n=2):
     [
         ("coulomb", 0.004, "tri", "batched"),
         ("coulomb", -0.004, "tri", "exact"),
-        ("coulomb", -0.004, "tri", "stepping"),
-        ("coulomb", 0.004, "tet", "exact"),
+        pytest.param("coulomb", -0.004, "tri", "stepping", marks=pytest.mark.long),
+        pytest.param("coulomb", 0.004, "tet", "exact", marks=pytest.mark.long),
         pytest.param("bonds", -0.004, "tri", "batched", marks=pytest.mark.long),
         ("bonds", 0.004, "tet", "exact"),
         ("soft bonds", -0.004, "tri", "exact"),

@@ -20,7 +20,7 @@ COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(600.0, 400.0)
 
 
-@pytest.mark.parametrize("cell", ["tri", "quad"])
+@pytest.mark.parametrize("cell", [pytest.param("tri", marks=pytest.mark.long), "quad"])
 @pytest.mark.verifies(
     "loads in increments",
     "hyperelastic bodies",

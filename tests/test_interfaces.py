@@ -137,7 +137,7 @@ def senses(table):
     ("cell", "given"),
     [
         pytest.param("quad", {}, marks=pytest.mark.long),
-        ("quad", {"method": "integral", "degree": 2}),
+        pytest.param("quad", {"method": "integral", "degree": 2}, marks=pytest.mark.long),
         pytest.param("tri", {"pair": True}, marks=pytest.mark.long),
         ("tet", {}),
     ],
@@ -182,7 +182,7 @@ def test_adhesion_of_a_block(cell, given):
     assert {"o", "i", "d"} < seen
 
 
-@pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.parametrize("cell", [pytest.param("tri", marks=pytest.mark.long), "hex"])
 @pytest.mark.verifies(
     "interfaces of one's own",
     "Tresca",
@@ -248,7 +248,7 @@ def test_friction_with_and_without_pressure(cell):
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "Maxwell layer",
     reference="closed form: relaxation of a jump that is held",
@@ -481,7 +481,7 @@ class Strip(Interface):
         return self.strength * reached * rates["damage"]
 
 
-@pytest.mark.parametrize("cell", ["quad", "tet"])
+@pytest.mark.parametrize("cell", [pytest.param("quad", marks=pytest.mark.long), "tet"])
 @pytest.mark.verifies(
     "interfaces of one's own",
     reference="closed form: opened, closed, opened, broken",

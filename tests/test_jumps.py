@@ -112,7 +112,7 @@ def test_what_is_proved_of_a_coarse_step():
 @pytest.mark.parametrize(
     ("stiffness", "law", "pressed", "times"),
     [
-        (200.0, (0.6, 0.3, 0.002), 0.01, np.linspace(0.0, 0.018, 21)),
+        pytest.param(200.0, (0.6, 0.3, 0.002), 0.01, np.linspace(0.0, 0.018, 21), marks=LONG),
         pytest.param(200.0, (0.6, 0.3, 0.002), 0.01, np.linspace(0.0, 0.018, 31), marks=LONG),
         pytest.param(1.0, (0.6, 0.2, 0.1), 1.0, [0.0, 0.2, 0.4, 0.55, 0.8, 1.0], marks=LONG),
     ],

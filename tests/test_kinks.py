@@ -46,7 +46,9 @@ def test_path_with_two_nonsmooth_folds(kinks):
             assert high - low < 6 * 16 * control.minimum
 
 
-@pytest.mark.parametrize("kinks", ["batched", pytest.param("stepping", marks=pytest.mark.chatty)])
+@pytest.mark.parametrize(
+    "kinks", ["batched", pytest.param("stepping", marks=[pytest.mark.chatty, pytest.mark.long])]
+)
 @pytest.mark.verifies(
     "branches",
     reference="itself: every event located",

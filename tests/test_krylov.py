@@ -93,7 +93,9 @@ def follow_vee(solver, kinks, *options):
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("kinks", [pytest.param("exact", marks=pytest.mark.long), "batched"])
+@pytest.mark.parametrize(
+    "kinks", [pytest.param(k, marks=pytest.mark.long) for k in ("exact", "batched")]
+)
 @pytest.mark.verifies(
     "Krylov branches",
     reference="independent code: MUMPS for the linear systems",
@@ -124,6 +126,7 @@ def test_vee(kinks):
     assert signs[0] == signs[-1]
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "Krylov branches",
@@ -199,6 +202,7 @@ def test_3d_branch():
     assert 1 <= builds < len(mine.points)
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "branches", reference="itself: steps on H, which hold no piece", aspects=("3D", "branches")
 )

@@ -330,7 +330,9 @@ def orbiting(cell, n, angle, press=0.08):
     return ParametricContact(problem, gamma, driven=[(moved, ufl.as_vector(way))])
 
 
-@pytest.mark.parametrize(("cell", "n"), [("quad", 6), ("hex", 3)])
+@pytest.mark.parametrize(
+    ("cell", "n"), [("quad", 6), pytest.param("hex", 3, marks=pytest.mark.long)]
+)
 @pytest.mark.verifies(
     "moving obstacles",
     "hyperelastic bodies",
@@ -657,6 +659,7 @@ def test_what_is_written(folder, method):
             assert COMM.rank > 0 or file.stat().st_size > 1000
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "spheres",

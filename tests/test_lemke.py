@@ -226,7 +226,7 @@ def check_random_body(seed):
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("first", [0, 15])
+@pytest.mark.parametrize("first", [0, pytest.param(15, marks=pytest.mark.long)])
 def test_random_bodies(first):
     found = [check_random_body(seed) for seed in range(first, first + 15)]
     assert sum(reason != "refused" for reason in found) > 9

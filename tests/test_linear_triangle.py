@@ -43,7 +43,7 @@ def test_seed_example_at_its_start():
     np.testing.assert_allclose(table.rt[:-1, 0].sum(), -3.956634, atol=1e-6)
 
 
-@pytest.mark.parametrize("route", ["steps", "pivoting"])
+@pytest.mark.parametrize("route", [pytest.param("steps", marks=pytest.mark.long), "pivoting"])
 @pytest.mark.verifies(
     "rays out of a kink",
     "pivoting",
@@ -126,6 +126,7 @@ def test_complete_set_on_a_coarse_mesh(folder):
     assert free["un_A"] == pytest.approx(0.0013871244868142803, rel=1e-9)
 
 
+@pytest.mark.long
 @serial
 def test_friction_decides_on_the_number_of_solutions():
     """On the 64-node mesh three solutions exist for gamma > 0 iff F >= 1.6588005832."""
@@ -138,7 +139,10 @@ def test_friction_decides_on_the_number_of_solutions():
 
 
 @serial
-@pytest.mark.parametrize(("method", "threshold"), [("nodal", 1.911), ("mixed", 2.042)])
+@pytest.mark.parametrize(
+    ("method", "threshold"),
+    [pytest.param("nodal", 1.911, marks=pytest.mark.long), ("mixed", 2.042)],
+)
 def test_thresholds_of_discretisations(method, threshold, monkeypatch):
     """Where two more solutions appear on a coarse mesh: averages of the gap shift it."""
     monkeypatch.setattr(_triangle, "ContactSurface", partial(ContactSurface, method=method))

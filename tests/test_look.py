@@ -120,7 +120,7 @@ def test_bonds_are_seen(drawn, strength):
         assert (bound.max() > 0.1) == (strength < 1.0)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_bonds_are_drawn(folder, dim):
     if dim == 3 and COMM.size > 1:
         pytest.skip("the picture is the same")
@@ -239,7 +239,11 @@ def test_continuous_fields_are_exact(drawn, cell):
 
 
 @pytest.mark.parametrize(
-    "cell", ["tri", pytest.param("tet", marks=[needs_display, pytest.mark.long])]
+    "cell",
+    [
+        pytest.param("tri", marks=pytest.mark.long),
+        pytest.param("tet", marks=[needs_display, pytest.mark.long]),
+    ],
 )
 def test_where_a_field_is_no_number(folder, cell):
     """It is grey there, in the range of the rest."""
@@ -335,6 +339,7 @@ def test_a_film_shows_the_displacement_and_its_scale(monkeypatch):
     assert cut["limits"]["middle"][1] > 0.5
 
 
+@pytest.mark.long
 @needs_display
 def test_the_bar_of_a_section_is_of_what_is_seen(folder):
     """Not of the surface, where this field vanishes: it would be of one colour."""

@@ -430,7 +430,9 @@ def test_one_point_where_others_are_not_defined():
     assert np.isfinite(fem.assemble_scalar(compiled_form(form)))
 
 
-@pytest.mark.parametrize("kind", ["quad", "hex", "revolution"])
+@pytest.mark.parametrize(
+    "kind", ["quad", pytest.param("hex", marks=pytest.mark.long), "revolution"]
+)
 @pytest.mark.verifies(
     "nearly incompressible bodies",
     "stresses",
@@ -538,7 +540,7 @@ def test_a_stress_of_another_pressure(tags, mean, caplog):
         )
 
 
-@pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
 def test_one_stress_of_two_materials(cell, caplog):
     """A modulus of each cell is seen to be that of the bulk, or not, where cells are distorted."""
     domain = box(COMM, 2, cell)

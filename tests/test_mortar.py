@@ -273,6 +273,7 @@ def solids(below, above, x_below, x_above, cells, *, comm=COMM):
     return both
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cells", ["tet", "hex"])
 @pytest.mark.parametrize(("slave", "master"), SIDES)
 @pytest.mark.parametrize("case", SOLID_CASES)
@@ -459,6 +460,7 @@ def test_a_branch_between_bodies(folder):
         assert a[1:] == b[1:]
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "mortar",
     "Signorini",

@@ -51,8 +51,8 @@ def velocity(problem, x, y):
     [
         ("theta", 0.5, "redistributed"),
         pytest.param("theta", 0.5, "consistent", marks=pytest.mark.long),
-        ("theta-euler", 1.0, "lumped"),
-        ("modified-theta", 0.6, "redistributed"),
+        pytest.param("theta-euler", 1.0, "lumped", marks=pytest.mark.long),
+        pytest.param("modified-theta", 0.6, "redistributed", marks=pytest.mark.long),
         pytest.param("modified-theta", 0.6, "lumped", marks=pytest.mark.long),
     ],
 )

@@ -29,7 +29,7 @@ def slides(friction):
 
 
 @pytest.mark.chatty
-@pytest.mark.parametrize("friction", [pytest.param(0.1, marks=pytest.mark.long), 0.5])
+@pytest.mark.parametrize("friction", [pytest.param(f, marks=pytest.mark.long) for f in (0.1, 0.5)])
 @pytest.mark.verifies(
     "steady sliding",
     "NSCD motion",

@@ -17,6 +17,7 @@ def cells():
     return json.loads(NOTEBOOK.read_text())["cells"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="a notebook is one process")
 def test_the_code_of_the_notebook(folder, monkeypatch):
     """It solves, finds all of three solutions, and shows a picture and a diagram."""

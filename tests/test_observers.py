@@ -86,7 +86,12 @@ def check(system, looks):
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param("load", marks=pytest.mark.long), "obstacle", "dirichlet"]
+    "kind",
+    [
+        pytest.param("load", marks=pytest.mark.long),
+        "obstacle",
+        pytest.param("dirichlet", marks=pytest.mark.long),
+    ],
 )
 @pytest.mark.verifies(
     "observers",
@@ -306,7 +311,7 @@ def test_classes_are_no_observers():
         follow(system, start(system), 0.0, record=BranchRecord, **way)
 
 
-@pytest.mark.parametrize("route", ["steps", "pivoting"])
+@pytest.mark.parametrize("route", ["steps", pytest.param("pivoting", marks=pytest.mark.long)])
 def test_a_function_looks_on(route):
     """It is called as `stop` is, and with both ends; on one rank alone, too, and beside a class."""
     system = linear_triangle(8, 2.0)
@@ -443,7 +448,7 @@ def test_an_observer_that_raises_on_one_rank_ends_a_history(method):
     assert COMM.allreduce(np.abs(evolution.problem.u.x.array).max(), op=MPI.MAX) < 0.1
 
 
-@pytest.mark.parametrize("route", ["steps", "pivoting"])
+@pytest.mark.parametrize("route", [pytest.param("steps", marks=pytest.mark.long), "pivoting"])
 def test_a_recorded_diagram(route, folder):
     """The journal has its nodes, rays and edges; explored again in parts it is the same."""
 

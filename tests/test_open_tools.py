@@ -93,6 +93,7 @@ def off_pair(cell, friction, n=8):
     return -np.array([step.result.pairs["contact"].slave for step in steps])
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize(("cell", "method"), [("tri", "nodal"), ("quad", "integral")])
 @pytest.mark.verifies(
@@ -128,7 +129,7 @@ def test_as_from_a_meshed_tool(friction, cell, method):
     assert work[0] > 0.02 * whole
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.long), 0.3])
 @pytest.mark.verifies(
     "surfaces of facets",
     "Coulomb",
@@ -145,9 +146,14 @@ def test_slice_leaves_as_the_plane(friction):
     assert wanted[0, 1] > 40.0
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("overlap", [0.3, 1.4])
 @pytest.mark.parametrize(
-    ("dim", "cell", "method"), [(2, "tri", "nodal"), (2, "quad", "integral"), (3, "hex", "nodal")]
+    ("dim", "cell", "method"),
+    [
+        pytest.param(2, "tri", "nodal", marks=pytest.mark.long),
+        *((2, "quad", "integral"), (3, "hex", "nodal")),
+    ],
 )
 @pytest.mark.verifies(
     "surfaces of facets",

@@ -204,6 +204,7 @@ def on_tool(dim, height, *, law=None, bumps=0.0, moves=False, **given):
 METHODS = [("nodal", "small"), ("nodal", "large"), ("integral", "large")]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(("method", "sliding"), METHODS)
 @pytest.mark.verifies(

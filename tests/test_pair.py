@@ -94,7 +94,7 @@ def largest(values):
     return COMM.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max)
 
 
-@pytest.mark.parametrize("case", ["two_n8", "rigid_n8"])
+@pytest.mark.parametrize("case", ["two_n8", pytest.param("rigid_n8", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "matching meshes",
     "Coulomb",
@@ -659,7 +659,7 @@ def test_a_block_that_tips(monkeypatch):
     [
         (2, "tri", 2.0, 0.02, -0.001, 1000.0),
         pytest.param(2, "tri", 20.0, 0.2, -0.05, 1000.0, marks=pytest.mark.long),
-        (3, "hex", 2.0, 0.02, -0.001, 100.0),
+        pytest.param(3, "hex", 2.0, 0.02, -0.001, 100.0, marks=pytest.mark.long),
     ],
 )
 def test_penalisation_with_a_bound_given_in_advance(dim, cell, bound, shift, press, stiffness):

@@ -68,7 +68,7 @@ def test_two_spheres(folder):
     assert table.count("s+-") == 0  # by symmetry, but for the meshes
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.1])
+@pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.long), 0.1])
 @pytest.mark.verifies(
     "matching meshes",
     "mortar",

@@ -150,7 +150,7 @@ def test_friction_as_parameter(folder):
     assert (folder / "branch.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("factor", [pytest.param(0.1, marks=pytest.mark.long), 10.0])
+@pytest.mark.parametrize("factor", [pytest.param(f, marks=pytest.mark.long) for f in (0.1, 10.0)])
 def test_single_element_with_other_steps_and_units(factor, folder):
     options = ["--output", str(folder), "--route", "steps"]
     other = [
@@ -263,7 +263,7 @@ def test_clamped_nodes_that_are_pushed_into_the_obstacle():
         follow(ParametricContact(problem, gamma), x, 0.0, gamma_range=(-1.0, 1.0))
 
 
-@pytest.mark.parametrize("kinks", ["exact", "batched"])
+@pytest.mark.parametrize("kinks", [pytest.param("exact", marks=pytest.mark.long), "batched"])
 @pytest.mark.verifies(
     "branches",
     "Coulomb",
@@ -300,6 +300,7 @@ def test_a_parameter_that_is_counted_from_elsewhere(kinks):
     np.testing.assert_allclose(far, near, rtol=0, atol=1e-7)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 @pytest.mark.parametrize("moved", ["half-space", "rigid body"])
 @pytest.mark.refuses("branches", "planes", "rigid bodies", aspects=("2D", "branches"))
@@ -333,7 +334,7 @@ def test_an_obstacle_that_is_moved_into_clamped_nodes(moved, route):
     assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("cell", ["tri", "tet"])
+@pytest.mark.parametrize("cell", ["tri", pytest.param("tet", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "Tresca",
     "spheres",

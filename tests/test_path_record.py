@@ -161,7 +161,7 @@ def test_an_interrupted_path_resumes(case, whole, folder):
     [
         pytest.param("the start", marks=pytest.mark.long),
         pytest.param("the last point", marks=pytest.mark.long),
-        "the turn",
+        pytest.param("the turn", marks=pytest.mark.long),
     ],
 )
 def test_killed_between_two_points(after, whole, folder):

@@ -208,7 +208,7 @@ def test_several_surfaces(left, right, gap):
     assert (one.x - x).norm() <= 1e-8 * x.norm()
 
 
-@pytest.mark.parametrize("right", [Tresca(2.0), Coulomb(0.4)])
+@pytest.mark.parametrize("right", [pytest.param(Tresca(2.0), marks=pytest.mark.long), Coulomb(0.4)])
 @pytest.mark.verifies(
     "uniqueness",
     "Tresca",

@@ -31,7 +31,8 @@ def pressed(cell, degree, material, metadata):
 
 
 @pytest.mark.parametrize(
-    ("cell", "degree", "usual", "points"), [("hex", 1, 3, 8), ("tet", 2, 4, 14)]
+    ("cell", "degree", "usual", "points"),
+    [("hex", 1, 3, 8), pytest.param("tet", 2, 4, 14, marks=pytest.mark.long)],
 )
 def test_an_estimate_that_is_dear(cell, degree, usual, points, caplog):
     """It is warned of, with what to write instead, which changes forces by less than 2e-5."""

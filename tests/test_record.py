@@ -132,8 +132,8 @@ def test_fields_come_back_exactly(whole):
 @pytest.mark.parametrize(
     ("cell", "method", "degree"),
     [
-        ("tri", "integral", 2),
-        ("tri", "mixed", 1),
+        pytest.param("tri", "integral", 2, marks=pytest.mark.long),
+        pytest.param("tri", "mixed", 1, marks=pytest.mark.long),
         ("tet", "nodal", 1),
     ],
 )
@@ -287,7 +287,14 @@ def test_journals_without_numbers_of_lines_are_read(whole, folder):
     assert (session["type"], session["line"]) == ("session", len(lines) + 1)
 
 
-@pytest.mark.parametrize("name", ["float", "distance", "series", "</script>\n"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("float", marks=pytest.mark.long),
+        pytest.param("distance", marks=pytest.mark.long),
+        *("series", "</script>\n"),
+    ],
+)
 def test_any_word_is_a_name(name, folder):
     """Of a functional and of a surface, of finite numbers and of others."""
     for kind, value in (("number", 42.0), ("nothing", float("nan"))):
@@ -785,7 +792,7 @@ def test_killed_at_random_moments(whole, folder, kills):
 
 
 @serial
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.parametrize("ranks", [pytest.param(n, marks=pytest.mark.long) for n in (2, 3)])
 def test_errors_reach_every_rank(whole, folder, ranks):
     """A foreign and a damaged journal on several ranks: one message, no hang."""
     lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)

@@ -46,10 +46,9 @@ def nodal_values(u):
     [
         *(
             pytest.param(*case, marks=pytest.mark.long)
-            for case in [("tri", 2), ("quad", 1), ("hex", 2)]
+            for case in [("tri", 2), ("quad", 1), ("hex", 2), ("tet", 2)]
         ),
-        pytest.param("tet", 1, marks=pytest.mark.long),
-        *(("tri", 1), ("quad", 2), ("tet", 2), ("hex", 1)),
+        *(("tri", 1), ("quad", 2), ("tet", 1), ("hex", 1)),
     ],
 )
 @pytest.mark.verifies(
@@ -170,6 +169,7 @@ def test_tables_of_contact_points(folder):
                 same_table(found[surface], table)
 
 
+@pytest.mark.long
 def test_both_faces_of_a_pair(folder):
     """Of a history; drawn in a process that knows nothing of the problem."""
     evolution = recorded_evolution.pair(COMM)

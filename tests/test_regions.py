@@ -86,7 +86,7 @@ def test_more_elements():
     assert len(curves.folds) == 2
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "charts", reference="enumeration: all pieces of random problems", aspects=("2D",), alone=True
 )

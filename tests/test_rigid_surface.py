@@ -423,7 +423,11 @@ CURVED = {
 
 @pytest.mark.parametrize(
     ("kind", "method"),
-    [("disc", "nodal"), ("disc", "integral"), ("ball", "nodal"), ("roller", "nodal")],
+    [
+        *(("disc", "nodal"), ("disc", "integral")),
+        pytest.param("ball", "nodal", marks=pytest.mark.long),
+        pytest.param("roller", "nodal", marks=pytest.mark.long),
+    ],
 )
 @pytest.mark.verifies(
     "surfaces of facets",

@@ -5,6 +5,7 @@ import pydoc
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 from mpi4py import MPI
@@ -53,6 +54,7 @@ MODULES = {module_of(f): f for f in ROOT.rglob("*.py")}
 SCIPY = ("integrate", "linalg", "optimize", "sparse", "spatial", "special")
 
 
+@cache
 def imports(name):
     """Modules of the package that a module imports, under TYPE_CHECKING and in functions too."""
     found = set()

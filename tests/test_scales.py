@@ -37,6 +37,7 @@ def from_zero(problem):
     return problem.solve()
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(
     ("cell", "material", "solver"),
     [

@@ -282,10 +282,11 @@ def test_another_program():
     aspects=("2D",),
     alone=True,
 )
-def test_rest_below_the_bound_alone():
+@pytest.mark.parametrize("number", [4, pytest.param(8, marks=pytest.mark.long)])
+def test_rest_below_the_bound_alone(number):
     rng = np.random.default_rng(3)
     kinds = set()
-    for coupled in (False, True) * 8:
+    for coupled in (False, True) * number:
         given, loads, steady = random_case(rng, coupled=coupled)
         below = shakedown_of(given, loads, steady, cycles=400, starts=3)
         if below.factor == np.inf:  # every corner presses more than it shears
@@ -531,6 +532,7 @@ def test_loads_that_differ_by_round_off():
         shakedown_of(points(np.eye(2), [0.3]), np.array([steady, near]))
 
 
+@pytest.mark.long
 def test_the_demo(folder):
     summary = demo_shakedown.main(["--n", "4", "--cases", "6", "--output", str(folder)])
     assert summary["pair"]["theorem_holds"]

@@ -70,6 +70,7 @@ def test_twisting_hemisphere(folder, no_picture):
     assert found["newton_mean"] < 6
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "self contact",
@@ -87,6 +88,7 @@ def test_flattened_ring(folder, no_picture):
     assert found["failed_steps"] == 0
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "sliding pairs",
     "hyperelastic bodies",

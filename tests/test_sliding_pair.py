@@ -249,6 +249,7 @@ STRAIN = 0.1
 STIFF = 500.0  # mu of a material with nu = 0
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["tri", "quad"])
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.parametrize("part", [0.37, 0.61])
@@ -299,6 +300,7 @@ def test_patch(cell, slave, part):
     assert balance.moment < 1e-12
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["tet", "hex"])
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.verifies(
@@ -362,7 +364,8 @@ def pressed_and_sheared(bodies, shear=0.03):
 @pytest.mark.parametrize(
     ("dim", "cell", "slave"),
     [
-        *((2, "tri", 3), (2, "quad", 2), (3, "tet", 2)),
+        *((2, "tri", 3), (2, "quad", 2)),
+        pytest.param(3, "tet", 2, marks=pytest.mark.long),
         pytest.param(3, "hex", 3, marks=pytest.mark.long),
     ],
 )
@@ -403,7 +406,9 @@ def test_turned(dim, cell, slave, angle):
     assert COMM.allreduce(np.abs(off).max(initial=0.0), max) < 1e-9 * size
 
 
-@pytest.mark.parametrize(("dim", "cell"), [(2, "quad"), (2, "tri"), (3, "hex")])
+@pytest.mark.parametrize(
+    ("dim", "cell"), [(2, "quad"), (2, "tri"), pytest.param(3, "hex", marks=pytest.mark.long)]
+)
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: the pair of small sliding",
@@ -459,7 +464,7 @@ class Killed(Exception):
 TIMES = np.concatenate([[0.0, 0.5], np.linspace(1.0, 2.5, 13)])
 
 
-@pytest.mark.parametrize("slave", [pytest.param(2, marks=pytest.mark.long), 3])
+@pytest.mark.parametrize("slave", [pytest.param(s, marks=pytest.mark.long) for s in (2, 3)])
 @pytest.mark.verifies(
     "sliding pairs",
     reference="closed form: friction at every point that slips; an account of energies",
@@ -934,7 +939,11 @@ def hairpin(h=0.1, stretch=1.15, comm=COMM):
 )
 @pytest.mark.parametrize(
     ("friction", "force", "accuracy"),
-    [(0.0, 193.671, 0.01), (0.3, 205.1, 0.4)],  # with friction the force depends on the steps
+    [
+        (0.0, 193.671, 0.01),
+        # With friction the force depends on the steps.
+        pytest.param(0.3, 205.1, 0.4, marks=pytest.mark.long),
+    ],
 )
 def test_self_contact(friction, force, accuracy):
     """The arms of a U pressed together, with friction; each place is looked at from one side."""
@@ -997,7 +1006,8 @@ def disc_on_a_block(cell, slave, n=4, law=None):
 
 
 @pytest.mark.parametrize(
-    ("cell", "slave", "common"), [("hex", 2, 1.0), ("tet", 2, 0.0), ("hex", 3, 1.0)]
+    ("cell", "slave", "common"),
+    [pytest.param("hex", 2, 1.0, marks=pytest.mark.long), ("tet", 2, 0.0), ("hex", 3, 1.0)],
 )
 @pytest.mark.verifies(
     "sliding pairs",
@@ -1112,6 +1122,7 @@ def torque_of_a_punch(n, angle, pressure):
     return -torque / (friction * force)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("angle", [1.0, 60.0])
 @pytest.mark.parametrize("pressure", ["uniform", "Boussinesq"])
 @pytest.mark.verifies(

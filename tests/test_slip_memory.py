@@ -77,7 +77,12 @@ PATH = (
 @pytest.mark.chatty
 @pytest.mark.parametrize(
     ("cell", "given"),
-    [("quad", {"method": "mixed"}), ("tri", {"pair": True}), ("hex", {}), ("quad", {})],
+    [
+        pytest.param("quad", {"method": "mixed"}, marks=pytest.mark.long),
+        pytest.param("quad", {}, marks=pytest.mark.long),
+        ("tri", {"pair": True}),
+        ("hex", {}),
+    ],
 )
 @pytest.mark.verifies(
     "friction of the slip",

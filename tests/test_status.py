@@ -50,6 +50,7 @@ def test_statuses_are_spelled_by_their_letters():
     assert status.word([]) == ""
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["quad", "hex"])
 @pytest.mark.parametrize("law", [BilinearCohesive(2.0, 0.002, 0.01, 0.5), Tresca(1.0)])
 def test_pieces_are_known_by_their_letters(cell, law):

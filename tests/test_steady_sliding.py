@@ -263,6 +263,7 @@ def test_bad_input():
         sliding.onset(0.0)
 
 
+@pytest.mark.long
 @pytest.mark.chatty
 def test_demo(folder):
     """Numbers of the benchmark, what regularised friction hides, and the animation."""
@@ -298,6 +299,7 @@ def one_rank_fails(problem):
     yield "rest"
 
 
+@pytest.mark.long
 def test_animated_picture(folder):
     pytest.importorskip("pyvista")
     pytest.importorskip("imageio")
@@ -317,7 +319,13 @@ def test_animated_picture(folder):
                 frames.append(np.asarray(picture.convert("RGB"), dtype=float))
         # Half a period apart the body is on the other side.
         assert np.abs(frames[0] - frames[2]).max() > 50
-    COMM.Barrier()
+
+
+def test_what_is_no_film(folder):
+    pytest.importorskip("pyvista")
+    pytest.importorskip("imageio")
+    problem = pad(2)
+    problem.u.x.array[:] = 0.25
     with pytest.raises(ValueError, match=r"\.gif or \.mp4, not mode.png"):
         plot.film(folder / "mode.png", problem, iter(["rest"]))
     with pytest.raises(ValueError, match="no states"):

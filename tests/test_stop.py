@@ -102,6 +102,7 @@ def test_what_is_in_the_problem_when_it_is_asked():
             np.testing.assert_array_equal(mine, theirs)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("case", ["pair", "motion"])
 @pytest.mark.parametrize(
     ("stop", "message"),

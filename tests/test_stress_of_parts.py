@@ -48,7 +48,14 @@ def two(u, dx):
     return sum(part.energy(u) * dx(tag) for tag, part in PARTS.items())
 
 
-@pytest.mark.parametrize(("dim", "format"), [(3, "vtk"), (2, "vtx"), (2, "vtk")])
+@pytest.mark.parametrize(
+    ("dim", "format"),
+    [
+        pytest.param(3, "vtk", marks=pytest.mark.long),
+        pytest.param(2, "vtk", marks=pytest.mark.long),
+        (2, "vtx"),
+    ],
+)
 @pytest.mark.verifies(
     "stresses",
     "files for ParaView",

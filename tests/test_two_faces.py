@@ -95,6 +95,7 @@ def total(face, name):
     return COMM.allreduce((values * face.areas[:, None])[:n].sum(axis=0))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["quad", "tet"])
 @pytest.mark.parametrize("given", [{}, {"method": "integral"}, {"sliding": "large"}], ids=str)
 @pytest.mark.verifies(
@@ -276,6 +277,7 @@ def test_a_floating_body_is_said_once(caplog):
 # -- files -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("case", [CASES[2], CASES[4], CASES[5]])
 @pytest.mark.parametrize("format", ["vtx", "vtk"])
 def test_files(format, case, folder):

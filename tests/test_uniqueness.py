@@ -265,6 +265,7 @@ def test_seconds_that_are_none():
             result.uniqueness(proof_seconds=seconds)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("start", [0.0, 0.01, 100.0])
 @pytest.mark.parametrize("cell", ["tri", "hex"])
 def test_nothing_but_round_off(cell, start, caplog):

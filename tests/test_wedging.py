@@ -149,6 +149,7 @@ def test_the_table_of_the_triangle(lame):
         assert "proved" in str(found)
 
 
+@pytest.mark.long
 @pytest.mark.verifies(
     "critical friction",
     reference="closed form: load over force of the last piece before the body is free",
