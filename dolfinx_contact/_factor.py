@@ -29,6 +29,9 @@ DEFAULTS: dict[str, Any] = {
     "mat_mumps_icntl_14": 80,
 }
 BATCH = 128  # right-hand sides that are solved at once
+_TRIES = 4  # of a factorisation, each with twice the room
+#: INFOG(1) of MUMPS where arrays or buffers are too small (users' guide, section 8).
+_NO_ROOM = (-8, -9, -14, -15, -17, -20)
 _SYMMETRIC = 1e-12  # relative, of matrices that are symmetric but for the round-off of assembly
 
 
@@ -89,12 +92,25 @@ class Factor:
         if not np.isfinite(A.norm(PETSc.NormType.FROBENIUS)):
             return False
         self.ksp.setOperators(A)
-        with self.options():
-            self.ksp.setUp()
-        done = self.ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR
-        if not done:
+        for _ in range(_TRIES):
+            with self.options():
+                self.ksp.setUp()
+            if self.ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR:
+                return True
+            lacking = self._lacks_room()
             self.ksp.reset()  # MUMPS does not recover from a singular matrix
-        return bool(done)
+            if not lacking:
+                return False
+            self.defaults["mat_mumps_icntl_14"] *= 2
+            self.ksp.setOperators(A)
+        return False
+
+    def _lacks_room(self) -> bool:
+        """Whether MUMPS has failed since pivots took more room than it expected. Collective."""
+        pc = self.ksp.getPC()
+        if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
+            return False
+        return pc.getFactorMatrix().getMumpsInfog(1) in _NO_ROOM
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
         """Solve A x = b; whether that worked."""

@@ -150,6 +150,7 @@ ON_TWO = {
         "records_that_are_damaged",
         "the_command",
     ),
+    "test_factor": ("matrices_without_their_zeros",),
     "test_faces_in_small": ("places_that_other_ranks_know",),
     "test_following": ("a_block_by_following_the_load",),
     "test_found_again": ("each_form_is_that_of_dolfinx", "a_form_that_one_rank_alone_knows"),

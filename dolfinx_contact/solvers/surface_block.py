@@ -18,7 +18,15 @@ from dolfinx_contact.points.trace import facet_closures, owned_exterior
 from dolfinx_contact.solvers.history import LinearSolverError
 from dolfinx_contact.solvers.operator import ContactOperator
 
-__all__ = ["SurfaceBlock", "SurfaceFactor", "SurfaceSet", "combined", "contact_dofs", "copied"]
+__all__ = [
+    "SurfaceBlock",
+    "SurfaceFactor",
+    "SurfaceSet",
+    "combined",
+    "contact_dofs",
+    "copied",
+    "without_zeros",
+]
 
 _ROOM = 50  # percent beyond what MUMPS expects to need
 _STRUCTURE = PETSc.Mat.Structure
@@ -132,7 +140,12 @@ class SurfaceBlock:
         self._block.zeroRowsColumns(rows, diag=A.diagonal)
         if self._b is None:
             self._x, self._b = self._block.createVecs()
-        self.factor.factorise(self._block)
+        # The pattern has room for all that may come to face each other, most of it empty.
+        present = without_zeros(self._block)
+        try:
+            self.factor.factorise(present)
+        finally:
+            present.destroy()
 
     def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The unknowns on s for a residual there, local parts. Collective."""
@@ -151,6 +164,15 @@ class SurfaceBlock:
         for thing in made:
             if thing is not None:
                 thing.destroy()
+
+
+def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
+    """``A`` by its entries that are not zero, whose factors have fewer. Collective."""
+    indptr, columns, values = A.getValuesCSR()
+    kept = values != 0
+    before = np.concatenate([[0], np.cumsum(kept)])
+    csr = (before[indptr].astype(PETSc.IntType), columns[kept], values[kept])
+    return PETSc.Mat().createAIJ(A.getSizes(), csr=csr, comm=A.comm)
 
 
 def copied(A: PETSc.Mat, out: PETSc.Mat | None) -> PETSc.Mat:
