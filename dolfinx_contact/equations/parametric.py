@@ -61,6 +61,7 @@ class JacobianSolver(Protocol):
 
     matrix: PETSc.Mat
     corrects: bool
+    is_followed_with: bool
 
     @property
     def preconditioner(self) -> Preconditioner | None:
@@ -103,6 +104,8 @@ class ParametricEquations(System):
         self.constant = gamma
         self.comm = equations.comm
         self._linear = linear
+        #: Of the problem when it was asked for last, which what follows a branch stays with.
+        self._solver: JacobianSolver | None = None
         self._scales = Scales(equations)
         rate = Rate(gamma)
         self._body_rate = rate.of_form(equations.bulk.residual)
@@ -300,12 +303,18 @@ class ParametricEquations(System):
     @property
     def preconditioner(self) -> Preconditioner | None:  # type: ignore[override]
         """That of the problem's linear solver; None if it is a direct one. Collective."""
-        return self._linear().preconditioner
+        self._solver = self._linear()
+        self._solver.is_followed_with = True
+        return self._solver.preconditioner
+
+    @property
+    def _jacobian_solver(self) -> JacobianSolver:
+        return self._linear() if self._solver is None else self._solver
 
     @property
     def matrix(self) -> PETSc.Mat:  # type: ignore[override]
         """The derivative of H by x, a product of PETSc's or an assembled matrix. Collective."""
-        return self._linear().matrix
+        return self._jacobian_solver.matrix
 
     def create_vector(self) -> PETSc.Vec:
         return self.equations.create_vector()
@@ -350,7 +359,7 @@ class ParametricEquations(System):
         return self._scales.measure(self._evaluate(x, gamma, b, piece)).worst
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
-        linear = self._linear()
+        linear = self._jacobian_solver
         before = linear.matrix
         linear.update(self.contact(x, gamma, piece))
         # What follows a branch keeps the matrix.
@@ -369,7 +378,7 @@ class ParametricEquations(System):
         correction: PETSc.Vec,
         piece: Piece | None,
     ) -> bool:
-        linear = self._linear()
+        linear = self._jacobian_solver
         if not linear.corrects:
             return False
         return linear.correct(self.contact(x, gamma, piece), residual, correction)

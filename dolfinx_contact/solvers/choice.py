@@ -37,7 +37,8 @@ _AMG_MEMORY = 4.2e-6  # gigabytes per unknown, measured at 10^6 and 5 10^6 unkno
 class LinearSolverChoice:
     """The linear solver of a problem, made when it is first needed. Collective.
 
-    It is made anew when given options that are not Newton's have changed.
+    It is made anew when given options that are not Newton's have changed. The one before is freed,
+    but for one with which a branch is followed.
 
     Args:
         equations: the contact problem.
@@ -52,7 +53,7 @@ class LinearSolverChoice:
         """The solver; `ValueError` for an unknown kind."""
         options = self._equations.options.beside_newton()
         if self._equations.comm.allreduce(int(options != self._options)):
-            self.destroy()
+            self._leave()
             self._options = options
         if self._solver is None:
             self._solver = self._create()
@@ -60,7 +61,7 @@ class LinearSolverChoice:
 
     def replace(self, solver: LinearSolver) -> None:
         """Take another solver from now on."""
-        self.destroy()
+        self._leave()
         self._solver = solver
 
     def _create(self) -> LinearSolver:
@@ -109,6 +110,12 @@ class LinearSolverChoice:
             logger.warning("the direct solver takes over: about %.2g GB", needed)
         self.replace(Direct(eq))
         return True
+
+    def _leave(self) -> None:
+        """Free the solver, unless somebody else needs it."""
+        if self._solver is not None and self._solver.is_followed_with:
+            self._solver = None
+        self.destroy()
 
     def destroy(self) -> None:
         """Free the solver."""

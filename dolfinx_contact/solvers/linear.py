@@ -48,12 +48,14 @@ class LinearSolver:
         corrects: whether `correct` may do anything.
         predicted: seconds of a cold solve, if it was predicted.
         reduction: of the residual by the last solve, as far as it is known.
+        is_followed_with: whether a branch is followed with it.
     """
 
     name: str
     corrects = False
     predicted = np.inf
     reduction = 0.0
+    is_followed_with = False
     matrix: PETSc.Mat
     defaults: dict[str, Any]
 
