@@ -373,12 +373,17 @@ def test_what_is_asked_of_the_solver():
         update=updated.append,
         correct=lambda *given: given,
         preconditioner="pc",
+        is_followed_with=False,
     )
-    one = equations(_linear=lambda: linear)
+    given = [linear]
+    one = equations(_linear=lambda: given[0], _solver=None)
     one.contact = lambda x, gamma, piece: ("state", x, gamma, piece)
     one.jacobian("x", 0.5, "piece")
     assert updated == [("state", "x", 0.5, "piece")]
     assert (one.preconditioner, one.matrix) == ("pc", "A")
+    assert linear.is_followed_with
+    given[0] = SimpleNamespace(matrix="other", preconditioner="its own")  # under other options
+    assert one.matrix == "A"
     assert one.correct("x", 0.5, "r", "c", "piece") is False
     linear.corrects = True
     assert one.correct("x", 0.5, "r", "c", "piece") == (("state", "x", 0.5, "piece"), "r", "c")
