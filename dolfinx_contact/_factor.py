@@ -106,7 +106,9 @@ class Factor:
         return False
 
     def _lacks_room(self) -> bool:
-        """Whether MUMPS has failed since pivots took more room than it expected. Collective."""
+        """Whether MUMPS had less room than pivots took, and may have more. Collective."""
+        if PETSc.Options().hasName(self._prefix + "mat_mumps_icntl_14"):
+            return False
         pc = self.ksp.getPC()
         if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
             return False

@@ -688,7 +688,6 @@ def drum_of_a_body(friction, moved, n, stiffness=1e5):
     return problem, load
 
 
-@pytest.mark.long
 @pytest.mark.verifies(
     "spheres",
     "Coulomb",
@@ -759,7 +758,6 @@ def test_energy(turning):
     assert rests[2] < 0.6 * rests[1] < 0.36 * rests[0]
 
 
-@pytest.mark.long
 @pytest.mark.verifies(
     "NSCD motion",
     "energies of motions",
@@ -825,9 +823,7 @@ def test_ranks(dim, method):
         assert getattr(a, name) == pytest.approx(getattr(b, name), rel=1e-8)
 
 
-@pytest.mark.parametrize(
-    "method", [pytest.param(m, marks=pytest.mark.long) for m in ("nodal", "integral")]
-)
+@pytest.mark.parametrize("method", [pytest.param("nodal", marks=pytest.mark.long), "integral"])
 @pytest.mark.verifies(
     "records of histories",
     "Coulomb",

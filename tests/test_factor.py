@@ -45,6 +45,10 @@ def test_pivots_that_take_more_room_than_expected():
     assert not factor.factorise(matrix)
     assert factor.defaults["mat_mumps_icntl_14"] == 100
     factor.destroy()
+    PETSc.Options()["room_mat_mumps_icntl_14"] = 25  # who says how much is taken at their word
+    factor = Factor(PETSc.COMM_SELF, "room_", room=200)
+    assert not factor.factorise(indefinite()[1])
+    factor.destroy()
 
 
 def test_matrices_without_their_zeros():

@@ -695,7 +695,7 @@ def test_display_ends(folder):
     for time in (0, 60):
         if time:
             with pytest.raises(subprocess.TimeoutExpired):
-                pictures._run([*words, str(time)], 3.0, {})
+                pictures._run([*words, str(time)], 5.0, {})
         else:
             assert pictures._run([*words, str(time)], 60.0, {}) == 0
         number = note.read_text().strip().removeprefix(":").partition(".")[0]

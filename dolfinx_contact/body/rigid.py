@@ -23,8 +23,10 @@ __all__ = [
     "free_motions",
     "largest_turn",
     "loose",
+    "number_of_parts",
     "parts",
     "rigid_motions",
+    "sums_of_parts",
 ]
 
 _NAMES = {
@@ -66,8 +68,8 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     owners.scatter_forward()
     joined = np.stack([mine[owned:], owners.array[owned:].astype(np.int64)])
     pairs = np.hstack(comm.allgather(np.unique(joined, axis=1)))
-    total = sum(counts)
-    links = scipy.sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(total, total))
+    many = sum(counts)
+    links = scipy.sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(many, many))
     whole = scipy.sparse.csgraph.connected_components(links, directed=False)[1][mine]
     # Ghosts without a cell on this rank are parts of their own here; every part that is left
     # over by that has no owned node, and is dropped by numbering the others anew.
@@ -89,18 +91,35 @@ def extents(V: fem.FunctionSpace, part: npt.NDArray[np.int32]) -> npt.NDArray[np
     domain = V.mesh
     comm = domain.comm
     n = domain.topology.index_map(domain.topology.dim).size_local
-    number = comm.allreduce(int(part[: V.dofmap.index_map.size_local].max(initial=-1)), op=max) + 1
+    number = number_of_parts(comm, part[: V.dofmap.index_map.size_local])
     middle, volume, spread = vertex_moments(domain)
     p = part[V.dofmap.list[:n, 0]]
+    sums = sums_of_parts(comm, number, p, np.column_stack([volume, *(volume * middle)]))
+    size = sums[:, 0]
+    middle -= (sums[:, 1:].T / size)[:, p]
+    about = volume * (spread + np.einsum("in,in->n", middle, middle))
+    return np.asarray(np.sqrt(12.0 * sums_of_parts(comm, number, p, about) / size))
 
-    def summed(*values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Sums over the cells of every part, of all ranks."""
-        return total(comm, np.array([np.bincount(p, v, number) for v in values]))
 
-    size, *centre = summed(volume, *(volume * middle))
-    middle -= (np.array(centre) / size)[:, p]
-    square = summed(volume * (spread + np.einsum("in,in->n", middle, middle)))[0]
-    return np.asarray(np.sqrt(12.0 * square / size))
+def number_of_parts(comm: MPI.Comm, part: npt.NDArray[np.int32]) -> int:
+    """How many connected parts there are, by the part of each owned node. Collective."""
+    return int(comm.allreduce(int(part.max(initial=-1)), op=max)) + 1
+
+
+def sums_of_parts(
+    comm: MPI.Comm, number: int, part: npt.NDArray[np.int32], values: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Sums over nodes, or cells, of every connected part, of all ranks (number, ...). Collective.
+
+    Args:
+        comm: communicator.
+        number: of parts.
+        part: of each node or cell (n,).
+        values: there (n, ...).
+    """
+    columns = values.reshape(len(part), np.prod(values.shape[1:], dtype=int)).T
+    sums = np.array([np.bincount(part, column, number) for column in columns])
+    return total(comm, sums.T).reshape(number, *values.shape[1:])
 
 
 def rigid_motions(
@@ -159,23 +178,16 @@ def largest_turn(
     x = V.tabulate_dof_coordinates()[:n, :dim]
     u = u.reshape(-1, dim)[:n]
     p = part[:n]
-    number = comm.allreduce(int(p.max(initial=-1)), op=max) + 1
-
-    def summed(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Sums over the nodes of every part."""
-        sums = np.zeros((number, *values.shape[1:]))
-        np.add.at(sums, p, values)
-        return total(comm, sums)
-
-    sums = summed(np.hstack([np.ones((n, 1)), x, u]))
+    number = number_of_parts(comm, p)
+    sums = sums_of_parts(comm, number, p, np.hstack([np.ones((n, 1)), x, u]))
     means = sums[:, 1:] / sums[:, :1]
     here = np.zeros((n, 3))
     moved = np.zeros((n, 3))
     here[:, :dim] = x - means[p, :dim]
     moved[:, :dim] = u - means[p, dim:]
     squares = np.sum(here**2, axis=1)[:, None, None] * np.eye(3)
-    inertia = summed(squares - here[:, :, None] * here[:, None, :])
-    momentum = summed(np.cross(here, moved))
+    inertia = sums_of_parts(comm, number, p, squares - here[:, :, None] * here[:, None, :])
+    momentum = sums_of_parts(comm, number, p, np.cross(here, moved))
     turns = np.einsum("pij,pj->pi", np.linalg.pinv(inertia, hermitian=True), momentum)
     return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
 

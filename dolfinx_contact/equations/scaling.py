@@ -23,7 +23,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
-from dolfinx_contact.body.rigid import extents, parts
+from dolfinx_contact.body.rigid import extents, number_of_parts, parts, sums_of_parts
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import STICK, closed, senses
@@ -262,17 +262,10 @@ def softness(
     n = V.dofmap.index_map.size_local
     x = V.tabulate_dof_coordinates()[:n, :dim]
     mine = np.zeros(n, dtype=np.int32) if part is None else part[:n]
-    number = comm.allreduce(int(mine.max(initial=0)), op=max) + 1
-
-    def summed(values: Array) -> Array:
-        """Sums over the nodes of every part (parts, columns), of all ranks."""
-        found = np.zeros((number, values.shape[1]))
-        np.add.at(found, mine, values)
-        return np.asarray(comm.allreduce(found))
-
+    number = max(number_of_parts(comm, mine), 1)
     # From the middle of the part: far from the origin strains are lost in round-off.
-    *total, count = summed(np.column_stack([x, np.ones(n)])).T
-    middle = np.stack(total, axis=1) / count[:, None]
+    sums = sums_of_parts(comm, number, mine, np.column_stack([np.ones(n), x]))
+    middle = sums[:, 1:] / sums[:, :1]
     if axisymmetric:
         middle[:, 0] = 0.0
     x = x - middle[mine]
@@ -291,7 +284,7 @@ def softness(
         forces = f.array_r.reshape(-1, dim)
         columns.append(np.stack([np.einsum("ni,ni->n", b, forces) for b in fields], axis=1))
     u.destroy(), f.destroy()
-    every = summed(np.concatenate(columns, axis=1)).reshape(number, len(fields), len(fields))
+    every = sums_of_parts(comm, number, mine, np.stack(columns, axis=2))
     return np.array([_softness(energies) for energies in every])
 
 

@@ -14,6 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._shared import anywhere
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import PLUS, STICK, closed
@@ -52,7 +53,7 @@ def touches_nothing(eq: ContactEquations, load: float, state: State) -> bool:
         nothing &= bool(np.all(gap <= max(comes, _TOUCHES * eq.body_size)))
         limit = max(comes, _ROUND_OFF * eq.body_size)
         nothing &= bool(np.all(pressed <= limit * found.data.r[which]))
-    return bool(eq.comm.allreduce(int(nothing), op=min))
+    return not anywhere(eq.comm, not nothing)[0]
 
 
 def touching(eq: ContactEquations, load: float, state: State) -> Statuses:

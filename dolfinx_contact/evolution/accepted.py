@@ -23,6 +23,7 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._mesh_mark import mesh_stays
+from dolfinx_contact._shared import largest
 from dolfinx_contact.equations.given_data import (
     Constancy,
     GivenData,
@@ -223,7 +224,7 @@ def is_still(comm: MPI.Comm, f: fem.Function | RigidBody, values: Array) -> bool
     was = owned(f, values)
     off = float(np.max(np.abs(owned(f) - was), initial=0.0))
     size = float(np.max(np.abs(was), initial=0.0))
-    off, size = comm.allreduce(np.array([off, size]), op=np.maximum)
+    off, size = largest(comm, [off, size])
     return bool(off <= _SAME * size)
 
 
@@ -244,9 +245,9 @@ def _at_same_place(m: Memory, now: Memory | None, size: float) -> bool:
     """Whether what is remembered is of a state, on this rank, of a body of a size."""
     if now is None or m.jump.shape != now.jump.shape:
         return False
-    largest = float(np.max(np.abs(m.jump), initial=0.0))
+    farthest = float(np.max(np.abs(m.jump), initial=0.0))
     off = float(np.max(np.abs(m.jump - now.jump), initial=0.0))
-    return off <= _SAME * largest + _NO_LENGTH * size
+    return off <= _SAME * farthest + _NO_LENGTH * size
 
 
 class Stepper:
