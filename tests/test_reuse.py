@@ -226,16 +226,22 @@ def test_the_mesh_is_not_hashed_at_every_residual(block, monkeypatch):
     nodes[:] = before
 
 
-def test_the_residual_of_a_solution_is_not_evaluated_again(monkeypatch):
-    """By Newton's method alone, which begins where the data were checked; its state is the last."""
+def calls_of(monkeypatch, owner, name):
+    """The number of calls of a method from now on, in a list of one entry."""
     count = [0]
-    residual = ContactEquations.residual
+    method = getattr(owner, name)
 
     def counted(*args):
         count[0] += 1
-        return residual(*args)
+        return method(*args)
 
-    monkeypatch.setattr(ContactEquations, "residual", counted)
+    monkeypatch.setattr(owner, name, counted)
+    return count
+
+
+def test_the_residual_of_a_solution_is_not_evaluated_again(monkeypatch):
+    """By Newton's method alone, which begins where the data were checked; its state is the last."""
+    count = calls_of(monkeypatch, ContactEquations, "residual")
     system, _ = moved_block(COMM, n=3)
     system.set_parameter(0.3)
     result, state = system.problem.solve_step(progress=False)
@@ -274,14 +280,7 @@ def test_what_follows_from_a_state_is_made_of_one_evaluation(block, monkeypatch)
     other = x.copy()
     other.scale(1.1)
     b, c = x.duplicate(), x.duplicate()
-    count = [0]
-    kinematics = ContactEquations.kinematics
-
-    def counted(*args):
-        count[0] += 1
-        return kinematics(*args)
-
-    monkeypatch.setattr(ContactEquations, "kinematics", counted)
+    count = calls_of(monkeypatch, ContactEquations, "kinematics")
 
     def evaluations(y, gamma):
         """How often a surface was looked at for all that a step wants at a state."""
@@ -312,14 +311,7 @@ def test_what_follows_from_a_state_is_made_of_one_evaluation(block, monkeypatch)
 
 def test_a_product_is_not_made_twice(monkeypatch):
     """K u at one displacement, for the residual, the energy and the balance, until K is another."""
-    count = [0]
-    times = Bulk.times
-
-    def counted(*args):
-        count[0] += 1
-        return times(*args)
-
-    monkeypatch.setattr(Bulk, "times", counted)
+    count = calls_of(monkeypatch, Bulk, "times")
     domain = box(COMM, 3, "quad")
     young = fem.Constant(domain, 1000.0)
     body = elastic_block(domain=domain, young=young).equations.bulk
