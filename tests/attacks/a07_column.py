@@ -2,7 +2,8 @@
 
 The tangent stiffness at the solution is assembled densely on one rank, nodes that stick or are
 clamped are held, and its eigenvalues by the mass say what grows. Not one contact point is at a
-border.
+border. Beyond Euler's load there are several solutions; with so much friction all points stick in
+each of those that are found.
 """
 
 from mpi4py import MPI
@@ -24,7 +25,7 @@ def column(comm, press, cells=(2, 10), cell="triangle", degree=1, **more):
     body = block(comm, cells, (0.1, 1.0), cell, degree)
     energy = materials.StVenantKirchhoff(1.0, 1.0).energy(body.u) * ufl.dx
     floor = HalfSpace((0, 0), (0, 1))
-    contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=Coulomb(4.0), **more)
+    contact = ContactSurface(body.u, body.bottom, obstacle=floor, law=Coulomb(40.0), **more)
     problem = ContactProblem(energy, body.u, [contact], bcs=body.bcs)
     body.moved.interpolate(lambda x: np.stack([0 * x[0], -press + 0 * x[0]]))
     body.u.interpolate(lambda x: np.stack([0 * x[0], -press * x[1]]))
