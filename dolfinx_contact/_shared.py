@@ -10,8 +10,6 @@ takes twenty times as long, as long as a law at some contact points.
 
 from __future__ import annotations
 
-from typing import Any
-
 from mpi4py import MPI
 
 import numpy as np
@@ -78,9 +76,13 @@ class SharedValues:
         return v, v.array.reshape(self._size, width)
 
 
-def total(comm: MPI.Comm, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Sums over all ranks of numbers of one type, of any shape. Collective."""
-    mine = np.ascontiguousarray(values)
+def total(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
+    """Sums over all ranks of numbers of any shape. Collective.
+
+    They are real numbers on every rank: NumPy's functions of nothing may give integers, and what
+    ranks send of different types MPI adds as it comes.
+    """
+    mine = np.ascontiguousarray(values, dtype=np.float64)
     found = np.empty_like(mine)
     comm.Allreduce(mine, found)
     return found.reshape(np.shape(values))

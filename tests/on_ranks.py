@@ -445,9 +445,9 @@ ON_THREE = {
     ),
     "test_rigid_body": ("ranks", "the_jacobian"),
     "test_rigid_surface": ("jacobian", "flat_punch_and_ranks"),
-    "test_scales": ("what_stays",),
+    "test_scales": ("what_stays", "the_size_of_a_body_with_ranks_that_have_no_cell"),
     "test_self_contact_in_space": ("a_folded_plate", "jacobian"),
-    "test_shared_values": ("sums_over_ranks",),
+    "test_shared_values": ("sums_over_ranks", "a_few_numbers_of_all_ranks"),
     "test_sliding_pair": (
         *("jacobian", "patch", "wedge"),
         "a_motion_continues_from_its_record",

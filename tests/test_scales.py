@@ -7,8 +7,10 @@ import pytest
 from blocks import CELLS, block, box, facets, same_tables
 from scipy.spatial.transform import Rotation
 
+import basix.ufl
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
+from dolfinx.graph import adjacencylist
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, LevelSet, Sphere
 from dolfinx_contact.body.rigid import extents, parts
@@ -176,6 +178,28 @@ def test_the_size_of_a_box(cell, sides, degree):
     V = fem.functionspace(both, ("Lagrange", degree, (dim,)))
     expected = np.linalg.norm(sides) * np.array([1.0, 2.0])
     np.testing.assert_allclose(np.sort(extents(V, parts(V))), expected, rtol=1e-11)
+
+
+def test_the_size_of_a_body_with_ranks_that_have_no_cell():
+    """A strip of cells on all ranks but the first."""
+    n = 6
+    x = np.array([[i, j] for i in range(n + 1) for j in (0, 1)], dtype=float)
+    cells = np.array([[2 * i, 2 * i + 1, 2 * i + 2, 2 * i + 3] for i in range(n)])
+    if COMM.rank > 0:
+        x, cells = x[:0], cells[:0]
+
+    def on_others(comm, _parts, _types, topology):
+        mine = len(topology[0]) // 4
+        ranks = 1 + np.arange(mine) % (comm.size - 1) if comm.size > 1 else np.zeros(mine)
+        found = adjacencylist(ranks.astype(np.int32).reshape(-1, 1))
+        return getattr(found, "_cpp_object", found)  # a wrapper since DOLFINx 0.10
+
+    element = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
+    domain = mesh.create_mesh(COMM, cells, x=x, e=ufl.Mesh(element), partitioner=on_others)
+    here = domain.topology.index_map(2).size_local
+    assert COMM.size == 1 or (here == 0) == (COMM.rank == 0)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    np.testing.assert_allclose(extents(V, parts(V)), np.hypot(n, 1), rtol=1e-13)
 
 
 def on_a_wavy_tool(angle=0.0, far=None, poisson=0.3, shift=0.0, other=0.3):

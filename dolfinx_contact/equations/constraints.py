@@ -223,8 +223,8 @@ class Constraints:
         require(
             s.comm,
             bool(counts[0] <= counts[1]),
-            f"{s.name}: Dirichlet data hold {counts[0]} nodes of the slave, more than the "
-            f"{counts[1]} that the master has to meet them; exchange slave and master",
+            f"{s.name}: Dirichlet data hold {counts[0]:.0f} nodes of the slave, more than the "
+            f"{counts[1]:.0f} that the master has to meet them; exchange slave and master",
         )
 
     def _held(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
