@@ -308,7 +308,7 @@ def test_a_load_that_knows_more_than_the_time_later(caplog):
 
 
 @pytest.mark.parametrize(
-    "what, message",
+    ("what", "message"),
     [
         ("load", "the monitor has changed the value of the Dirichlet condition 1"),
         ("friction", "the monitor has changed the friction of Coulomb"),
