@@ -11,6 +11,8 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Sphere
+from dolfinx_contact._compat import dirichlet_value
+from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.meshing import join
@@ -41,6 +43,36 @@ def test_a_linear_body_beside_one_that_is_not():
     assert same(first.u.x.array, small)
     second.solve()
     assert same(first.u.x.array, large)
+
+
+def test_a_history_beside_a_body_that_is_not_linear():
+    """It goes on with its own sliding; its memory is refused where sliding is another."""
+
+    def history(*, beside):
+        problem = block(obstacle=Sphere((0.3, -2.0), 2.0), law=Coulomb(0.2), top=(0.02, -0.05))
+        u = problem.u
+        moved = dirichlet_value(problem.bcs[0]).value
+        whole = moved.copy()
+
+        def load(t):
+            moved[:] = t * whole
+
+        def observer(_):
+            if other is None:
+                return
+            with problem.restored(always=True), pytest.raises(ValueError, match="of another slid"):
+                other.solve()
+
+        load(0.5)
+        problem.solve()
+        other = None
+        if beside:
+            energy = NeoHookean(400.0, 600.0).energy(u) * ufl.dx
+            other = ContactProblem(energy, u, problem.surfaces, bcs=problem.bcs)
+        QuasiStatic(problem, load).run([0.5, 0.75, 1.0], observer=observer)
+        return u.x.array
+
+    assert same(history(beside=True), history(beside=False))
 
 
 def two_blocks():

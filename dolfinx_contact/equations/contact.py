@@ -481,12 +481,18 @@ class ContactEquations:
         Raises:
             ValueError: on every rank, if they are not of these surfaces.
         """
+        self._take_surfaces()
+        self.require_memory(memory)
+        for s, m in zip(self.surfaces, memory, strict=True):
+            s.memory = m
+
+    def require_memory(self, memory: Sequence[Memory | None]) -> None:
+        """Raise ``ValueError`` if a memory is none of these surfaces as they slide. Collective."""
         mine = len(memory) == len(self.surfaces) and all(
             m is None or _fits(m, s) for s, m in zip(self.surfaces, memory, strict=True)
         )
-        require(self.comm, mine, "the memory is that of other contact surfaces or another mesh")
-        for s, m in zip(self.surfaces, memory, strict=True):
-            s.memory = m
+        words = "the memory is that of other contact surfaces, of another sliding or another mesh"
+        require(self.comm, mine, words)
 
     def advanced(self, state: State) -> tuple[Memory, ...]:
         """The memory that a step leaves whose end this state is. Not collective."""
