@@ -15,7 +15,7 @@ import numpy as np
 
 from dolfinx import mesh
 
-__all__ = ["mesh_mark", "mesh_stays"]
+__all__ = ["mesh_mark", "mesh_may_move", "mesh_stays"]
 
 _depth = 0  # of contexts in which meshes stay
 _marks: dict[mesh.Mesh, int] = {}  # found there
@@ -42,3 +42,17 @@ def mesh_stays() -> Iterator[None]:
         _depth -= 1
         if not _depth:
             _marks.clear()
+
+
+@contextmanager
+def mesh_may_move() -> Iterator[None]:
+    """A context, also within `mesh_stays`, in which code of the user runs."""
+    global _depth
+    before = _depth
+    _depth = 0
+    _marks.clear()
+    try:
+        yield
+    finally:
+        _depth = before
+        _marks.clear()

@@ -24,10 +24,10 @@ from dolfinx_contact._agreement import (
     described_number,
 )
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import require, same_everywhere
+from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly, ReadOnlyList, copy_with
 from dolfinx_contact._kept import keep
-from dolfinx_contact._mesh_mark import mesh_stays
+from dolfinx_contact._mesh_mark import mesh_may_move, mesh_stays
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
@@ -38,7 +38,7 @@ from dolfinx_contact.body.circumference import check_circumference, refuse_revol
 from dolfinx_contact.body.quadrature import warn_of_rule
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import mark_of_data, note_put, was_put
+from dolfinx_contact.equations.given_data import GivenData, mark_of_data, note_put, was_put
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.memory import Memory
@@ -452,7 +452,7 @@ class ContactProblem(ReadOnly):
                 ``projected-gradient``, ``lemke``, ``interior-point``, or with its options, as
                 ``algorithms.GaussSeidel(two_level=True)``. These have no fallback: what does not
                 converge fails with the reason.
-            monitor: called with every iterate, on every rank.
+            monitor: called with every iterate, on every rank; it changes no data and no mesh.
             increments: of the load in the strategy of increments, to begin with.
             progress: whether rank 0 shows the progress on the standard error stream; by default
                 once the solve takes more than some seconds.
@@ -506,6 +506,8 @@ class ContactProblem(ReadOnly):
     ) -> tuple[Result, State]:
         """See `solve`; and the state. Collective."""
         same_everywhere(self.comm, expected_statuses=len(trial.expected))
+        if monitor is not None:
+            monitor = self._watched(monitor)
         fits = all(fit(self.surfaces, statuses) for statuses in trial.expected)
         require(self.comm, fits, "the expected statuses are not those of these contact points")
         shown = SolveProgress(self.comm, progress)
@@ -539,6 +541,21 @@ class ContactProblem(ReadOnly):
         finally:
             shown.end()
             x0.destroy()
+
+    def _watched(self, monitor: Callable[[Step], None]) -> Callable[[Step], None]:
+        """A monitor that is refused if it changes data, of which iterates know others."""
+        eq = self.equations
+        given = GivenData(eq)
+
+        def call(step: Step) -> None:
+            with mesh_may_move(), everywhere(self.comm, "the monitor"):
+                monitor(step)
+            eq.require_same_mesh()
+            changed = given.changed(self.comm)
+            words = f"the monitor has changed {changed}, within a solve: change data between two"
+            require(self.comm, not changed, words)
+
+        return call
 
     def _answers_at(
         self, x: PETSc.Vec

@@ -382,6 +382,7 @@ ON_TWO = {
         *("several_solves_in_one_process", "a_solve_can_be_repeated_and_started_warm"),
         *("monitor_sees_every_iterate",),
     ),
+    "test_surfaces_in_turns": ("other_nodes_held_on_faces_that_do_not_match",),
     "test_time_in_laws": ("in_a_history", "a_speed_alone"),
     "test_true_surface": ("a_press_fit", "bad_surfaces"),
     "test_two_faces": (

@@ -6,6 +6,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from blocks import block
 from test_evolution import dragged, put
 from test_left_memory import Glued, broken
 
@@ -20,6 +21,7 @@ from dolfinx_contact import (
     ParametricContact,
     RigidBody,
 )
+from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
 from dolfinx_contact.records import EvolutionRecord
@@ -303,3 +305,51 @@ def test_a_load_that_knows_more_than_the_time_later(caplog):
     QuasiStatic(block.problem, leaves).run([0.0, 0.4, 0.8])
     words = r"does not set all that it changes: .* the time 0 of its start it leaves the friction"
     assert re.search(words, said(caplog))
+
+
+@pytest.mark.parametrize(
+    ("what", "message"),
+    [
+        ("load", "the monitor has changed the value of the Dirichlet condition 1"),
+        ("friction", "the monitor has changed the friction of Coulomb"),
+        ("mesh", "the mesh has moved since the problem was made"),
+    ],
+)
+@pytest.mark.parametrize("algorithm", ["newton", "gauss-seidel"])
+def test_what_a_monitor_changes_is_refused(algorithm, what, message):
+    """Of the last iterate the answers of the laws are kept for the result."""
+    problem = block()
+    x = problem.V.mesh.geometry.x
+
+    def monitor(_):
+        if what == "load":
+            dirichlet_value(problem.bcs[0]).value[1] -= 0.001
+        elif what == "friction":
+            problem.surfaces[0].law.friction.value = 0.1
+        else:
+            x[:, 1] *= 1.01
+
+    with pytest.raises(ValueError, match=message):
+        problem.solve(algorithm=algorithm, monitor=monitor)
+
+
+def test_a_load_moves_the_mesh_of_another_problem():
+    """That a mesh stays within a step is known of that of the step alone."""
+    problem = block()
+    other = block()
+    said = []
+
+    def load(t):
+        if t > 0:
+            other.solve()
+            x = other.V.mesh.geometry.x
+            before = x.copy()
+            x[:, 1] *= 1.01
+            with pytest.raises(ValueError, match="the mesh has moved"):
+                other.solve()
+            x[:] = before
+            said.append(t)
+
+    problem.solve()
+    QuasiStatic(problem, load).run([0.0, 1.0])
+    assert said

@@ -92,8 +92,11 @@ class ContactEquations:
         self.options = options
         self.snes = PETSc.SNES()
         check_overlap(self.surfaces)
+        #: By which surfaces know whose they are.
+        self._mine = object()
         self.axisymmetric = self.surfaces[0].axisymmetric
         for s in self.surfaces:
+            s.take(self._mine)
             s.slide(linear=bulk.linear)
         #: Whether H is linear in the displacement as long as no status changes.
         self.linear = bulk.linear and all(s.linear for s in self.surfaces)
@@ -111,6 +114,7 @@ class ContactEquations:
         self.global_sizes = [*(int(m.size_global) * bs for m, bs in sizes), self.rigid.size]
         self._mesh_mark = mesh_mark(V.mesh)
         self.forced_r = r
+        self._connections = [s.points.connections for s in self.surfaces]
         self.scaling = Scaling(bulk, V, self.surfaces, self.constraints.fixed, self.rigid, r)
         per_area = [self.stiffness_scale / s.points.mean_vertex_area for s in self.surfaces]
         self.units = [1.0, *per_area, 1.0]
@@ -192,6 +196,7 @@ class ContactEquations:
 
         The ghosts of Functions that are given follow their owners, in the forms of the body too.
         """
+        self._take_surfaces()
         parts = [self.bulk, *self.surfaces]
         changed = anywhere(self.comm, *(part.has_changed for part in parts))
         if changed[0]:
@@ -199,6 +204,25 @@ class ContactEquations:
         for s, other in zip(self.surfaces, changed[1:], strict=True):
             if other:
                 s.update_geometry()
+
+    def _take_surfaces(self) -> None:
+        """Let surfaces be those of this problem, where another one has had them since.
+
+        Raises:
+            ValueError: on every rank, if that one has changed their contact points.
+        """
+        for s, number in zip(self.surfaces, self._connections, strict=True):
+            if s.points.connections != number:
+                raise ValueError(
+                    f"{s.name}: another problem has been made with this surface since, which holds "
+                    "other nodes of it, or has other surfaces beside it, and so has other contact "
+                    "points; give each problem a surface of its own"
+                )
+        if not any([s.take(self._mine) for s in self.surfaces]):
+            return
+        for s in self.surfaces:
+            s.slide(linear=self.bulk.linear)
+        self.scaling.augment()
 
     def _contact(
         self, x: PETSc.Vec, u: Array, q: Array, statuses: Statuses | None
@@ -457,12 +481,18 @@ class ContactEquations:
         Raises:
             ValueError: on every rank, if they are not of these surfaces.
         """
+        self._take_surfaces()
+        self.require_memory(memory)
+        for s, m in zip(self.surfaces, memory, strict=True):
+            s.memory = m
+
+    def require_memory(self, memory: Sequence[Memory | None]) -> None:
+        """Raise ``ValueError`` if a memory is none of these surfaces as they slide. Collective."""
         mine = len(memory) == len(self.surfaces) and all(
             m is None or _fits(m, s) for s, m in zip(self.surfaces, memory, strict=True)
         )
-        require(self.comm, mine, "the memory is that of other contact surfaces or another mesh")
-        for s, m in zip(self.surfaces, memory, strict=True):
-            s.memory = m
+        words = "the memory is that of other contact surfaces, of another sliding or another mesh"
+        require(self.comm, mine, words)
 
     def advanced(self, state: State) -> tuple[Memory, ...]:
         """The memory that a step leaves whose end this state is. Not collective."""

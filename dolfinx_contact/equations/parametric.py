@@ -247,6 +247,8 @@ class ParametricEquations(System):
     def check_parameter(self, gammas: Sequence[float]) -> None:
         eq = self.equations
         eq.require_same_mesh()
+        eq.refresh()
+        eq.require_memory(eq.memory)
         surfaces = eq.surfaces
         rates = zip(surfaces, self._rates, strict=True)
         varying = [s for s, rate in rates if rate.applies]

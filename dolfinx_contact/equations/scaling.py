@@ -143,6 +143,10 @@ class Scaling:
         finally:
             self._augment(self._forced)
 
+    def augment(self) -> None:
+        """Give the surfaces their r, where another problem has had them since."""
+        self._augment(self._forced)
+
     def _augment(self, forced: float | None) -> None:
         for s, r in zip(self._surfaces, self.automatic_r, strict=True):
             s.points.set_augmentation(r if forced is None else np.full_like(r, forced))

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere, require
-from dolfinx_contact._mesh_mark import mesh_stays
+from dolfinx_contact._mesh_mark import mesh_may_move, mesh_stays
 from dolfinx_contact._shared import largest
 from dolfinx_contact.equations.given_data import (
     Constancy,
@@ -710,7 +710,8 @@ class Stepper:
             raise
 
     def _set(self, time: float) -> None:
-        with everywhere(self.problem.comm, f"the load at the time {time:g}"):
+        where = f"the load at the time {time:g}"
+        with mesh_may_move(), everywhere(self.problem.comm, where):
             self._load(time)
 
     def accepted(

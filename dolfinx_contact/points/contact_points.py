@@ -120,6 +120,11 @@ class ContactPoints(ABC):
     #: Overlaps with an obstacle that are taken from gaps, at points and vertices; None of none.
     removed_overlap: fem.Function | None = None
     removed_at_vertices: fem.Function | None = None
+    #: How often B has been set: another problem on the surface may give other functions away.
+    connections = 0
+    #: Vertices whose functions are given away, and those that take none, as asked for last.
+    _asked: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]] | None = None
+    _gave: npt.NDArray[np.bool_] | None = None
     #: Areas of the local vertices that have something opposite, where that may be a part.
     _covered_areas: Array | None = None
 
@@ -423,11 +428,17 @@ class ContactPoints(ABC):
         alone, _ = self._apart
         if self._weights is alone and not self.comm.allreduce(int(given.any())):
             return given
-        return self._give(alone, given, idle)
+        asked = given.copy(), idle.copy()
+        same = self._asked is not None and all(map(np.array_equal, asked, self._asked))
+        if self._gave is None or self.comm.allreduce(int(not same)):
+            self._gave = self._give(alone, given, idle)
+            self._asked = asked
+        return self._gave
 
     def _connect(self, stencils: Stencils) -> None:
         """Set B and E, of which no others are left. Collective."""
         self._weights = stencils
+        self.connections += 1
         B = stencils.jump_matrix(self.comm, self._owned_nodes, self.dim)
         self.operator = ConstantOperator(stencils, self.areas, B)
         if not stencils.identity:

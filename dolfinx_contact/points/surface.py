@@ -231,6 +231,10 @@ class ContactSurface(ReadOnly):
         self._settle_overlap(self.points.gaps, self.points.vertex_gaps, self.points.data.n)
         self.sliding = sliding
         self._displaced: DisplacedPoints | None = None
+        #: By what the problem is known that has it; see `take`.
+        self._user: object = None
+        #: What `slide` has found, by whether the body is linear.
+        self._ways: dict[bool, tuple[DisplacedPoints | None, TrueGaps]] = {}
         self.memory: Memory | None = None
         self._true_gaps = TrueGaps(u, self.points, obstacle)
         #: Of two bodies, how they have slid and turned.
@@ -475,13 +479,24 @@ class ContactSurface(ReadOnly):
         """Whether gap and slip are linear in the displacement."""
         return self._displaced is None and isinstance(self.points.operator, ConstantOperator)
 
+    def take(self, user: object) -> bool:
+        """Let a problem have this surface, by what that is known by; whether another had it."""
+        another = self._user is not user
+        self._user = user
+        return another
+
     def slide(self, *, linear: bool) -> None:
-        """Store whether the body is linear; then sliding is small by default. Collective.
+        """Store whether the body is linear; then sliding is small by default.
+
+        Collective the first time. Problems of both kinds may have the surface in turns.
 
         Raises:
             ValueError: if sliding cannot be large where it has to, or if points begin within what
                 holds them past the rim of an open surface.
         """
+        if linear in self._ways:
+            self._displaced, self._true_gaps = self._ways[linear]
+            return
         given = self.points, self.domain, self.obstacle, self.law_at_points, self.sliding
         self._displaced = displaced_points(*given, linear=linear, name=self.name)
         shape = None if self._displaced is None else self._displaced.shape
@@ -491,6 +506,7 @@ class ContactSurface(ReadOnly):
             most = self._overlap.most if self._overlap.removed else 0.0
             self._settle_overlap(*self._displaced.starts(most), past)
         self._true_gaps = TrueGaps(self.u, self.points, self.obstacle, shape)
+        self._ways[linear] = self._displaced, self._true_gaps
 
     # -- nodes and points ------------------------------------------------------------------------
 

@@ -197,6 +197,7 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     check_moduli(eq)
     eq.bulk.require_continuous()
     eq.refresh()
+    eq.require_memory(eq.memory)
     for s in eq.surfaces:
         s.check_gaps()
         check_law(s)
