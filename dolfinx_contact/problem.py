@@ -32,6 +32,7 @@ from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import check_progress
+from dolfinx_contact._shared import anywhere
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.circumference import check_circumference, refuse_revolution
@@ -506,7 +507,7 @@ class ContactProblem(ReadOnly):
     ) -> tuple[Result, State]:
         """See `solve`; and the state. Collective."""
         same_everywhere(self.comm, expected_statuses=len(trial.expected))
-        if monitor is not None:
+        if anywhere(self.comm, monitor is not None)[0]:
             monitor = self._watched(monitor)
         fits = all(fit(self.surfaces, statuses) for statuses in trial.expected)
         require(self.comm, fits, "the expected statuses are not those of these contact points")
@@ -542,14 +543,15 @@ class ContactProblem(ReadOnly):
             shown.end()
             x0.destroy()
 
-    def _watched(self, monitor: Callable[[Step], None]) -> Callable[[Step], None]:
-        """A monitor that is refused if it changes data, of which iterates know others."""
+    def _watched(self, monitor: Callable[[Step], None] | None) -> Callable[[Step], None]:
+        """A monitor, of some ranks perhaps, that is refused if it changes data. Collective."""
         eq = self.equations
         given = GivenData(eq)
 
         def call(step: Step) -> None:
             with mesh_may_move(), everywhere(self.comm, "the monitor"):
-                monitor(step)
+                if monitor is not None:
+                    monitor(step)
             eq.require_same_mesh()
             changed = given.changed(self.comm)
             words = f"the monitor has changed {changed}, within a solve: change data between two"
