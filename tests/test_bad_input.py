@@ -407,6 +407,22 @@ def test_held_by_contact_alone():
     assert result.kkt_violation < 1e-8
 
 
+@pytest.mark.parametrize("method", ["nodal", "integral"])
+@pytest.mark.parametrize("height", [1e-8, 1e-4])
+def test_a_body_that_rests_on_a_bump(height, method):
+    """It touches the floor at one node alone, and what presses it lays it flat."""
+    domain, u = square()
+    below = facets(domain, 1, 0.0)
+    x = domain.geometry.x
+    x[(x[:, 1] < 1e-9) & (np.abs(x[:, 0] - 0.5) > 0.1), 1] = height
+    load = fem.Constant(domain, (0.1, -1.0))
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
+    result = ContactProblem(energy, u, [surface(u, where=below, method=method)]).solve()
+    np.testing.assert_allclose(result.resultants["contact"], (-0.1, 1.0), atol=2 * height)
+    assert "o" not in result.tables["contact"].status
+    assert result.imbalance < 1e-8
+
+
 def test_a_solve_that_cannot_converge():
     """No Newton step is too few: an error that says what was tried; u and lambda as before."""
     problem = block(options={"snes_max_it": 0})

@@ -11,6 +11,7 @@ import pytest
 from _surfaces import ball, brick, cylinder, disc, outward, write_stl
 from blocks import same_tables
 from scipy.spatial import ConvexHull, Delaunay
+from scipy.spatial.transform import Rotation
 from test_curved_friction import (
     OnBody,
     Stopped,
@@ -98,6 +99,29 @@ def test_closest(name, monkeypatch):
     for off in (slope - found.slope, turn - found.turn):
         each = np.sort(np.abs(off).reshape(len(x), -1).max(axis=1))
         assert each[int(0.95 * len(x))] < 1e-8
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: the distance from a box", aspects=("3D",)
+)
+@pytest.mark.parametrize("width", [1e-5, 1e-7, 1e-9])
+def test_closest_of_slivers(width):
+    """Points above and below a fan of facets that thin are as far from it as from its plane."""
+    rng = np.random.default_rng(4)
+    corners = np.zeros((200, 3, 3))
+    corners[:, 1, 0] = 1.0
+    corners[:, 2, 0] = rng.uniform(0.2, 0.8, 200)
+    corners[:, 2, 1] = width
+    turn = Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix()
+    parts = rng.dirichlet([1.0, 1.0, 1.0], 200)
+    places = np.einsum("nk,nki->ni", parts, corners)
+    for height in (0.0, 1e-9, 1e-3, 1.0):
+        x = (places + np.array([0.0, 0.0, height])) @ turn.T
+        found = closest_on(x, corners @ turn.T)
+        assert (found >= 0).all()
+        feet = np.einsum("nk,nki->ni", found, corners)
+        np.testing.assert_allclose(feet, places, atol=1e-16 / width + 1e-14)
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="not collective")

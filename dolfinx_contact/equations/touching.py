@@ -14,7 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._shared import anywhere
+from dolfinx_contact._shared import anywhere, largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import PLUS, STICK, closed
@@ -60,7 +60,9 @@ def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
     """Statuses in which all points stick that a part of the load may close. Collective.
 
     Where that leaves a rigid body loose, those nearest to it stick as well, as many as it takes to
-    hold it: a load that presses it against them brings them together.
+    hold it: a load that presses it against them brings them together. So do, where a body is loose
+    that touches at some points alone, as one that rests on a bump, those nearest to what they may
+    touch.
 
     Args:
         eq: the contact problem.
@@ -70,15 +72,34 @@ def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
     gaps = [eq.gaps(s, state) for s in eq.surfaces]
     reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, load, state)]
     found = eq.as_possible(_within(eq, gaps, reaches))
-    if not eq.rigid.size or not eq.loose_motions(found):
+    if not eq.loose_motions(found):
         return found
-    nearest = eq.rigid.nearest(gaps)
-    for band in _BANDS:
+    of_rigid, of_touched = eq.rigid.nearest(gaps), _touched(eq, gaps, state)
+    nearest = [max(*near) for near in zip(of_rigid, of_touched, strict=True)]
+    for band in _BANDS if max(nearest) > -np.inf else ():
         limits = zip(reaches, nearest, strict=True)
         found = _within(eq, gaps, [max(r, g + band * eq.body_size) for r, g in limits])
         if not eq.loose_motions(found):
             break
     return found
+
+
+def _touched(eq: ContactEquations, gaps: Sequence[Array], state: State) -> list[float]:
+    """By surface the smallest gap where a vertex of it touches, else minus infinity. Collective.
+
+    Gauss points are between the vertices, which may touch alone.
+    """
+    least = []
+    for s, gap in zip(eq.surfaces, gaps, strict=True):
+        at_vertices = gap
+        if s.method == "integral":
+            nodes = eq.rigid.relative(s, state.u.reshape(-1, eq.dim), state.q)
+            jump = (nodes - s.opposite(nodes))[s.points.vertex_trace_dofs]
+            at_vertices = s.at_vertices(jump)[0]
+        least += [np.min(g, initial=np.inf) for g in (at_vertices, gap)]
+    found = (-largest(eq.comm, -np.array(least))).reshape(-1, 2)
+    nothing = _TOUCHES * eq.body_size
+    return [float(near) if first <= nothing else -np.inf for first, near in found]
 
 
 def _reaches(eq: ContactEquations, load: float, state: State) -> list[float]:

@@ -3,7 +3,9 @@ r"""The points of segments and triangles that are closest to others.
 
 On a triangle the regions of its corners, edges and inside are distinguished by six products
 (Ericson, Real-Time Collision Detection, 2005, section 5.1.5). Barycentric coordinates of what is
-on an edge or a corner are exactly zero for the corners that have no part in it.
+on an edge or a corner are exactly zero for the corners that have no part in it. Three of the
+products are differences of the order of the fourth power of the longest edge; of slivers, whose
+area squared is far less, they are those of the area vector with parts of it instead.
 
 A search examines few facets: each is covered by balls of radii r, large facets by balls around
 their parts. What is at a distance d has its facet among those whose balls have their centres within
@@ -18,6 +20,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from dolfinx_contact.rigid_surfaces.normals import crossed
+
 __all__ = ["ClosestFacets", "closest_on"]
 
 Array = npt.NDArray[np.float64]
@@ -26,6 +30,7 @@ Ints = npt.NDArray[np.int64]
 _FIRST = 8  # balls whose facets bound the distance
 _LARGER = 1.0 + 1e-12  # round-off of distances
 _PAIRS = 2**18  # of points and facets that are looked at in one go
+_THIN = 1e-4  # of squares of edges, squared, an area squared that is a sliver's
 _PARTS = 64.0  # balls along the largest extent of a surface, up to which facets are cut
 
 
@@ -53,6 +58,10 @@ def _on_triangles(x: Array, corners: Array) -> Array:
     d3, d4 = _dot(ab, x - b), _dot(ac, x - b)
     d5, d6 = _dot(ab, x - c), _dot(ac, x - c)
     of_c, of_b, of_a = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
+    squares = _dot(ab, ab), _dot(ac, ac)
+    thin = np.flatnonzero(squares[0] * squares[1] - _dot(ab, ac) ** 2 < _THIN * sum(squares) ** 2)
+    if len(thin):
+        of_a[thin], of_b[thin], of_c[thin] = _areas(x[thin], corners[thin])
     zero, one = np.zeros(len(x)), np.ones(len(x))
     with np.errstate(divide="ignore", invalid="ignore"):
         on_ab, on_ac = d1 / (d1 - d3), d2 / (d2 - d6)
@@ -70,6 +79,18 @@ def _on_triangles(x: Array, corners: Array) -> Array:
     for where, parts in reversed(regions):
         found = np.where(where[:, None], np.stack(parts, axis=1), found)
     return found
+
+
+def _areas(x: Array, corners: Array) -> tuple[Array, Array, Array]:
+    """Products of the area vectors of triangles with those of their parts opposite to corners."""
+    across = crossed(corners)
+    off = corners - x[:, None]
+    # In the plane of the triangle, where it is close to what is far above.
+    height = np.einsum("nki,ni->nk", off, across) / _dot(across, across)[:, None]
+    off = off - height[..., None] * across[:, None]
+    parts = np.asarray(np.cross(off[:, [1, 2, 0]], off[:, [2, 0, 1]]), dtype=np.float64)
+    a, b, c = _dot(across[:, None], parts).T
+    return a, b, c
 
 
 def _dot(a: Array, b: Array) -> Array:
