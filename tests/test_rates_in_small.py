@@ -330,6 +330,9 @@ def test_data_of_a_range_of_gamma(driven, varies, moves, monkeypatch):
     held = SimpleNamespace(check_values=lambda s, size, where: log.append(("values", where)))
     eq = SimpleNamespace(
         require_same_mesh=lambda: log.append("mesh"),
+        refresh=lambda: log.append("refresh"),
+        memory="as it is",
+        require_memory=lambda memory: log.append(("memory", memory)),
         surfaces=surfaces,
         constraints=held,
         body_size=3.0,
@@ -352,7 +355,7 @@ def test_data_of_a_range_of_gamma(driven, varies, moves, monkeypatch):
     one.check_parameter([0.0, 0.5, 1.0])
     assert float(constant.value) == 2.0
     where = [f" at gamma = {g:g}" for g in (0.0, 0.5, 1.0)]
-    assert log[:2] == ["mesh", ("plain", "")]
+    assert log[:4] == ["mesh", "refresh", ("memory", "as it is"), ("plain", "")]
     assert [e for e in log if e[0] == "moduli"] == [("moduli", w) for w in where]
     seen = [e for e in log if e[0] == "varying"]
     assert seen == [("varying", w) for w in (where if varies else where[::2])]
