@@ -81,6 +81,7 @@ ON_TWO = {
     "test_core_in_small": (
         *("lengths_of_states_in_closed_form", "marks_of_data"),
         *("the_block_of_a_surface_is_inverted", "the_stiffness_of_points_of_two_surfaces"),
+        "dofs_of_what_is_in_contact",
     ),
     "test_creep": ("creep", "what_is_lacking_is_said"),
     "test_critical_friction": (

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
+from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -26,7 +27,7 @@ from dolfinx_contact.laws import (
     Tresca,
 )
 from dolfinx_contact.laws.compiled import _Written
-from dolfinx_contact.laws.law import Bond
+from dolfinx_contact.laws.law import Bond, Border, StatusPiece
 from dolfinx_contact.laws.symbols import STEP, Symbols, from_memory
 
 COMM = MPI.COMM_WORLD
@@ -213,6 +214,31 @@ def test_what_is_known_of_laws(kinds):
         assert isinstance(compiled.signature, str)
         signatures.add(compiled.signature)
     assert len(signatures) == len(kinds)
+
+
+def test_every_status_is_asked_whether_it_is_linear():
+    """Also after one that there always is, and whether it is there by what may change."""
+    known = LawAtPoints(Coulomb(0.3), 2, N, COMM).compiled
+    j, t = known._jump, known._traction
+    plain = StatusPiece(t, [Border(j[0] + t[1], PLUS)])
+    fixed = replace(plain, exists=ufl.lt(known._n[0], 0.0))
+    bent = StatusPiece(j[0] * t, [])
+    curved = StatusPiece(t, [Border(j[0] ** 2, PLUS)])
+    sometimes = replace(plain, exists=ufl.lt(j[0], 0.0))
+    for pieces, linear in (
+        ((plain, fixed, plain), True),
+        ((plain, bent), False),
+        ((plain, curved), False),
+        ((fixed, curved), False),
+        ((plain, sometimes), False),
+        ((fixed, plain, sometimes), False),
+    ):
+        w, dim = known._w, known.dim
+        one = SimpleNamespace(_roots=None, _jump=j, _traction=t, _w=w, dim=dim)
+        one._pieces = dict(enumerate(pieces))
+        assert type(known).is_piecewise_linear.func(one) == linear
+    one._pieces, one._roots = {0: plain}, "equations at points"
+    assert not type(known).is_piecewise_linear.func(one)
 
 
 def test_laws_of_a_kind_are_compiled_once():

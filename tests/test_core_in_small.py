@@ -65,7 +65,7 @@ from dolfinx_contact.reduced.held_body import (
 )
 from dolfinx_contact.solvers.condensation import CondensedBlock
 from dolfinx_contact.solvers.operator import ContactOperator
-from dolfinx_contact.solvers.surface_block import SurfaceBlock, SurfaceSet
+from dolfinx_contact.solvers.surface_block import SurfaceBlock, SurfaceSet, contact_dofs
 
 COMM = MPI.COMM_WORLD
 
@@ -799,6 +799,34 @@ def test_the_block_of_a_surface_is_inverted():
     known = [v for v in vars(blocks[1]).values() if isinstance(v, PETSc.Object)]
     assert known
     assert not any(known)  # all are destroyed
+
+
+@pytest.mark.parametrize("cell", ["tri", "tet"])
+def test_dofs_of_what_is_in_contact(cell):
+    """Those of the nodes of its facets and no others; of nodes, too, whose facets others own."""
+    domain = box(COMM, 3, cell)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    x = V.tabulate_dof_coordinates()
+    domain.topology.create_connectivity(dim - 1, dim)
+    every = mesh.exterior_facet_indices(domain.topology)
+    every = every[every < domain.topology.index_map(dim - 1).size_local]
+    compared = []
+    for rank in range(COMM.size):
+        mine = every if rank == COMM.rank else every[:0]
+        side = SimpleNamespace(opposite=None)
+        s = SimpleNamespace(submesh=SimpleNamespace(parent_facets=mine), obstacle=side)
+        there = x[np.unique(fem.locate_dofs_topological(V, dim - 1, mine, remote=False))]
+        there = np.concatenate(COMM.allgather(there))
+        off = np.linalg.norm(x[:, None] - there, axis=2).min(axis=1)
+        nodes = np.flatnonzero(off[: V.dofmap.index_map.size_local] < 1e-9)
+        expected = (dim * nodes[:, None] + np.arange(dim)).reshape(-1)
+        found = contact_dofs(SimpleNamespace(V=V, surfaces=[s]))
+        whole = COMM.allreduce(len(found)), dim * len(np.unique(there.round(9), axis=0))
+        compared.append((found, expected, whole))
+    for found, expected, whole in compared:  # by then no rank waits for another
+        np.testing.assert_array_equal(found, expected)
+        assert whole[0] == whole[1]
 
 
 def test_a_multiplier_that_several_dofs_answer_is_not_condensed():

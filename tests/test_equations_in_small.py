@@ -1035,3 +1035,20 @@ def test_places_of_columns_of_several_ranks():
     found = _Numbering.column_places(SimpleNamespace(dof_places=places), columns, (3, 7))
     np.testing.assert_array_equal(found, 100 + columns)
     assert asked == [(0, [3, 4, 5, 6, 1, 2, 7, 9])]
+
+
+def test_how_far_a_prescribed_motion_reaches(monkeypatch):
+    """Half of the largest approach; nothing where all points go away, or none is there."""
+    rigid = SimpleNamespace(size=3, fixed=np.array([True, False, True]))
+    eq = SimpleNamespace(rigid=rigid, comm=COMM, prescribed_motions=lambda: np.array([2.0, 9, -1]))
+    state = SimpleNamespace(q=np.array([0.5, 1.0, 1.0]))
+    asked = []
+    for closing, reach in (([-0.2, 0.6, 0.4], 0.3), ([-0.2, -3.0], 0.0), ([], 0.0)):
+        monkeypatch.setattr(
+            starts, "_closing", lambda *args, c=closing: asked.append(args[-1]) or np.array(c)
+        )
+        assert starts._rigid_reach(eq, None, state, 0) == pytest.approx(reach)
+    np.testing.assert_allclose(asked, [[1.5, 0.0, -2.0]] * 3)
+    rigid.size = 0
+    assert starts._rigid_reach(eq, None, state, 0) == 0.0
+    assert len(asked) == 3

@@ -17,10 +17,14 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, NonlocalCoulomb
 from dolfinx_contact.laws import OPEN, PLUS, Border, Law, StatusPiece
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
-from dolfinx_contact.obstacles import has_ufl
+from dolfinx_contact.obstacles import Start, has_ufl
 from dolfinx_contact.points.arcs import _SERIES, _SMALL
+from dolfinx_contact.points.displaced import DisplacedPoints
+from dolfinx_contact.points.elements import displacement_degree
 from dolfinx_contact.points.pair_motion import PairMotion, _closest
-from dolfinx_contact.points.trace import facet_closures, facet_normals
+from dolfinx_contact.points.sliding.candidates import Candidates
+from dolfinx_contact.points.sliding.faces import SlidingFaces
+from dolfinx_contact.points.trace import facet_closures, facet_normals, rounded
 from dolfinx_contact.reduced.gathered import _tangents
 from dolfinx_contact.results.tables import violation
 
@@ -290,3 +294,132 @@ def test_tangents_of_points(dim):
         frames.transpose(0, 2, 1) @ frames, np.eye(dim)[None] + 0 * frames, atol=1e-14
     )
     np.testing.assert_allclose(np.linalg.det(frames), -1.0 if dim == 2 else 1.0)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e7])
+def test_coordinates_are_rounded_in_any_unit(unit):
+    """To nine digits of the largest, 3.2 units; of nothing, or of zeros, nothing is made."""
+    x = np.array([[3.2, -1.0], [0.1234567891234, 2.0 / 3.0]])
+    np.testing.assert_allclose(rounded(unit * x), unit * np.round(x, 8), rtol=1e-12)
+    np.testing.assert_array_equal(rounded(np.zeros((2, 2))), 0.0)
+    assert rounded(np.zeros((0, 2))).shape == (0, 2)
+
+
+def test_elements_of_displacements():
+    """Continuous Lagrange elements alone, whose degree is known."""
+    domain = box(COMM, 1, "tri")
+    for degree in (1, 2):
+        V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+        assert displacement_degree(fem.Function(V)) == degree
+    for other in (("DG", 1, (2,)), ("DG", 2, (2,)), ("CR", 1, (2,)), ("Lagrange", 1)):
+        with pytest.raises(ValueError, match="must be a continuous vector Lagrange"):
+            displacement_degree(fem.Function(fem.functionspace(domain, other)))
+
+
+def test_which_overlaps_are_removed_at_a_start():
+    """Those up to the most, where the obstacle holds the face or the face looks to it by 60
+    degrees; what multiplies the height of others is their gap. What is taken is taken of all."""
+    turned = np.deg2rad([0.0, 59.0, 61.0, 91.0, 180.0])
+    out = np.stack([np.sin(turned), -np.cos(turned)], axis=1)
+    n = len(turned)
+    normal = np.broadcast_to([0.0, -1.0], (n, 2))
+    gap, taken = np.arange(1.0, n + 1.0), 10.0 * np.arange(n)
+    for height, faces in ((-0.1, [True, True, False, False, False]), (-0.11, [False] * n)):
+        for held in (False, True):
+            start = Start(gap, np.full(n, height), normal, np.full(n, held))
+            points = SimpleNamespace(shape=SimpleNamespace(starts=lambda x, w, s=start: s))
+            of_face = {"out": out, "width": None, "taken": taken}
+            found, towards = DisplacedPoints._started(points, np.zeros((n, 2)), of_face, 0.1)
+            removed = np.array([height == -0.1] * n if held else faces)
+            np.testing.assert_array_equal(found, np.where(removed, height, gap) + taken)
+            np.testing.assert_array_equal(towards, normal)
+
+
+def test_what_of_one_face_may_touch_itself():
+    """What lies behind, if it is far or looks back by more than 60 degrees, and has no node in
+    common. What lies as far is behind by its first coordinate, and no image is."""
+    mine = np.zeros((1, 2, 2))
+    along = np.array([0.0, 1.0])
+    rows = [  # cosine of the normals, place, mirror, whether a node is shared, whether it is kept
+        (-0.6, (0.0, -1.0), 1, False, True),
+        (-0.4, (0.0, -1.0), 1, False, False),
+        (0.4, (0.0, -1.0), 1, False, False),
+        (1.0, (0.0, -1.0), 1, False, False),
+        (1.0, (0.0, -5.0), 1, False, True),  # far
+        (-1.0, (0.0, -5.0), 1, True, False),
+        (-1.0, (0.0, 1.0), 1, False, False),  # ahead
+        (-1.0, (-1.0, 0.0), 1, False, True),  # as far
+        (-1.0, (1.0, 0.0), 1, False, False),
+        (-1.0, (-1.0, 0.0), -1, False, False),
+        (-1.0, (-1.0, -1e-9), -1, False, False),
+        (-1.0, (-1.0, -1e-3), -1, False, True),
+    ]
+    cosines, places, mirrors, shared, kept = (np.array(v) for v in zip(*rows, strict=True))
+    theirs = np.repeat(places[:, None], 2, axis=1)
+    normals = np.stack([np.sqrt(1.0 - cosines**2), cosines], axis=1)
+    pairs = np.stack([np.zeros(len(rows), dtype=int), np.arange(len(rows))], axis=1)
+    none = np.zeros((len(rows), 0), dtype=int)
+    two = np.stack([mirrors, np.ones_like(mirrors)], axis=1)
+    found = Candidates(none, np.ones(len(rows)), two, pairs, none, none)
+    faces = SimpleNamespace(
+        _reference=mine,
+        _skin=1.0,
+        _before=lambda found: theirs,
+        _faces=lambda found, mine, theirs: (
+            SimpleNamespace(normals=along[None]),
+            SimpleNamespace(normals=normals),
+        ),
+        _shares_node=lambda found: shared,
+    )
+    left = SlidingFaces._of_itself(faces, found, along)
+    np.testing.assert_array_equal(left.pairs[:, 1], np.flatnonzero(kept))
+    assert left.mirrors is two
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_what_is_opposite_in_any_unit(unit):
+    """By the normals within 60 degrees, and not beyond the edge by a hundredth of a facet."""
+    turned = np.deg2rad([180.0, 180.0, 180.0, 121.0, 119.0])
+    sides = np.stack([np.sin(turned), np.cos(turned)], axis=1)
+    x = np.zeros((5, 2))
+    n = np.broadcast_to([0.0, 1.0], (5, 2))
+    place = SimpleNamespace(
+        aside=unit * np.array([0.0, 0.01, 1.0, 0.0, 0.0]),
+        normal=sides,
+        mean=sides,
+        moved=x,
+        gap=np.zeros(5),
+        facet=np.full(5, unit),
+    )
+    pair = SimpleNamespace(
+        _u=SimpleNamespace(x=SimpleNamespace(array=np.zeros(10))),
+        _dim=2,
+        _slave=None,
+        _master=None,
+        _points=SimpleNamespace(data=SimpleNamespace(n=n)),
+        _turning=lambda facets, u: None,
+        _points_at=lambda u, normals: (x, x, np.hstack([n, n])),
+        _rows=lambda u, normals: None,
+        _nearest=lambda places, rows, now: place,
+    )
+    found = PairMotion.__call__(pair).facing
+    np.testing.assert_array_equal(found, [True, False, False, True, False])
+
+
+def test_lengths_of_normals_of_obstacles():
+    """They are 1 but for a part in a million, up and down."""
+    for length, fits in ((1.0, True), (1.0 + 5e-7, True), (1.00001, False), (0.5, False)):
+        normals = np.array([[0.0, 1.0], [0.0, -length]])
+        s = SimpleNamespace(
+            comm=COMM,
+            _uniform=[],
+            name="foot",
+            obstacle=SimpleNamespace(radius_given=None),
+            between_bodies=False,
+            points=SimpleNamespace(vertex_normals=normals),
+        )
+        if fits:
+            ContactSurface.check_gaps(s)
+        else:
+            with pytest.raises(ValueError, match=f"length 1, and one has {length:.6g}"):
+                ContactSurface.check_gaps(s)

@@ -66,7 +66,7 @@ class _Places:
 
     Attributes:
         gap: along the normals of the master.
-        aside: distance across them, of points beyond an edge.
+        aside: distance across them, of points beyond an edge; of others 0, round-off left out.
         normal: of the master (n, dim).
         moved: displacement of the place (n, dim).
         mean: mean normal of the facets around it (n, dim).
@@ -133,7 +133,7 @@ class PairMotion:
             np.maximum(turn, 0.0),
             (after.gap - before.gap) / cosine,
             -along,
-            (np.sum(n * after.normal, axis=1) < -_LEAST_COSINE) & (after.aside <= _SAME),
+            (np.sum(n * after.normal, axis=1) < -_LEAST_COSINE) & (after.aside == 0.0),
         )
 
     def _points_at(self, u: Array, normals: Array) -> tuple[Array, Array, Array]:
