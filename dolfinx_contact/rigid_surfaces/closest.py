@@ -86,7 +86,9 @@ def _areas(x: Array, corners: Array) -> tuple[Array, Array, Array]:
     across = crossed(corners)
     off = corners - x[:, None]
     # In the plane of the triangle, where it is close to what is far above.
-    height = np.einsum("nki,ni->nk", off, across) / _dot(across, across)[:, None]
+    squares = _dot(across, across)
+    squares[squares == 0] = 1.0  # of a segment
+    height = np.einsum("nki,ni->nk", off, across) / squares[:, None]
     off = off - height[..., None] * across[:, None]
     parts = np.asarray(np.cross(off[:, [1, 2, 0]], off[:, [2, 0, 1]]), dtype=np.float64)
     a, b, c = _dot(across[:, None], parts).T
