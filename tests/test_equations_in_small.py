@@ -760,7 +760,7 @@ def test_points_that_touch_at_first():
 
 def test_bodies_are_brought_to_what_they_press():
     """Along their loads, until they touch; and points nearest to a loose body hold it."""
-    s = SimpleNamespace(law_at_points=SimpleNamespace(codes=(OPEN, STICK)))
+    s = SimpleNamespace(law_at_points=SimpleNamespace(codes=(OPEN, STICK)), method="nodal")
     x = PETSc.Vec().createWithArray(np.array([1.0, 2.0, 0.5, 0.25]), comm=MPI.COMM_SELF)
     kinematics = SimpleNamespace(gap_rate=lambda step: -step)
     state = SimpleNamespace(
