@@ -121,10 +121,11 @@ def per(times, count):
     return {k: v / count if k != "samples" else v for k, v in times.items()}
 
 
-def start_of(system, gamma):
-    """A solution, found by Newton's method."""
+def start_of(system, gamma, statuses=None):
+    """A solution, found by Newton's method, with these statuses if there is one."""
     system.set_parameter(gamma)
-    system.problem.solve()
+    expected = [] if statuses is None else [[system.piece_of(statuses).codes]]
+    system.problem.solve(expected=expected)
     x = system.create_vector()
     system.problem.write(x)
     return x
@@ -161,9 +162,8 @@ def plain(steps):
 # -- time per step -------------------------------------------------------------------------------
 
 
-def plain_steps(system, side, gamma, gamma_range, args, *, direction):
+def plain_steps(system, x, side, gamma, gamma_range, args, *, direction):
     """Plain steps with detection on from one start on either side, repeated in turn."""
-    x = start_of(system, gamma)
     theirs = []
     mine = []
     our_steps(system, x, gamma, gamma_range, route="steps", count=2, direction=direction)
@@ -198,9 +198,9 @@ def triangle_steps(args):
     side.ask("solve", gammas=[-1.0], tolerance=TRIANGLE["max_res"])
     # Steps that are long enough would come to gamma = 0 at once.
     side.ask("begin", sense=1.0, h_max=0.02, **TRIANGLE)
-    found = plain_steps(system, side, -1.0, (-1.0, 1.0), args, direction="increasing")
-    side.close()
     x = start_of(system, -1.0)
+    found = plain_steps(system, x, side, -1.0, (-1.0, 1.0), args, direction="increasing")
+    side.close()
     condensations = []
     segments = []
     for _ in range(args.repeats):
@@ -314,10 +314,10 @@ def block_steps(args):
     side = GetFEM("block", nx=args.nx, ny=2 * args.nx, friction=1.0, r=R_BLOCK)
     side.ask("solve", gammas=np.linspace(0.1, 1.0, 10).tolist(), tolerance=BLOCK["max_res"])
     side.ask("begin", sense=-1.0, **BLOCK)
-    theirs = side.ask("statuses")
-    x = start_of(system, 1.0)
-    same_start = theirs["status"] == system.letters(system.piece_at(x, 1.0))
-    found = plain_steps(system, side, 1.0, (-1.0, 1.0), args, direction="decreasing")
+    statuses = side.ask("statuses")["status"]
+    x = start_of(system, 1.0, statuses)
+    same_start = statuses == system.letters(system.piece_at(x, 1.0))
+    found = plain_steps(system, x, side, 1.0, (-1.0, 1.0), args, direction="decreasing")
     side.close()
     return {"same_start": same_start, "dofs": {"getfem": side.size, "ours": x.getSize()}, **found}
 
