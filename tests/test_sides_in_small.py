@@ -39,6 +39,7 @@ from dolfinx_contact.obstacles import (
 )
 from dolfinx_contact.points.arcs import slip_along
 from dolfinx_contact.points.contact_points import ContactPoints
+from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.displaced import DisplacedPoints
 from dolfinx_contact.points.elements import check_elements, check_name, check_quadrature
 from dolfinx_contact.points.evaluation import Given, ScatteredEvaluator, at_nodes, fields_of
@@ -401,6 +402,43 @@ def test_values_that_are_opposite():
     np.testing.assert_allclose(of.values(COMM, two, 3), [[8.0, -8.0], [0.0, 0.0], [1.0, -1.0]])
     assert of.matching
     assert of.points is None
+
+
+@serial
+def test_jumps_that_go_around():
+    """Of three pairs in a ring, each by its vertex; not of another, nor where nodes are held."""
+    domain = box(COMM, 2, "tri")
+    V = lagrange(domain)
+    n = len(places(V))
+    vertices = fem.functionspace(domain, ("Lagrange", 1))
+    points = SimpleNamespace(vertices=vertices, vertex_trace_dofs=np.arange(n))
+    sides = np.ones(n, dtype=bool), np.ones(n, dtype=bool)
+
+    def pair(*jumps, common=None):
+        nodes = np.arange(n)
+        for one, other in jumps:
+            nodes[one] = other
+        weights, itself = np.ones((n, 1)), nodes == np.arange(n)
+        rest = None, sides, np.zeros(0, np.int32), common
+        opposite = Opposite(np.arange(n), nodes[:, None], weights, itself, *rest)
+        return SimpleNamespace(points=points, opposite_nodes=opposite)
+
+    alone = SimpleNamespace(points=points, opposite_nodes=None)
+    other = pair((5, 6), (2, 6), common="no like facets")
+    ring = [alone, pair((3, 4), (0, 1)), other, pair((4, 8), (7, 2)), pair((8, 3))]
+    free = np.zeros((n, 2), dtype=bool)
+    marks, nodes = crossings(V, ring, free)
+    expected = [[], [3], [], [4], [8]]
+    assert [np.flatnonzero(m).tolist() for m in marks] == expected
+    assert np.flatnonzero(nodes).tolist() == [3, 4, 8]
+    held = free.copy()
+    held[[3, 4, 8]] = True
+    held[4, 1] = False
+    assert not crossings(V, ring, held)[1].any()
+    for some in ([alone, alone], ring[:4], [alone, other]):
+        marks, nodes = crossings(V, some, free)
+        assert not np.concatenate([*marks, nodes]).any()
+        assert [len(m) for m in marks] == [n] * len(some)
 
 
 @serial

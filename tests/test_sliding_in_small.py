@@ -877,7 +877,7 @@ def test_rates_of_friction_that_spreads(kernel):
 def test_what_distinguishes_points():
     """Of a Gauss point the input nodes of its facet in their order, of a vertex its own."""
     for method in ("nodal", "integral"):
-        points = block(n=2, method=method).surfaces[0].points
+        points = block(n=3, method=method).surfaces[0].points
         domain = points._V.mesh
         x = domain.geometry.x[:, 0]
         numbers = np.asarray(domain.geometry.input_global_indices)
@@ -889,8 +889,8 @@ def test_what_distinguishes_points():
         if method == "nodal":
             np.testing.assert_array_equal(points.ids, points.vertex_ids)
             continue
-        low = np.floor(2.0 * points.positions[:, 0]) / 2.0
-        pairs = [sorted((ends[round(a, 6)], ends[round(a + 0.5, 6)])) for a in low.tolist()]
+        low = np.floor(3.0 * points.positions[:, 0]) / 3.0
+        pairs = [sorted((ends[round(a, 6)], ends[round(a + 1.0 / 3.0, 6)])) for a in low.tolist()]
         np.testing.assert_array_equal(points.ids, pairs)
 
 
