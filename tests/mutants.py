@@ -54,7 +54,8 @@ ROOMS = {
             *("sliding_revolution", "core_in_small"),
             *("rigid_body", "true_surface", "two_faces", "small_sliding", "held_ends"),
             *("curved_friction", "given_normals", "doubled_nodes", "common_points", "overlap"),
-            *("points_in_small", "planes_of_symmetry", "faces_in_small"),
+            *("points_in_small", "planes_of_symmetry", "faces_in_small", "sides_in_small"),
+            *("sliding_in_small", "surfaces_in_turns", "clipping"),
         ],
     ),
     "equations": (
@@ -62,7 +63,7 @@ ROOMS = {
         [
             *("kinematics", "parametric", "checks", "law", "own_law", "more_friction"),
             *("curved_friction", "rigid_body", "pair", "nonlocal", "planes_of_symmetry"),
-            *("messages", "core_in_small", "equations_in_small", "rates_in_small"),
+            *("messages", "core_in_small", "equations_in_small", "rates_in_small", "scales"),
         ],
     ),
     "reduced": (
@@ -90,7 +91,7 @@ ROOMS = {
             *("evolution", "slip_memory", "increments", "sliding_steps", "at_rest", "motion"),
             *("motion_data", "motion_solver", "friction_from_zero", "arc_length", "jumps"),
             *("motion_laws", "paths_in_small", "energies_in_small", "evolution_in_small"),
-            *("runs_in_small", "ways_in_small", "states_in_small"),
+            *("runs_in_small", "ways_in_small", "states_in_small", "between_runs"),
         ],
     ),
 }

@@ -340,6 +340,16 @@ ON_TWO = {
     "test_settling": ("rounds",),
     "test_shakedown": ("bad_input",),
     "test_shared_values": ("values_from_owners", "a_few_numbers_of_all_ranks"),
+    "test_sides_in_small": (
+        *("nodes_on_planes_of_symmetry", "values_at_places_of_any_rank", "parts_of_a_face"),
+        *("who_takes_the_functions_of_vertices", "normals_of_a_face_at_its_nodes"),
+        *("sections_of_bodies_of_revolution", "functions_that_have_one_value"),
+    ),
+    "test_sliding_in_small": (
+        *("facets_that_may_be_opposite", "gauss_points_of_a_ring"),
+        *("points_of_what_rings_have_in_common", "facets_that_slips_have_passed"),
+        *("rates_of_friction_that_spreads", "entries_of_the_operator"),
+    ),
     "test_sliding_pair": (
         *("patch_in_space", "branch", "a_record_of_another_sliding", "refused"),
         *(

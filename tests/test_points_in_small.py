@@ -345,7 +345,8 @@ def test_what_of_one_face_may_touch_itself():
         (-0.4, (0.0, -1.0), 1, False, False),
         (0.4, (0.0, -1.0), 1, False, False),
         (1.0, (0.0, -1.0), 1, False, False),
-        (1.0, (0.0, -5.0), 1, False, True),  # far
+        (1.0, (0.0, -3.9), 1, False, False),
+        (1.0, (0.0, -4.1), 1, False, True),  # far
         (-1.0, (0.0, -5.0), 1, True, False),
         (-1.0, (0.0, 1.0), 1, False, False),  # ahead
         (-1.0, (-1.0, 0.0), 1, False, True),  # as far
