@@ -465,7 +465,8 @@ class ContactProblem(ReadOnly):
 
         Raises:
             ValueError: on every rank, for arguments or data that cannot be solved with (a load that
-                is not finite, a negative friction field, a clamped node inside the obstacle).
+                is not finite, a negative friction field, a clamped node inside the obstacle), and
+                if the monitor changes data or the mesh.
             ConvergenceError: if no strategy converges; the Functions are as they were.
         """
         if self._warned is None:

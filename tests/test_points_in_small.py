@@ -377,36 +377,6 @@ def test_what_of_one_face_may_touch_itself():
     assert left.mirrors is two
 
 
-@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
-def test_what_is_opposite_in_any_unit(unit):
-    """By the normals within 60 degrees, and not beyond the edge by a hundredth of a facet."""
-    turned = np.deg2rad([180.0, 180.0, 180.0, 121.0, 119.0])
-    sides = np.stack([np.sin(turned), np.cos(turned)], axis=1)
-    x = np.zeros((5, 2))
-    n = np.broadcast_to([0.0, 1.0], (5, 2))
-    place = SimpleNamespace(
-        aside=unit * np.array([0.0, 0.01, 1.0, 0.0, 0.0]),
-        normal=sides,
-        mean=sides,
-        moved=x,
-        gap=np.zeros(5),
-        facet=np.full(5, unit),
-    )
-    pair = SimpleNamespace(
-        _u=SimpleNamespace(x=SimpleNamespace(array=np.zeros(10))),
-        _dim=2,
-        _slave=None,
-        _master=None,
-        _points=SimpleNamespace(data=SimpleNamespace(n=n)),
-        _turning=lambda facets, u: None,
-        _points_at=lambda u, normals: (x, x, np.hstack([n, n])),
-        _rows=lambda u, normals: None,
-        _nearest=lambda places, rows, now: place,
-    )
-    found = PairMotion.__call__(pair).facing
-    np.testing.assert_array_equal(found, [True, False, False, True, False])
-
-
 def test_lengths_of_normals_of_obstacles():
     """They are 1 but for a part in a million, up and down."""
     for length, fits in ((1.0, True), (1.0 + 5e-7, True), (1.00001, False), (0.5, False)):

@@ -10,8 +10,9 @@ from blocks import block
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Sphere
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, ParametricContact, Sphere
 from dolfinx_contact._compat import dirichlet_value
+from dolfinx_contact.continuation import Observer, follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean
@@ -73,6 +74,44 @@ def test_a_history_beside_a_body_that_is_not_linear():
         return u.x.array
 
     assert same(history(beside=True), history(beside=False))
+
+
+def test_a_branch_beside_a_body_that_is_not_linear():
+    """Between its steps another problem slides on the same surface, in another way."""
+
+    def branch(*, beside):
+        given = block(obstacle=Sphere((0.3, -2.0), 2.0), law=Coulomb(0.2), top=(0.02, -0.05))
+        u, surfaces = given.u, given.surfaces
+        V = u.function_space
+        gamma, moved = fem.Constant(V.mesh, 0.0), fem.Function(V)
+        held = fem.dirichletbc(moved, given.bcs[0].dof_indices()[0] // 2)
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        problem = ContactProblem(energy, u, surfaces, bcs=[held])
+        way = ufl.as_vector([0.05 * gamma, -0.02 - 0.06 * gamma])
+        system = ParametricContact(problem, gamma, driven=[(moved, way)])
+        energy = NeoHookean(400.0, 600.0).energy(u) * ufl.dx
+        other = ContactProblem(energy, u, surfaces, bcs=given.bcs) if beside else None
+        solved = []
+
+        class Beside(Observer):
+            def step(self, *_):
+                if other is not None:
+                    with problem.restored(always=True):
+                        other.solve()
+                    solved.append(other)
+
+        system.set_parameter(0.0)
+        problem.solve()
+        x = system.create_vector()
+        problem.write(x)
+        found = follow(system, x, 0.0, gamma_range=(0.0, 1.0), observer=Beside())
+        assert bool(solved) == beside
+        return [p.gamma for p in found.points], found.points[-1].y.array_r
+
+    gammas, last = branch(beside=True)
+    expected, last_alone = branch(beside=False)
+    np.testing.assert_allclose(gammas, expected, atol=1e-9)
+    assert same(last, last_alone)
 
 
 def two_blocks():

@@ -98,23 +98,19 @@ class Scaling:
         self.follow(bulk.displacement.x.array.copy())
 
     def follow(self, u: Array) -> bool:
-        """Take scales anew where data of the stiffness have changed.
+        """Take scales anew where data of the stiffness have changed, and tell the surfaces.
 
         So a problem has the scales of its data, whatever it was solved with before. A body that is
-        not linear is measured at ``u``, at all local dofs. If another problem has had the surfaces
-        in between they get the r of this one.
+        not linear is measured at ``u``, at all local dofs.
 
         Returns:
-            Whether anything is another than it was, so that H is.
+            Whether they were taken anew, so that H is another than it was.
         """
         (outdated,) = anywhere(self._comm, self._bulk.stiffness_mark != self._mark)
         if outdated:
             self._measure(u)
-        before = [s.points.r for s in self._surfaces]
-        self._augment(self._forced)
-        now = [s.points.r for s in self._surfaces]
-        others = any(not np.array_equal(a, b) for a, b in zip(before, now, strict=True))
-        return anywhere(self._comm, outdated or others)[0]
+            self.augment()
+        return outdated
 
     def _measure(self, u: Array) -> None:
         surfaces = self._surfaces
