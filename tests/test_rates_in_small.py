@@ -695,10 +695,13 @@ def test_a_contradiction_is_said_where_it_is(more, caplog):
             for i, v in self.mine.items():
                 out[i] = v
 
+    class Space(SimpleNamespace):
+        pass
+
     places = np.array([[0.0, 0.0, 0.0], [0.25, 1.0, 0.0]])
     dofmap = SimpleNamespace(index_map_bs=2, index_map=SimpleNamespace(size_local=2))
-    geometry = SimpleNamespace(dim=2)
-    V = SimpleNamespace(
+    geometry = SimpleNamespace(dim=2, x=places)
+    V = Space(
         dofmap=dofmap,
         mesh=SimpleNamespace(comm=ALONE, geometry=geometry),
         tabulate_dof_coordinates=lambda: places,

@@ -12,6 +12,7 @@ import scipy
 
 from dolfinx import fem, la
 
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import largest, total
 from dolfinx_contact.body.cells import vertex_moments
 
@@ -140,7 +141,7 @@ def rigid_motions(
     """
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
-    x = V.tabulate_dof_coordinates()[:, :dim]
+    x = node_positions(V)[:, :dim]
     owned = V.dofmap.index_map.size_local
     number = comm.allreduce(int(part[:owned].max(initial=-1)), op=max) + 1
     axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
@@ -175,7 +176,7 @@ def largest_turn(
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
     n = V.dofmap.index_map.size_local
-    x = V.tabulate_dof_coordinates()[:n, :dim]
+    x = node_positions(V)[:n, :dim]
     u = u.reshape(-1, dim)[:n]
     p = part[:n]
     number = number_of_parts(comm, p)

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues, total
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.crossings import crossings
@@ -126,7 +127,7 @@ class Constraints:
             pairs += [(int(i), held[i], mine[i]) for i in np.flatnonzero(away > 0)]
             held = np.asarray(np.where(np.isfinite(mine), mine, held))
         size = comm.allreduce(np.nanmax(np.abs(held), initial=0.0), op=max)
-        x = V.tabulate_dof_coordinates()[:, : V.mesh.geometry.dim]
+        x = node_positions(V)[:, : V.mesh.geometry.dim]
         x = np.where(np.abs(x) <= 1e-12 * np.abs(x).max(initial=0.0), 0.0, x)
         found = [
             (tuple(x[i // bs].tolist()), i % bs, float(old), float(new), float(held[i]))

@@ -22,7 +22,7 @@ from dolfinx import fem
 from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays
+from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays, node_positions
 from dolfinx_contact._shared import anywhere
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
@@ -469,7 +469,7 @@ class ParametricEquations(System):
             bs = V.dofmap.index_map_bs
             n = V.dofmap.index_map.size_local
             # Keyed by coordinates: neither numbering nor ranks matter.
-            places = V.tabulate_dof_coordinates()[:n] / eq.body_size
+            places = node_positions(V)[:n] / eq.body_size
             phase = places @ np.array([12.9898, 78.233, 37.719]) + seed
             parts.append(np.sin(43.7585 * (phase[:, None] + np.arange(bs))).reshape(-1))
         parts.append(np.sin(43.7585 * (seed + np.arange(eq.rigid.owned))))

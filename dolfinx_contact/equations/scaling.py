@@ -20,6 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
@@ -260,7 +261,7 @@ def softness(
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
     n = V.dofmap.index_map.size_local
-    x = V.tabulate_dof_coordinates()[:n, :dim]
+    x = node_positions(V)[:n, :dim]
     mine = np.zeros(n, dtype=np.int32) if part is None else part[:n]
     number = max(number_of_parts(comm, mine), 1)
     # From the middle of the part: far from the origin strains are lost in round-off.

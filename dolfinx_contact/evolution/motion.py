@@ -29,6 +29,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.body.rigid import largest_turn, parts
 from dolfinx_contact.equations.given_data import (
@@ -416,7 +417,7 @@ class MotionStepper(Stepper):
             return ""
         # Of several that are as far off the first in the order of their places.
         bs = V.dofmap.index_map_bs
-        nodes = V.tabulate_dof_coordinates()
+        nodes = node_positions(V)
         mine = []
         size = self.problem.equations.body_size
         for i in np.flatnonzero(off >= (1 - _ROUND_OFF) * worst):

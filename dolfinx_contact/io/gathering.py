@@ -13,6 +13,8 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._mesh_mark import node_positions
+
 __all__ = ["Arrays", "gather_cells"]
 
 Arrays = dict[str, npt.NDArray[Any]]
@@ -46,7 +48,7 @@ def gather_cells(
     mine = {
         "cells": numbers[nodes][local].reshape(cells.shape),
         "nodes": numbers[nodes],
-        "x": V.tabulate_dof_coordinates()[nodes],
+        "x": node_positions(V)[nodes],
         **{k: v[nodes] for k, v in values.items()},
     }
     parts = comm.gather(mine)

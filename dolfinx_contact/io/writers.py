@@ -27,6 +27,7 @@ from dolfinx import fem, plot
 from dolfinx_contact._compat import VTXFile, has_vtx
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact._files import os_error
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.io.disk import put, reserve
 from dolfinx_contact.io.gathering import gather_cells
 
@@ -164,7 +165,7 @@ class VTXSeries(Series):
 def _vtx_size(functions: Sequence[fem.Function]) -> int:
     """Bytes that this rank writes in a step, at most."""
     V = functions[0].function_space
-    nodes = len(V.tabulate_dof_coordinates())
+    nodes = len(node_positions(V))
     cells = len(V.dofmap.list)
     numbers = sum(_components(f) for f in functions)
     # Nodes with their coordinates, numbers and whether they are ghosts; cells; values.

@@ -47,6 +47,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.laws.symbols import before
@@ -209,7 +210,7 @@ class DisplacedPoints:
         mine = {name: values[: points.number] for name, values in here.items()}
         gap, normal = self._started(points.positions, mine, most)
         there = self._evaluator_at_vertices(given | {"taken": _taken(points.removed_at_vertices)})
-        x = points.vertices.tabulate_dof_coordinates()[:, : points.dim]
+        x = node_positions(points.vertices)[:, : points.dim]
         return gap, self._started(x, there(), most)[0], normal
 
     def _started(self, x: Array, of_face: Mapping[str, Array], most: float) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ import basix
 from dolfinx import fem, mesh
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import exchanged, nearest, ranks_nearby
 from dolfinx_contact.points.trace import facet_closures, facet_normals
@@ -33,7 +34,7 @@ def faces_of(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Faces:
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
     closures = facet_closures(V, owned)
     corners = len(basix.topology(domain.basix_cell())[dim - 1][0])
-    x = V.tabulate_dof_coordinates()[:, :dim][closures[:, :corners]]
+    x = node_positions(V)[:, :dim][closures[:, :corners]]
     nodes = V.dofmap.index_map.local_to_global(closures.reshape(-1)).reshape(closures.shape)
     return Faces(x, facet_normals(domain, owned), nodes.astype(np.int64))
 

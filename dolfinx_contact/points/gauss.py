@@ -17,6 +17,7 @@ import basix
 from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh, geometry_dofmap
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.points.clipping import basis, tabulated
 from dolfinx_contact.points.operators import Stencils
 from dolfinx_contact.points.opposite import Common
@@ -117,7 +118,7 @@ class CommonPoints:
     ) -> Array:
         """Reference coordinates in the cells of the submesh, whose corners may be in any order."""
         k = hats.shape[2]
-        corners = V.tabulate_dof_coordinates()[facet_closures(V, facets)[:, :k]]
+        corners = node_positions(V)[facet_closures(V, facets)[:, :k]]
         theirs = submesh.mesh.geometry.x[geometry_dofmap(submesh.mesh)[cells]]
         distance = np.linalg.norm(corners[:, :, None] - theirs[:, None], axis=3)
         reference = basix.geometry(submesh.mesh.basix_cell())

@@ -27,6 +27,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.rigid import bounding_box
@@ -333,7 +334,7 @@ def _gaps(V: fem.FunctionSpace, opposite: Opposite, normals: Array, size: float)
     """Gaps at the local nodes, along the normals; large where nothing is opposite. Collective."""
     dim = V.mesh.geometry.dim
     comm = V.mesh.comm
-    x = V.tabulate_dof_coordinates()[:, :dim]
+    x = node_positions(V)[:, :dim]
     there = opposite.values(comm, x[: V.dofmap.index_map.size_local], len(x))
     gaps = np.sum((there - x) * normals, axis=1)
     gaps[np.abs(gaps) <= _ROUND_OFF * size] = 0.0
@@ -360,7 +361,7 @@ def _matched(
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
     index_map = V.dofmap.index_map
-    x = V.tabulate_dof_coordinates()[:, :dim]
+    x = node_positions(V)[:, :dim]
     theirs, _ = outward_normals(V, master)
     against = nodes_on(V, master)
     if given is not None:

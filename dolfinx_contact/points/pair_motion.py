@@ -22,6 +22,7 @@ import scipy
 import basix
 from dolfinx import fem
 
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.points.clipping import basis, nodal_points
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator
@@ -165,7 +166,7 @@ class PairMotion:
         owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
         closures = facet_closures(V, owned)
         corners = closures[:, : self._corners]
-        X = V.tabulate_dof_coordinates()[:, :dim]
+        X = node_positions(V)[:, :dim]
         before, after = (_area_vectors(v[corners]) for v in (X, X + u))
         outward = np.sign(np.sum(before * facet_normals(domain, owned), axis=1))[:, None]
         both = np.hstack([outward * before, outward * after])
@@ -180,7 +181,7 @@ class PairMotion:
         dim = self._dim
         facets = self._master
         closures = facet_closures(self._V, facets)
-        X = self._V.tabulate_dof_coordinates()[:, :dim][closures]
+        X = node_positions(self._V)[:, :dim][closures]
         values = np.concatenate([X, u[closures], normals[closures]], axis=2)
         values = np.einsum("sn,fnc->fsc", self._samples, values)[:, self._simplices]
         outward = facet_normals(self._V.mesh, facets, unit=False)

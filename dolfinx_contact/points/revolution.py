@@ -17,6 +17,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.laws import Law
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -33,7 +34,7 @@ def on_axis(V: fem.FunctionSpace) -> npt.NDArray[np.bool_]:
     domain = V.mesh
     r = domain.geometry.x[:, 0]
     largest = domain.comm.allreduce(float(np.max(r, initial=0.0)), op=max)
-    return np.asarray(np.abs(V.tabulate_dof_coordinates()[:, 0]) <= _NEAR * largest)
+    return np.asarray(np.abs(node_positions(V)[:, 0]) <= _NEAR * largest)
 
 
 def check_section(domain: mesh.Mesh, facets: npt.NDArray[np.int32], name: str) -> None:

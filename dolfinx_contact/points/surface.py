@@ -22,7 +22,7 @@ from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import require
 from dolfinx_contact._frozen import ReadOnly, seal
 from dolfinx_contact._kept import keep
-from dolfinx_contact._mesh_mark import mesh_mark
+from dolfinx_contact._mesh_mark import mesh_mark, node_positions
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.laws import Answers, Law, LawAtPoints, PointData
@@ -596,7 +596,7 @@ class ContactSurface(ReadOnly):
     @cached_property
     def node_positions(self) -> Array:
         """Positions of the local nodes of the displacement (n, dim)."""
-        return self.u.function_space.tabulate_dof_coordinates()[:, : self.dim].copy()
+        return node_positions(self.u.function_space)[:, : self.dim].copy()
 
     @cached_property
     def facet_sides(self) -> tuple[npt.NDArray[np.int32], Array, Array]:
@@ -609,7 +609,7 @@ class ContactSurface(ReadOnly):
         """
         facets = self.submesh.parent_facets
         corners = self.points.vertices.dofmap.list[: len(facets)]
-        x = rounded(self.points.vertices.tabulate_dof_coordinates()[:, : self.dim])
+        x = rounded(node_positions(self.points.vertices)[:, : self.dim])
         to_cells = self.domain.topology.connectivity(self.dim - 1, self.dim)
         inside = midpoints(self.domain, to_cells.array[to_cells.offsets[facets]])
         N = simplex_normals(x[corners[:, : self.dim]])

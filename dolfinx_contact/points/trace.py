@@ -17,6 +17,7 @@ from dolfinx import fem, la, mesh
 
 from dolfinx_contact._compat import is_topology_of
 from dolfinx_contact._errors import everywhere, require
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._shared import SharedValues, anywhere
 from dolfinx_contact.body.cells import midpoints
@@ -137,8 +138,8 @@ def trace_dofs(
     nodes = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
     candidates = facet_closures(V, parent_facets)
     wanted = Q.dofmap.list[: len(parent_facets)]
-    X = V.tabulate_dof_coordinates()
-    Y = Q.tabulate_dof_coordinates()
+    X = node_positions(V)
+    Y = node_positions(Q)
     distance = np.linalg.norm(X[candidates][:, None, :, :] - Y[wanted][:, :, None, :], axis=3)
     if len(parent_facets):
         nodes[wanted] = np.take_along_axis(candidates, np.argmin(distance, axis=2), axis=1)
@@ -252,7 +253,7 @@ def across_planes(
     """
     dim = V.mesh.geometry.dim
     comm = V.mesh.comm
-    x = V.tabulate_dof_coordinates()[:, :dim]
+    x = node_positions(V)[:, :dim]
     owned = V.dofmap.index_map.size_local
     across: npt.NDArray[np.bool_] = np.zeros(x.shape, dtype=bool)
     size = comm.allreduce(float(np.max(np.abs(x), initial=0.0)), op=max)

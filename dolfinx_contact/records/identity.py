@@ -21,6 +21,7 @@ import ufl
 from dolfinx import mesh
 
 from dolfinx_contact._compat import geometry_dofmap
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.equations.given_data import Datum, placed_data
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ def _held(problem: ContactProblem, fixed: npt.NDArray[np.bool_]) -> list[float]:
     """Of each component, how many are held, and mean and root mean square of where. Collective."""
     n = problem.V.dofmap.index_map_bs
     which = fixed[: len(fixed) - len(fixed) % n].reshape(-1, n)
-    x = problem.V.tabulate_dof_coordinates()[: len(which)]
+    x = node_positions(problem.V)[: len(which)]
     places = [x[k] for k in which.T]
     sums = [[len(at), *at.sum(axis=0), *(at**2).sum(axis=0)] for at in places]
     total = problem.comm.allreduce(np.array(sums, dtype=float))

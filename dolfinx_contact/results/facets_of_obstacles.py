@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.equations.state import ContactState
 from dolfinx_contact.obstacles import Obstacle
@@ -147,7 +148,7 @@ def _face(s: ContactSurface, u: Array) -> tuple[Array, Ints, Array]:
     """
     vertices = s.points.vertices
     m = s.submesh.mesh.topology.index_map(s.dim - 1).size_local
-    x = vertices.tabulate_dof_coordinates()[:, : s.dim]
+    x = node_positions(vertices)[:, : s.dim]
     now = x + u[s.points.vertex_trace_dofs]
     cells = _simplices(vertices.dofmap.list[:m])
     if not m:

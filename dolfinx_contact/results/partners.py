@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
@@ -71,7 +72,7 @@ def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance
     s = eq.surfaces[number]
     n = eq.V.dofmap.index_map.size_local
     forces = pair_forces(eq, number, state)
-    x = eq.V.tabulate_dof_coordinates()[:, : eq.dim]
+    x = node_positions(eq.V)[:, : eq.dim]
     # Where a crack ends nodes are of both faces; what acts there cancels.
     slave, master = (side[:n] for side in s.obstacle.opposite.sides)
     sums = [eq.resultant(forces[a & ~b]) for a, b in ((slave, master), (master, slave))]

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
@@ -132,7 +133,7 @@ def _deepest(
     """
     m = len(s.submesh.parent_facets)
     vertices = s.points.vertices
-    x = vertices.tabulate_dof_coordinates()[:, : s.dim] + u[s.points.vertex_trace_dofs]
+    x = node_positions(vertices)[:, : s.dim] + u[s.points.vertex_trace_dofs]
     corners = x[vertices.dofmap.list[:m]]
     if not len(corners):
         return 0.0, 1.0, np.zeros(s.dim)

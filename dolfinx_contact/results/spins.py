@@ -21,6 +21,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.equations.state import ContactState
 from dolfinx_contact.laws.status import closed
@@ -110,7 +111,7 @@ def _at_points(s: ContactSurface, before: Array, now: Array) -> Array:
     vertices = points.vertices
     m = s.submesh.mesh.topology.index_map(s.dim - 1).size_local
     cells = vertices.dofmap.list[:m]
-    reference = vertices.tabulate_dof_coordinates()[:, : s.dim][cells]
+    reference = node_positions(vertices)[:, : s.dim][cells]
     old, new = (points.at_vertices(x)[cells] for x in (before, now))
     out = facet_normals(s.domain, s.submesh.parent_facets[:m], unit=False)
     sense = np.sign(np.sum(area_vectors(reference) * out, axis=1))

@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._petsc import forget_product, half_of, has_package, logged, options_in_database
 
 __all__ = ["PLAIN", "SMOOTHED", "Hierarchy", "Interpolation", "condition", "rigid_body_space"]
@@ -324,7 +325,7 @@ def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.
     index_map = V.dofmap.index_map
     dim = V.mesh.geometry.dim
     n = index_map.size_local
-    x = V.tabulate_dof_coordinates()[: n + index_map.num_ghosts, :dim]
+    x = node_positions(V)[: n + index_map.num_ghosts, :dim]
     axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
     basis = [la.vector(index_map, dim) for _ in range(dim + len(axes))]
     for b in basis:

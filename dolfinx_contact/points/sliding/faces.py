@@ -23,6 +23,7 @@ from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._petsc import logged
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.cells import cells_around
@@ -117,7 +118,7 @@ class SlidingFaces:
         owned = submesh.mesh.topology.index_map(submesh.mesh.topology.dim).size_local
         self.corners: Nodes = vertices.dofmap.list[:owned].astype(np.int64)
         self._size = self.dim * V.dofmap.index_map.size_local
-        self._X = V.tabulate_dof_coordinates()[:, : self.dim].copy()
+        self._X = node_positions(V)[:, : self.dim].copy()
         largest = self.comm.allreduce(float(np.max(np.abs(self._X), initial=0.0)), op=max)
         self._no_gap = _ROUND_OFF * largest
         mine = facet_normals(domain, submesh.parent_facets[:owned])

@@ -17,6 +17,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._errors import require
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.laws import Frictionless, LawAtPoints
 from dolfinx_contact.laws.compiled import CompiledLaw
@@ -130,7 +131,7 @@ class SlidingFacets(Obstacle):
             f"{name}: slave and master share {shared} nodes of the mesh",
         )
         if depth is None:
-            x = V.tabulate_dof_coordinates()[:, :dim]
+            x = node_positions(V)[:, :dim]
             depth = _REACH * min(_size(comm, x[side]) for side in sides)
         size = len(sides[0])
         none = np.zeros((1, 1))
