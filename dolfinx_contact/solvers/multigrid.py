@@ -112,6 +112,7 @@ class Multigrid(LinearSolver):
         self._excess = 0.0  # iterations that a new hierarchy would have saved,
         self._dearer = 0.0  # and what one with smoothed aggregates would have
         self._unused = True  # since the hierarchy was built
+        self._changing = False  # whether many points changed their status in the last step
         self._measured = 0.0  # iterations for a digit in the first solve with it
         self._assemblies = 0  # of the stiffness, when the hierarchy was built
         self._points = sum(s.points.number_everywhere for s in equations.surfaces)
@@ -196,7 +197,9 @@ class Multigrid(LinearSolver):
         bulk = self._equations.bulk
         changed = bulk.linear and self._assemblies != bulk.assemblies
         now = self.hierarchy.interpolation
-        aged = self._excess * now.iteration > now.set_up and self._is_stale(state)
+        aged = self._excess * now.iteration > now.set_up
+        aged = aged and not self._changing and self._is_stale(state)
+        self._changing = False
         smooth = self._dearer > SMOOTHED.set_up and self._smooth()
         if self.hierarchy.pc is None or changed or aged or smooth:
             self.build(state)
@@ -271,7 +274,9 @@ class Multigrid(LinearSolver):
         if step.iteration > 0:
             digits = -float(np.log10(max(self.reduction, 1e-16)))
             self.age(step.krylov, digits)
-            if changed <= self.forcing.many:
+            # What is built while many points change would be outdated at once.
+            self._changing = changed > self.forcing.many
+            if not self._changing:
                 self._rebuild_if_it_pays(step, digits, target, state)
         ksp.setTolerances(rtol=self.forcing.tolerance(step.measures.worst, target, changed))
 
