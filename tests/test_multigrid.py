@@ -4,6 +4,7 @@ import gc
 import logging
 import resource
 import weakref
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -395,7 +396,7 @@ def test_an_aged_hierarchy_is_rebuilt():
     """Once it has cost more than another one, and only where that would be another one."""
     PETSc.Options()["contact_amg_pc_gamg_agg_nsmooths"] = 0
     problem = block(cell="tet", n=5, options=AMG)
-    problem.solve()
+    first = problem.solve().history[0]
     solver = problem.linear_solver
     before = solver.builds
     state = problem.state()
@@ -409,6 +410,12 @@ def test_an_aged_hierarchy_is_rebuilt():
     half = state.statuses[0].copy()
     half[: len(half) // 2] = OPEN
     solver.age(1, 2.0)  # it has aged before
+    ksp = PETSc.KSP().create(COMM)
+    many = replace(first, iteration=1, flips=solver._points, krylov=1)
+    solver.prepare(ksp, many, 1e-10, state, warm=False)
+    ksp.destroy()
+    solver.update(problem.equations.contact(x, [half]))
+    assert solver.builds == before + 1  # many points change
     solver.update(problem.equations.contact(x, [half]))
     assert solver.builds == before + 2
     solver.age(10, 2.0)
