@@ -4,7 +4,7 @@
 Everything that is kept from one evaluation to the next depends on it. Where nobody can move the
 mesh, as within a solve, it is found once. Kept here are the places of the nodes of a function
 space: DOLFINx goes through all cells for them at each call, fifty times as long as the checksum
-takes (measured), and the set-up of a problem asks for them from several places.
+takes (measured), and the set-up of a problem needs them in several places.
 """
 
 from __future__ import annotations
