@@ -18,6 +18,9 @@ class SymmetricGuess:
         total = r.sum()
         z.array[:] = 2.0 * r.array_r + 0.3 * total
 
+    def apply_exact(self, r, z):
+        z.set(0.0)
+
     def determinant_sign(self):
         return 1.0
 

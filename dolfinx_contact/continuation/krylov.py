@@ -10,8 +10,8 @@ is the exact inverse of [P P v; w^T w_gamma] and preconditions J. It costs one P
 After its first application the last row is satisfied, exactly; it is left out of all that follows.
 
 Where (t_x, t_gamma) is near the tangent of the branch, -t_x / t_gamma is near A^-1 c, and serves
-as v if A v - c is small. Else v = P^-1 c, at the cost of one more P^-1: so near folds, where the
-elimination stays regular and A does not.
+as v if A v - c is small, once it is put right in the rows in which P is exact. Else v = P^-1 c, at
+the cost of one more P^-1: so near folds, where the elimination stays regular and A does not.
 
 The sign of det J comes with a solve whose right-hand side has a part along every eigenvector. Its
 Krylov space knows the eigenvalues of J times the preconditioner that are far from the others: those
@@ -123,7 +123,12 @@ class Krylov(BorderedSolver):
         self._v.scale(-1.0 / gamma)
         self.system.matrix.mult(self._v, self._f)
         self._f.axpy(-1.0, self._c)
-        return bool(self._f.norm() <= _NEAR * self._c.norm())
+        if not self._f.norm() <= _NEAR * self._c.norm():
+            return False
+        # As P^-1 c does, v leaves no residual where P is exact: then eliminations leave none.
+        self._P.apply_exact(self._f, self._x)
+        self._v.axpy(-1.0, self._x)
+        return True
 
     def _apply(self, f: PETSc.Vec, x: PETSc.Vec) -> None:
         self._P.apply(f, x)

@@ -314,6 +314,12 @@ class Preconditioner(Protocol):
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """P^-1 r into ``z``. Collective."""
 
+    def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """Into ``z`` the unknowns that P^-1 finds exactly, for their rows of r; 0 elsewhere.
+
+        Where r vanishes in these rows P^-1 needs no solve for them before its cycle. Collective.
+        """
+
     def determinant_sign(self) -> float:
         """Sign of det P, up to a factor that is always the same. Collective."""
 

@@ -158,6 +158,12 @@ class Multigrid(LinearSolver):
         """P^-1 r into ``z``, P as `update` left it. Collective."""
         self.filter.apply(None, r, z)
 
+    def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """The unknowns of the surface for their rows of r, with the body held. Collective."""
+        s = self.filter.surface.local
+        z.set(0.0)
+        z.array[s] = self.filter.solve(r.array_r[s])
+
     def determinant_sign(self) -> float:
         """Sign of det P, but for a factor that never changes. Collective.
 
@@ -290,8 +296,7 @@ class Multigrid(LinearSolver):
         with logged("ContactJacobian"):
             self.operator.update_contact(state)
         self.filter.update()
-        correction.set(0.0)
-        correction.array[s] = self.filter.solve(on_surface)
+        self.apply_exact(residual, correction)
         return True
 
     def _rebuild_if_it_pays(self, step: Step, digits: float, target: float, state: State) -> None:
