@@ -203,9 +203,9 @@ class Multigrid(LinearSolver):
         bulk = self._equations.bulk
         changed = bulk.linear and self._assemblies != bulk.assemblies
         now = self.hierarchy.interpolation
-        aged = self._excess * now.iteration > now.set_up
-        aged = aged and not self._changing and self._is_stale(state)
-        self._changing = False
+        dear = self._excess * now.iteration > now.set_up
+        aged = dear and not self._changing and self._is_stale(state)
+        self._changing = False  # of that step alone: following a branch tells no steps
         smooth = self._dearer > SMOOTHED.set_up and self._smooth()
         if self.hierarchy.pc is None or changed or aged or smooth:
             self.build(state)
