@@ -39,8 +39,8 @@ from dolfinx_contact.body.circumference import check_circumference, refuse_revol
 from dolfinx_contact.body.quadrature import warn_of_rule
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.given_data import GivenData, mark_of_data, note_put, was_put
-from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.revolution import axis_condition
@@ -325,11 +325,11 @@ class ContactProblem(ReadOnly):
 
     # -- H ---------------------------------------------------------------------------------------
 
-    def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> State:
+    def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
         """H(x) into ``b``, and what was found; see `ContactEquations.residual`. Collective."""
         return self.equations.residual(x, b, statuses)
 
-    def state(self, statuses: Statuses | None = None) -> State:
+    def state(self, statuses: Statuses | None = None) -> Evaluation:
         """The state in the Functions, by statuses, by default those of the surfaces. Collective."""
         x = self.create_vector()
         b = self.create_vector()
@@ -494,7 +494,7 @@ class ContactProblem(ReadOnly):
     @mesh_stays()
     def solve_step(
         self, trial: Trial | None = None, *, progress: bool | None
-    ) -> tuple[Result, State]:
+    ) -> tuple[Result, Evaluation]:
         """`solve` with its defaults, and the state of the result as it was solved. Collective."""
         return self._solved("newton", None, _INCREMENTS, progress, trial or Trial())
 
@@ -505,7 +505,7 @@ class ContactProblem(ReadOnly):
         increments: int,
         progress: bool | None,
         trial: Trial,
-    ) -> tuple[Result, State]:
+    ) -> tuple[Result, Evaluation]:
         """See `solve`; and the state. Collective."""
         same_everywhere(self.comm, expected_statuses=len(trial.expected))
         if anywhere(self.comm, monitor is not None)[0]:
@@ -627,8 +627,8 @@ class ContactProblem(ReadOnly):
         return self._collected(x, attempts, state)[0]
 
     def _collected(
-        self, x: PETSc.Vec, attempts: Sequence[Attempt], state: State | None
-    ) -> tuple[Result, State]:
+        self, x: PETSc.Vec, attempts: Sequence[Attempt], state: Evaluation | None
+    ) -> tuple[Result, Evaluation]:
         """The solution in the Functions, its result, and its state, if need be evaluated."""
         if state is None:
             b = self.create_vector()

@@ -35,6 +35,7 @@ from dolfinx_contact import (
     laws,
 )
 from dolfinx_contact.algorithms import load_points
+from dolfinx_contact.equations.evaluation import _turning, differs
 from dolfinx_contact.equations.given_data import Constancy, Datum, check_time, mark_of_data
 from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.measures import held_back, least_scales
@@ -43,7 +44,6 @@ from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.scaling import automatic_augmentation, softness
 from dolfinx_contact.equations.sliding import _Block
-from dolfinx_contact.equations.state import _turning, differs
 from dolfinx_contact.laws import Internal, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import _bounds, _plane
 from dolfinx_contact.laws.coulomb import violation

@@ -19,6 +19,7 @@ from dolfinx_contact.equations import parametric
 from dolfinx_contact.equations import touching as starts
 from dolfinx_contact.equations.arguments import check
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.equations.given_data import (
     Constancy,
     Datum,
@@ -34,7 +35,6 @@ from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.scaling import automatic_augmentation, softness
 from dolfinx_contact.equations.sliding import SlidingTerms, _of_law, _on_master, _Pieces
-from dolfinx_contact.equations.state import ContactState
 from dolfinx_contact.equations.touching import (
     _within,
     bring_together,

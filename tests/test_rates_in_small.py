@@ -35,13 +35,13 @@ from dolfinx_contact.equations import (
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.constraints import Constraints
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import ContactState, Evaluation, differs
 from dolfinx_contact.equations.given_data import check_time, data_in
 from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rates import Driven, Rate, RigidRates, depends_on, dirichlet_rates
 from dolfinx_contact.equations.scaling import LooseMotions, _direction, require_hoop_stiffness
 from dolfinx_contact.equations.sliding import SlidingTerms, _Block, _pattern, _Pieces
-from dolfinx_contact.equations.state import ContactState, State, differs
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.points.memory import Memory
@@ -508,7 +508,7 @@ def test_tractions_that_are_off():
     expected[2] = state.traction[2]
     np.testing.assert_allclose(state.off, expected)
     assert state.jump == "jump"
-    both = State(None, None, [state, state])
+    both = Evaluation(None, None, [state, state])
     assert [c.tolist() for c in both.statuses] == [[STICK] * 3] * 2
     assert [d.tolist() for d in differs([np.array([1, 2])], [np.array([1, 3])])] == [[False, True]]
 

@@ -23,9 +23,9 @@ from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.analysis.uniqueness import OnlySolution, is_only
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import JacobianSolver, ParametricEquations
-from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca, status
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense, obstacle_in_space
@@ -199,7 +199,7 @@ def _among_points(
 
 
 def _in_space(
-    system: ParametricEquations, x: PETSc.Vec, state: State, seconds: float
+    system: ParametricEquations, x: PETSc.Vec, state: Evaluation, seconds: float
 ) -> Uniqueness:
     """By the certificate of one point, else by Renard's criterion, else by theorems. Collective."""
     equations: ContactEquations = system.equations
@@ -229,7 +229,7 @@ def _points(equations: ContactEquations) -> int:
     return int(sum(s.points.number_everywhere for s in equations.surfaces))
 
 
-def _by_criterion(equations: ContactEquations, state: State, seconds: float) -> Uniqueness:
+def _by_criterion(equations: ContactEquations, state: Evaluation, seconds: float) -> Uniqueness:
     """By Renard's criterion, which needs the directions of slips and shears. Collective."""
     laws = {type(s.law) for s in equations.surfaces}
     fits = laws <= {Coulomb, Frictionless, Tresca} and all(

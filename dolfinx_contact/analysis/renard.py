@@ -49,7 +49,7 @@ from dolfinx_contact.analysis.rows import (
 )
 from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
 from dolfinx_contact.results.checks import sliding_doubt
 
@@ -137,7 +137,7 @@ def renard_criterion(
 
 def criterion_at(
     eq: ContactEquations,
-    state: State,
+    state: Evaluation,
     *,
     directions: Field | None = None,
     dense: bool | None = None,
@@ -180,7 +180,7 @@ def criterion_at(
     return Renard(factor, factor * largest if same else None, definite)
 
 
-def _slope(eq: ContactEquations, number: int, state: State) -> Array:
+def _slope(eq: ContactEquations, number: int, state: Evaluation) -> Array:
     """Coefficients of friction at the points of a surface. Collective."""
     s = eq.surfaces[number]
     known = state.surfaces[number]
@@ -190,7 +190,7 @@ def _slope(eq: ContactEquations, number: int, state: State) -> Array:
     return slope if s.law.bound_kind == "proportional" else np.zeros_like(slope)
 
 
-def _of_solution(eq: ContactEquations, state: State, slope: Array) -> Array:
+def _of_solution(eq: ContactEquations, state: Evaluation, slope: Array) -> Array:
     """Directions xi of a solution at the points of this rank (n, dim). Collective."""
     n = point_normals(eq)
     jump, traction = (

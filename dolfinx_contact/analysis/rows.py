@@ -18,8 +18,8 @@ import numpy.typing as npt
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.given_data import check_moduli, check_surface
-from dolfinx_contact.equations.state import State
 
 __all__ = [
     "Problem",
@@ -43,7 +43,7 @@ class Problem(Protocol):
     def equations(self) -> ContactEquations:
         """H."""
 
-    def state(self) -> State:
+    def state(self) -> Evaluation:
         """The state in the Functions. Collective."""
 
 

@@ -34,8 +34,8 @@ from dolfinx_contact.analysis.rows import (
 )
 from dolfinx_contact.body import rigid
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.order import Gathered
-from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws.friction import Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 
@@ -70,7 +70,7 @@ class SlipPattern:
         cls,
         eq: ContactEquations,
         direction: Direction,
-        state: State | None,
+        state: Evaluation | None,
         *,
         by_law: bool = False,
     ) -> SlipPattern:
@@ -117,7 +117,7 @@ class SlipPattern:
         return np.where(size > TOLERANCE, tangential / np.maximum(size, TOLERANCE), 0.0)
 
     @staticmethod
-    def _of_state(eq: ContactEquations, state: State) -> tuple[Flags, Array]:
+    def _of_state(eq: ContactEquations, state: Evaluation) -> tuple[Flags, Array]:
         n = point_normals(eq)
         codes = np.concatenate([c for c in state.statuses])
         touching = closed(codes)

@@ -56,7 +56,7 @@ from dolfinx_contact.analysis.rows import (
 )
 from dolfinx_contact.analysis.vibrations import Body, body_of, damped, null_space, on_root_dense
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws import Coulomb, Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 from dolfinx_contact.reduced.held_body import (
@@ -184,7 +184,7 @@ class _Points:
         rounds: whether points with friction just touch in 3D.
     """
 
-    def __init__(self, eq: ContactEquations, state: State):
+    def __init__(self, eq: ContactEquations, state: Evaluation):
         n = point_normals(eq)
         codes = np.concatenate(list(state.statuses))
         parts = [(s.points, found) for s, found in zip(eq.surfaces, state.surfaces, strict=True)]

@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._agreement import refuse_other_condition, refuse_other_mesh
-from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["check", "fit", "listed", "lists"]

@@ -36,9 +36,9 @@ from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.constraints import Constraints, PrescribedDisplacement, check_overlap
+from dolfinx_contact.equations.evaluation import ContactState, Evaluation, Statuses
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.scaling import Scaling
-from dolfinx_contact.equations.state import ContactState, State, Statuses
 from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, slid_after
@@ -161,7 +161,7 @@ class ContactEquations:
     # -- H ---------------------------------------------------------------------------------------
 
     @mesh_stays()
-    def contact(self, x: PETSc.Vec, statuses: Statuses | None = None) -> State:
+    def contact(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
         """The state ``x`` without the rows of H.
 
         Args:
@@ -172,9 +172,9 @@ class ContactEquations:
         u = self.displacement(x)
         q = self.motions(x)
         with logged("ContactStatus"):
-            return State(u, q, self._contact(x, u, q, statuses))
+            return Evaluation(u, q, self._contact(x, u, q, statuses))
 
-    def taken_by(self, x: PETSc.Vec, state: State, statuses: Statuses | None) -> State:
+    def taken_by(self, x: PETSc.Vec, state: Evaluation, statuses: Statuses | None) -> Evaluation:
         """A state at ``x``, without the rows of H, as `contact` has it by other statuses.
 
         Laws answer for every status, so that they are not asked again unless they see the points
@@ -189,7 +189,7 @@ class ContactEquations:
         if statuses is None:
             statuses = [found.answers.required for found in state.surfaces]
         found = zip(state.surfaces, statuses, strict=True)
-        return State(state.u, state.q, [replace(at, statuses=codes) for at, codes in found])
+        return Evaluation(state.u, state.q, [replace(at, statuses=codes) for at, codes in found])
 
     def refresh(self) -> None:
         """Evaluate anew what is given on surfaces where the user has changed it. Collective.
@@ -261,7 +261,7 @@ class ContactEquations:
         return statuses
 
     @mesh_stays()
-    def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> State:
+    def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
         """H(x) into ``b``, and the state. Dirichlet data enter all rows linearly.
 
         Args:
@@ -307,7 +307,7 @@ class ContactEquations:
         balance = np.where(self.rigid.fixed, held, pushed - self.rigid.loads())
         rows.append(self.rigid.here(balance))
         b.array[:] = np.concatenate(rows)
-        return State(u, q, contact, rows, reactions, -pushed)
+        return Evaluation(u, q, contact, rows, reactions, -pushed)
 
     def contact_rows(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Array:
         """Rows of H at the multipliers, which need nothing of the body, owned. Collective.
@@ -388,7 +388,7 @@ class ContactEquations:
 
     def rates(
         self,
-        state: State,
+        state: Evaluation,
         body: Array,
         answers: Sequence[Array | None],
         dirichlet: Array,
@@ -433,7 +433,7 @@ class ContactEquations:
 
     # -- statuses --------------------------------------------------------------------------------
 
-    def gaps(self, s: ContactSurface, state: State) -> Array:
+    def gaps(self, s: ContactSurface, state: Evaluation) -> Array:
         """Gap of the displacement at the points of ``s`` as the law has it, but no averages."""
         points = s.points
         if s.method != "mixed" or s.slides:
@@ -449,7 +449,7 @@ class ContactEquations:
         """
         return 0.5 * self.constraints.approach(s, u.reshape(-1, self.dim))
 
-    def loose_motions(self, statuses: Statuses, state: State | None = None) -> str:
+    def loose_motions(self, statuses: Statuses, state: Evaluation | None = None) -> str:
         """Rigid motions held neither by Dirichlet data nor by these statuses; "" if none.
 
         Args:
@@ -494,7 +494,7 @@ class ContactEquations:
         words = "the memory is that of other contact surfaces, of another sliding or another mesh"
         require(self.comm, mine, words)
 
-    def advanced(self, state: State) -> tuple[Memory, ...]:
+    def advanced(self, state: Evaluation) -> tuple[Memory, ...]:
         """The memory that a step leaves whose end this state is. Not collective."""
         n = self.owned_sizes[0]
         found = zip(self.surfaces, state.surfaces, strict=True)

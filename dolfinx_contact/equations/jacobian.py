@@ -37,7 +37,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import ContactState, State
+from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import at_global_places
@@ -170,7 +170,7 @@ class ContactTerms:
         n = sum(self._equations.owned_sizes)
         return matrix_of(self._equations.comm, (n, n), *self.set_up())
 
-    def add(self, state: State, A: PETSc.Mat) -> None:
+    def add(self, state: Evaluation, A: PETSc.Mat) -> None:
         """Add S at a state to ``A``. Collective."""
         parts = [block.values(state.surfaces[i]) for i, block in self._blocks]
         held = self._equations.stiffness_scale * self._held
@@ -275,7 +275,7 @@ class Jacobian:
         self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATIONS, False)
         self._assemblies = -1
 
-    def update(self, state: State) -> None:
+    def update(self, state: Evaluation) -> None:
         """Assemble at a state; where faces slide the matrix may be another one. Collective."""
         bulk = self._equations.bulk
         K = bulk.stiffness(state.u)

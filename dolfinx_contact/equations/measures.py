@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._shared import largest
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import ContactState, State
+from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.laws.status import STICK, closed, senses
 from dolfinx_contact.points.surface import ContactSurface
 
@@ -72,7 +72,7 @@ class Scales:
         self._settled = settled
         self.force = self.length = 0.0
 
-    def measure(self, state: State) -> Measures:
+    def measure(self, state: Evaluation) -> Measures:
         """Measures of the rows of H at a state. Collective."""
         eq = self._equations
         n = self._equations.owned_sizes[0]

@@ -26,6 +26,7 @@ from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays, node_positions
 from dolfinx_contact._shared import anywhere
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses
 from dolfinx_contact.equations.given_data import (
     check_moduli,
     check_surface,
@@ -42,7 +43,6 @@ from dolfinx_contact.equations.rates import (
     depends_on,
     dirichlet_rates,
 )
-from dolfinx_contact.equations.state import Evaluated, State, Statuses
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import ContactSurface
@@ -67,10 +67,10 @@ class JacobianSolver(Protocol):
     def preconditioner(self) -> Preconditioner | None:
         """Of `matrix`; None where that is to be factorised."""
 
-    def update(self, state: State) -> None:
+    def update(self, state: Evaluation) -> None:
         """Assemble the Jacobian at a state."""
 
-    def correct(self, state: State, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+    def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
         """What to subtract to solve the rows of the surfaces for their unknowns."""
 
 
@@ -321,14 +321,16 @@ class ParametricEquations(System):
     def create_vector(self) -> PETSc.Vec:
         return self.equations.create_vector()
 
-    def _evaluate(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> State:
+    def _evaluate(
+        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None
+    ) -> Evaluation:
         """H(x, gamma) into ``b``, and the state. Collective."""
         self._set(gamma)
         state = self.equations.residual(x, b, self.statuses_of(piece))
         self._note(x, gamma, state)
         return state
 
-    def contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> State:
+    def contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Evaluation:
         """The state (x, gamma), which may be without the rows of H. Collective.
 
         Matrix, rate by gamma, events and piece at one state are made of one evaluation where nobody
@@ -343,12 +345,12 @@ class ParametricEquations(System):
         self._note(x, gamma, state)
         return state
 
-    def _note(self, x: PETSc.Vec, gamma: float, state: State) -> None:
+    def _note(self, x: PETSc.Vec, gamma: float, state: Evaluation) -> None:
         """Keep what was evaluated last where nobody else changes data."""
         if self._alone:
             self._last = Evaluated(x.array_r.copy(), state), gamma, self.equations.memory
 
-    def _noted(self, x: PETSc.Vec, gamma: float) -> State | None:
+    def _noted(self, x: PETSc.Vec, gamma: float) -> Evaluation | None:
         """What was evaluated last, if that was at (x, gamma). Collective."""
         if self._last is None:
             return None

@@ -25,8 +25,8 @@ from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import extents, number_of_parts, parts, sums_of_parts
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
-from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.laws.status import STICK, closed, senses
 from dolfinx_contact.points.surface import ContactSurface
 
@@ -356,7 +356,7 @@ class LooseMotions:
         jumps[self._bodies.slice_of(s.rigid_body)] = -np.moveaxis(self._bodies.at_points(s), 2, 0)
         return jumps[self._free]
 
-    def not_held(self, statuses: Statuses, state: State | None = None) -> str:
+    def not_held(self, statuses: Statuses, state: Evaluation | None = None) -> str:
         """The motions that these statuses do not hold, in words; "" if there are none.
 
         A point that slips in 3D holds across the direction of its shear, which turns with the

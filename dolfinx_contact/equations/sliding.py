@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.points.sliding.facing import Facing
 from dolfinx_contact.points.sliding.operator import SlidingOperator
 from dolfinx_contact.points.sliding.points import SlidingPoints

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import ContactState, Statuses
+from dolfinx_contact.equations.evaluation import ContactState, Statuses
 from dolfinx_contact.laws import Answers, HeldAnswers, LawAtPoints, Tresca
 from dolfinx_contact.laws.status import OPEN, PLUS, WHERE_OPEN
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._shared import anywhere, largest
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.laws.status import PLUS, STICK, closed
 from dolfinx_contact.points.surface import ContactSurface
 
@@ -31,7 +31,7 @@ _BESIDE = 1e-3  # of the reach, a penetration that says nothing of where bodies 
 _BANDS = (_TOUCHES, *0.5 ** np.arange(20, -1, -1))
 
 
-def touches_nothing(eq: ContactEquations, load: float, state: State) -> bool:
+def touches_nothing(eq: ContactEquations, load: float, state: Evaluation) -> bool:
     """Whether what is closed is nothing beside what a part of the load closes. Collective.
 
     Faces that lie on each other have gaps of round-off, a few of them negative. Where nothing
@@ -56,7 +56,7 @@ def touches_nothing(eq: ContactEquations, load: float, state: State) -> bool:
     return not anywhere(eq.comm, not nothing)[0]
 
 
-def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
+def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
     """Statuses in which all points stick that a part of the load may close. Collective.
 
     Where that leaves a rigid body loose, those nearest to it stick as well, as many as it takes to
@@ -84,7 +84,7 @@ def touching(eq: ContactEquations, load: float, state: State) -> Statuses:
     return found
 
 
-def _touched(eq: ContactEquations, gaps: Sequence[Array], state: State) -> list[float]:
+def _touched(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> list[float]:
     """By surface the smallest gap where a vertex of it touches, else minus infinity. Collective.
 
     Gauss points are between the vertices, which may touch alone.
@@ -102,7 +102,7 @@ def _touched(eq: ContactEquations, gaps: Sequence[Array], state: State) -> list[
     return [float(near) if first <= nothing else -np.inf for first, near in found]
 
 
-def _reaches(eq: ContactEquations, load: float, state: State) -> list[float]:
+def _reaches(eq: ContactEquations, load: float, state: Evaluation) -> list[float]:
     """Gaps up to which points are expected to close, surface by surface. Collective."""
     return [
         load * (eq.reach(s, state.u) + _rigid_reach(eq, s, state, i))
@@ -120,7 +120,7 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
     return found
 
 
-def _rigid_reach(eq: ContactEquations, s: ContactSurface, state: State, i: int) -> float:
+def _rigid_reach(eq: ContactEquations, s: ContactSurface, state: Evaluation, i: int) -> float:
     """Half of how far prescribed motions will bring a rigid body nearer to points of ``s``."""
     if not eq.rigid.size:
         return 0.0
@@ -129,7 +129,9 @@ def _rigid_reach(eq: ContactEquations, s: ContactSurface, state: State, i: int) 
     return 0.5 * float(eq.comm.allreduce(nearer, op=max))
 
 
-def _closing(eq: ContactEquations, s: ContactSurface, state: State, i: int, dq: Array) -> Array:
+def _closing(
+    eq: ContactEquations, s: ContactSurface, state: Evaluation, i: int, dq: Array
+) -> Array:
     """By how much a motion of rigid bodies closes the points of ``s`` (n,). Collective."""
     still = np.zeros(eq.owned_sizes[0])
     step = eq.relative_rate(s, state.u, state.q, still, dq)

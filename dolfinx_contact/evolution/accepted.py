@@ -24,6 +24,7 @@ from dolfinx import fem
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._mesh_mark import mesh_may_move, mesh_stays
 from dolfinx_contact._shared import largest
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.given_data import (
     Constancy,
     GivenData,
@@ -34,7 +35,6 @@ from dolfinx_contact.equations.given_data import (
     was_put,
 )
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
 from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.memory import Memory
@@ -301,7 +301,9 @@ class Stepper:
         forces = forces_at(eq, state)
         return self.accepted(time, None, memory, forces, Energies(), solved=solved)
 
-    def _begun(self, find: Callable[[], State]) -> tuple[State, tuple[Memory | None, ...]]:
+    def _begun(
+        self, find: Callable[[], Evaluation]
+    ) -> tuple[Evaluation, tuple[Memory | None, ...]]:
         """The state at a start, and its memory: slips from there, bonds as they were left there.
 
         What surfaces remember of bonds and slipped distances is of the state in which a history or
@@ -338,10 +340,10 @@ class Stepper:
 
     def _best(
         self,
-        state: State,
+        state: Evaluation,
         left: tuple[Memory | None, ...],
         memory: tuple[Memory | None, ...],
-    ) -> tuple[State, float]:
+    ) -> tuple[Evaluation, float]:
         """The start, with the statuses in which it is a solution, and its residual. Collective.
 
         Its forces are such as a history may begin with where they are in equilibrium and friction
@@ -396,7 +398,7 @@ class Stepper:
         stays = all(m is None or _at_same_place(m, new, eq.body_size) for m, new in pairs)
         return _Remembered(others, bool(eq.comm.allreduce(int(stays), op=MPI.MIN)))
 
-    def _warn_of_undeformed(self, state: State, words: str) -> None:
+    def _warn_of_undeformed(self, state: Evaluation, words: str) -> None:
         """Warn where bodies are undeformed, as at a first start, and bonds are not. Collective.
 
         Args:
@@ -485,7 +487,7 @@ class Stepper:
         other = self._other_state(self._there)
         return data.changed(self.problem.comm) or (other and f"the {other}")
 
-    def _is_solved(self, state: State) -> bool:
+    def _is_solved(self, state: Evaluation) -> bool:
         """Whether a state is a solution under the load that is there. Collective."""
         return Scales(self.problem.equations, settled=True).measure(state).worst <= _SOLVED
 

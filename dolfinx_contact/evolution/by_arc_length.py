@@ -11,7 +11,7 @@ import numpy as np
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.walk import require_way
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.evolution.accepted import SolvedStep
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
@@ -38,7 +38,7 @@ class _Solved:
 
     arrival: Arrival
     result: Result
-    state: State
+    state: Evaluation
     forces: Forces
     energies: Energies
 
@@ -255,7 +255,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         )
         return Advance(step, SolvedStep(before, after, solved.result))
 
-    def _violation(self, state: State) -> float:
+    def _violation(self, state: Evaluation) -> float:
         """Of the law, beside the largest forces on the path: one may pass where there are none."""
         eq = self._system.equations
         force, length = self._system.scales

@@ -34,7 +34,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import ContactState, State
+from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["Energies", "Forces", "forces_at"]
@@ -153,7 +153,7 @@ class Forces:
     covered: Array | None = None
 
 
-def forces_at(eq: ContactEquations, state: State) -> Forces:
+def forces_at(eq: ContactEquations, state: Evaluation) -> Forces:
     """The forces at a state that has its reactions. Collective."""
     assert state.reactions is not None
     assert state.pushes is not None
@@ -200,7 +200,7 @@ def _covered(s: ContactSurface, found: ContactState) -> Array:
     return np.minimum(found.kinematics.operator.areas / s.points.areas, 1.0)
 
 
-def _all_covered(eq: ContactEquations, state: State) -> Array | None:
+def _all_covered(eq: ContactEquations, state: Evaluation) -> Array | None:
     """`Forces.covered` at a state."""
     if not any(s.slides for s in eq.surfaces):
         return None

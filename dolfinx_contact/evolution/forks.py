@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dolfinx_contact.equations.state import Statuses, differs
+from dolfinx_contact.equations.evaluation import Statuses, differs
 from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper, change
 from dolfinx_contact.evolution.step_rays import StepRays, number_of_points, rays_of_step
 from dolfinx_contact.solvers import ConvergenceError

@@ -32,13 +32,13 @@ from dolfinx_contact._errors import require
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.body.rigid import largest_turn, parts
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.given_data import (
     Constancy,
     GivenData,
     note_put,
     require_obstacles,
 )
-from dolfinx_contact.equations.state import State, Statuses
 from dolfinx_contact.evolution.accepted import (
     AcceptedState,
     OfState,
@@ -318,7 +318,7 @@ class MotionStepper(Stepper):
             found.append(Memory(at.whole, fields, passed, gap, was, at.place, at.motion))
         return found
 
-    def _at(self, state: State, u: Array) -> State:
+    def _at(self, state: Evaluation, u: Array) -> Evaluation:
         """The contact of a step's end at its displacement, as tables show it. Collective."""
         eq = self.problem.equations
         surfaces = []
@@ -326,7 +326,7 @@ class MotionStepper(Stepper):
             surfaces.append(replace(found, kinematics=eq.kinematics(s, u, state.q)))
         return replace(state, u=u, surfaces=surfaces)
 
-    def _shown(self, result: Result, shown: State, lost: float) -> Result:
+    def _shown(self, result: Result, shown: Evaluation, lost: float) -> Result:
         """A result with tables and checks of the step's end, and what friction dissipated."""
         eq = self.problem.equations
         supports = support_at_nodes(eq, shown)
@@ -337,7 +337,7 @@ class MotionStepper(Stepper):
 
     # -- moments ---------------------------------------------------------------------------------
 
-    def _contact(self) -> State:
+    def _contact(self) -> Evaluation:
         """What touches in the state that is in the problem. Collective."""
         problem = self.problem
         x = problem.create_vector()
@@ -346,7 +346,7 @@ class MotionStepper(Stepper):
         x.destroy()
         return state
 
-    def _motion(self, state: State) -> Motion:
+    def _motion(self, state: Evaluation) -> Motion:
         for f in (self.problem.u, self._velocity):
             f.x.scatter_forward()  # what the user has put into them may be the owners' alone
         u, v = (f.x.array.copy() for f in (self.problem.u, self._velocity))
@@ -489,7 +489,7 @@ class MotionStepper(Stepper):
         require(eq.comm, finite, "the velocity at the start is not finite")
         require_obstacles(eq)
 
-    def _require_no_penetration(self, state: State) -> None:
+    def _require_no_penetration(self, state: Evaluation) -> None:
         """Refuse a start within an obstacle. Collective."""
         eq = self.problem.equations
         for s, found in zip(eq.surfaces, state.surfaces, strict=True):

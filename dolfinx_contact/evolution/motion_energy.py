@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.evolution.energy import Energies
 
 __all__ = ["Motion", "MotionEnergies", "account", "motion_at"]
@@ -89,7 +89,7 @@ class Motion:
     bonds: tuple[Array, ...]
 
 
-def motion_at(eq: ContactEquations, state: State, u: Array, v: Array) -> Motion:
+def motion_at(eq: ContactEquations, state: Evaluation, u: Array, v: Array) -> Motion:
     """The state of motion at the end of a step, or at a start. Collective.
 
     Args:
@@ -140,7 +140,7 @@ def motion_at(eq: ContactEquations, state: State, u: Array, v: Array) -> Motion:
 def account(
     energies: MotionEnergies,
     eq: ContactEquations,
-    state: State,
+    state: Evaluation,
     a: Motion,
     b: Motion,
     turned: Array,

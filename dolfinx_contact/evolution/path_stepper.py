@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from dolfinx_contact.equations.state import State, Statuses
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.evolution.accepted import AcceptedState, AtRest, Stepper
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
 from dolfinx_contact.laws.status import STICK
@@ -55,7 +55,7 @@ class PathStepper(Stepper):
         self._warn_of_memory(state)
         return self.accepted(time, state.statuses, eq.memory, forces_at(eq, state), Energies())
 
-    def _warn_of_memory(self, state: State) -> None:
+    def _warn_of_memory(self, state: Evaluation) -> None:
         """Warn of what another state has left, or bonds of an undeformed body. Collective."""
         eq = self.problem.equations
         left = eq.memory

@@ -23,7 +23,7 @@ from dolfinx_contact.continuation import BranchStep, Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, Departures, Ray, SpecialPoint
 from dolfinx_contact.continuation.crossing import finder_at, kinks_at
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.evolution.accepted import AcceptedState, Stepper
 from dolfinx_contact.solvers.following import Loaded
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dolfinx_contact.continuation.rays import outgoing
-from dolfinx_contact.equations.state import Statuses
+from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense

@@ -29,7 +29,7 @@ from dolfinx import fem
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.points.trace import facet_closures
 
 __all__ = ["Balance", "balance", "forces_at_vertices", "support_at_nodes"]
@@ -69,7 +69,7 @@ class Balance:
 
 def balance(
     eq: ContactEquations,
-    state: State,
+    state: Evaluation,
     tables: Iterable[ContactForces],
     supports: npt.NDArray[np.float64],
 ) -> Balance:
@@ -120,7 +120,7 @@ def _mirrored_axes(eq: ContactEquations) -> list[int]:
     return sorted({axis for s in eq.surfaces if s.slides for axis in s.obstacle.opposite.planes})
 
 
-def support_at_nodes(eq: ContactEquations, state: State) -> npt.NDArray[np.float64]:
+def support_at_nodes(eq: ContactEquations, state: Evaluation) -> npt.NDArray[np.float64]:
     """Reactions of Dirichlet data on the body at the local nodes (n, dim). Collective.
 
     They are 0 in the components that none fix.

@@ -23,8 +23,8 @@ from dolfinx import fem, mesh
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.equations.order import Gathered
-from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.points.pair_motion import Moved
 from dolfinx_contact.points.surface import ContactSurface
@@ -116,7 +116,7 @@ class Sliding:
     doubt: str = ""
 
 
-def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
+def slidings(eq: ContactEquations, state: Evaluation) -> dict[str, Sliding]:
     """By surface, whether the sliding is small in the state in the Functions. Collective.
 
     It is zero on flat obstacles but for the spin, for which any sliding along lines is exact.
@@ -152,7 +152,7 @@ def slidings(eq: ContactEquations, state: State) -> dict[str, Sliding]:
 def _of_sliding(
     eq: ContactEquations,
     s: ContactSurface,
-    state: State,
+    state: Evaluation,
     contact: ContactState,
 ) -> Sliding:
     """Of faces that slide over each other: the way, and whether one may have passed the other.
@@ -205,7 +205,7 @@ def _of_sliding(
     return Sliding(0.0, way_along, spin=spin, doubt="; ".join(reasons))
 
 
-def _behind_planes(eq: ContactEquations, s: ContactSurface, state: State) -> list[str]:
+def _behind_planes(eq: ContactEquations, s: ContactSurface, state: Evaluation) -> list[str]:
     """That nodes of the faces are behind planes of symmetry, in their own images. Collective."""
     opposite = s.obstacle.opposite
     n = eq.owned_sizes[0] // eq.dim
@@ -265,7 +265,7 @@ def _held_along(eq: ContactEquations, s: ContactSurface, contact: ContactState) 
     return reasons
 
 
-def sliding_doubt(eq: ContactEquations, state: State) -> str:
+def sliding_doubt(eq: ContactEquations, state: Evaluation) -> str:
     """Why nothing is proved of a state in the Functions, "" where sliding is small. Collective."""
     found = slidings(eq, state)
     return "; ".join(f"{name}: {s.doubt}" for name, s in found.items() if s.doubt)
@@ -308,7 +308,7 @@ def _of_obstacle(
 
 
 def _with_edges(
-    s: ContactSurface, sliding: Sliding, state: State, contact: ContactState, held: Marks
+    s: ContactSurface, sliding: Sliding, state: Evaluation, contact: ContactState, held: Marks
 ) -> Sliding:
     """With what contact points do not see of the edges of a curved obstacle. Collective."""
     from dolfinx_contact.results.facets_of_obstacles import passed_of, pressed_across
@@ -339,7 +339,9 @@ def _with_spin(
     return replace(sliding, spin=spin, doubt="; ".join(reasons))
 
 
-def _with_side(eq: ContactEquations, s: ContactSurface, sliding: Sliding, state: State) -> Sliding:
+def _with_side(
+    eq: ContactEquations, s: ContactSurface, sliding: Sliding, state: Evaluation
+) -> Sliding:
     """With an obstacle on the wrong side of a face. Collective.
 
     So it is where data have turned it round or moved it across the body, and where the body came

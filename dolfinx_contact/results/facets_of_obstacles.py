@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues
-from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.points.trace import facet_normals, simplex_normals

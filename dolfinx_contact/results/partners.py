@@ -18,7 +18,7 @@ import numpy.typing as npt
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["PairBalance", "RigidBodyResult", "pair_balance", "pair_forces", "rigid_body_results"]
@@ -54,13 +54,13 @@ class PairBalance:
         }
 
 
-def pair_forces(eq: ContactEquations, number: int, state: State) -> npt.NDArray[np.float64]:
+def pair_forces(eq: ContactEquations, number: int, state: Evaluation) -> npt.NDArray[np.float64]:
     """Contact forces of a surface at the owned nodes of the displacement (n, dim). Collective."""
     found = state.surfaces[number]
     return found.kinematics.operator.transpose(found.traction).reshape(-1, eq.dim)
 
 
-def pair_balance(eq: ContactEquations, number: int, state: State) -> PairBalance:
+def pair_balance(eq: ContactEquations, number: int, state: Evaluation) -> PairBalance:
     """The balance of a pair at a state. Collective.
 
     Args:
@@ -170,7 +170,7 @@ class RigidBodyResult:
         }
 
 
-def rigid_body_results(eq: ContactEquations, state: State) -> dict[str, RigidBodyResult]:
+def rigid_body_results(eq: ContactEquations, state: Evaluation) -> dict[str, RigidBodyResult]:
     """The rigid bodies at a state with reactions, by name."""
     found = {}
     rigid = eq.rigid

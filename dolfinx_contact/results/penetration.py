@@ -17,7 +17,7 @@ from dolfinx import fem
 
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
 from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.results.tables import ContactTable
@@ -71,7 +71,7 @@ def penetrations(eq: ContactEquations, tables: dict[str, ContactTable]) -> dict[
     return found
 
 
-def warn_of_small_obstacles(eq: ContactEquations, state: State) -> None:
+def warn_of_small_obstacles(eq: ContactEquations, state: Evaluation) -> None:
     """Warn of spheres and cylinders that are in a facet of the body. Collective.
 
     The chord of an arc is in the obstacle by h^2/(8 R): a tenth of the facet h where that is

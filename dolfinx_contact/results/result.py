@@ -17,8 +17,8 @@ import numpy.typing as npt
 
 from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import held_back, least_scales
-from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import balance, support_at_nodes
 from dolfinx_contact.results.checks import Sliding, slidings, warn_of_inversion
@@ -249,7 +249,7 @@ def _shown(vector: npt.NDArray[np.float64]) -> str:
     return "(" + ", ".join(f"{v:.6g}" for v in vector) + ")"
 
 
-def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> Result:
+def collect(eq: ContactEquations, state: Evaluation, attempts: Sequence[Attempt]) -> Result:
     """The result at a solution, which is in the user's Functions. Collective.
 
     What is to be doubted in it is logged as warnings, on rank 0 only, but for what `warn_of_doubts`
@@ -308,7 +308,7 @@ def collect(eq: ContactEquations, state: State, attempts: Sequence[Attempt]) -> 
 
 
 def _scales(
-    eq: ContactEquations, state: State, tables: Collection[ContactTable]
+    eq: ContactEquations, state: Evaluation, tables: Collection[ContactTable]
 ) -> tuple[float, float]:
     """The force and the length beside which the violation of a law is judged. Collective."""
     assert state.reactions is not None

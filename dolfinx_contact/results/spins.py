@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues
-from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.sliding.rays import area_vectors
 from dolfinx_contact.points.sliding.spins import spins

@@ -21,8 +21,8 @@ import numpy.typing as npt
 
 from dolfinx_contact._optional import optional
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.equations.order import Gathered
-from dolfinx_contact.equations.state import ContactState, State
 from dolfinx_contact.laws import status
 from dolfinx_contact.laws.status import STICK, closed, without_damage
 from dolfinx_contact.points.memory import slid_after
@@ -185,7 +185,7 @@ def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def contact_table(
-    eq: ContactEquations, number: int, state: State, supports: npt.NDArray[np.float64]
+    eq: ContactEquations, number: int, state: Evaluation, supports: npt.NDArray[np.float64]
 ) -> ContactTable:
     """The table of a surface at a state. Collective.
 
@@ -272,7 +272,7 @@ def _of_memory(
     return columns
 
 
-def violation(eq: ContactEquations, state: State, force: float, length: float) -> float:
+def violation(eq: ContactEquations, state: Evaluation, force: float, length: float) -> float:
     """Largest violation of the contact laws, forces over ``force``. Collective.
 
     The natural residual t - tau(j, t) at every point that is not clamped, with the augmentation

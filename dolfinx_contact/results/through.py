@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.equations.state import ContactState
+from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.points.surface import ContactSurface
 
 if TYPE_CHECKING:

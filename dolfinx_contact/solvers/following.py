@@ -19,8 +19,8 @@ from dolfinx import fem
 
 from dolfinx_contact.continuation import Follower, Piece, StepControl
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.equations.state import State
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import LinearSolver
 
@@ -63,7 +63,9 @@ class Loaded(ParametricEquations):
     def _set(self, gamma: float) -> None:
         self.equations.prescribed.part = gamma
 
-    def _evaluate(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> State:
+    def _evaluate(
+        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None
+    ) -> Evaluation:
         state = super()._evaluate(x, gamma, b, piece)
         b.axpy(gamma - 1.0, self._rest)
         return replace(state, rows=self.equations.blocks(b))

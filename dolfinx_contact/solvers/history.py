@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from dolfinx_contact.equations.measures import Measures
 
 if TYPE_CHECKING:
-    from dolfinx_contact.equations.state import State
+    from dolfinx_contact.equations.evaluation import Evaluation
 
 __all__ = ["Attempt", "ConvergenceError", "FloatingBodyError", "LinearSolverError", "Step"]
 
@@ -68,7 +68,7 @@ class Attempt:
     restless: dict[str, list[list[float]]] = field(default_factory=dict)
     limit: float = math.inf
     evaluations: int = 0
-    state: State | None = None
+    state: Evaluation | None = None
     series: dict[str, list[float]] = field(default_factory=dict)
 
     def report(self, **values: float) -> None:

@@ -44,6 +44,7 @@ from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._shared import anywhere
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluated, Evaluation
 from dolfinx_contact.equations.given_data import (
     check_law,
     check_moduli,
@@ -53,7 +54,6 @@ from dolfinx_contact.equations.given_data import (
     require_finite_geometry,
     require_obstacles,
 )
-from dolfinx_contact.equations.state import Evaluated, State
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, ConvergenceError, FloatingBodyError, Step
@@ -224,7 +224,7 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     return None if changed else Evaluated(x0.array_r.copy(), state)
 
 
-def _not_finite_law(eq: ContactEquations, state: State) -> str:
+def _not_finite_law(eq: ContactEquations, state: Evaluation) -> str:
     """The first law that answers what is not finite, on any rank; "" if none. Collective."""
     for s, rows in zip(eq.surfaces, state.rows[1:-1], strict=True):
         if not eq.comm.allreduce(int(np.isfinite(rows).all()), op=MPI.MIN):

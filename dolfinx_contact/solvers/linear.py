@@ -17,7 +17,7 @@ from dolfinx_contact.equations.jacobian import Jacobian
 if TYPE_CHECKING:
     from dolfinx_contact.continuation import Preconditioner
     from dolfinx_contact.equations.contact import ContactEquations
-    from dolfinx_contact.equations.state import State
+    from dolfinx_contact.equations.evaluation import Evaluation
     from dolfinx_contact.solvers.history import Step
 
 __all__ = ["Direct", "LinearSolver", "reasons_of", "seconds_of_multigrid"]
@@ -73,7 +73,7 @@ class LinearSolver:
                 contact conditions. Collective.
         """
 
-    def update(self, state: State) -> None:
+    def update(self, state: Evaluation) -> None:
         """Assemble the Jacobian at a state. Collective."""
         raise NotImplementedError
 
@@ -82,7 +82,7 @@ class LinearSolver:
         raise NotImplementedError
 
     def prepare(
-        self, ksp: PETSc.KSP, step: Step, target: float, state: State, *, warm: bool
+        self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
     ) -> None:
         """See to tolerances and preconditioner for the step from the iterate ``step``. Collective.
 
@@ -94,7 +94,7 @@ class LinearSolver:
             warm: whether it began from a state in contact.
         """
 
-    def correct(self, state: State, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+    def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
         """What to subtract to solve the rows of the contact surface for its unknowns. Collective.
 
         Args:
@@ -107,7 +107,7 @@ class LinearSolver:
         """
         return False
 
-    def retry(self, ksp: PETSc.KSP, state: State) -> bool:
+    def retry(self, ksp: PETSc.KSP, state: Evaluation) -> bool:
         """Whether there is something better to try after a linear solve that failed. Collective."""
         return False
 
@@ -157,7 +157,7 @@ class Direct(LinearSolver):
         self._residual = r.norm() / (b.norm() or 1.0)
         r.destroy()
 
-    def update(self, state: State) -> None:
+    def update(self, state: Evaluation) -> None:
         with logged("ContactJacobian"):
             self._jacobian.update(state)
 

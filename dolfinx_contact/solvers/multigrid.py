@@ -28,7 +28,7 @@ from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 
 if TYPE_CHECKING:
     from dolfinx_contact.equations.contact import ContactEquations
-    from dolfinx_contact.equations.state import State
+    from dolfinx_contact.equations.evaluation import Evaluation
     from dolfinx_contact.solvers.history import Step
 
 __all__ = ["Multigrid"]
@@ -196,7 +196,7 @@ class Multigrid(LinearSolver):
     def predicted_seconds(self) -> float:
         return seconds_of_multigrid(self._equations)
 
-    def update(self, state: State) -> None:
+    def update(self, state: Evaluation) -> None:
         with logged("ContactJacobian"):
             self.operator.update(state)
         self.filter.update()
@@ -217,7 +217,7 @@ class Multigrid(LinearSolver):
         self.hierarchy.interpolation = SMOOTHED
         return True
 
-    def build(self, state: State) -> None:
+    def build(self, state: Evaluation) -> None:
         """Build the hierarchy from the statuses, or from a guess of them. Collective."""
         A = self.operator
         self._glued = self._closed(state)
@@ -234,7 +234,7 @@ class Multigrid(LinearSolver):
                 "multigrid hierarchy %d built: %s", self.hierarchy.builds, self.hierarchy.kind
             )
 
-    def _closed(self, state: State) -> _Glued:
+    def _closed(self, state: Evaluation) -> _Glued:
         """What to glue: what is closed, or a guess where nothing is closed yet. Collective."""
         eq = self._equations
         V = self._equations.V
@@ -270,7 +270,7 @@ class Multigrid(LinearSolver):
         return _Glued(np.repeat(marks.array[:n] > 0, bs), joined, guessed)
 
     def prepare(
-        self, ksp: PETSc.KSP, step: Step, target: float, state: State, *, warm: bool
+        self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
     ) -> None:
         if PETSc.Options().hasName((ksp.getOptionsPrefix() or "") + "ksp_rtol"):
             return
@@ -286,7 +286,7 @@ class Multigrid(LinearSolver):
                 self._rebuild_if_it_pays(step, digits, target, state)
         ksp.setTolerances(rtol=self.forcing.tolerance(step.measures.worst, target, changed))
 
-    def correct(self, state: State, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+    def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
         s = self.filter.surface.local
         on_surface = residual.array_r[s]
         squares = np.array([np.sum(on_surface**2), np.sum(residual.array_r**2)])
@@ -299,7 +299,9 @@ class Multigrid(LinearSolver):
         self.apply_exact(residual, correction)
         return True
 
-    def _rebuild_if_it_pays(self, step: Step, digits: float, target: float, state: State) -> None:
+    def _rebuild_if_it_pays(
+        self, step: Step, digits: float, target: float, state: Evaluation
+    ) -> None:
         """Build anew if that saves more iterations than it costs. Collective."""
         per_digit = step.krylov / max(digits, 1.0)
         left = max(np.log10(max(step.measures.worst, target) / target), 0.0) + 1
@@ -309,7 +311,7 @@ class Multigrid(LinearSolver):
         if smooth or (saved > now.set_up and self._is_stale(state)):
             self.build(state)
 
-    def _is_stale(self, state: State) -> bool:
+    def _is_stale(self, state: Evaluation) -> bool:
         """Whether a hierarchy built now would be another one. Collective."""
         moved = self._closed(state).differs(self._glued)
         other = self._assemblies != self._equations.bulk.assemblies
@@ -318,7 +320,7 @@ class Multigrid(LinearSolver):
     def tighten(self) -> bool:
         return self.forcing.tighten()
 
-    def retry(self, ksp: PETSc.KSP, state: State) -> bool:
+    def retry(self, ksp: PETSc.KSP, state: Evaluation) -> bool:
         if not (self._smooth() or self._is_stale(state)):
             return False
         self.build(state)

@@ -25,8 +25,8 @@ from dolfinx_contact._petsc import as_raised, logged, options_in_database
 from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact._shared import anywhere
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses, differs
 from dolfinx_contact.equations.measures import Measures, Scales
-from dolfinx_contact.equations.state import Evaluated, State, Statuses, differs
 from dolfinx_contact.equations.touching import touches_nothing, touching
 from dolfinx_contact.solvers.history import Attempt, FloatingBodyError, LinearSolverError, Step
 from dolfinx_contact.solvers.linear import LinearSolver
@@ -58,7 +58,7 @@ class Newton:
         state: that was evaluated last.
     """
 
-    state: State
+    state: Evaluation
 
     def __init__(
         self,
@@ -227,7 +227,7 @@ class Newton:
             root = self.comm.rank == 0
             self.equations.options.warn(multigrid=multigrid, root=root)
 
-    def state_at(self, x: PETSc.Vec) -> State | None:
+    def state_at(self, x: PETSc.Vec) -> Evaluation | None:
         """The state that was evaluated last, if that was at ``x`` by its own statuses. Collective.
 
         Under the whole load H there is what the result is made of.

@@ -23,8 +23,8 @@ from dolfinx_contact.algorithms.penalty import LEAST, Extrapolation
 from dolfinx_contact.algorithms.tresca import BoundRelaxation
 from dolfinx_contact.algorithms.uzawa import SHARE, STIFF
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.substitute import GivenBounds, YieldingContact
 from dolfinx_contact.solvers.body_solver import BodySolver
 from dolfinx_contact.solvers.history import Attempt, Step
@@ -65,7 +65,7 @@ class OnBody:
 
     def __post_init__(self) -> None:
         self._scales = Scales(self.equations)
-        self._state: State
+        self._state: Evaluation
 
     def run(self, algorithm: TrescaFixedPoint | Uzawa | Penalty, x: PETSc.Vec) -> bool:
         """Solve from ``x``, which is overwritten; whether it converged."""

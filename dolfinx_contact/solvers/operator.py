@@ -19,8 +19,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.jacobian import ContactTerms
-from dolfinx_contact.equations.state import State
 
 __all__ = ["ContactOperator"]
 
@@ -58,12 +58,12 @@ class ContactOperator:
         """Of the Dirichlet rows."""
         return self.equations.stiffness_scale
 
-    def update(self, state: State) -> None:
+    def update(self, state: Evaluation) -> None:
         """Assemble at a state. Collective."""
         self.stiffness = self.equations.bulk.stiffness(state.u)
         self.update_contact(state)
 
-    def update_contact(self, state: State) -> None:
+    def update_contact(self, state: Evaluation) -> None:
         """Assemble S alone, which for a body that is not linear leaves K behind. Collective.
 
         Where faces slide over each other S may be another matrix from then on.

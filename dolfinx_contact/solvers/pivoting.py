@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import differs
+from dolfinx_contact.equations.evaluation import differs
 from dolfinx_contact.laws.status import MINUS, PLUS, STICK, senses
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.newton import Newton

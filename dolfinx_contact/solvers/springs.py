@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.points.operators import ConstantOperator, Operator
 from dolfinx_contact.points.trace import at_global_places
 
@@ -37,7 +37,7 @@ Nodes = npt.NDArray[np.int64]
 def springs(
     equations: ContactEquations,
     stiffness: PETSc.Mat,
-    state: State,
+    state: Evaluation,
     closed: Sequence[npt.NDArray[np.bool_]],
 ) -> PETSc.Mat | None:
     """B_c^T kappa B_c in the numbering of the stiffness, None where there are no pairs. Collective.

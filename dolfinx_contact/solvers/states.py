@@ -10,7 +10,7 @@ import numpy as np
 from dolfinx_contact._shared import largest
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import closed
 
 __all__ = ["diverged", "held_across", "inverted", "without_normal"]
@@ -64,7 +64,7 @@ def inverted(equations: ContactEquations, x: PETSc.Vec) -> str:
     return f"its solution has det F = {smallest:.3g} at ({where})"
 
 
-def held_across(eq: ContactEquations, state: State) -> str:
+def held_across(eq: ContactEquations, state: Evaluation) -> str:
     """Where the support holds a touching point along its normal, in words; "" if nowhere.
 
     With friction on a curved obstacle it is held across that alone, where its multiplier has no
@@ -91,7 +91,7 @@ def held_across(eq: ContactEquations, state: State) -> str:
     return ""
 
 
-def without_normal(eq: ContactEquations, state: State) -> str:
+def without_normal(eq: ContactEquations, state: Evaluation) -> str:
     """Where a displaced point has no normal, in words; "" if all have one. Collective."""
     for s, found in zip(eq.surfaces, state.surfaces, strict=True):
         data = found.data

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.state import Evaluated, Statuses
+from dolfinx_contact.equations.evaluation import Evaluated, Statuses
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.newton import Newton

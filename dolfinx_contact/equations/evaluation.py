@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What an evaluation of H found."""
+"""Values found by one evaluation of H."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from dolfinx_contact.laws import Answers, PointData
 from dolfinx_contact.points.kinematics import Kinematics
 
-__all__ = ["ContactState", "Evaluated", "State", "Statuses", "differs"]
+__all__ = ["ContactState", "Evaluated", "Evaluation", "Statuses", "differs"]
 
 Array = npt.NDArray[np.float64]
 #: Numbers of the statuses of the contact points of this rank, surface by surface.
@@ -122,8 +122,8 @@ class ContactState:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """A state of the body and its contact.
+class Evaluation:
+    """Body, contact points and rows of H at one set of unknowns.
 
     Attributes:
         u: displacement, all local values, ghosts included.
@@ -159,7 +159,7 @@ class Evaluated:
     """
 
     unknowns: Array
-    state: State
+    state: Evaluation
 
 
 def _turning(n: Array, v: Array) -> Array:
