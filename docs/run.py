@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Run demos, recipes and tutorials, and keep what they print and draw for the site.
+"""Run the scripts of the site, and keep their printed output and pictures.
 
 Called by ``make docs`` where DOLFINx is. What a script showed is kept in the cache of docker/run
 under a key of the script, of what it imports beside it, of the package and of its dependencies; if
@@ -36,10 +36,11 @@ LINES = 60
 
 
 def scripts() -> list[Path]:
-    """All that is run: demos, recipes and tutorials."""
+    """Scripts of the site: demos, recipes, tutorials and the reference implementation."""
     return [
         *sorted((ROOT / "docs" / "recipes").glob("[0-9]*.py")),
         *sorted((ROOT / "docs" / "tutorials").glob("[0-9]*.py")),
+        *sorted((ROOT / "docs" / "theory").glob("*.py")),
         *sorted((ROOT / "demos").glob("demo_*.py")),
     ]
 
