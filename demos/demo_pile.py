@@ -31,7 +31,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import RCCM, ContactPair, ContactProblem, io, plot
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
-from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
+from dolfinx_contact.materials import Axisymmetric, LinearElastic
 from dolfinx_contact.meshing import join
 
 A = 0.3  # a
@@ -96,7 +96,6 @@ def pile_in_soil(args, comm):
 
     r, y = ufl.SpatialCoordinate(domain)
     strain = ufl.grad(u)
-    around = circumference(domain)
     dx = ufl.Measure("dx", subdomain_data=both.cell_tags)
     ds = ufl.ds(subdomain_data=tagged(domain, on_base))
     elastic_pile = Axisymmetric(LinearElastic.from_young(*PILE))
@@ -105,9 +104,9 @@ def pile_in_soil(args, comm):
     # The stresses at rest: across the axis in both, along it in the soil, with the weight.
     across = REST * WEIGHT * ufl.min_value(y, 0.0) * (strain[0, 0] + u[0] / r)
     along = WEIGHT * (y * strain[1, 1] + u[1])
-    energy = (elastic_pile.energy(u) + across) * around * dx(1)
-    energy -= WEIGHT * L * u[1] * around * ds(1)
-    energy += (elastic_soil.energy(u) + across + along) * around * dx(2)
+    energy = (elastic_pile.energy(u) + across) * dx(1)
+    energy -= WEIGHT * L * u[1] * ds(1)
+    energy += (elastic_soil.energy(u) + across + along) * dx(2)
 
     law = RCCM(BOND, BOND, BOND * U0**2, args.friction)
     bond = ContactPair(u, both, slave=1, master=2, law=law, axisymmetric=True)

@@ -28,7 +28,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import RCCM, ContactPair, ContactProblem, io, plot
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
-from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
+from dolfinx_contact.materials import Axisymmetric, LinearElastic
 from dolfinx_contact.meshing import join
 
 A = 0.25  # radius of the fibre
@@ -90,11 +90,10 @@ def problem(args, comm):
     drawn = fem.Constant(domain, 0.0)
 
     dx = ufl.Measure("dx", subdomain_data=both.cell_tags)
-    around = circumference(domain)
     polymer = Axisymmetric(LinearElastic.from_young(FIBRE, 0.0))
     stiff = Axisymmetric(LinearElastic.from_young(MATRIX, 0.0))
-    energy = polymer.energy(u) * around * dx(1)
-    energy += stiff.energy(u) * around * dx(2)
+    energy = polymer.energy(u) * dx(1)
+    energy += stiff.energy(u) * dx(2)
 
     law = RCCM(BOND, BOND, WORK, args.friction)
     clamp = dict(gap=-args.misfit, interference=True)

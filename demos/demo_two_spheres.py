@@ -18,7 +18,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
-from dolfinx_contact.materials import Axisymmetric, LinearElastic, circumference
+from dolfinx_contact.materials import Axisymmetric, LinearElastic
 from dolfinx_contact.meshing import mesh_from_gmsh
 
 RADIUS = 50.0  # mm
@@ -43,8 +43,8 @@ def spheres(size, ratio):
 
 # ## The problem
 #
-# The energy has the hoop strain u_r / r, and the circumference as its weight; contact forces are
-# those of the circumference, and areas of points those that they sweep. On the axis u_r is held.
+# The energy has the hoop strain u_r / r. The problem multiplies integrals by 2 pi r: contact forces
+# are those of the whole circumference, areas of points are swept areas. On the axis u_r is held.
 
 
 def problem(size, args, comm):
@@ -52,7 +52,7 @@ def problem(size, args, comm):
     body = mesh_from_gmsh(comm, lambda: draw(bodies))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
-    energy = MATERIAL.energy(u) * circumference(body.mesh) * ufl.dx
+    energy = MATERIAL.energy(u) * ufl.dx
     along = V.sub(1)
     bcs = []
     for end, value in (("upper end", -APPROACH), ("lower end", 0.0)):

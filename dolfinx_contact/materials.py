@@ -22,16 +22,12 @@ An energy of your own needs no class. Write it as a function of a 3 x 3 deformat
     problem = ContactProblem(W(F) * ufl.dx, u, surfaces, bcs=bcs)
     stress = ufl.diff(W(F), F) * F.T / ufl.det(F)  # Cauchy, 3 x 3: for `io.write_fields`
 
-Of a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its energy is that of
-`Axisymmetric` with the weight `circumference`, and its loads have that weight too::
+For a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its energy is that of
+`Axisymmetric`. Energies are per volume and loads per area, as in a plane body: the contact problem
+multiplies every integral by 2 pi r::
 
     steel = Axisymmetric(LinearElastic.from_young(210e3, 0.3))
-    around = circumference(domain)  # 2 pi r
-    bulk = steel.energy(u) * around * ufl.dx - pull * u[1] * around * ds
-
-`ContactProblem` refuses integrals that lack the weight, or have x[0] with no 2 pi beside it. It
-finds the weight as a factor, in other words too; where it does not, and the values of the integral
-over 2 pi r do not vary like r or 1/r, it warns that this is not decided.
+    bulk = steel.energy(u) * ufl.dx - pull * u[1] * ds
 
 Bilinear quadrilaterals and trilinear hexahedra lock where a body is nearly incompressible. The
 energy of a mean dilatation does not, and is one of u alone; linear triangles and tetrahedra lock
@@ -58,12 +54,12 @@ import numpy as np
 
 import basix.ufl
 import ufl
-from dolfinx import fem, mesh
-from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
+from dolfinx import fem
+from ufl.corealg.traversal import traverse_unique_terminals
 
 from dolfinx_contact._forms import at_middle
 from dolfinx_contact._frozen import ReadOnly
-from dolfinx_contact._numbers import is_number, require_kind
+from dolfinx_contact._numbers import is_number
 
 __all__ = [
     "Axisymmetric",
@@ -74,7 +70,6 @@ __all__ = [
     "NeoHookean",
     "Separable",
     "StVenantKirchhoff",
-    "circumference",
     "lame",
     "materials_in",
 ]
@@ -130,29 +125,24 @@ def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
 
 
 def materials_in(form: ufl.Form) -> list[Material]:
-    """Materials of this module whose energy or stress occurs in a form.
+    """Materials of this module whose energy or stress occurs in a form, without their parts.
 
-    An expression that UFL has made anew, as ``ufl.replace`` does, is of none.
+    Expressions that UFL has reconstructed, for example by ``ufl.replace``, belong to none.
     """
     found: dict[int, Material] = {}
-    for integral in form.integrals():
-        for node in unique_pre_traversal(integral.integrand()):
-            material = _materials.get(node)
-            if material is not None:
-                found[id(material)] = material
+    left = [integral.integrand() for integral in form.integrals()]
+    seen = set()
+    while left:
+        node = left.pop()
+        if id(node) in seen:
+            continue
+        seen.add(id(node))
+        material = _materials.get(node)
+        if material is None:
+            left += node.ufl_operands
+        else:
+            found[id(material)] = material
     return list(found.values())
-
-
-def circumference(domain: mesh.Mesh) -> Any:
-    """2 pi r, the weight of integrals over a section of a body of revolution about x = 0.
-
-    Raises:
-        ValueError: if the mesh is not 2D.
-    """
-    require_kind(domain, mesh.Mesh)
-    if domain.geometry.dim != 2:
-        raise ValueError("the section of a body of revolution is a 2D mesh")
-    return 2 * np.pi * ufl.SpatialCoordinate(domain)[0]
 
 
 def _is_scalar(value: Any) -> bool:
@@ -262,37 +252,30 @@ class Material(ReadOnly):
         """Stored energy per reference volume (per area in 2D), in units of stress."""
         raise NotImplementedError
 
-    def mean_dilatation_energy(
-        self, u: fem.Function, dx: ufl.Measure = ufl.dx, weight: Any = 1.0
-    ) -> ufl.Form:
+    def mean_dilatation_energy(self, u: fem.Function, dx: ufl.Measure = ufl.dx) -> ufl.Form:
         """The energy for nearly incompressible bodies of quadrilaterals or hexahedra, integrated.
 
         What grows with lambda is taken of the change of volume of the cell as a whole, exactly also
         where cells are distorted, the rest by the rule of ``dx``: B-bar (Nagtegaal, Parks and Rice,
         Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177; Hughes, Int. J. Numer. Methods Engrg.
         15, 1980, 1413-1418), in large strain the ratio of the volumes of the cell (Simo, Taylor and
-        Pister, Comput. Methods Appl. Mech. Engrg. 51, 1985, 177-208). Moduli and weights that vary
-        within a cell are taken at its middle there. Its stress is `mean_dilatation_stress`.
+        Pister, Comput. Methods Appl. Mech. Engrg. 51, 1985, 177-208). Moduli that vary within a
+        cell are evaluated at its middle there. Its stress is `mean_dilatation_stress`.
 
         Args:
             u: displacement (length), of degree 1.
             dx: over the cells, or over a tag of them.
-            weight: of all integrals: `circumference` of a section of a body of revolution.
 
         Raises:
-            ValueError: if the cells are simplices (there take u of degree 2), if edges are curved,
-                if u is not Lagrange of degree 1, if ``dx`` is no measure of cells or ``weight`` no
-                scalar, or if what grows with lambda is not the change of volume (plane stress,
+            ValueError: if the cells are simplices (use u of degree 2 there), if edges are curved,
+                if u is not Lagrange of degree 1, if ``dx`` is not a measure of cells, or if the
+                energy that grows with lambda is not one of the change of volume (plane stress,
                 which does not lock, `StVenantKirchhoff`, and materials of one's own).
         """
         _require_measure(dx)
-        if not _is_scalar(weight):
-            raise ValueError(f"the weight must be a number or a UFL scalar, got {weight!r}")
         cell = self._cell_volumes(u)
         shape = self._own(self._shape_energy(u, ufl.grad(u)))
         volume = self._own(self._volume_energy(u, cell.dilatation, cell.ratio) * cell.share)
-        if not (is_number(weight) and weight == 1):
-            shape, volume = shape * weight, volume * weight
         return shape * dx + volume * dx(metadata=at_middle(len(u)))
 
     def mean_dilatation_stress(self, u: fem.Function) -> Any:
@@ -598,7 +581,8 @@ class Axisymmetric(Material):
     """A material in a body of revolution, of which half of a section is meshed: r = x, z = y.
 
     The displacement is (u_r, u_z), and the stretch around the axis 1 + u_r / r; tensors have the
-    components r, z, and around. Energies are per volume: their weight is `circumference`.
+    components r, z, and around. Energies are per volume: the contact problem multiplies all
+    integrals by 2 pi r.
 
     Attributes:
         material: the material in space.
@@ -638,14 +622,17 @@ class Axisymmetric(Material):
 
     def energy(self, u: fem.Function) -> Any:
         _require_section(u)
-        return self.material._energy_of(u, _in_space(ufl.grad(u), u[0] / _radius(u)))
+        return self._own(self.material._energy_of(u, _in_space(ufl.grad(u), u[0] / _radius(u))))
+
+    def check_moduli(self) -> None:
+        self.material.check_moduli()
 
     def stress(self, u: fem.Function) -> Any:
         full = self.full_stress(u)
         return ufl.as_tensor([[full[i, j] for j in range(2)] for i in range(2)])
 
     def full_stress(self, u: fem.Function) -> Any:
-        return self.material._stress_of(u, self._gradient_in_space(u))
+        return self._own(self.material._stress_of(u, self._gradient_in_space(u)))
 
 
 def _require_measure(dx: Any) -> None:

@@ -35,8 +35,8 @@ from dolfinx_contact._progress import check_progress
 from dolfinx_contact._shared import anywhere
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
-from dolfinx_contact.body.circumference import check_circumference, refuse_revolution
 from dolfinx_contact.body.quadrature import warn_of_rule
+from dolfinx_contact.body.weighting import weighted
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
@@ -127,7 +127,9 @@ class ContactProblem(ReadOnly):
     The displacement, the multipliers and the statuses of the surfaces are read when a solve begins
     and written when it has found a solution; nothing else touches them.
 
-    Of a body of revolution (``axisymmetric=True`` in all surfaces) u_r = 0 is held on the axis.
+    In a body of revolution (``axisymmetric=True`` in all surfaces) the problem multiplies every
+    integral of ``bulk``, over cells and facets, by 2 pi r: integrands are per volume or area, and
+    must not contain that weight. u_r = 0 is prescribed on the axis.
 
     Forms, surfaces and conditions are read once, and compiled: attributes and lists are read-only.
     What may be changed between two solves are the values of Constants and Functions in them, and
@@ -157,11 +159,8 @@ class ContactProblem(ReadOnly):
     Raises:
         ValueError: on every rank, if the arguments do not fit together, something is of another
             mesh, arguments differ between ranks, contact nodes are all clamped, a mesh coordinate
-            is not finite, a cell has no volume, the bulk jumps in ``u``, some surfaces are
-            axisymmetric and others not, the bulk of a body of revolution is that of a plane one, or
-            the other way round, or one of its integrals has not the weight
-            ``materials.circumference(mesh)``: one without any, or with x[0] and no 2 pi. Where that
-            is not decided a warning is logged.
+            is not finite, a cell has no volume, the bulk jumps in ``u``, or surfaces and materials
+            are not all axisymmetric or all plane.
         AttributeError: where attributes or lists are changed afterwards.
         RuntimeError: if PETSc has complex scalars.
 
@@ -230,12 +229,8 @@ class ContactProblem(ReadOnly):
         require(self.comm, finite, "the mesh has a coordinate that is not finite")
         check_cells(self.V.mesh)
         given = ProblemOptions(petsc_options_prefix, self.petsc_options)
-        if self.surfaces[0].axisymmetric:
-            check_circumference(bulk, u)
-        else:
-            refuse_revolution(bulk, u)
-        body = Bulk(bulk, u)
-        #: The UFL energy of the body, if that was given.
+        body = Bulk(weighted(bulk, axisymmetric=self.surfaces[0].axisymmetric), u)
+        #: The UFL energy as given, or None if a residual was given.
         self.energy: ufl.Form | None = bulk if body.is_energy else None
         spaces = fem.extract_function_spaces([body.residual_form])
         if len(fem.bcs_by_block(spaces, self.bcs)[0]) != len(self.bcs):
@@ -385,8 +380,8 @@ class ContactProblem(ReadOnly):
         (``s.submesh.mesh``): forms on that mesh integrate them, `io.write_fields` writes them.
         Nodal pressures are forces over the areas of the nodes, so that the integral of the pressure
         is the sum of the normal forces (on parallel quadrilaterals and in the integral method with
-        linear multipliers too; of bodies of revolution with the weight `materials.circumference`
-        up to an error that vanishes with the mesh size).
+        linear multipliers too; in bodies of revolution, with the weight 2 pi r, up to an error that
+        vanishes with the mesh size).
 
         Args:
             s: one of the surfaces.

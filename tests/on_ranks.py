@@ -59,7 +59,6 @@ ON_TWO = {
         *("empty_and_inverted_cells", "thin_cells_far_away_are_cells"),
         *("obstacle_on_the_wrong_side",),
     ),
-    "test_circumference": ("the_weight_in_other_words", "not_decided"),
     "test_classical": (
         *("in_the_plane", "uzawa_without_augmentation", "penalty", "a_symmetry_plane"),
         *("a_body_that_slides_away", "what_fails_is_told_and_leaves_the_functions"),

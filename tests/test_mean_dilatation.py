@@ -13,7 +13,6 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact.body.circumference import check_circumference
 from dolfinx_contact.io.fields import body_fields, check_stress
 from dolfinx_contact.materials import (
     Axisymmetric,
@@ -21,7 +20,6 @@ from dolfinx_contact.materials import (
     LinearElastic,
     NeoHookean,
     StVenantKirchhoff,
-    circumference,
     lame,
 )
 from dolfinx_contact.plot.pictures import body_seen
@@ -245,11 +243,10 @@ def test_of_revolution():
         V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
         u = fem.Function(V)
         material = Axisymmetric(LinearElastic.from_young(YOUNG, poisson))
-        around = circumference(domain)
         if kind == "mean":
-            energy = material.mean_dilatation_energy(u, weight=around)
+            energy = material.mean_dilatation_energy(u)
         else:
-            energy = material.energy(u) * around * ufl.dx
+            energy = material.energy(u) * ufl.dx
         ends = [fem.locate_dofs_topological(V.sub(1), 1, facets(domain, 1, z)) for z in (0.0, 0.5)]
         bcs = [fem.dirichletbc(0.0, dofs, V.sub(1)) for dofs in ends]
         bore = HalfSpace((0.1, 0.0), (1.0, 0.0))  # far away: there for the problem alone
@@ -259,7 +256,7 @@ def test_of_revolution():
         inside = facets(domain, 0, INNER)
         tags = mesh.meshtags(domain, 1, inside, np.full(len(inside), 1, dtype=np.int32))
         ds = ufl.Measure("ds", domain, subdomain_data=tags)
-        energy -= PRESSURE * u[0] * around * ds(1)
+        energy -= PRESSURE * u[0] * ds(1)
         ContactProblem(energy, u, [surface], bcs=bcs).solve()
         x = ufl.SpatialCoordinate(domain)
         off = (u[0] - closed_form(poisson, x[0])) ** 2 * ufl.dx(metadata={"quadrature_degree": 6})
@@ -566,18 +563,6 @@ def test_one_stress_of_two_materials(cell, caplog):
     assert len(caplog.records) == (COMM.rank == 0)
 
 
-def test_sections_are_not_doubted(caplog):
-    """With the weight that it asks for there is no warning of the weight."""
-    domain = mesh.create_rectangle(
-        COMM, [[0.0, 0.0], [1.0, 0.5]], [4, 2], mesh.CellType.quadrilateral
-    )
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    material = Axisymmetric(LinearElastic.from_young(YOUNG, 0.4999))
-    with caplog.at_level("WARNING"):
-        check_circumference(material.mean_dilatation_energy(u, weight=circumference(domain)), u)
-    assert not caplog.records
-
-
 def test_what_it_is_not_for():
     """Simplices, a displacement of degree 2 and plane stress are refused by name."""
     material = LinearElastic.from_young(YOUNG, 0.4999)
@@ -603,8 +588,6 @@ def test_what_it_is_not_for():
     for measure in (ufl.ds, ufl.dx(1) + ufl.dx(2), 2.0):
         with pytest.raises(ValueError, match="the measure must be one of cells"):
             material.mean_dilatation_energy(u, measure)
-    with pytest.raises(ValueError, match="the weight must be a number or a UFL scalar"):
-        material.mean_dilatation_energy(u, ufl.dx, "2 pi r")
     three = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
     with pytest.raises(ValueError, match="as many displacements"):
         material.mean_dilatation_energy(three)

@@ -289,7 +289,6 @@ def test_words_as_arguments():
         lambda w: problem.solve(monitor=w or 1),
         problem.support_forces,
         problem.table,
-        materials.circumference,
         lambda w: materials.LinearElastic.from_young(w, 0.3),
         lambda w: ParametricContact(problem, gamma, driven=w or None),
         lambda w: system.piece_of(w or None),

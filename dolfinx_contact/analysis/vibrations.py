@@ -39,6 +39,7 @@ from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._optional import slepc
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.analysis.slip import Slip
+from dolfinx_contact.body.weighting import weighted
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import HeldField, saddle, with_dirichlet_rows
 
@@ -100,6 +101,8 @@ def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.F
         density: of mass, a number, Constant, Function or UFL expression.
         damping: eta of C = eta K, or a UFL form C(trial, test).
 
+    In a body of revolution density and damping are per volume or area, without the weight 2 pi r.
+
     Raises:
         ValueError: on every rank, for arguments that do not fit.
     """
@@ -113,8 +116,11 @@ def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.F
             density = fem.Constant(domain, float(density))
         elif not isinstance(density, ufl.core.expr.Expr) or density.ufl_shape != ():
             raise ValueError(f"the density must be a number or a UFL scalar, got {density!r}")
-        mass = density * ufl.dot(v, w) * ufl.dx(domain=domain)
+        mass = weighted(
+            density * ufl.dot(v, w) * ufl.dx(domain=domain), axisymmetric=eq.axisymmetric
+        )
         if isinstance(damping, ufl.Form):
+            damping = weighted(damping, axisymmetric=eq.axisymmetric)
             if len(damping.arguments()) != 2:
                 raise ValueError("a form of damping has a trial and a test function")
         elif not (is_number(damping) and damping >= 0):

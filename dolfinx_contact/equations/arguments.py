@@ -13,6 +13,7 @@ from dolfinx import fem
 
 from dolfinx_contact._agreement import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact.equations.evaluation import Statuses
+from dolfinx_contact.materials import Axisymmetric, materials_in
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["check", "fit", "listed", "lists"]
@@ -61,6 +62,16 @@ def check(
         density = isinstance(bulk, ufl.core.expr.Expr)
         hint = ": multiply the energy density by ufl.dx" if density else ""
         raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}{hint}")
+    around = surfaces[0].axisymmetric
+    for material in materials_in(bulk):
+        if isinstance(material, Axisymmetric) != around:
+            given, other = "axisymmetric", "a plane body"
+            if not around:
+                given, other = "plane", "a body of revolution"
+            raise ValueError(
+                f"the contact surfaces are {given}, but the bulk is that of {other}: a body of "
+                "revolution needs surfaces with axisymmetric=True and materials.Axisymmetric"
+            )
     refuse_other_mesh(bulk, domain, "the bulk")
     for bc in bcs:
         refuse_other_condition(bc, domain)

@@ -229,8 +229,8 @@ def require_hoop_stiffness(K: PETSc.Mat) -> None:
     require(
         K.comm.tompi4py(),
         resists > _NO_HOOP * K.norm(PETSc.NormType.NORM_INFINITY),
-        "the contact surfaces are axisymmetric, but the bulk is that of a plane body: take "
-        "materials.Axisymmetric, and circumference(mesh) as the weight of its energy",
+        "the contact surfaces are axisymmetric, but the bulk is that of a plane body: its energy "
+        "must contain the hoop strain u[0]/r, as that of materials.Axisymmetric does",
     )
 
 

@@ -35,9 +35,9 @@ from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._numbers import is_number
-from dolfinx_contact.body.circumference import check_circumference
 from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
+from dolfinx_contact.body.weighting import circumference, weighted
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.given_data import Constancy, Datum, data_in, placed_data
@@ -152,7 +152,7 @@ class NSCD(Evolution):
             velocity (dry friction, which is a law of a contact surface).
             Like the density its factors stay: a run in which a Constant or Function in them (for
             b > 0 in the stiffness) changes is refused.
-            A form of a body of revolution has the weight `materials.circumference`.
+            In a body of revolution, per volume or per area, like the bulk.
         restitution: coefficient e, 0 to 1, at the velocity level.
 
     Attributes:
@@ -433,8 +433,8 @@ def _moving_body(
         for d in data_in(given, "") if isinstance(given, ufl.Form | ufl.core.expr.Expr) else ():
             if isinstance(d.value, fem.Function):  # its ghosts follow their owners
                 d.value.x.scatter_forward()
-    weight = 2 * math.pi * ufl.SpatialCoordinate(V.mesh)[0]
-    mass_of = density * weight if problem.equations.axisymmetric else density
+    around = problem.equations.axisymmetric
+    mass_of = density * circumference(V.mesh) if around else density
     M = mass_matrix(V, mass_of, mass, _touching(problem.equations))
     if mass == "redistributed":
         _warn_of_inertia(problem, M, mass_of)
@@ -484,12 +484,11 @@ def _damping(
     body = problem.equations.bulk
     with everywhere(problem.comm, "damping"):
         if isinstance(damping, ufl.Form):
-            form, wind = _damping_form(problem.u, velocity, damping)
+            form = weighted(damping, axisymmetric=problem.equations.axisymmetric)
+            form, wind = _damping_form(problem.u, velocity, form)
         else:
             a, b = _rayleigh(damping)
     if isinstance(damping, ufl.Form):
-        if problem.equations.axisymmetric:
-            check_circumference(damping, velocity, "the damping")
         C = dolfinx.fem.petsc.assemble_matrix(compiled_form(form))
         C.assemble()
         return C, wind

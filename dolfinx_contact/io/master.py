@@ -21,7 +21,7 @@ from dolfinx import fem, la
 
 from dolfinx_contact._compat import FacetSubmesh, create_facet_submesh
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact.materials import circumference
+from dolfinx_contact.body.weighting import circumference
 from dolfinx_contact.points.evaluation import point_space, vertex_function
 from dolfinx_contact.points.trace import outward_normals, trace_dofs
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes

@@ -13,7 +13,7 @@ import dolfinx.fem.petsc
 import ufl
 
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact.materials import circumference
+from dolfinx_contact.body.weighting import circumference
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Method, Trace
 from dolfinx_contact.points.evaluation import Given, PointEvaluator
 from dolfinx_contact.points.held_ends import shared

@@ -141,9 +141,9 @@ class ContactSurface(ReadOnly):
             is taken from their gaps for good, so that they touch it at the start, without stress.
             A larger overlap is an error, and one beyond the middle of the obstacle, as that of a
             sphere, where its normals have turned round.
-        axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0, and
-            the energy that of the whole circumference (`materials.Axisymmetric`): forces are those
-            of the circumference then, and areas those that are swept (`points.revolution`).
+        axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0
+            (`materials.Axisymmetric`). The problem then multiplies all integrals by 2 pi r, forces
+            are those of the whole circumference, and areas are swept areas (`points.revolution`).
         name: used in messages and tables.
 
     Attributes:

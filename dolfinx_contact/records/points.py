@@ -16,6 +16,7 @@ from dolfinx_contact._agreement import described
 from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.body.weighting import weighted
 from dolfinx_contact.continuation import BranchPoint, Change, Node, SpecialPoint
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.given_data import placed_data
@@ -36,7 +37,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Functional", "compiled", "entry_of", "forms_of", "node_of", "places"]
 
-#: A scalar UFL form in the problem's Functions, or a function of the problem.
+#: A scalar UFL form in the problem's Functions, or a function of the problem. In a body of
+#: revolution the problem multiplies the integrals of forms by 2 pi r.
 Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
 
 _SAME = 1e-12  # relative: what sums over the ranks may differ by
@@ -197,7 +199,7 @@ def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[]
     comm = problem.comm
     if isinstance(f, ufl.Form):
         maps = merge_entity_maps([s.submesh for s in problem.surfaces])
-        form = compiled_form(f, maps)
+        form = compiled_form(weighted(f, axisymmetric=problem.equations.axisymmetric), maps)
         return lambda: float(comm.allreduce(float(np.real(fem.assemble_scalar(form)))))
 
     def value() -> float:
