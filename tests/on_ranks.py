@@ -332,7 +332,7 @@ ON_TWO = {
         *("bad_use", "ranks_with_other_tools", "files"),
         "a_step_through_a_thin_tool_is_said",
     ),
-    "test_rooms": ("floors",),
+    "test_architecture": ("layers",),
     "test_scales": ("material_that_changes",),
     "test_scripts": (
         *("bad_options", "journal_in_memory_is_that_of_a_record", "report_speaks_on_one_rank"),

@@ -4,7 +4,7 @@ var POINTS = {
   "recipes/": 4, "tutorials/": 3, "guide/": 3, "demos/": 1,
   "recipes/index": -1, "tutorials/index": -1, "guide/index": -1,
   "install": 3, "pip": 3, "limits": 4, "which": 3,
-  "verification": -4, "changelog": -10, "renamed": -10, "house": -10, "develop": -4
+  "verification": -4, "changelog": -10, "renamed": -10, "architecture": -10, "develop": -4
 };
 // The other scores are those of Sphinx.
 var Scorer = {

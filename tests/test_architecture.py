@@ -1,4 +1,4 @@
-"""The rooms of the package: what imports what."""
+"""The layers of the package: allowed imports and public names."""
 
 import ast
 import pydoc
@@ -18,9 +18,9 @@ from dolfinx_contact import ContactSurface
 
 PACKAGE = "dolfinx_contact"
 ROOT = Path(__file__).parents[1] / PACKAGE
-#: From the ground up: a room imports from its own floor and those below. Private modules of the
-#: root are tools that every room may use.
-FLOORS = [
+#: From the bottom up: a module imports from its own layer and the layers below. Private modules of
+#: the root are tools that every layer may use.
+LAYERS = [
     ("materials", "obstacles", "rigid_surfaces", "grids", "meshing"),
     ("body", "laws", "continuation"),
     ("points",),
@@ -36,11 +36,11 @@ FLOORS = [
     ("plot",),
     ("__main__",),
 ]
-#: The one import from above, in a function: what a result can be asked.
+#: The only import from a higher layer, in a function: questions about a state.
 FROM_ABOVE = (f"{PACKAGE}.proofs", f"{PACKAGE}.analysis.contact")
-#: Rooms that may import the package itself, which imports none of them.
+#: Modules that may import the package itself, which imports none of them.
 ABOVE = ("io", "records", "plot", "__main__")
-#: What has to be trusted of proofs: one file that stands by itself.
+#: The trusted part of proofs: one self-contained file.
 CHECKER = f"{PACKAGE}.analysis.check_proof"
 
 
@@ -68,30 +68,30 @@ def imports(name):
     return found - {name, FROM_ABOVE[1] if name == FROM_ABOVE[0] else name}
 
 
-def floor(name):
-    """The floor of a module; -1 for tools, None for the root of the package."""
+def layer(name):
+    """The layer of a module; -1 for tools, None for the root of the package."""
     if name == PACKAGE:
         return None
-    room = name.split(".")[1]
-    if room.startswith("_") and room != "__main__":
+    part = name.split(".")[1]
+    if part.startswith("_") and part != "__main__":
         return -1
-    return next(i for i, rooms in enumerate(FLOORS) if room in rooms)
+    return next(i for i, parts in enumerate(LAYERS) if part in parts)
 
 
-def test_every_room_has_a_floor():
+def test_every_module_has_a_layer():
     assert len(MODULES) > 100
     for name in MODULES:
-        floor(name)
+        layer(name)
 
 
-@pytest.mark.parametrize("name", sorted(n for n in MODULES if floor(n) is not None))
-def test_floors(name):
-    """Nothing imports from above, and tools import tools alone."""
+@pytest.mark.parametrize("name", sorted(n for n in MODULES if layer(n) is not None))
+def test_layers(name):
+    """No module imports from a higher layer, and tools import only tools."""
     for other in imports(name):
         if other == PACKAGE:
-            assert name.split(".")[1] in ABOVE, "nothing below imports the face"
+            assert name.split(".")[1] in ABOVE, "lower layers must not import the package"
         else:
-            assert floor(other) <= floor(name), f"{name} imports {other}"
+            assert layer(other) <= layer(name), f"{name} imports {other}"
 
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts a process of its own")
@@ -105,13 +105,13 @@ def test_what_a_static_solve_does_not_need_is_not_loaded():
     assert f"{PACKAGE}.proofs" in loaded
     above = ("analysis", "evolution", "io", "plot", "records")
     strategies = ("algorithms", "continuation", "reduced")
-    late = [f"{PACKAGE}.{room}" for room in (*above, *strategies)]
+    late = [f"{PACKAGE}.{part}" for part in (*above, *strategies)]
     late += [f"scipy.{name}" for name in SCIPY]
     assert not [name for name in loaded if name.startswith(tuple(late))]
     assert len([name for name in loaded if name.split(".")[0] == PACKAGE]) <= 100
 
 
-def test_no_circle():
+def test_no_import_cycle():
     left = {name: imports(name) for name in MODULES}
     while True:
         free = [name for name, needs in left.items() if not needs & set(left)]
@@ -170,14 +170,14 @@ def test_what_ranks_run_is_there():
         assert path.stem in EVERY_CASE or needed <= named, path.stem
 
 
-def test_the_page_on_the_house_names_what_is_there():
-    text = (ROOT.parent / "docs" / "house.md").read_text()
+def test_page_on_the_architecture_names_existing_files():
+    text = (ROOT.parent / "docs" / "architecture.md").read_text()
     named = re.findall(r"`([a-z_]+(?:/[a-z_]*)*(?:\.py)?)`", text)
     paths = {name for name in named if "/" in name or name.endswith(".py")}
     missing = [p for p in paths if not ((ROOT / p).exists() or (ROOT.parent / p).exists())]
     assert not missing
-    rooms = {p.name for p in ROOT.iterdir() if (p / "__init__.py").exists()} - {"output"}
-    assert not [room for room in rooms if f"`{room}/`" not in text]
+    folders = {p.name for p in ROOT.iterdir() if (p / "__init__.py").exists()} - {"output"}
+    assert not [folder for folder in folders if f"`{folder}/`" not in text]
 
 
 #: What users see of the classes that they hold (`help`): a new name is added here on purpose.
@@ -212,8 +212,8 @@ def test_what_users_see_of_a_class(name):
     assert not [n for n in hidden if re.search(rf"^ \|  {n}(\(|$)", text, re.MULTILINE)]
 
 
-def test_rooms_use_no_private_members_of_surfaces():
-    """What other rooms need of a surface has no underscore (`ReadOnly._listed` hides it)."""
+def test_private_members_of_surfaces_are_used_by_points_alone():
+    """Members that other layers need have no underscore (`ReadOnly._listed` hides it)."""
     for name, file in MODULES.items():
         if not name.startswith(f"{PACKAGE}.points"):
             found = re.findall(r"\b(?:s|surface|pair)\._[a-z]\w*", file.read_text())
