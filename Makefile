@@ -74,9 +74,12 @@ packages:
 attacks-sample:
 	$(RUN) $(ATTACKS) --sample
 
+# A sample of these tests is among those of `make test`.
 attacks:
 	$(RUN) $(ATTACKS)
 	$(RUN) mpirun -n 2 $(ATTACKS)
+	$(RUN) $(PYTEST)/adversarial --adversarial --numprocesses 2 --dist worksteal
+	$(RUN) mpirun -n 2 $(PYTEST)/adversarial --adversarial
 
 test-long:
 	$(RUN) $(PYTEST) --long --numprocesses 2 --dist worksteal

@@ -3,6 +3,7 @@
 import os
 import sys
 from importlib.util import find_spec
+from pathlib import Path
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -22,6 +23,12 @@ NOT_ON_WHEEL = {
 }
 
 
+#: Standard error as it was before pytest captured it, for reports of hangs.
+STDERR = os.fdopen(os.dup(2), "w")
+#: Folder of the adversarial tests, of which a sample runs by default.
+ADVERSARIAL = Path(__file__).parent / "adversarial"
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config):
     if COMM.rank > 0:
@@ -32,10 +39,15 @@ def pytest_configure(config):
 
 def pytest_addoption(parser):
     parser.addoption("--long", action="store_true", help="run the tests that take long as well")
+    parser.addoption(
+        "--adversarial", action="store_true", help="run all adversarial tests, not only a sample"
+    )
 
 
 def pytest_ignore_collect(collection_path, config):
     """Files of which several ranks run nothing are not read there."""
+    if ADVERSARIAL in collection_path.parents:
+        return None if COMM.size <= 2 else True
     if config.getoption("--long") or collection_path.suffix != ".py":
         return None
     return None if _on_ranks(collection_path.stem) else True
@@ -55,12 +67,15 @@ def pytest_collection_modifyitems(config, items):
             why = NOT_ON_WHEEL.get(item.originalname)
             if why:
                 item.add_marker(pytest.mark.skip(reason=why))
+    _select_sample(config, items)
     if config.getoption("--long"):
         return
     cases = {}
     golden = []
     left_out = _beside_each_value(items)
     for item in items:
+        if ADVERSARIAL in item.path.parents:
+            continue
         if item in left_out:
             item.add_marker(
                 pytest.mark.skip(reason="its values are in other cases: --long runs it")
@@ -84,6 +99,19 @@ def pytest_collection_modifyitems(config, items):
     for repeated in cases.values():
         for item in repeated[:-1] if COMM.size == 2 else repeated[1:]:
             item.add_marker(pytest.mark.skip(reason="another case runs on so many ranks"))
+
+
+def _select_sample(config, items):
+    """Deselect adversarial tests that are not in the sample, unless all of them are asked for."""
+    if config.getoption("--adversarial"):
+        return
+    left_out = [
+        item
+        for item in items
+        if ADVERSARIAL in item.path.parents and not item.get_closest_marker("sample")
+    ]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if item not in set(left_out)]
 
 
 def _beside_each_value(items):

@@ -1,0 +1,1 @@
+"""Small contact problems and comparisons that several test modules share."""
