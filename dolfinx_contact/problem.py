@@ -138,8 +138,8 @@ class ContactProblem(ReadOnly):
     Args:
         bulk: UFL energy (a functional of ``u``) or residual (linear in a test function of the space
             of ``u``) of the body, without contact terms. Its residual may have kinks in ``u``, as
-            that of ``max_value(u[0], 0)**2``: it is solved, not proved or followed. It must not
-            jump, as that of ``abs(u[0])``: friction is a law of a surface.
+            that of ``max_value(u[0], 0)**2``: it is solved, not proved or followed. A residual that
+            jumps, as that of ``abs(u[0])``, has in general no root: friction is a law of a surface.
         u: displacement.
         surfaces: contact surfaces of this body, each made with ``u``.
         bcs: Dirichlet conditions on the space of ``u`` or its components.
@@ -159,8 +159,8 @@ class ContactProblem(ReadOnly):
     Raises:
         ValueError: on every rank, if the arguments do not fit together, something is of another
             mesh, arguments differ between ranks, contact nodes are all clamped, a mesh coordinate
-            is not finite, a cell has no volume, the bulk jumps in ``u``, or surfaces and materials
-            are not all axisymmetric or all plane.
+            is not finite, a cell has no volume, or surfaces and materials are not all axisymmetric
+            or all plane.
         AttributeError: where attributes or lists are changed afterwards.
         RuntimeError: if PETSc has complex scalars.
 

@@ -5,22 +5,19 @@ A residual that is affine in the displacement (by what it is made of, `_affine`)
 and f that change only when the user's data do. Both are kept, and thrown away when a coefficient, a
 Constant or the mesh differs from what it was.
 
-One that is continuous with kinks is nonlinear, and its derivative that of the side at which a state
-is: Newton's method is semismooth there, as it is for contact. One that jumps has in general no root
-that Newton's method could find, and is refused: friction is a law of a surface. So is a Function
-of a discontinuous space where a continuous one is meant.
+A residual with kinks is nonlinear, and its derivative is that of the side at which a state lies:
+Newton's method is semismooth there, as it is for contact. A residual that jumps has in general no
+root that Newton's method could find: friction is a law of a surface.
 """
 
 from __future__ import annotations
 
-import logging
 import time
 import zlib
 from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property, partial
 from typing import Any, TypeVar
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -29,10 +26,8 @@ import numpy.typing as npt
 import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, la
-from ufl.algorithms import expand_derivatives, extract_coefficients
-from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact._affine import dependence, has_branches, is_affine, jumps_in
+from dolfinx_contact._affine import dependence, has_branches, is_affine
 from dolfinx_contact._forms import Content, content_of, derived_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
@@ -40,14 +35,13 @@ from dolfinx_contact._shared import SharedValues, anywhere
 from dolfinx_contact.body.quadrature import EstimatedRule, estimated_rule
 from dolfinx_contact.materials import materials_in
 
-__all__ = ["Bulk", "check_jumps"]
+__all__ = ["Bulk"]
 
 Array = npt.NDArray[np.float64]
 
 _PRODUCTS = 2  # that are timed
 _NOWHERE: tuple[Array, Array] = (np.empty(0), np.empty(0))
 _Fact = TypeVar("_Fact")
-logger = logging.getLogger(__name__)
 
 
 class Bulk:
@@ -71,11 +65,10 @@ class Bulk:
         residual_form, jacobian_form: compiled.
         jacobian_constants: Constants of the stiffness.
         linear: whether the residual is affine in ``u``.
-        kinks: what makes it one with kinks in ``u``, in words; "" if it is none.
+        kinks: parts of the form with kinks or jumps in ``u``, as text; "" if there are none.
 
     Raises:
-        ValueError: on every rank, if ``form`` is neither an energy nor a residual of ``u``, or it
-            jumps where ``u`` changes.
+        ValueError: on every rank, if ``form`` is neither an energy nor a residual of ``u``.
     """
 
     #: Whether motions are resisted by mass.
@@ -98,23 +91,20 @@ class Bulk:
         constants = form.constants() if content is None else content.constants
         self.functions = sorted((own if f is u else f for f in functions), key=lambda f: f.count())
         self.constants = sorted(constants, key=lambda c: c.count())
-        if not all(_is_continuous(f) for f in self.functions):
-            check_jumps(self.residual, self.comm)
         self.residual_form = self._derived("residual", lambda: self.residual, 1)
         self.jacobian_form = self._derived("Jacobian", lambda: self._derivative, 2)
         self._energy_form: fem.Form | None = None
         coefficients, self.jacobian_constants = self._given_in_derivative()
-        # Without branches the derivative alone decides, which is known already.
-        branches = self._fact("branches", lambda: bool(self._branching))
-        smooth = not branches or is_affine(self.residual, own)
-        self.linear: bool = not any(f is own for f in coefficients) and smooth
+        # Without branches the derivative alone decides, which is known already. The derivative of
+        # an energy that jumps has no term of the jump, so that the form itself is asked as well.
+        branches = self._fact("branches", lambda: has_branches(self._form))
         self.kinks = dependence(self._form, own).text_of_kinks if branches else ""
-        self._smooth_mark: int | None = None
+        smooth = not branches or (not self.kinks and is_affine(self.residual, own))
+        self.linear: bool = not any(f is own for f in coefficients) and smooth
         self._data = [*coefficients, *self.jacobian_constants]
         self._others = [f for f in self.functions if f is not own]
         self.update_ghosts()
         self._loads = [*self._others, *self.constants]
-        self.require_continuous()
         self._owned = self._V.dofmap.index_map.size_local * self._V.dofmap.index_map_bs
         self._rows = SharedValues(self._V.dofmap.index_map)
         self._K: PETSc.Mat | None = None
@@ -160,11 +150,6 @@ class Bulk:
             return None
         find = partial(estimated_rule, self._derivative, self._V)
         return self._fact("the rule of the Jacobian", find)
-
-    @cached_property
-    def _branching(self) -> list[ufl.Form]:
-        """The user's form and the residual, those of them that have branches."""
-        return [f for f in _different(self._form, self.residual) if has_branches(f)]
 
     def _derived(self, what: str, make: Callable[[], ufl.Form], rank: int) -> fem.Form:
         """One of the forms of this body, compiled. Collective."""
@@ -215,29 +200,6 @@ class Bulk:
         for f in self._others:
             f.x.scatter_forward()
         self._others_mark = _checksum(self._others)
-
-    def require_continuous(self) -> None:
-        """Raise ``ValueError`` if the form jumps in ``u`` with the data as they are. Collective."""
-        if not self.kinks:
-            return
-        mark = self._mark(self._loads)
-        if self._smooth_mark is not None and self._same(mark, self._smooth_mark):
-            return
-        jumps = [jump for form in self._branching for jump in jumps_in(form, self.displacement)]
-        certain = [jump for jump in jumps if jump.decided]
-        if certain:
-            raise ValueError(
-                f"the bulk jumps in u where {certain[0].text} changes, by {self.kinks}: Newton's "
-                "method has in general no root of it; friction, or a threshold, on a face is a law "
-                "of a contact surface there, as Tresca"
-            )
-        if jumps:
-            raise ValueError(
-                f"the bulk has kinks in u, by {self.kinks}, and it is not decided whether it jumps "
-                f"where {jumps[0].text} changes: no values of u were found at which it does; write "
-                "it without that condition"
-            )
-        self._smooth_mark = mark
 
     def energy_at(self, u: npt.NDArray[np.float64]) -> float | None:
         """The energy that the user gave; None if it was a residual. Collective."""
@@ -465,11 +427,6 @@ def _vanishes(form: ufl.Form, u: fem.Function) -> bool:
     return bool(ufl.replace(form, {u: none}).empty())
 
 
-def _different(form: ufl.Form, residual: ufl.Form) -> list[ufl.Form]:
-    """The user's form, and the residual if that is another."""
-    return [form] if form is residual else [form, residual]
-
-
 def _seconds_of_product(K: PETSc.Mat) -> float:
     """The least of some products. Collective."""
     x, y = K.createVecs()
@@ -496,58 +453,3 @@ def _require_bulk(bulk: ufl.Form, content: Content | None, u: fem.Function) -> N
             "the bulk must be an energy (no test function) or a residual with one test function of "
             "the space of the displacement"
         )
-
-
-def check_jumps(form: ufl.Form, comm: MPI.Comm) -> None:
-    """Look for Functions whose jumps from cell to cell a form leaves out. Not collective.
-
-    Of a gradient of one that is nowhere on interior facets it warns: there the derivative of the
-    jumps is missing.
-
-    Args:
-        form: energy or residual.
-        comm: of the ranks, of which one warns.
-
-    Raises:
-        ValueError: if one occurs on interior facets without a side.
-    """
-    if all(_is_continuous(f) for f in form.coefficients()):
-        return
-    inside = [i.integrand() for i in form.integrals_by_type("interior_facet")]
-    without = sorted(f.name for e in inside for f in _without_side(e))
-    if without:
-        raise ValueError(
-            f"the Function {without[0]!r} has two values on interior facets (dS), being of a "
-            "discontinuous space: say which, f('+'), f('-') or avg(f), or take a continuous one"
-        )
-    beside = {f for e in inside for f in extract_coefficients(e)}
-    lost = sorted(f.name for f in _differentiated(form) if f not in beside)
-    if lost and comm.rank == 0:
-        logger.warning(
-            "the form takes the gradient of the Function %r, of a discontinuous space: what it "
-            "jumps from cell to cell is left out; take a continuous one",
-            lost[0],
-        )
-
-
-def _without_side(e: Any) -> set[fem.Function]:
-    """Functions of discontinuous spaces outside of restrictions to a side."""
-    if isinstance(e, ufl.classes.Restricted):
-        return set()
-    if isinstance(e, ufl.classes.Coefficient):
-        return set() if _is_continuous(e) else {e}
-    return {f for part in e.ufl_operands for f in _without_side(part)}
-
-
-def _differentiated(form: ufl.Form) -> set[fem.Function]:
-    """Functions of discontinuous spaces whose gradient is taken."""
-    found = set()
-    for integral in expand_derivatives(form).integrals():
-        for node in unique_pre_traversal(integral.integrand()):
-            if isinstance(node, ufl.classes.Grad):
-                found |= {f for f in extract_coefficients(node) if not _is_continuous(f)}
-    return found
-
-
-def _is_continuous(f: fem.Function) -> bool:
-    return f.ufl_function_space().ufl_element() in ufl.H1

@@ -214,10 +214,6 @@ class MovingBody:
         """As `Bulk.update_ghosts`. Collective."""
         self.body.update_ghosts()
 
-    def require_continuous(self) -> None:
-        """As `Bulk.require_continuous`. Collective."""
-        self.body.require_continuous()
-
     def energy_at(self, w: Array) -> float | None:
         """The energy that the user gave at u_1; None if it was a residual. Collective."""
         return self.body.energy_at(self.step.displacement(w, self._origin))

@@ -151,7 +151,8 @@ def solve(
         return turned, attempts
     if floating is not None and attempts[0].reason == str(floating):
         raise FloatingBodyError(str(floating), attempts)
-    raise ConvergenceError(_diagnosis(attempts, _doubt_of_stiffness(equations)), attempts)
+    doubts = [_doubt_of_stiffness(equations), _doubt_of_kinks(equations)]
+    raise ConvergenceError(_diagnosis(attempts, [d for d in doubts if d]), attempts)
 
 
 def _log_failure(attempt: Attempt, *, floated: bool, brief: bool) -> None:
@@ -195,7 +196,6 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     same_everywhere(eq.comm, "data of the problem", Constants=_given_numbers(eq))
     eq.require_same_mesh()
     check_moduli(eq)
-    eq.bulk.require_continuous()
     eq.refresh()
     eq.require_memory(eq.memory)
     for s in eq.surfaces:
@@ -274,8 +274,19 @@ def _doubt_of_stiffness(eq: ContactEquations) -> str:
     )
 
 
-def _diagnosis(attempts: list[Attempt], doubt: str) -> str:
-    lines = ["the contact problem was not solved:", *([doubt] if doubt else [])]
+def _doubt_of_kinks(eq: ContactEquations) -> str:
+    """A possible cause of non-convergence: a bulk that jumps where a kink changes sides."""
+    if not eq.bulk.kinks:
+        return ""
+    return (
+        f"the bulk has kinks in u, by {eq.bulk.kinks}: if its residual jumps there, it has in "
+        "general no root, and friction or a threshold on a face must be a law of a contact surface "
+        "instead, such as Tresca"
+    )
+
+
+def _diagnosis(attempts: list[Attempt], doubts: list[str]) -> str:
+    lines = ["the contact problem was not solved:", *doubts]
     for a in attempts:
         worst = f", residual {a.steps[-1].measures.worst:.2g}" if a.steps else ""
         lines.append(f"- {a.strategy}: {a.reason} ({a.iterations} iterations{worst})")
