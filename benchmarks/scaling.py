@@ -65,7 +65,7 @@ def surface_seconds(args, n, comm):
     problem = elasticity_ratio.contact_problem(args, Timer(comm), *body)
     problem.petsc_options["linear_solver"] = "amg"
     solver = problem.linear_solver
-    solver.operator.update(problem.state())
+    solver.operator.update(problem.evaluate())
 
     def factorise():
         timer = Timer(comm)

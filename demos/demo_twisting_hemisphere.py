@@ -151,7 +151,7 @@ class Rim:
 
     def held_by(self, problem):
         """Force down and torque about the vertical axis, by which it is held. Collective."""
-        reactions = problem.state().reactions.reshape(-1, 3)
+        reactions = problem.evaluate().reactions.reshape(-1, 3)
         mine = self.dofs[self.dofs < len(reactions)]
         arm = self.start[mine] + self.at.x.array.reshape(-1, 3)[mine]
         force = reactions[mine]

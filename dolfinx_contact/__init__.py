@@ -19,6 +19,7 @@ require_dolfinx("petsc4py", "dolfinx")
 
 from dolfinx_contact import materials, obstacles
 from dolfinx_contact._petsc import parse_arguments
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import (
     Coulomb,
     Frictionless,
@@ -68,6 +69,7 @@ __all__ = [
     "RigidSurface",
     "SelfContact",
     "Sphere",
+    "State",
     "Tresca",
     "materials",
     "obstacles",

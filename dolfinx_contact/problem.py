@@ -6,6 +6,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import replace
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
@@ -41,6 +42,7 @@ from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.given_data import GivenData, mark_of_data, note_put, was_put
+from dolfinx_contact.equations.state import LastWrite, State
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.revolution import axis_condition
@@ -124,8 +126,8 @@ def _described(a: Arguments) -> dict[str, Any]:
 class ContactProblem(ReadOnly):
     """Static equilibrium of a body with unilateral contact and friction on some surfaces.
 
-    The displacement, the multipliers and the statuses of the surfaces are read when a solve begins
-    and written when it has found a solution; nothing else touches them.
+    The displacement and the multipliers are read when a solve begins and written when it has found
+    a solution; nothing else touches them.
 
     In a body of revolution (``axisymmetric=True`` in all surfaces) the problem multiplies every
     integral of ``bulk``, over cells and facets, by 2 pi r: integrands are per volume or area, and
@@ -182,17 +184,19 @@ class ContactProblem(ReadOnly):
         "contact_fields",
         "create_vector",
         "destroy",
+        "evaluate",
         "fields",
         "linear_solver",
         "put",
         "read",
         "reduced",
         "residual",
+        "restore",
         "restored",
         "rigid_bodies",
+        "snapshot",
         "solve",
         "solver",
-        "state",
         "support_forces",
         "table",
         "write",
@@ -242,6 +246,8 @@ class ContactProblem(ReadOnly):
         self.bcs = ReadOnlyList(self.bcs, "Dirichlet conditions of a problem", _CONDITIONS)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
+        #: Shared by the problems of steps, which write the same Functions.
+        self._written = LastWrite(self.comm)
         #: In a run, the surfaces of which a warning has been logged, each with its kind.
         self._warned: set[tuple[str, str]] | None = None
         #: What surfaces remembered in a solve of which a warning has been logged.
@@ -289,23 +295,106 @@ class ContactProblem(ReadOnly):
         self.equations.put([f.x.array for f in self.fields], rigid.given, x)
 
     def put(self, x: PETSc.Vec, statuses: Statuses) -> None:
-        """Put a state into the Functions and the statuses of the surfaces. Collective."""
+        """Put unknowns with their statuses into the Functions and the rigid bodies. Collective."""
         self.read(x)
-        for s, codes in zip(self.surfaces, statuses, strict=True):
-            s.statuses = np.array(codes, dtype=np.int8)
+        self.note_statuses(statuses)
+
+    def _owned_values(self) -> npt.NDArray[np.float64]:
+        """Owned values of all unknowns, in the user's units (n,). Not collective."""
+        sizes = self.equations.owned_sizes
+        parts = [f.x.array[:n] for f, n in zip(self.fields, sizes, strict=False)]
+        return np.concatenate([*parts, self.equations.rigid.given])
+
+    def note_statuses(self, statuses: Statuses) -> None:
+        """Store the statuses of the unknowns as they are. Not collective."""
+        self._written.note(self._owned_values(), statuses)
+
+    @property
+    def statuses(self) -> Statuses:
+        """Statuses of the state in the Functions. Collective."""
+        written = self.written_statuses
+        if written is not None:
+            return written
+        x = self.create_vector()
+        self.write(x)
+        found = self.equations.contact(x).statuses
+        x.destroy()
+        return found
+
+    @property
+    def written_statuses(self) -> Statuses | None:
+        """Statuses of the last write; None if the unknowns have changed since. Collective."""
+        return self._written.statuses_at(self._owned_values())
+
+    def snapshot(self) -> State:
+        """Return the state in the Functions and the rigid bodies as a frozen value. Collective.
+
+        Its statuses are those of the last solution if the Functions have not changed since;
+        otherwise displacement and multipliers determine them.
+        """
+        x = self.create_vector()
+        self.write(x)
+        evaluation = self.equations.contact(x, self.written_statuses)
+        state = self.state_of(x, evaluation)
+        x.destroy()
+        return state
+
+    def state_of(self, x: PETSc.Vec, evaluation: Evaluation) -> State:
+        """The state of unknowns and their evaluation. Collective."""
+        eq = self.equations
+        multipliers = []
+        for s, owned in zip(self.surfaces, eq.fields(x)[1:], strict=True):
+            f = fem.Function(s.points.Q)
+            f.x.array[: len(owned)] = owned
+            f.x.scatter_forward()
+            multipliers.append(f.x.array)
+        return State(
+            displacement=evaluation.u,
+            multipliers=tuple(multipliers),
+            statuses=tuple(evaluation.statuses),
+            motions=tuple(eq.rigid.of_body(evaluation.q, b) for b in self.rigid_bodies),
+            memory=eq.advanced(evaluation),
+            previous=eq.memory,
+        )
+
+    def restore(self, state: State) -> None:
+        """Put a state into the Functions and the rigid bodies, bit by bit. Collective.
+
+        Raises:
+            ValueError: on every rank, if the state is not one of this problem.
+        """
+        self._require_state(state)
+        for f, values in zip(self.fields, (state.displacement, *state.multipliers), strict=True):
+            f.x.array[:] = values
+        for body, motion in zip(self.rigid_bodies, state.motions, strict=True):
+            body.values = motion.copy()
+        self.note_statuses(state.statuses)
+
+    def _require_state(self, state: State) -> None:
+        """Raise ``ValueError`` if a state has other unknowns than this problem. Collective."""
+        fits = isinstance(state, State) and (
+            [len(v) for v in (state.displacement, *state.multipliers, *state.motions)]
+            == [
+                *(len(f.x.array) for f in self.fields),
+                *(len(body.values) for body in self.rigid_bodies),
+            ]
+            and [len(v) for v in state.statuses] == [s.points.number for s in self.surfaces]
+        )
+        words = "a State of this problem on the same number of ranks"
+        require(self.comm, fits, f"state must be {words}; got {type(state).__name__}")
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
         """Put Functions and statuses back if the context raises.
 
         Args:
-            always: also if it does not.
+            always: whether to put them back also if it does not raise.
         """
         before = [f.x.array.copy() for f in self.fields]
-        statuses = [s.statuses for s in self.surfaces]
-        done = False
         motions = self.equations.rigid.given
+        written = copy(self._written)
         known = [f for f in (*self.fields, *self.rigid_bodies) if was_put(f)]
+        done = False
         try:
             yield
             done = not always
@@ -313,9 +402,8 @@ class ContactProblem(ReadOnly):
             if not done:
                 for f, values in zip(self.fields, before, strict=True):
                     f.x.array[:] = values
-                for s, codes in zip(self.surfaces, statuses, strict=True):
-                    s.statuses = codes
                 self.equations.rigid.show(motions)
+                vars(self._written).update(vars(written))
                 note_put(*known)
 
     # -- H ---------------------------------------------------------------------------------------
@@ -324,15 +412,45 @@ class ContactProblem(ReadOnly):
         """H(x) into ``b``, and what was found; see `ContactEquations.residual`. Collective."""
         return self.equations.residual(x, b, statuses)
 
-    def state(self, statuses: Statuses | None = None) -> Evaluation:
-        """The state in the Functions, by statuses, by default those of the surfaces. Collective."""
+    def evaluate(self, state: State | None = None, statuses: Statuses | None = None) -> Evaluation:
+        """Evaluate H at a state. Collective.
+
+        Args:
+            state: state to evaluate; by default the Functions as they are.
+            statuses: statuses with which the laws are evaluated; by default those of the state.
+        """
         x = self.create_vector()
         b = self.create_vector()
-        self.write(x)
-        known = [s.statuses for s in self.surfaces] if statuses is None else statuses
-        state = self.equations.residual(x, b, known)
+        with self.at(state) as problem:
+            problem.write(x)
+            known = problem.written_statuses if statuses is None else statuses
+            found = problem.equations.residual(x, b, known)
         x.destroy(), b.destroy()
-        return state
+        return found
+
+    @contextmanager
+    def at(self, state: State | None) -> Iterator[ContactProblem]:
+        """Show a state in the Functions within the context, under the law of its step. Collective.
+
+        Afterwards the Functions are as they were.
+
+        Args:
+            state: state to show; by default the Functions as they are, under the present law.
+
+        Yields:
+            The problem whose equations have the memory of the step that ended in the state.
+        """
+        if state is None:
+            yield self
+            return
+        memory = self.equations.memory
+        with self.restored(always=True):
+            self.restore(state)
+            self.equations.remember(state.previous)
+            try:
+                yield self
+            finally:
+                self.equations.remember(memory)
 
     @property
     def solver(self) -> PETSc.SNES:
@@ -366,15 +484,23 @@ class ContactProblem(ReadOnly):
         """What solves for Newton steps; it lasts as long as the problem. Collective."""
         return self._linear()
 
-    def table(self, s: ContactSurface) -> ContactTable:
-        """The contact points of ``s`` at the state in the Functions. Collective."""
-        self._require_mine(s)
-        state = self.state()
-        number = self.surfaces.index(s)
-        return contact_table(self.equations, number, state, support_at_nodes(self.equations, state))
+    def table(self, s: ContactSurface, *, state: State | None = None) -> ContactTable:
+        """Tabulate the contact points of a surface. Collective.
 
-    def contact_fields(self, s: ContactSurface) -> dict[str, fem.Function]:
-        """Pressure, shear, gap, ... on ``s`` at the state in the Functions. Collective.
+        Args:
+            s: surface of this problem.
+            state: state to evaluate; by default the Functions as they are.
+        """
+        self._require_mine(s)
+        with self.at(state) as problem:
+            eq = problem.equations
+            found = problem.evaluate()
+            return contact_table(eq, self.surfaces.index(s), found, support_at_nodes(eq, found))
+
+    def contact_fields(
+        self, s: ContactSurface, *, state: State | None = None
+    ) -> dict[str, fem.Function]:
+        """Return pressure, shear, gap, ... on a surface as Functions. Collective.
 
         They are Functions of their own, continuous and linear, on the mesh of the surface alone
         (``s.submesh.mesh``): forms on that mesh integrate them, `io.write_fields` writes them.
@@ -384,7 +510,8 @@ class ContactProblem(ReadOnly):
         vanishes with the mesh size).
 
         Args:
-            s: one of the surfaces.
+            s: surface of this problem.
+            state: state to evaluate; by default the Functions as they are.
 
         Returns:
             By name: ``displacement``; ``traction``, that of contact on the body, a vector, with its
@@ -396,7 +523,7 @@ class ContactProblem(ReadOnly):
             of a vertex; and the variables of laws, as ``beta``, the intensity of adhesion.
 
         Raises:
-            ValueError: if ``s`` is no surface of the problem.
+            ValueError: if ``s`` is not a surface of the problem.
 
         Example:
             The mean of the pressure where x < 1/2::
@@ -413,12 +540,23 @@ class ContactProblem(ReadOnly):
         from dolfinx_contact.results.fields import contact_fields
 
         self._require_mine(s)
-        return contact_fields(self.equations, self.surfaces.index(s), self.support_forces(s))
+        with self.at(state) as problem:
+            return contact_fields(problem.equations, self.surfaces.index(s), problem.evaluate())
 
-    def support_forces(self, s: ContactSurface) -> npt.NDArray[np.float64]:
-        """Reactions of Dirichlet data on the body at the local vertices of ``s``. Collective."""
+    def support_forces(
+        self, s: ContactSurface, *, state: State | None = None
+    ) -> npt.NDArray[np.float64]:
+        """Reactions of Dirichlet data on the body at the local vertices of a surface. Collective.
+
+        Args:
+            s: surface of this problem.
+            state: state to evaluate; by default the Functions as they are.
+
+        Returns:
+            Forces (vertices, dim).
+        """
         self._require_mine(s)
-        reactions = support_at_nodes(self.equations, self.state())
+        reactions = support_at_nodes(self.equations, self.evaluate(state))
         return forces_at_vertices(self.V, s.submesh, s.points.vertex_trace_dofs, reactions)
 
     def _require_mine(self, s: ContactSurface) -> None:

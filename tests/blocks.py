@@ -1,5 +1,7 @@
 """Small contact problems that many tests share."""
 
+from dataclasses import replace
+
 from mpi4py import MPI
 
 import numpy as np
@@ -111,3 +113,10 @@ def same_tables(a, b, tolerance=1e-9):
     np.testing.assert_allclose(a.un, b.un, rtol=0, atol=tolerance * length)
     np.testing.assert_allclose(a.ut, b.ut, rtol=0, atol=tolerance * length)
     assert a.status == b.status
+
+
+def restore_statuses(problem, *codes):
+    """Restore the state in the Functions with other statuses, one array or number a surface."""
+    state = problem.snapshot()
+    held = [np.full(len(s), c, dtype=np.int8) for s, c in zip(state.statuses, codes, strict=True)]
+    problem.restore(replace(state, statuses=tuple(held)))

@@ -372,6 +372,7 @@ ON_TWO = {
     "test_solutions": ("bad_input", "what_was_not_found_is_said"),
     "test_special_curves": ("what_is_refused",),
     "test_spins": ("on_any_number_of_ranks", "one_of_two_bodies_on_a_floor_spins"),
+    "test_state": ("restore_is_exact", "a_state_of_another_problem", "evaluators_at_a_state"),
     "test_stability": (
         *("stuck_neighbours", "few_eigenproblems", "3d", "bad_input"),
         *("damping_that_feeds_in_energy",),

@@ -164,7 +164,7 @@ def test_forces_balance():
     problem = block(cell="tet", n=4)
     result = problem.solve()
     fixed = problem.equations.constraints.fixed[: problem.V.dofmap.index_map.size_local]
-    reactions = problem.state().reactions.reshape(-1, 3) * fixed
+    reactions = problem.evaluate().reactions.reshape(-1, 3) * fixed
     total = COMM.allreduce(reactions.sum(axis=0)) + result.resultants["contact"]
     assert np.abs(total).max() < 1e-9 * result.tables["contact"].rn.sum()
 

@@ -35,7 +35,7 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.points.vertex_state import vertex_state
+from dolfinx_contact.results.fields import vertex_state
 
 COMM = MPI.COMM_WORLD
 PHI = {
@@ -464,7 +464,8 @@ def soft_contact(kind, law):
         problem = block(cell=kind, n=3, law=law, options=options)
     (surface,) = problem.surfaces
     (table,) = problem.solve().tables.values()
-    shown = np.concatenate(COMM.allgather(vertex_state(surface)["bound"]))
+    at_vertices = vertex_state(problem.equations, 0, problem.evaluate())
+    shown = np.concatenate(COMM.allgather(at_vertices["bound"]))
     assert shown.max() == pytest.approx((table.bound / table.area).max(), rel=1e-10)
     return table
 

@@ -12,6 +12,7 @@ import pytest
 import scipy.linalg
 import scipy.sparse
 from _triangle import linear_triangle
+from blocks import restore_statuses
 from demo_critical_friction import main as demo
 
 import ufl
@@ -247,10 +248,9 @@ def test_of_a_solution():
     """Of a solution in full slip to the right: the uniform field, and F of the other sign."""
     problem = leaning(4)
     uniform = critical_friction(problem)
-    s = problem.surfaces[0]
-    s.statuses[:] = 2
+    restore_statuses(problem, 2)
     assert critical_friction(problem, "solution").friction == pytest.approx(uniform.friction)
-    s.statuses[:] = 3
+    restore_statuses(problem, 3)
     assert critical_friction(problem, "solution").friction == pytest.approx(-uniform.friction)
 
 
@@ -259,7 +259,7 @@ def test_stuck_and_open_points_of_a_solution():
     problem = leaning(4)
     s = problem.surfaces[0]
     x = s.positions[:, 0]
-    s.statuses[:] = np.where(x < 0.1, 0, np.where(x > 0.9, 1, 2))
+    restore_statuses(problem, np.where(x < 0.1, 0, np.where(x > 0.9, 1, 2)))
     found = critical_friction(problem, "solution")
     np.testing.assert_allclose(found.positions[:, 0], [0.25, 0.5, 0.75])
     if COMM.size == 1:
@@ -804,7 +804,7 @@ def test_slips_of_both_signs_bring_continua(which):
         friction.value = coefficient
         u.x.array[:] = slid.x.array + part * motion
         floor.multiplier.x.array[:] = np.tile(pushed.value, len(places)) + part * forces
-        floor.statuses[:] = MINUS if F > 0 else PLUS
+        restore_statuses(problem, MINUS if F > 0 else PLUS)
         start = u.x.array.copy()
         result = problem.solve()
         stays = np.allclose(u.x.array, start, rtol=0, atol=1e-12)

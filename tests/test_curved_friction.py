@@ -404,8 +404,8 @@ def test_turned(shape, method, angle):
     block_on.run(pressed_and_led, [0.0, 0.5, 1.0, 1.5, 2.0])
     problem, u = block_on.problem, block_on.u
     # Held where it is, for a step; then turned in that same step.
-    problem.equations.remember(problem.equations.advanced(problem.state()))
-    still = problem.solve(expected=[problem.state().statuses])
+    problem.equations.remember(problem.equations.advanced(problem.evaluate()))
+    still = problem.solve(expected=[problem.evaluate().statuses])
     assert still.tables["contact"].letters.tolist().count("k") > 1
     before = u.x.array.reshape(-1, dim).copy()
     tractions = block_on.surface.multiplier.x.array.reshape(-1, dim).copy()
@@ -417,7 +417,7 @@ def test_turned(shape, method, angle):
     u.x.array[:] = turned.reshape(-1)
     block_on.surface.multiplier.x.array[:] = (tractions @ Q.T).reshape(-1)
     body.values = body.numbers()
-    found = problem.state()
+    found = problem.evaluate()
     for rows in found.rows:
         assert np.abs(rows).max(initial=0.0) < 1e-9 * 1000.0
     # From another start, where the body still has all the way to turn.

@@ -701,7 +701,7 @@ def test_bad_input():
     with pytest.raises(ValueError, match="another mesh"):
         other.equations.remember([])
     with pytest.raises(ValueError, match="expected statuses"):
-        other.solve(expected=[[s.statuses for s in problem.surfaces]])
+        other.solve(expected=[problem.statuses])
 
 
 def test_a_load_that_fails_on_one_rank():
@@ -764,8 +764,7 @@ def test_several_solutions_of_the_rate_problem(follow_rays):
     # The problem stands where the evolution that was asked for does.
     assert g.value == pytest.approx(2.1)
     assert all(s.result.counts["stick"] == 1 for s in history.steps)
-    (surface,) = problem.surfaces
-    assert (surface.statuses == 1).sum() == 1
+    assert (problem.statuses[0] == 1).sum() == 1
 
 
 @pytest.mark.verifies(

@@ -56,7 +56,7 @@ def test_past_a_fold(only_following):
     problem = system.problem
     system.set_parameter(0.0)
     problem.solve()
-    assert problem.surfaces[0].statuses.tolist().count(STICK) == 1
+    assert problem.statuses[0].tolist().count(STICK) == 1
     system.set_parameter(1.0)
     result = problem.solve()
     table = result.tables["contact"]

@@ -30,8 +30,8 @@ from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.operators import Operator
-from dolfinx_contact.points.vertex_state import vertex_state
 from dolfinx_contact.reduced.scope import check_reducible
+from dolfinx_contact.results.fields import vertex_state
 from dolfinx_contact.results.partners import pair_balance
 from dolfinx_contact.solvers.springs import springs
 
@@ -324,7 +324,7 @@ REFUSED = {
     "solve": lambda p: p.solve(),
     "rows": lambda p: component_rows(p.equations, np.zeros(0, dtype=np.intp), np.zeros((0, 2))),
     "springs": lambda p: springs(
-        p.equations, p.equations.bulk.stiffness(p.u.x.array), None, [p.surfaces[0].statuses == 0]
+        p.equations, p.equations.bulk.stiffness(p.u.x.array), None, [p.statuses[0] == 0]
     ),
     "motion": lambda p: NSCD(p, density=1.0, dt=0.1),
     "jumps of rigid bodies": lambda p: p.equations.rigid.jump_matrix(p.surfaces[0]),
@@ -352,14 +352,14 @@ OPPOSITE = {
     ),
     "gaps of mixed contact": (
         lambda dim: pair(dim, "tri", method="mixed"),
-        lambda p: p.equations.gaps(p.surfaces[0], p.state()),
+        lambda p: p.equations.gaps(p.surfaces[0], p.evaluate()),
     ),
     "values at vertices": (
         lambda dim: mortar(dim, method="integral"),
-        lambda p: vertex_state(p.surfaces[0]),
+        lambda p: vertex_state(p.equations, 0, p.evaluate()),
     ),
     "the table": (mortar, lambda p: p.table(p.surfaces[0])),
-    "the balance of a pair": (mortar, lambda p: pair_balance(p.equations, 0, p.state())),
+    "the balance of a pair": (mortar, lambda p: pair_balance(p.equations, 0, p.evaluate())),
 }
 
 

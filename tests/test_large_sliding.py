@@ -36,7 +36,7 @@ from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.plot import picture_of_body, picture_of_contact
-from dolfinx_contact.points.vertex_state import vertex_state
+from dolfinx_contact.results.fields import vertex_state
 
 COMM = MPI.COMM_WORLD
 DX = ufl.dx(metadata={"quadrature_degree": 2})  # assembly would take most of the time
@@ -91,7 +91,7 @@ def places(problem):
     n = s.points.number
     nodes = s.points.vertex_trace_dofs
     x = s.node_positions[nodes] + problem.u.x.array.reshape(-1, dim)[nodes]
-    return x[:n], s.multiplier.x.array.reshape(-1, dim)[:n], s.statuses
+    return x[:n], s.multiplier.x.array.reshape(-1, dim)[:n], problem.statuses[0]
 
 
 def quadratic(history):
@@ -631,7 +631,7 @@ def test_what_is_written(folder, method):
     result = problem.solve()
     (s,) = problem.surfaces
     table = result.tables["contact"]
-    state = vertex_state(s)
+    state = vertex_state(problem.equations, 0, problem.evaluate())
     u = problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs]
     x = s.node_positions[s.points.vertex_trace_dofs] + u
     arm = x - np.array([0.0, -0.4])

@@ -155,7 +155,7 @@ def test_product_is_that_of_the_assembled_jacobian(name):
     problem.solve()
     x, y, z = (problem.create_vector() for _ in range(3))
     x.setRandom()
-    state = problem.state()
+    state = problem.evaluate()
     assembled = Jacobian(problem.equations)
     problem.linear_solver.update(state)
     problem.linear_solver.matrix.mult(x, y)
@@ -203,7 +203,7 @@ def test_filter_leaves_nothing_on_the_surface():
     problem = block(cell="hex", n=4, options=AMG)
     problem.solve()
     solver = problem.linear_solver
-    solver.update(problem.state())
+    solver.update(problem.evaluate())
     r, z, rest = (problem.create_vector() for _ in range(3))
     r.setRandom()
     solver.filter.apply(None, r, z)
@@ -265,7 +265,7 @@ def test_preconditioner_for_other_systems():
     problem = block(cell="tet", n=5, options=AMG)
     problem.solve()
     solver = problem.linear_solver
-    solver.update(problem.state())
+    solver.update(problem.evaluate())
     r, z, v = (problem.create_vector() for _ in range(3))
     r.setRandom()
     size = r.norm()
@@ -399,7 +399,7 @@ def test_an_aged_hierarchy_is_rebuilt():
     first = problem.solve().history[0]
     solver = problem.linear_solver
     before = solver.builds
-    state = problem.state()
+    state = problem.evaluate()
     solver.build(state)
     solver.age(7, 2.0)  # when it is new
     solver.age(1000, 2.0)
@@ -437,7 +437,7 @@ def test_aggregates_are_smoothed_once_plain_ones_have_cost_more(given):
     problem.solve()
     solver = problem.linear_solver
     assert solver.hierarchy.interpolation is PLAIN
-    state = problem.state()
+    state = problem.evaluate()
     solver.build(state)
     for _ in range(3):
         solver.age(25, 2.0)

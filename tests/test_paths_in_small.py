@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from blocks import block, box, facets
+from blocks import block, box, facets, restore_statuses
 from textbook import Textbook, coulomb_system
 
 import ufl
@@ -843,7 +843,7 @@ def test_a_start_is_known_by_what_it_is():
         f.x.array[:] = g.x.array
     for problem in (solved, other):
         assert Stepper(problem, lambda t: None, False).start(0.0).solved
-    other.surfaces[0].statuses = np.full_like(other.surfaces[0].statuses, OPEN)
+    restore_statuses(other, OPEN)
     assert Stepper(other, lambda t: None, False).start(0.0).solved
     other.fields[0].x.array[:] *= 1.1
     assert not Stepper(other, lambda t: None, False).start(0.0).solved

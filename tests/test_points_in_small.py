@@ -201,7 +201,7 @@ def test_circumferences_of_a_ring(method):
         np.testing.assert_allclose(points.circumferences[: len(r)], around, rtol=1e-12)
     total = COMM.allreduce(float(points.areas.sum()))
     np.testing.assert_allclose(total, 3.0 * np.pi * np.sqrt(1.01), rtol=1e-12)
-    (at,) = problem.state().surfaces
+    (at,) = problem.evaluate().surfaces
     un = -np.sum((at.jump - points.data.gap[:, None] * points.data.n) * points.data.n, axis=1)
     np.testing.assert_allclose(un, 0.1 * places, rtol=1e-12)
     np.testing.assert_allclose(at.jump[:, 0], 0.02 * places, rtol=1e-12)

@@ -248,7 +248,6 @@ def test_what_may_be_set():
     study = Study()
     study.force()
     study.surface.memory = None
-    study.surface.statuses = study.surface.statuses.copy()
     study.problem.petsc_options["snes_rtol"] = 1e-10
     evolution = QuasiStatic(study.problem, lambda t: None)
     evolution.load = lambda t: None

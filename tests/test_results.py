@@ -176,7 +176,7 @@ def test_an_imbalance_is_measured_and_said(caplog):
     assert not caplog.records
     problem.surfaces[0].multiplier.x.array[:] *= 1.1
     with caplog.at_level(logging.WARNING):
-        result = collect(problem.equations, problem.state(), [])
+        result = collect(problem.equations, problem.evaluate(), [])
     # The support is that of a body with these contact forces; free nodes are out of balance.
     assert 0.01 < result.imbalance < 0.1
     said = [r for r in caplog.records if "out of balance" in r.getMessage()]
@@ -223,7 +223,7 @@ def test_support_as_a_field(degree):
     found = COMM.allreduce((support * surface.points.vertex_areas[:, None])[:n].sum(axis=0))
     below = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 0) & np.isclose(x[2], 0))
     owned = below[below < V.dofmap.index_map.size_local]
-    rows = problem.state().reactions.reshape(-1, 3)[owned]
+    rows = problem.evaluate().reactions.reshape(-1, 3)[owned]
     expected = COMM.allreduce(rows.sum(axis=0))
     np.testing.assert_allclose(found, expected, rtol=1e-10)
     assert np.linalg.norm(expected) > 1.0

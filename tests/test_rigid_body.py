@@ -31,8 +31,8 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.points.vertex_state import vertex_state
 from dolfinx_contact.records import BranchRecord, resume
+from dolfinx_contact.results.fields import vertex_state
 from dolfinx_contact.solvers.classical import start_by_lemke
 from dolfinx_contact.solvers.following import follow_load
 from dolfinx_contact.solvers.history import Attempt, FloatingBodyError
@@ -869,7 +869,8 @@ def test_what_is_told():
     assert told["contact"]["y"] == pytest.approx(10.0)
     assert told["motion"]["rz"] == body.rotation[0] != 0
     assert 0 < result.misfit < 1e-3
-    state = problem.surfaces[0].state()
-    np.testing.assert_array_less(-1e-12, state["un"])
-    vertices = vertex_state(problem.surfaces[0])
-    np.testing.assert_allclose(vertices["un"][: len(state["un"])], state["un"], atol=1e-15)
+    found = problem.evaluate()
+    gap = found.surfaces[0].kinematics.gap
+    np.testing.assert_array_less(-1e-12, gap)
+    vertices = vertex_state(problem.equations, 0, found)
+    np.testing.assert_allclose(vertices["un"][: len(gap)], gap, atol=1e-15)

@@ -172,7 +172,7 @@ def pressed_hairpin(domain, inner):
 
     history = QuasiStatic(problem, load).run(np.linspace(0.0, 0.6, 3), rays=False, sudden=np.inf)
     assert history.reason == "the last time is reached"
-    reactions = problem.state().reactions
+    reactions = problem.evaluate().reactions
     mine = above[above < len(reactions)]
     return -COMM.allreduce(reactions[mine].sum()), history.steps[-1].result
 

@@ -69,7 +69,6 @@ from dolfinx_contact.points.trace import (
     outward_normals,
     simplex_normals,
 )
-from dolfinx_contact.points.vertex_state import vertex_state
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="numbers of one rank")
@@ -1123,37 +1122,6 @@ def test_numbers_of_loads():
         assert number(e) == expected
     c.value = 3.0
     assert number(c * v[1]) == 15.0
-
-
-def test_senses_of_slips_in_pictures():
-    """Where friction grips by the status, else by how the point has moved since the last step."""
-    n = np.tile([0.0, -1.0], (6, 1))  # the tangent is (1, 0)
-    moved = np.array([1.0, -1.0, 1.0, -1.0, 0.0, 1.0])
-    bound = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
-    codes = np.array([PLUS, PLUS, MINUS, PLUS, PLUS, OPEN], dtype=np.int8)
-    table = {
-        "n": n,
-        "increment": np.column_stack([moved, np.zeros(6)]),
-        "bound": bound,
-        **{name: np.arange(6.0) for name in ("un", "pressure")},
-        **{name: np.ones((6, 2)) for name in ("ut", "traction", "shear")},
-    }
-    points = SimpleNamespace(
-        at_vertices=lambda v: v, with_ghosts=lambda v: v.copy(), covered=np.linspace(0.0, 1.0, 6)
-    )
-    s = SimpleNamespace(
-        points=points, dim=2, method="nodal", statuses=codes, state=lambda: dict(table)
-    )
-    found = vertex_state(s)
-    np.testing.assert_array_equal(found["open"], [0, 0, 0, 0, 0, 1])
-    np.testing.assert_array_equal(found["slip"], [1, 1, 1, 1, 1, 0])
-    np.testing.assert_array_equal(found["plus"], [1, 0, 0, 1, 0, 0])
-    np.testing.assert_array_equal(found["minus"], [0, 1, 1, 0, 0, 0])
-    np.testing.assert_allclose(found["pressure"], points.covered * np.arange(6.0))
-    np.testing.assert_allclose(found["traction"][:, 1], points.covered)
-    np.testing.assert_array_equal(found["un"], np.arange(6.0))
-    s.dim = 3
-    assert {"plus", "minus"}.isdisjoint(vertex_state(s))
 
 
 # -- surfaces -------------------------------------------------------------------------------------

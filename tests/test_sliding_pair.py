@@ -385,7 +385,7 @@ def test_turned(dim, cell, slave, angle):
     table = bodies.problem.table(bodies.pair)
     assert (table.letters == "k").sum() > 0.5 * len(table.letters)
     tractions = bodies.pair.multiplier.x.array.reshape(-1, dim).copy()
-    memory = bodies.problem.equations.advanced(bodies.problem.state())
+    memory = bodies.problem.equations.advanced(bodies.problem.evaluate())
     axis = [0.2, 0.9, 0.4] if dim == 3 else [0.0, 0.0, 1.0]
     Q = Rotation.from_rotvec(angle * np.array(axis) / np.linalg.norm(axis)).as_matrix()[:dim, :dim]
     X = u.function_space.tabulate_dof_coordinates()[:, :dim]
@@ -395,7 +395,7 @@ def test_turned(dim, cell, slave, angle):
         f.x.array[:] = turned.reshape(-1)
     u.x.array[:] = turned.reshape(-1)
     bodies.pair.multiplier.x.array[:] = (tractions @ Q.T).reshape(-1)
-    state = bodies.problem.state()
+    state = bodies.problem.evaluate()
     start = max(np.abs(rows).max(initial=0.0) for rows in state.rows)
     assert COMM.allreduce(start, max) < 1e-9 * 1000.0
     # From another start.
@@ -534,7 +534,7 @@ def test_wedge(friction, slave):
     problem.solve()
     history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, 5), rays=False)
     assert history.reason == "the last time is reached"
-    reactions = problem.state().reactions
+    reactions = problem.evaluate().reactions
     assert reactions is not None
     push = COMM.allreduce(reactions[behind[behind < len(reactions)]].sum())
     exact = (slope + friction) / (1 - friction * slope)
@@ -967,7 +967,7 @@ def test_self_contact(friction, force, accuracy):
     times = np.linspace(0.0, 0.7, 8)
     history = QuasiStatic(problem, load).run(times, rays=False, sudden=np.inf)
     assert history.reason == "the last time is reached"
-    reactions = problem.state().reactions
+    reactions = problem.evaluate().reactions
     assert reactions is not None
     mine = above[above < len(reactions)]
     assert -COMM.allreduce(reactions[mine].sum()) == pytest.approx(force, abs=accuracy)
@@ -1041,12 +1041,14 @@ def test_a_disc_that_spins(cell, slave, common):
     last = history.steps[-1].result
     assert last.slidings["contact"].spin == pytest.approx(20.0, rel=5e-3)
     assert not last.doubts
-    state = pair.state()
+    found = problem.evaluate().surfaces[0]
     moved = u.x.array.reshape(-1, 3)[pair.points.vertex_trace_dofs[: pair.points.number]]
-    x = state["x"] + moved
-    force = state["traction"] * state["area"][:, None]
+    x = pair.positions + moved
+    area = found.kinematics.operator.areas
+    force = found.traction * area[:, None]
+    pressure = -np.sum(found.traction * found.data.n, axis=1)
     torque = x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]
-    pressed = 0.2 * state["pressure"] * state["area"] * np.hypot(x[:, 0], x[:, 1])
+    pressed = 0.2 * pressure * area * np.hypot(x[:, 0], x[:, 1])
     torque, bound = COMM.allreduce(np.array([torque.sum(), pressed.sum()]))
     assert abs(torque) == pytest.approx(bound, rel=5e-3)  # of the mesh; 1.4e-3 of hexahedra
 

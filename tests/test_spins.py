@@ -92,13 +92,15 @@ def plate():
 def torques(disc):
     """Torque of friction about z, and that of friction coefficient and pressures. Collective."""
     s = disc.surface
-    state = s.state()
+    found = disc.problem.evaluate().surfaces[0]
     n = s.owned_nodes
     u = disc.u.x.array.reshape(-1, 3)[:n]
-    x = state["x"] + s.points.operator.apply(u)
-    force = state["traction"] * state["area"][:, None]
+    x = s.positions + s.points.operator.apply(u)
+    area = found.kinematics.operator.areas
+    force = found.traction * area[:, None]
     torque = x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]
-    bound = FRICTION * state["pressure"] * state["area"] * np.hypot(x[:, 0], x[:, 1])
+    pressure = -np.sum(found.traction * found.data.n, axis=1)
+    bound = FRICTION * pressure * area * np.hypot(x[:, 0], x[:, 1])
     return disc.problem.equations.comm.allreduce(np.array([abs(torque.sum()), bound.sum()]))
 
 

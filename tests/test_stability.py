@@ -5,6 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from _triangle import linear_triangle
+from blocks import restore_statuses
 from test_critical_friction import block, leaning, on_box
 
 import ufl
@@ -68,7 +69,7 @@ def pressed(problem, friction, codes, sense, part=1.0):
     shear[0] = -sense * friction * part
     shear[-1] = 1.0
     s.multiplier.x.array[:] = np.tile(shear, len(s.multiplier.x.array) // dim)
-    s.statuses[:] = codes
+    restore_statuses(problem, codes)
     return problem
 
 
@@ -110,16 +111,18 @@ def test_stuck_neighbours():
     s = problem.surfaces[0]
     s.law.friction.value = 1.02 * critical
     inner = s.positions[:, 0] > 0.4
-    s.statuses[inner] = STICK
     traction = s.multiplier.x.array.reshape(-1, 2)
     x = s.points.Q.tabulate_dof_coordinates()[:, 0]
     traction[x > 0.4, 0] *= 0.5
+    codes = np.where(inner, STICK, MINUS)
+    restore_statuses(problem, codes)
     found = stability_at_rest(problem, density=1.0)
     assert (found.label, found.border) == ("stable", 2)
     s.law.friction.value = 0.0
     critical = critical_friction(problem, "solution").friction  # along the slip: negative
     friction = 1.05 * abs(critical)
     traction[:, 0] = np.where(x > 0.4, 0.5, 1.0) * friction
+    restore_statuses(problem, codes)
     s.law.friction.value = friction
     assert stability_at_rest(problem, density=1.0).label == "unstable"
 
@@ -290,10 +293,11 @@ def test_euler_and_beck():
     surface = column.surface
     friction = 0.01
     surface.law.friction.value = friction
-    surface.statuses[np.isclose(surface.positions[:, 0], 0.0)] = PLUS
+    codes = np.where(np.isclose(surface.positions[:, 0], 0.0), PLUS, problem.statuses[0])
     traction = surface.multiplier.x.array.reshape(-1, 2)
     corner = np.isclose(surface.points.Q.tabulate_dof_coordinates()[:, 0], 0.0)
     traction[corner, 0] = -friction * traction[corner, 1]
+    restore_statuses(problem, codes)
     found = stability_at_rest(problem, density=1.0)
     assert (found.label, found.border) == ("not decided", 1)
     assert "an oscillation grows" in found.reason

@@ -185,10 +185,10 @@ def test_touching_is_a_matter_of_the_displacement(options):
     floor = HalfSpace((*[0.0] * (dim - 1), -0.002), np.eye(dim)[-1])
     problem = block(**options, obstacle=floor)
     (s,) = problem.surfaces
-    assert (problem.equations.gaps(s, problem.state()) > 0.0019).all()
-    assert (problem.equations.gaps(s, problem.state()) < 0.0021).all()
+    assert (problem.equations.gaps(s, problem.evaluate()) > 0.0019).all()
+    assert (problem.equations.gaps(s, problem.evaluate()) < 0.0021).all()
     problem.u.x.array.reshape(-1, dim)[:, -1] = -0.0015
-    assert (problem.equations.gaps(s, problem.state()) < 0.0006).all()
+    assert (problem.equations.gaps(s, problem.evaluate()) < 0.0006).all()
 
 
 def test_the_guess_finds_the_contact_in_fewer_steps(monkeypatch):

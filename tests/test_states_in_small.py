@@ -240,90 +240,6 @@ def test_a_start_that_is_undeformed(comm, u, times, caplog):
         assert words.startswith("the body is undeformed, as a history has left it with beta that")
 
 
-@pytest.mark.parametrize("comm", [ALONE, SECOND])
-@pytest.mark.parametrize(
-    ("found", "required", "solved", "chosen"),
-    [
-        (0.9e-6, 0.0, True, "found"),
-        (1.1e-6, 0.9e-6, True, "required"),
-        (1.0, 0.5, False, "required"),
-        (1.0, 1.5, False, "found"),
-        (1.0, 1.0, False, "found"),
-    ],
-)
-def test_whether_a_start_is_a_solution(found, required, solved, chosen, comm, monkeypatch, caplog):
-    """In the statuses that it has, or in those that it requires, whichever are better."""
-    states = {"found": found, "required": required}
-    asked = []
-
-    class Measure:
-        def __init__(self, eq, settled):
-            assert settled
-
-        def measure(self, state):
-            return SimpleNamespace(worst=states[state.name])
-
-    monkeypatch.setattr(accepted, "Scales", Measure)
-    monkeypatch.setattr(accepted, "forces_at", lambda eq, state: ("forces", state.name))
-
-    def state(statuses=None):
-        asked.append(statuses)
-        name = "found" if statuses is None else "required"
-        surfaces = [SimpleNamespace(answers=SimpleNamespace(required="codes"))]
-        return SimpleNamespace(name=name, surfaces=surfaces)
-
-    eq = Eq(None, None, comm)
-    timed = SimpleNamespace(needs_time=lambda step: True)
-    eq.surfaces = [SimpleNamespace(law_at_points=SimpleNamespace(compiled=timed))]
-    problem = SimpleNamespace(equations=eq, comm=comm, state=state)
-    stepper = Stepper(problem, None, None)
-    loads = []
-
-    @contextmanager
-    def loaded(time):
-        loads.append(time)
-        yield
-
-    stepper._loaded = loaded
-    stepper._require_finite = lambda: loads.append("finite")
-    stepper._require_data = lambda: loads.append("data")
-    stepper._begun = lambda find: (find(), ("memory",))
-    stepper.accepted = lambda *given, solved: (*given, solved)
-    made = stepper.start(2.5)
-    assert loads == [2.5, "finite", "data"]
-    assert eq.log == ["refreshed"]
-    assert made == (2.5, None, ("memory",), ("forces", chosen), Energies(), solved)
-    assert asked == ([None] if found < 1e-6 else [None, ["codes"]])
-    said = [r.message for r in caplog.records]
-    assert len(said) == (not solved and comm is ALONE)
-    for words in said:
-        worst = min(found, required)
-        assert f"at the time 2.5 (residual {worst:.1e})" in words
-
-
-@pytest.mark.parametrize("first", [True, False])
-@pytest.mark.parametrize("good", [True, False])
-def test_a_state_that_is_recalled(first, good, monkeypatch):
-    """The statuses of a start are not known, and it may be no solution."""
-    monkeypatch.setattr(accepted, "forces_at", lambda eq, state: "forces")
-    eq = Eq(None, None)
-    problem = SimpleNamespace(
-        equations=eq,
-        comm=ALONE,
-        fields=[],
-        rigid_bodies=[],
-        state=lambda: SimpleNamespace(statuses="codes"),
-    )
-    stepper = Stepper(problem, None, None)
-    stepper._loaded = contextmanager(lambda time: iter([None]))
-    stepper._is_solved = lambda state: good
-    stepper.accepted = lambda *given, solved: (*given, solved)
-    found = stepper.recalled(1.5, ["memory"], "energies", first=first)
-    codes = None if first else "codes"
-    assert found == (1.5, codes, ("memory",), "forces", "energies", good or not first)
-    assert eq.log == [["memory"]]
-
-
 # -- states in a problem --------------------------------------------------------------------------
 
 
@@ -356,46 +272,6 @@ def in_problem(comm=ALONE, load=None):
         statuses="codes",
     )
     return stepper, there, data
-
-
-def test_a_state_is_put_into_a_problem():
-    """As copies, with its data and memory."""
-    stepper, there, data = in_problem()
-    array = stepper.problem.fields[0].x.array
-    stepper.put(there)
-    assert stepper.problem.fields[0].x.array is array
-    assert array.tolist() == [3.0, 4.0]
-    (body,), (surface,) = stepper.problem.rigid_bodies, stepper.problem.surfaces
-    assert (body.values.tolist(), surface.statuses.tolist(), data) == ([5.0], [OPEN], [7.0])
-    assert stepper.problem.equations.memory == there.memory
-    body.values[:], surface.statuses[:] = 0.0, STICK
-    assert (there.motions[0].tolist(), there.shown[0].tolist()) == ([5.0], [OPEN])
-
-
-def test_a_step_is_prepared_and_shown():
-    """With the memory of its start at the time of its end; put back where the load fails."""
-    stepper, there, data = in_problem()
-    stepper.prepare(there, 2.75)
-    assert data == [2.75]
-    (now,) = stepper.problem.equations.memory
-    assert now.step == 0.75
-    after = SimpleNamespace(**vars(there) | {"time": 2.5})
-    stepper.show(SolvedStep(there, after, None))
-    (now,) = stepper.problem.equations.memory
-    assert now.step == 0.5
-    assert data == [7.0]
-    stepper._remember(SimpleNamespace(time=1.0, memory=(None,)), 2.0)
-    assert stepper.problem.equations.memory == (None,)
-
-    def fails(time):
-        data[0] = 99.0
-        raise RuntimeError("no load")
-
-    stepper._load = fails
-    with pytest.raises(RuntimeError, match="no load"):
-        stepper.prepare(there, 2.75)
-    assert data == [7.0]
-    assert stepper.problem.equations.memory == there.memory
 
 
 def test_data_of_a_time_are_taken_back_after_an_error(monkeypatch):
@@ -569,52 +445,6 @@ def test_loads_that_depend_on_the_solution(comm, depends, caplog, monkeypatch):
                 assert "with the time 1 of its start it leaves the floor, so" in words
 
 
-@pytest.mark.parametrize("changed", [True, False])
-def test_a_state_under_data_of_now(changed, monkeypatch):
-    """It is the same if they are; else it may be no solution. An error puts them back."""
-    stepper, there, data = in_problem(
-        load=lambda time: data.__setitem__(0, 8.0 if changed else 7.0)
-    )
-    monkeypatch.setattr(
-        accepted,
-        "GivenData",
-        lambda eq: SimpleNamespace(restore=lambda v=data[0]: data.__setitem__(0, v)),
-    )
-    stepper._under_other_data = lambda state: ("other", state)
-    found = stepper.renewed(there)
-    assert found == (("other", there) if changed else there)
-    assert stepper.problem.equations.memory == there.memory
-    assert stepper.problem.fields[0].x.array.tolist() == [3.0, 4.0]
-    data[0] = 4.0
-    stepper._load = lambda time: data.__setitem__(0, 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        stepper.renewed(there)
-    assert data == [4.0]
-
-
-@pytest.mark.parametrize(("worst", "good"), [(1e-6, True), (1.01e-6, False), (np.nan, False)])
-def test_what_counts_as_a_solution(worst, good, monkeypatch):
-    class Measure:
-        def __init__(self, eq, settled):
-            assert settled
-
-        def measure(self, state):
-            return SimpleNamespace(worst=worst)
-
-    monkeypatch.setattr(accepted, "Scales", Measure)
-    monkeypatch.setattr(accepted, "GivenData", lambda eq: "data of now")
-    stepper, *_ = in_problem()
-    assert stepper._is_solved("state") is good
-    stepper.problem.state = lambda: "state"
-
-    @dataclass(frozen=True)
-    class One:
-        data: Any
-        solved: Any
-
-    assert stepper._under_other_data(One("old", None)) == One("data of now", good)
-
-
 def test_bodies_that_turn_are_those_of_surfaces(monkeypatch):
     asked = []
     monkeypatch.setattr(accepted, "check_turn", lambda s, motion: asked.append((s.name, motion)))
@@ -646,7 +476,6 @@ def test_a_state_of_a_problem_is_a_copy():
     before = state.fields[0].copy()
     problem.u.x.array[:] += 1.0
     np.testing.assert_array_equal(state.fields[0], before)
-    assert not np.shares_memory(state.shown[0], problem.surfaces[0].statuses)
     assert state != replace(state)
     assert isinstance(state, AcceptedState)
 

@@ -8,6 +8,7 @@ import pytest
 import scipy.linalg
 import scipy.sparse
 from _triangle import linear_triangle
+from blocks import restore_statuses
 from test_critical_friction import block, on_box
 
 import dolfinx.fem.petsc
@@ -216,10 +217,10 @@ def test_mode_shape():
     """Both parts of a mode have v_n = 0."""
     problem = pad(4)
     modes = SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
-    s = problem.surfaces[0]
     for part in (modes.real, modes.imaginary):
         problem.u.x.array[:] = part.x.array
-        assert np.abs(s.jump()[:, 1]).max(initial=0.0) < 1e-12
+        jump = problem.evaluate().surfaces[0].jump
+        assert np.abs(jump[:, 1]).max(initial=0.0) < 1e-12
         size = COMM.allreduce(np.abs(part.x.array).max(initial=0.0), op=MPI.MAX)
         assert size > 1e-3
 
@@ -228,7 +229,7 @@ def test_of_a_solution():
     """All points slipping to the right in the solution is the uniform direction."""
     problem = pad(4, friction=0.7)
     uniform = SteadySliding(problem, (1.0, 0.0), density=1.0, damping=0.02).modes(0.7)
-    problem.surfaces[0].statuses[:] = PLUS
+    restore_statuses(problem, PLUS)
     found = SteadySliding(problem, "solution", density=1.0, damping=0.02).modes()
     np.testing.assert_allclose(found.eigenvalues[:5], uniform.eigenvalues[:5], atol=1e-9)
 

@@ -23,8 +23,8 @@ from dolfinx_contact.io import Report, write_fields
 from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.meshing import join
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, pictures
-from dolfinx_contact.points.vertex_state import vertex_state
 from dolfinx_contact.records import BranchRecord, write_series
+from dolfinx_contact.results.fields import vertex_state
 from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
@@ -137,7 +137,7 @@ def test_pressure_of_a_slave_that_is_partly_covered(cell, given):
     reactions = problem.support_forces(pair)[: pair.points.vertices.dofmap.index_map.size_local]
     assert held == pytest.approx(COMM.allreduce(reactions[:, up].sum()), rel=1e-9)
     assert abs(held) > 0.05 * whole
-    shown = vertex_state(pair)
+    shown = vertex_state(problem.equations, 0, problem.evaluate())
     largest = COMM.allreduce(shown["pressure"].max(initial=0.0), op=MPI.MAX)
     if pair.method != "integral":
         closed = np.maximum(shown["pressure"], 0.0)
@@ -201,7 +201,7 @@ def test_forces_balance(case):
     V = problem.V
     below = fem.locate_dofs_topological(V, pair.dim - 1, facets(V.mesh, pair.dim - 1, 0.0))
     n = V.dofmap.index_map.size_local
-    reactions = problem.state().reactions.reshape(-1, pair.dim)[below[below < n]]
+    reactions = problem.evaluate().reactions.reshape(-1, pair.dim)[below[below < n]]
     held_by = COMM.allreduce(reactions.sum(axis=0))
     np.testing.assert_allclose(found.master + held_by, 0.0, atol=1e-9 * size)
     assert result.summary()["pairs"]["contact"]["master"] == found.master.tolist()

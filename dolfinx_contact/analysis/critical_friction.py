@@ -190,7 +190,7 @@ def critical_friction(
             stable with its contact points held.
     """
     eq = static_equations(problem)
-    state = problem.state()
+    state = problem.evaluate()
     slip = Slip(eq, SlipPattern.of(eq, direction, state, by_law=True), hold_across=True)
     slip.require_held()
     operator = _PressureByShear(eq, slip, state.u, solver)

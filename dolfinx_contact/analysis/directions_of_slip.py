@@ -173,7 +173,7 @@ class _AllTangents:
     def __init__(self, problem: Problem, solver: BodySolverKind):
         self._eq = eq = static_equations(problem)
         require_nodes(eq)
-        self._u = problem.state().u
+        self._u = problem.evaluate().u
         n = point_normals(eq)
         touching = np.linalg.norm(n * free_components(eq), axis=1) > 1 - TOLERANCE
         across = np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n)

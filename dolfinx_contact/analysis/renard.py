@@ -126,7 +126,7 @@ def renard_criterion(
     eq = static_equations(problem)
     require_nodes(eq)
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
-    state = problem.state()
+    state = problem.evaluate()
     effort = _EFFORT if weights else 0
     found = criterion_at(
         eq, state, directions=directions, dense=dense or (weights or None), effort=effort

@@ -43,8 +43,8 @@ class Problem(Protocol):
     def equations(self) -> ContactEquations:
         """H."""
 
-    def state(self) -> Evaluation:
-        """The state in the Functions. Collective."""
+    def evaluate(self) -> Evaluation:
+        """Evaluate H at the state in the Functions. Collective."""
 
 
 def static_equations(problem: Any) -> ContactEquations:

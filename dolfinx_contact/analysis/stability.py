@@ -145,7 +145,7 @@ def stability_at_rest(
         known = type(s.law) in (Coulomb, Frictionless)
         message = f"{s.name}: stability at rest is for Coulomb's friction or none, not {s.law.name}"
         require(eq.comm, known, message)
-    state = problem.state()
+    state = problem.evaluate()
     doubt = sliding_doubt(eq, state)
     if doubt:
         return Stability("not decided", 0.0, 0, 0, doubt)

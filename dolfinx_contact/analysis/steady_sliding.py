@@ -140,7 +140,7 @@ class SteadySliding(ReadOnly):
         eq = static_equations(problem)
         self._eq = eq
         self.comm = eq.comm
-        state = problem.state()
+        state = problem.evaluate()
         pattern = SlipPattern.of(eq, direction, state)
         self._slip = Slip(eq, pattern, hold_across=hold_across)
         self._body = body_of(eq, state.u, density, damping)

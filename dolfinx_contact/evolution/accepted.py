@@ -73,7 +73,7 @@ class AcceptedState:
         fields: values of displacement and multipliers, ghosts included.
         motions: of the rigid bodies.
         statuses: of the contact points; None where none are known, as before the first step.
-        shown: statuses stored in the surfaces.
+        shown: statuses of the state as it is shown.
         memory: of the surfaces, for the step that begins here.
         data: Functions and Constants of the user.
         unknowns: all of them as lengths (owned).
@@ -288,7 +288,7 @@ class Stepper:
             eq.refresh()
             self._require_finite()
             self._require_data()
-            state, memory = self._begun(self.problem.state)
+            state, memory = self._begun(self.problem.evaluate)
             state, residual = self._best(state, left, memory)
         solved = residual <= _SOLVED
         if not solved and eq.comm.rank == 0:
@@ -359,7 +359,7 @@ class Stepper:
         if not residual > _SOLVED:
             return state, residual
         # Before any solve the surfaces do not know their statuses.
-        required = self.problem.state([s.answers.required for s in state.surfaces])
+        required = self.problem.evaluate(statuses=[s.answers.required for s in state.surfaces])
         other = Scales(eq, settled=True).measure(required).worst
         if other < residual:
             state = required
@@ -369,7 +369,7 @@ class Stepper:
             return state, residual
         before = eq.memory
         eq.remember(memory)
-        here = self.problem.state()
+        here = self.problem.evaluate()
         found = Scales(eq, settled=True).measure(here).worst
         if not found <= _SOLVED:
             eq.remember(before)
@@ -439,7 +439,7 @@ class Stepper:
         note_put(*self.problem.fields, *self.problem.rigid_bodies)
         with self._loaded(time):
             eq.remember(memory)
-            state = self.problem.state()
+            state = self.problem.evaluate()
         known = None if first else state.statuses
         solved = not first or self._is_solved(state)
         forces = forces_at(eq, state)
@@ -467,7 +467,7 @@ class Stepper:
 
     def _under_other_data(self, accepted: AcceptedState) -> AcceptedState:
         """An accepted state, which is in the problem, under the data that are there. Collective."""
-        solved = self._is_solved(self.problem.state())
+        solved = self._is_solved(self.problem.evaluate())
         return replace(accepted, data=GivenData(self.problem.equations), solved=solved)
 
     def data_watch(self) -> Callable[[], str]:
@@ -543,8 +543,7 @@ class Stepper:
         for body, motion in zip(problem.rigid_bodies, accepted.motions, strict=True):
             body.values = motion.copy()
         note_put(*problem.fields, *problem.rigid_bodies)
-        for s, codes in zip(problem.surfaces, accepted.shown, strict=True):
-            s.statuses = codes.copy()
+        problem.note_statuses(accepted.shown)
 
     def show(self, solved: SolvedStep) -> None:
         """Put the end of a step into the problem, with the memory of the step. Collective."""
@@ -753,7 +752,7 @@ class Stepper:
             tuple(f.x.array.copy() for f in problem.fields),
             tuple(body.values.copy() for body in problem.rigid_bodies),
             statuses,
-            [s.statuses.copy() for s in problem.surfaces],
+            problem.statuses,
             memory,
             GivenData(problem.equations),
             unknowns,

@@ -194,7 +194,7 @@ class ByArcLength(Rule[PathTask, PathState]):
                 self.end(Ending.NOT_SOLVED, reason)
                 return None
             result = system.result_at(found.point)
-            state = self._stepper.problem.state()
+            state = self._stepper.problem.evaluate()
             if self._weak or self._violation(state) <= _VIOLATION:
                 break
             # Within the step bonds counted as damaging that are not, or the other way round.

@@ -342,7 +342,7 @@ class MotionStepper(Stepper):
         problem = self.problem
         x = problem.create_vector()
         problem.write(x)
-        state = problem.equations.contact(x, [s.statuses for s in problem.surfaces])
+        state = problem.equations.contact(x, problem.written_statuses)
         x.destroy()
         return state
 

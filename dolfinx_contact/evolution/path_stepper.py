@@ -51,7 +51,7 @@ class PathStepper(Stepper):
             accepted = super().start(time)
             assert isinstance(accepted, OnPath)
             return accepted
-        state = self.problem.state()
+        state = self.problem.evaluate()
         self._warn_of_memory(state)
         return self.accepted(time, state.statuses, eq.memory, forces_at(eq, state), Energies())
 
@@ -60,7 +60,7 @@ class PathStepper(Stepper):
         eq = self.problem.equations
         left = eq.memory
         eq.remember([None] * len(left))
-        by_law = eq.advanced(self.problem.state())
+        by_law = eq.advanced(self.problem.evaluate())
         eq.remember(left)
         others, stays = self._remembered(left, by_law)
         words = " and ".join(others)

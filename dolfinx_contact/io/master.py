@@ -86,7 +86,7 @@ class MasterFace:
         """
         problem = self._problem
         eq = self._problem.equations
-        state = problem.state()
+        state = problem.evaluate()
         dim = eq.dim
         u = problem.u.x.array.reshape(-1, dim)
         forces = fem.Function(problem.V)

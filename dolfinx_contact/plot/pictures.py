@@ -49,8 +49,7 @@ from dolfinx_contact.plot.faces import (
 )
 from dolfinx_contact.plot.floors import lay_floors, moved_apart, on_plane, parts_of
 from dolfinx_contact.plot.look import Look, checked_look, checked_scale, checked_units
-from dolfinx_contact.points.vertex_state import vertex_state
-from dolfinx_contact.results.fields import STATUS_CODES
+from dolfinx_contact.results.fields import STATUS_CODES, contact_fields, vertex_state
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import ContactSurface
@@ -281,10 +280,12 @@ def picture_of_contact(
     """
     s = problem.surfaces[0] if surface is None else surface
     same_everywhere(problem.comm, surface=s.name)
-    fields = problem.contact_fields(s)
+    number = problem.surfaces.index(s)
+    found = problem.evaluate()
+    fields = contact_fields(problem.equations, number, found)
     pressure = fields["pressure"].x.array
     status = fields["status"].x.array
-    at_vertices = vertex_state(s)
+    at_vertices = vertex_state(problem.equations, number, found)
     normal = at_vertices["n"]
     traction = fields["traction"].x.array.reshape(-1, s.dim)
     if s.dim == 2:
@@ -304,7 +305,8 @@ def picture_of_contact(
     }
     bonded = s.law_at_points.compiled.bonded
     if bonded:
-        held = np.stack([s.points.at_vertices(t) for t in s.bond("traction").T], axis=1)
+        adhesive = found.surfaces[number].answers.bond("traction")
+        held = np.stack([s.points.at_vertices(t) for t in adhesive.T], axis=1)
         held -= np.sum(held * normal, axis=1)[:, None] * normal
         values["friction"] = values["shear"] - np.where(carries[:, None], held, 0.0)
     cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]

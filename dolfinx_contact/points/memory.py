@@ -22,7 +22,8 @@ that depend on it: it is summed up over the accepted steps, and never falls.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -71,6 +72,10 @@ class Memory:
             values = getattr(self, name)
             if values is not None:
                 object.__setattr__(self, name, _frozen(values))
+
+    def __reduce__(self) -> Any:
+        # Arrays become writeable when they are unpickled, unless the constructor runs again.
+        return type(self), tuple(getattr(self, f.name) for f in fields(self))
 
     def fits(self, number: int, dim: int) -> bool:
         """Whether it is that of so many points."""

@@ -111,10 +111,10 @@ def _compared(a: Arguments) -> dict[str, Any]:
 class ContactSurface(ReadOnly):
     """A part of the boundary that may touch an obstacle, with a law.
 
-    Its data are read once, and compiled: its attributes are read-only, but for `memory`
-    and `statuses`. What may be changed between two solves are the values of Constants and
-    Functions in law and obstacle. Numbers of the law have become Constants, in `law`; arrays and
-    numbers of an obstacle are copied, so give Constants for what is to move.
+    Its data are read once, and compiled: its attributes are read-only, but for `memory`. What may
+    be changed between two solves are the values of Constants and Functions in law and obstacle.
+    Numbers of the law have become Constants, in `law`; arrays and numbers of an obstacle are
+    copied, so give Constants for what is to move.
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1 or 2.
@@ -148,7 +148,6 @@ class ContactSurface(ReadOnly):
 
     Attributes:
         multiplier: traction on the body, a vector Function of the facet submesh.
-        statuses: of the contact points of this rank (`laws.status`), those of the last solution.
         law: the law with its numbers as Constants, which may be changed between solves.
         points: the contact points of this rank, and the operators that lead to them.
         law_at_points: the law, compiled.
@@ -177,17 +176,13 @@ class ContactSurface(ReadOnly):
     _listed = (
         "at_vertices",
         "between_bodies",
-        "bond",
-        "friction_slope",
-        "jump",
         "kinematics",
         "node_positions",
         "owned_nodes",
         "positions",
         "rigid_body",
-        "state",
     )
-    _may_be_set = ("memory", "statuses")
+    _may_be_set = ("memory",)
     _instead: ClassVar[Mapping[str, str]] = {
         "law": f"{_NUMBERS}; for another law {_ANOTHER}",
         "friction": _NUMBERS,
@@ -302,7 +297,6 @@ class ContactSurface(ReadOnly):
             else LawAmongPoints(self.law, self.points, self.name)
         )
         self.multiplier = fem.Function(self.points.Q, name=f"{self.name}_traction")
-        self.statuses: npt.NDArray[np.int8] = np.full(number, self.law_at_points.codes[0], np.int8)
 
     def _settle_overlap(
         self, gaps: Array, vertex_gaps: Array, normals: Array, where: str = ""
@@ -435,12 +429,6 @@ class ContactSurface(ReadOnly):
         reference = self._reference
         jump = seen - self.points.aside - reference
         return Kinematics(operator, jump, reference, self.point_data)
-
-    def _kinematics_now(self) -> Kinematics:
-        """Those of the displacement in the Function, and of the rigid body."""
-        body = self.rigid_body
-        u = self.u.x.array.reshape(-1, self.dim)
-        return self.kinematics(u, None if body is None else body.values)
 
     def constant_operator(self, needed_by: str) -> ConstantOperator:
         """B, for what needs it to be the same at every state.
@@ -649,36 +637,21 @@ class ContactSurface(ReadOnly):
         n = self.points.data.n
         return np.zeros_like(n) if self.memory is None else self.memory.reference(n)
 
-    def jump(self) -> Array:
-        """Jump of the displacement at the contact points of this rank (n, dim). Collective.
-
-        On a curved obstacle in large sliding that in the frame of the obstacle.
-        """
-        return self._kinematics_now().path[0]
-
-    def state(self) -> dict[str, Array]:
-        """What is known at the contact points of this rank. Collective.
-
-        Keys: ``x`` position (n, dim), ``area``, ``un`` gap, ``ut`` tangential displacement
-        (n, dim), ``increment`` that since the last accepted step, ``n`` normal (n, dim),
-        ``traction`` on the body (n, dim), ``pressure``, ``shear`` (n, dim), ``bound`` radius of the
-        friction disc at the pressure of the law.
-        """
-        return self.state_of(self._kinematics_now(), self._traction())
-
-    def _traction(self) -> Array:
-        owned = self.points.Q.dofmap.index_map.size_local * self.dim
-        return self.points.traction(self.multiplier.x.array[:owned])
-
     def state_of(
         self, at: Kinematics, traction: Array, answers: Answers | None = None
     ) -> dict[str, Array]:
-        """The table of `state`, at given kinematics and tractions (n, dim). Collective.
+        """Values at the contact points of this rank. Collective.
 
         Args:
-            at: gap, slip and what the law is given.
-            traction: (n, dim).
-            answers: of the law to these, where they are known.
+            at: kinematics of the points.
+            traction: traction on the body (n, dim), a stress.
+            answers: answers of the law to these, computed by default.
+
+        Returns:
+            ``x`` position (n, dim), ``area``, ``un`` gap, ``ut`` tangential displacement (n, dim),
+            ``increment`` of the displacement since the last accepted step (n, dim), ``n`` normal
+            (n, dim), ``traction`` on the body (n, dim), ``pressure``, ``shear`` (n, dim), and
+            ``bound``, the radius of the friction disc at the pressure of the law.
         """
         if answers is None:
             answers = self.law_at_points(at.jump, traction, at.data)
@@ -703,11 +676,6 @@ class ContactSurface(ReadOnly):
         acts = closed(answers.required) | (not self.law.needs_pressure)
         return np.where(acts, np.maximum(answers.bound, 0.0), 0.0)
 
-    def bond(self, name: str) -> Array:
-        """What `Answers.bond` has at the points, of a law that remembers. Collective."""
-        now = self._kinematics_now()
-        return self.law_at_points(now.jump, self._traction(), now.data).bond(name)
-
     def at_vertices(self, jump: Array) -> tuple[Array, Array]:
         """Gaps (n,) and normals (n, dim) at the local vertices where jumps lead them. Collective.
 
@@ -721,11 +689,6 @@ class ContactSurface(ReadOnly):
             return gap, normal if frame is None else normal @ frame.T
         normal = self.points.vertex_normals
         return self.points.vertex_gaps - np.sum(jump * normal, axis=1), normal
-
-    def friction_slope(self) -> Array:
-        """Radius of the friction disc at unit pressure at the contact points. Collective."""
-        now = self._kinematics_now()
-        return self.law_at_points(now.jump, self._traction(), now.data).unit_bound
 
 
 def _least(radius: Any) -> float:

@@ -408,7 +408,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
                 "kinetic": accepted.motion.kinetic,
                 "least": _ROUND_OFF * eq.stiffness_scale * largest,
             }
-        residual = Scales(eq, settled=True).measure(self.problem.state()).worst
+        residual = Scales(eq, settled=True).measure(self.problem.evaluate()).worst
         return {"residual": residual, "least": 0.0}
 
     def show(self, index: int) -> None:

@@ -485,7 +485,9 @@ def warn_of_obstacles(eq: ContactEquations) -> None:
             continue  # a solve refuses it
         given = not s.law.needs_pressure and s.law.averaging is None
         if given and nearest > _FAR * eq.body_size:
-            bound = float(np.nanmax(s.friction_slope(), initial=0.0))
+            at_rest = np.zeros_like(s.points.data.n)
+            slope = s.law_at_points(at_rest, at_rest, s.point_data).unit_bound
+            bound = float(np.nanmax(slope, initial=0.0))
             if s.comm.allreduce(bound, op=max) > 0 and s.comm.rank == 0:
                 logger.warning(
                     "%s: the friction bound of Tresca acts on the whole surface, and the obstacle "

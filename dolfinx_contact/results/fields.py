@@ -19,31 +19,36 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.points.evaluation import vertex_function
+from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
+from dolfinx_contact.points.evaluation import blocked_space, vertex_function
 from dolfinx_contact.points.surface import ContactSurface
-from dolfinx_contact.points.vertex_state import vertex_state
+from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 
-__all__ = ["STATUS_CODES", "contact_fields"]
+__all__ = ["STATUS_CODES", "contact_fields", "vertex_state"]
+
+Array = npt.NDArray[np.float64]
 
 #: Number of each status letter of the tables.
 STATUS_CODES = {"o": 0, "k": 1, "+": 2, "-": 2, "s": 2, "d": 3}
+_FORCES = ("traction", "pressure", "shear", "bound")
 
 
 def contact_fields(
-    eq: ContactEquations, number: int, supports: npt.NDArray[np.float64]
+    eq: ContactEquations, number: int, evaluation: Evaluation
 ) -> dict[str, fem.Function]:
-    """What is known on a contact surface at the state in the Functions. Collective.
+    """Fields on a contact surface at the state in the Functions. Collective.
 
     Args:
-        eq: the contact problem.
-        number: of the surface.
-        supports: reactions of Dirichlet data on the body at the local vertices (n, dim).
+        eq: contact problem.
+        number: index of the surface.
+        evaluation: evaluation of the state, with reactions.
 
     Returns:
         As `ContactProblem.contact_fields`.
     """
     s = eq.surfaces[number]
-    state = vertex_state(s)
+    state = vertex_state(eq, number, evaluation)
     shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
     status = np.argmax(np.round(shares, 9), axis=0).astype(float)
     clamped = _at_vertices(s, eq.constraints.clamped[number])
@@ -51,8 +56,10 @@ def contact_fields(
     if s.method != "integral":
         for name in ("traction", "pressure", "shear"):
             state[name][clamped] = 0.0  # as in the table
+    trace = s.points.vertex_trace_dofs
+    supports = forces_at_vertices(eq.V, s.submesh, trace, support_at_nodes(eq, evaluation))
     values = {
-        "displacement": s.u.x.array.reshape(-1, s.dim)[s.points.vertex_trace_dofs],
+        "displacement": evaluation.u.reshape(-1, s.dim)[trace],
         "traction": state["traction"],
         "pressure": state["pressure"],
         "shear": state["shear"],
@@ -61,9 +68,88 @@ def contact_fields(
         "status": status,
         "support": supports / s.points.whole_areas[:, None],
     }
+    answers = evaluation.surfaces[number].answers
     for name, inner in s.law.variables(s.dim).items():
-        values[name] = s.points.at_vertices(s.bond(f"after.{inner}"))
+        values[name] = s.points.at_vertices(answers.bond(f"after.{inner}"))
     return {name: vertex_function(s.points.vertices, name, v) for name, v in values.items()}
+
+
+def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> dict[str, Array]:
+    """Values at the local vertices of a surface, owned first, for fields and pictures. Collective.
+
+    The evaluation is that of the state in the Functions.
+
+    Args:
+        eq: contact problem.
+        number: index of the surface.
+        evaluation: evaluation of the state.
+
+    Returns:
+        ``un``, ``ut``, ``n``, ``traction``, ``pressure``, ``shear``, ``bound`` as in
+        `ContactSurface.state_of`, but forces are divided by the whole areas of the vertices, of
+        which only a part may have something opposite; ``open`` and ``slip``, the shares of the area
+        around a vertex with that status (0 or 1 where the vertices are the points); in 2D also
+        ``plus`` and ``minus``, slip with u_t > 0 and < 0: neither where friction vanishes and
+        nothing has moved since the last step.
+    """
+    s = eq.surfaces[number]
+    found = evaluation.surfaces[number]
+    points = s.points
+    kept = ("un", "ut", "n", "traction", "pressure", "shear", "bound")
+    state = s.state_of(found.kinematics, found.traction, found.answers)
+    friction = senses(found.statuses)
+    slips = closed(found.statuses) & ((friction == PLUS) | (friction == MINUS))
+    shares = {"open": ~closed(found.statuses), "slip": slips}
+    if s.dim == 2:
+        # Without friction the status has no sense of its own, and the motion shows it.
+        moved = state["increment"]
+        n = state["n"]
+        along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
+        grips = state["bound"] > 0
+        shares["plus"] = slips & np.where(grips, friction == PLUS, along > 0)
+        shares["minus"] = slips & np.where(grips, friction == MINUS, along < 0)
+    values = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
+    if s.method == "integral":
+        values |= _interpolated(eq, s, evaluation, state)
+    else:
+        values |= {k: points.with_ghosts(state[k]) for k in kept}
+    for name in _FORCES:
+        values[name] = (points.covered * values[name].T).T
+    return values
+
+
+def _interpolated(
+    eq: ContactEquations, s: ContactSurface, evaluation: Evaluation, state: dict[str, Array]
+) -> dict[str, Array]:
+    """Values of the Functions at the vertices instead of means around them. Collective."""
+    motion = None if s.rigid_body is None else eq.rigid.of_body(evaluation.q, s.rigid_body)
+    u = s.relative(evaluation.u.reshape(-1, s.dim), motion)
+    u = (u - s.opposite(u))[s.points.vertex_trace_dofs]
+    gap, n = s.at_vertices(u)
+    traction = _multiplier_at_vertices(s)
+    along = np.sum(u * n, axis=1)
+    pressure = -np.sum(traction * n, axis=1)
+    slip = u - along[:, None] * n
+    if s.displaced is not None:
+        slip = s.points.at_vertices(state["ut"])
+    return {
+        "un": gap,
+        "ut": slip,
+        "n": n,
+        "traction": traction,
+        "pressure": pressure,
+        "shear": traction + pressure[:, None] * n,
+        "bound": s.points.at_vertices(state["bound"]),
+    }
+
+
+def _multiplier_at_vertices(s: ContactSurface) -> Array:
+    if s.degrees[1] == 1:
+        return s.multiplier.x.array.reshape(-1, s.dim)
+    f = fem.Function(blocked_space(s.points.vertices, s.dim))
+    f.interpolate(s.multiplier)
+    f.x.scatter_forward()
+    return f.x.array.reshape(-1, s.dim)
 
 
 def _at_vertices(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -42,7 +42,6 @@ def attack(case):
     evolution = QuasiStatic(problem, load)
     body.u.interpolate(lambda x: np.stack([0 * x[0], 0.01 - 0.02 * x[1]]))
     for face in faces:
-        face.statuses[:] = 1
         face.multiplier.interpolate(
             lambda x, s=face.name: np.outer((0.0, 20.0 if s == "floor" else -20.0), 0 * x[0] + 1)
         )

@@ -25,7 +25,6 @@ class Meddler(Observer):
         self.body.u.x.array[:] = 0.5
         self.body.moved.x.array[:] = -0.3
         self.contact.multiplier.x.array[:] = 7.0
-        self.contact.statuses[:] = 1
 
 
 def attack(case):

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""States of a contact problem as values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.equations.evaluation import Statuses
+from dolfinx_contact.points.memory import Memory
+
+__all__ = ["LastWrite", "State"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """State of a contact problem on this rank: a frozen value that can be pickled.
+
+    `ContactProblem.snapshot` takes one and `ContactProblem.restore` puts it back. Evaluators such
+    as `ContactProblem.table` and `io.write_fields` accept one. All arrays are read-only copies.
+
+    Attributes:
+        displacement: local values of the displacement, ghosts included, a length.
+        multipliers: local values of the multiplier of each surface, a stress.
+        statuses: status codes of the contact points of each surface (`laws.status`).
+        motions: displacement and rotation of each rigid body.
+        memory: memory of each surface from which a step that begins in this state starts.
+        previous: memory of each surface at the beginning of the step that ended in this state;
+            None under the static law.
+        time: time of a state of an evolution.
+        gamma: load parameter of a point of a branch.
+        velocity: local values of the velocity, in dynamics.
+        energies: energies since the start of an evolution, by name.
+        r: augmentation parameter with which the state was found.
+        scales: force and length with which its residual was measured.
+
+    Example:
+        Solve for two loads from the same start::
+
+            start = problem.snapshot()
+            results = []
+            for force in (1.0, 2.0):
+                problem.restore(start)
+                load.value[1] = -force
+                results.append(problem.solve())
+    """
+
+    displacement: Array
+    multipliers: tuple[Array, ...]
+    statuses: tuple[npt.NDArray[np.int8], ...]
+    motions: tuple[Array, ...]
+    memory: tuple[Memory, ...]
+    previous: tuple[Memory | None, ...]
+    time: float | None = None
+    gamma: float | None = None
+    velocity: Array | None = None
+    energies: Mapping[str, float] | None = None
+    r: float | None = None
+    scales: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("multipliers", "statuses", "motions"):
+            object.__setattr__(self, name, tuple(map(_read_only, getattr(self, name))))
+        for name in ("memory", "previous"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        object.__setattr__(self, "displacement", _read_only(self.displacement))
+        if self.velocity is not None:
+            object.__setattr__(self, "velocity", _read_only(self.velocity))
+
+    def __reduce__(self) -> Any:
+        # Arrays become writeable when they are unpickled, unless the constructor runs again.
+        return type(self), tuple(getattr(self, f.name) for f in fields(self))
+
+
+class LastWrite:
+    """Unknowns and statuses that a problem wrote last.
+
+    On the border between two statuses displacement and multipliers do not determine them, so those
+    of the last solution count as long as the unknowns are the same bit by bit.
+
+    Args:
+        comm: communicator of the problem.
+    """
+
+    def __init__(self, comm: MPI.Comm):
+        self._comm = comm
+        self._unknowns: Array | None = None
+        self._statuses: Statuses = ()
+
+    def note(self, unknowns: Array, statuses: Statuses) -> None:
+        """Store owned unknowns (n,) with their statuses, both copied. Not collective."""
+        self._unknowns = unknowns.copy()
+        self._statuses = [np.array(codes, dtype=np.int8) for codes in statuses]
+
+    def statuses_at(self, unknowns: Array) -> Statuses | None:
+        """Statuses written with these unknowns, None if others were written. Collective."""
+        same = self._unknowns is not None and np.array_equal(self._unknowns, unknowns)
+        return self._statuses if self._comm.allreduce(int(same), op=MPI.MIN) else None
+
+
+def _read_only(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    copied = np.array(values)
+    copied.flags.writeable = False
+    return copied

@@ -1,0 +1,138 @@
+"""States of a problem as values: snapshots, statuses and evaluators at a state."""
+
+import pickle
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from blocks import block
+from test_evolution import dragged, put
+
+from dolfinx_contact import State
+from dolfinx_contact.evolution import QuasiStatic
+
+COMM = MPI.COMM_WORLD
+
+
+def moved_block():
+    """A block on a floor, and a function that moves its top."""
+    problem, top = dragged()
+
+    def move(x, y):
+        put(top, (x, y))
+
+    return problem, move
+
+
+def functions(problem):
+    return [f.x.array.copy() for f in problem.fields]
+
+
+def same(a, b):
+    return all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+
+
+def test_restore_is_exact():
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+    values = functions(problem)
+    table = problem.table(problem.surfaces[0])
+    move(-0.02, -0.03)
+    problem.solve()
+    assert not COMM.allreduce(same(functions(problem), values), op=MPI.LAND)
+    problem.restore(state)
+    assert same(functions(problem), values)
+    move(0.01, -0.02)
+    assert problem.table(problem.surfaces[0]).status == table.status
+    assert problem.solve().iterations == 0
+
+
+def test_a_state_can_be_pickled_and_cannot_be_changed():
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+    copy = pickle.loads(pickle.dumps(state))
+    assert isinstance(copy, State)
+    for s in (state, copy):
+        for values in (s.displacement, *s.multipliers, *s.statuses, s.memory[0].jump):
+            assert not values.flags.writeable
+    assert same((copy.displacement, *copy.multipliers), (state.displacement, *state.multipliers))
+    assert same(copy.statuses, state.statuses)
+    problem.restore(copy)
+    assert same(problem.snapshot().multipliers, state.multipliers)
+    assert state.previous == (None,)
+
+
+def test_statuses_are_those_of_the_last_write():
+    """On a border the unknowns do not determine them; other unknowns do determine theirs."""
+    problem, _ = moved_block()
+    free = problem.snapshot()  # without load all points are on the border of all statuses
+    (codes,) = free.statuses
+    for status in (0, 1):
+        problem.restore(replace(free, statuses=(np.full_like(codes, status),)))
+        assert np.all(problem.snapshot().statuses[0] == status)
+    (f,) = (s.multiplier for s in problem.surfaces)
+    f.x.array.reshape(-1, 2)[:, 1] = -1.0  # pulls
+    assert np.all(problem.snapshot().statuses[0] == 0)
+    f.x.array.reshape(-1, 2)[:, 1] = 1.0  # presses
+    assert np.all(problem.snapshot().statuses[0] == 1)
+
+
+def test_a_state_of_another_problem():
+    problem, _ = moved_block()
+    other = block(n=3)
+    with pytest.raises(ValueError, match="State of this problem"):
+        problem.restore(other.snapshot())
+    with pytest.raises(ValueError, match="State of this problem"):
+        problem.table(problem.surfaces[0], state=42)
+
+
+def test_evaluators_at_a_state():
+    """They agree with those of the Functions, and leave the Functions as they were."""
+    problem, move = moved_block()
+    (s,) = problem.surfaces
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+
+    def evaluated(**at):
+        table = problem.table(s, **at)
+        fields = problem.contact_fields(s, **at)
+        return [
+            *(table.force, table.un, table.ut, table.bound),
+            *(f.x.array for f in fields.values()),
+            problem.support_forces(s, **at),
+        ], table.status
+
+    before, status = evaluated()
+    move(-0.02, -0.03)
+    problem.solve()
+    values = functions(problem)
+    after, other = evaluated(state=state)
+    assert same(before, after)
+    assert status == other
+    assert same(functions(problem), values)
+
+
+def test_evaluators_use_the_law_of_the_step_that_ended_in_the_state():
+    """Increments are those of that step; the static law has the total displacement."""
+    problem, move = moved_block()
+    (s,) = problem.surfaces
+
+    def load(t):
+        move(0.01 * t, -0.02)
+
+    QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf)
+    state = problem.snapshot()
+    assert state.previous[0] is not None
+    table = problem.table(s)
+    problem.surfaces[0].memory = None
+    again = problem.table(s, state=state)
+    np.testing.assert_array_equal(again.increment, table.increment)
+    static = problem.table(s)
+    np.testing.assert_array_equal(static.increment, static.ut)
