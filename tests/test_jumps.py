@@ -1,9 +1,5 @@
 """Jumps of histories that no mean over a body shows, and what is stated of them."""
 
-import importlib
-from pathlib import Path
-from types import SimpleNamespace
-
 from mpi4py import MPI
 
 import numpy as np
@@ -140,16 +136,3 @@ def test_a_jump_from_which_no_solution_is_near(stiffness, law, pressed, times):
     slip = history.steps[-1].result.tables["contact"].ut[:, 0]
     bound = kinetic + (static - kinetic) * np.exp(-slip / distance)
     np.testing.assert_allclose(times[-1] - slip, bound * pressed, rtol=1e-6)
-
-
-@pytest.mark.long
-@pytest.mark.chatty
-def test_short_steps_after_a_jump_are_none(monkeypatch):
-    """They are faster than the body that stuck before, evenly, and none can be halved twice."""
-    monkeypatch.syspath_prepend(Path(__file__).parent / "attacks")
-    attack = importlib.import_module("a06_slip_weakening")
-    times = [0.0, 0.2, 0.4, 0.55, 0.8, 1.0]
-    history = attack.weakened(SimpleNamespace(comm=COMM), 1.0, times, "jump")
-    ((start, end),) = jumps_of(history)
-    assert start - 1e-5 < 0.6 < end + 1e-5
-    assert sum(end < step.time < end + 1e-3 for step in history.steps) > 3

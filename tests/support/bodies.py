@@ -281,3 +281,8 @@ def triangle(at: float = 0.0, comm: MPI.Comm = MPI.COMM_SELF) -> mesh.Mesh:
         cells, corners = cells[:0], corners[:0]
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
     return mesh.create_mesh(comm, cells=cells, x=corners, e=element)
+
+
+def table_of(problem: ContactProblem) -> Any:
+    """Return the table of the first surface at the state in the Functions."""
+    return problem.table(problem.surfaces[0])
