@@ -65,7 +65,7 @@ THRESHOLDS = {
 def test_friction_in_the_energy_is_not_solved_silently(name):
     """A face held by 20 |u_x| and pulled by 5 sticks, but Newton's method finds no root."""
     term = THRESHOLDS[name]
-    with pytest.raises((ValueError, ConvergenceError), match=r"jump|not finite"):
+    with pytest.raises((ValueError, ConvergenceError), match=r"residual jumps|not finite"):
         pressed(lambda b: b.at_bottom() * (20 * term(b.u) - 5 * b.u[0]) * ufl.ds)[1].solve()
 
 
@@ -75,7 +75,7 @@ def test_a_sign_in_the_residual_is_not_solved_silently():
     push = body.at_bottom() * (20 * ufl.sign(body.u[0]) - 5.0)
     v = ufl.TestFunction(body.V)
     residual = ufl.derivative(body.elastic(), body.u, v) + push * v[0] * ufl.ds
-    with pytest.raises((ValueError, ConvergenceError), match="jump"):
+    with pytest.raises((ValueError, ConvergenceError), match="residual jumps"):
         body.problem(bulk=residual).solve()
 
 
@@ -89,11 +89,14 @@ def lowest(factor):
     return body.problem(bulk=residual, obstacle=floor(-0.1)).solve().tables["contact"].un
 
 
-def test_a_load_that_sets_in_on_the_way_is_not_solved_silently():
+@pytest.mark.parametrize(
+    "factor",
+    [lambda u: ufl.conditional(ufl.lt(u[1], -0.002), 1.0, 0.0), lambda u: 1.0],
+    ids=["late", "at once"],
+)
+def test_a_load_that_sets_in_on_the_way_is_right(factor):
     """It sets in at u_y = -0.002; the answer d + 4 / E is beyond."""
-    with pytest.raises((ValueError, ConvergenceError), match="jump"):
-        lowest(lambda u: ufl.conditional(ufl.lt(u[1], -0.002), 1.0, 0.0))
-    assert_close(lowest(lambda u: 1.0), np.full(3, 0.1 - 0.014), 1e-8)
+    assert_close(lowest(factor), np.full(3, 0.1 - 0.014), 1e-8)
 
 
 def test_a_kink_in_space_is_allowed():
