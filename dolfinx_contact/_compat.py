@@ -11,12 +11,10 @@ import ctypes
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
@@ -46,7 +44,6 @@ __all__ = [
     "is_topology_of",
     "is_value_of",
     "merge_entity_maps",
-    "option_is_used",
     "tags_of_entities",
 ]
 
@@ -243,27 +240,6 @@ def dirichlet_value(bc: fem.DirichletBC) -> Any:
 def is_value_of(f: fem.Function | fem.Constant, bc: fem.DirichletBC) -> bool:
     """Whether a Dirichlet condition takes its values from this very Function or Constant."""
     return f._cpp_object is dirichlet_value(bc)
-
-
-def option_is_used(key: str) -> bool:
-    """Whether anything has read PETSc's database for ``key`` since it was set.
-
-    True if this PETSc does not tell: petsc4py has no name for ``PetscOptionsUsed``.
-    """
-    ask = _petsc_options_used()
-    if ask is None:
-        return True
-    used = ctypes.c_int(0)  # PetscBool is an int, in newer versions a bool
-    return bool(ask(None, key.encode(), ctypes.byref(used)) or used.value)
-
-
-@cache
-def _petsc_options_used() -> Any:
-    """PETSc's function; None where its library has none, or cannot be found."""
-    try:
-        return ctypes.CDLL(PETSc.__file__).PetscOptionsUsed
-    except (OSError, AttributeError):
-        return None
 
 
 def geometry_dofmap(domain: mesh.Mesh) -> npt.NDArray[np.int32]:

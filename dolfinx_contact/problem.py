@@ -151,7 +151,7 @@ class ContactProblem(ReadOnly):
             that vanishes with the mesh size).
         petsc_options_prefix: of the SNES.
         petsc_options: options of the SNES under that prefix, named without it; the command line
-            wins. Names that nothing reads are warned of after the first solve.
+            wins.
 
     Attributes:
         equations: H, in which the Functions do not occur.

@@ -4,7 +4,6 @@ import faulthandler
 import logging
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 import pytest
@@ -66,48 +65,6 @@ def warnings_of(caplog, part):
 
 
 # -- options ---------------------------------------------------------------------------------------
-
-
-def test_options_that_nothing_reads_are_named_once(caplog):
-    options = {"snes_rtol": 1e-9, "snes_monitr_short": None, "mat_mumps_icntl_14": 90}
-    PETSc.Options()["contact_pc_factor_fil"] = 2
-    problem = block(options=options)
-    problem.solve()
-    problem.solve()
-    (message,) = warnings_of(caplog, "options that nothing uses")
-    assert "snes_monitr_short (snes_monitor is meant?)" in message
-    assert "pc_factor_fil" in message
-    assert "icntl" not in message
-    assert "rtol" not in message
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"snes_max_it": 30, "ksp_type": "preonly", "pc_type": "lu", "linear_solver": "direct"},
-        {"linear_solver": "amg", "amg_pc_type": "gamg", "ksp_max_it": 150, "ksp_rtol": 1e-8},
-        {"snes_linesearch_order": 2, "amg_pc_gamg_threshold": 0.01},
-    ],
-    ids=["direct", "amg", "at times"],
-)
-def test_options_that_are_read_are_not_warned_of(caplog, options):
-    for key, value in options.items():
-        PETSc.Options()[f"other_{key}"] = value  # of a problem that is not there
-    block(options=options).solve()
-    assert not warnings_of(caplog, "options that nothing uses")
-
-
-def test_no_option_is_meant_by_itself(caplog):
-    block(options={"ksp_rtol": 1e-9}).solve()
-    (message,) = warnings_of(caplog, "options that nothing uses")
-    assert "ksp_rtol" in message
-    assert "is meant" not in message
-
-
-def test_tolerances_without_effect_are_named(caplog):
-    block(options={"snes_atol": 1e-3}).solve()
-    (message,) = warnings_of(caplog, "options that nothing uses")
-    assert "snes_atol (snes_rtol decides)" in message
 
 
 @pytest.mark.parametrize("kind", ["newtonls", "newtontr", "newtontrdc", "vinewtonssls"])

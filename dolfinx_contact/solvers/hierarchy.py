@@ -24,7 +24,14 @@ import numpy.typing as npt
 from dolfinx import fem, la
 
 from dolfinx_contact._mesh_mark import node_positions
-from dolfinx_contact._petsc import forget_product, half_of, has_package, logged, options_in_database
+from dolfinx_contact._petsc import (
+    as_raised,
+    forget_product,
+    half_of,
+    has_package,
+    logged,
+    options_in_database,
+)
 
 __all__ = ["PLAIN", "SMOOTHED", "Hierarchy", "Interpolation", "condition", "rigid_body_space"]
 
@@ -243,7 +250,8 @@ class Hierarchy:
             )
         pc.setOptionsPrefix(self.prefix)
         products = _PRODUCTS if self.comm.size == 1 else {}
-        with options_in_database(self.prefix, self.options), options_in_database("", products):
+        ours = options_in_database(self.prefix, self.options)
+        with ours, options_in_database("", products), as_raised():
             pc.setFromOptions()
             pc.setUp()
 

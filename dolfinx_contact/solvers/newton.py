@@ -114,7 +114,6 @@ class Newton:
             self.snes.setLineSearchPreCheck(self._settle)
         with options_in_database(given.prefix, self.options), as_raised():
             self.snes.setFromOptions()
-            given.note()
         self.snes.setTolerances(atol=0.0, stol=0.0)
         if self.linear.name != "direct" and self.snes.getType() != PETSc.SNES.Type.NEWTONLS:
             raise ValueError(
@@ -193,7 +192,6 @@ class Newton:
                     if self.comm.rank == 0:
                         logger.warning("%s; once more with a new preconditioner", failure)
                     self.snes.solve(None, y)
-                given.note()
             y.copy(x)
         except LinearSolverError as error:
             attempt.reason = str(error)
@@ -204,7 +202,6 @@ class Newton:
         finally:
             y.destroy()
         self._show()
-        self._warn_of_options()
         if not attempt.steps and self.snes.getConvergedReason() == _NOT_A_NUMBER:
             raise ValueError(
                 "the residual overflows at the start: its square is beyond 1e308. Look at the "
@@ -219,13 +216,6 @@ class Newton:
             attempt.reason = self._explain()
             ksp.reset()  # MUMPS does not recover from a singular matrix
         return bool(reason > 0)
-
-    def _warn_of_options(self) -> None:
-        """Warn of options that nothing has read, once a linear system has been solved."""
-        if self.snes.getLinearSolveIterations() > 0:
-            multigrid = self.linear.name == "amg"
-            root = self.comm.rank == 0
-            self.equations.options.warn(multigrid=multigrid, root=root)
 
     def state_at(self, x: PETSc.Vec) -> Evaluation | None:
         """The state that was evaluated last, if that was at ``x`` by its own statuses. Collective.

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Validators of arguments: each returns the value, or raises ``ValueError`` that names it.
+
+They are for entry points, next to the signature, and are not collective; `_collective.collective`
+makes an error on one rank one on all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from contextlib import suppress
+from typing import Any, TypeVar
+
+import numpy as np
+
+from dolfinx_contact._numbers import is_number
+
+__all__ = ["count", "flag", "instance", "nonnegative", "number", "one_of", "positive", "word"]
+
+_T = TypeVar("_T")
+
+
+def number(value: Any, name: str, must: str = "a finite number", *, text: bool = False) -> float:
+    """A finite number.
+
+    Args:
+        value: value to validate; not a bool.
+        name: name of the argument in the message.
+        must: description of the required values in the message.
+        text: whether a string that holds a number is accepted, as in PETSc options.
+    """
+    if text and isinstance(value, str):
+        with suppress(ValueError):
+            value = float(value)
+    if not (is_number(value) and np.isfinite(value)):
+        raise ValueError(f"{name} must be {must}, got {value!r}")
+    return float(value)
+
+
+def positive(
+    value: Any, name: str, must: str = "a positive number", *, text: bool = False
+) -> float:
+    """A finite number larger than 0; see `number`."""
+    if number(value, name, must, text=text) <= 0:
+        raise ValueError(f"{name} must be {must}, got {value!r}")
+    return float(value)
+
+
+def nonnegative(value: Any, name: str, must: str = "a nonnegative number") -> float:
+    """A finite number that is not smaller than 0; see `number`."""
+    if number(value, name, must) < 0:
+        raise ValueError(f"{name} must be {must}, got {value!r}")
+    return float(value)
+
+
+def count(value: Any, name: str, least: int = 1) -> int:
+    """A whole number that is not smaller than ``least``."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < least:
+        raise ValueError(f"{name} must be a whole number >= {least}, got {value!r}")
+    return int(value)
+
+
+def flag(value: Any, name: str) -> bool:
+    """True or False, of Python or numpy."""
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError(f"{name} must be True or False, got {value!r}")
+    return bool(value)
+
+
+def one_of(value: _T, name: str, options: Collection[Any]) -> _T:
+    """One of some values."""
+    if not any(type(value) is type(option) and value == option for option in options):
+        shown = ", ".join(str(option) for option in options)
+        raise ValueError(f"{name} must be one of {shown}; got {value!r}")
+    return value
+
+
+def instance(value: Any, name: str, kind: type[_T]) -> _T:
+    """An instance of a class."""
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIO" else "a"
+        raise ValueError(f"{name} must be {article} {kind.__name__}, got {type(value).__name__}")
+    return value
+
+
+def word(value: Any, name: str) -> str:
+    """A string that is not empty."""
+    if not isinstance(value, str) or not value:
+        raise ValueError(f"{name} must be a word, got {value!r}")
+    return value
