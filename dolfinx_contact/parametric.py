@@ -25,7 +25,7 @@ from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._errors import on_root, require
-from dolfinx_contact._frozen import ReadOnly
+from dolfinx_contact._frozen import ReadOnly, copy_with
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma
@@ -40,6 +40,7 @@ from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Coulomb, Frictionless, status
 from dolfinx_contact.laws.status import OPEN
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.proofs import obstacle_to_proof, proved, proved_rays
 from dolfinx_contact.reduced.reduction import Reduction
@@ -151,6 +152,19 @@ class ParametricContact(ReadOnly, ParametricEquations):
             ValueError: on every rank, if gamma is no finite number, or differs between ranks.
         """
         self._set(gamma)
+
+    def with_memory(self, memory: Sequence[Memory | None]) -> ParametricContact:
+        """The same system with another memory of the contact points. Collective.
+
+        The copy is shallow, see `ContactProblem.with_memory`.
+
+        Args:
+            memory: memory of the points of each surface at the beginning of the step; None: the
+                static law.
+        """
+        problem = self.problem.with_memory(memory)
+        equations = problem.equations
+        return copy_with(self, problem=problem, equations=equations, _last=None, _condensed=None)
 
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Put a point of a branch into the Functions of the problem, its statuses included.

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
@@ -43,7 +42,6 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.given_data import GivenData, mark_of_data, note_put, was_put
 from dolfinx_contact.equations.state import LastWrite, State
-from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.revolution import axis_condition
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -67,8 +65,6 @@ if TYPE_CHECKING:
     from dolfinx_contact.body.moving import MovingBody
 
 __all__ = ["ContactProblem"]
-
-logger = logging.getLogger(__name__)
 
 Answer = TypeVar("Answer")
 
@@ -250,8 +246,6 @@ class ContactProblem(ReadOnly):
         self._written = LastWrite(self.comm)
         #: In a run, the surfaces of which a warning has been logged, each with its kind.
         self._warned: set[tuple[str, str]] | None = None
-        #: What surfaces remembered in a solve of which a warning has been logged.
-        self._said: list[Memory] = []
         warn_of_obstacles(self.equations)
         warn_of_rule(body.estimated_rule, self.comm.rank)
 
@@ -265,6 +259,20 @@ class ContactProblem(ReadOnly):
             body, self.V, self.surfaces, self.bcs, r=eq.forced_r, options=eq.options
         )
         return copy_with(self, equations=equations, _linear=LinearSolverChoice(equations))
+
+    def with_memory(self, memory: Sequence[Memory | None]) -> ContactProblem:
+        """The same problem with another memory of the contact points. Collective.
+
+        The copy is shallow: it shares Functions, data, forms, matrices and linear solvers.
+
+        Args:
+            memory: memory of the points of each surface at the beginning of the step; None: the
+                static law.
+
+        Raises:
+            ValueError: on every rank, if the memory belongs to other surfaces.
+        """
+        return copy_with(self, equations=self.equations.with_memory(memory))
 
     # -- Functions and vectors -------------------------------------------------------------------
 
@@ -443,14 +451,9 @@ class ContactProblem(ReadOnly):
         if state is None:
             yield self
             return
-        memory = self.equations.memory
         with self.restored(always=True):
             self.restore(state)
-            self.equations.remember(state.previous)
-            try:
-                yield self
-            finally:
-                self.equations.remember(memory)
+            yield self.with_memory(state.previous)
 
     @property
     def solver(self) -> PETSc.SNES:
@@ -602,27 +605,7 @@ class ContactProblem(ReadOnly):
                 if the monitor changes data or the mesh.
             ConvergenceError: if no strategy converges; the Functions are as they were.
         """
-        if self._warned is None:
-            self._warn_of_memory()
         return self._solved(algorithm, monitor, increments, progress, Trial(tuple(expected)))[0]
-
-    def _warn_of_memory(self) -> None:
-        """Warn, once, of a memory that a history, motion or path has left. Not collective."""
-        memory = self.equations.memory
-        known = [any(m is said for said in self._said) for m in memory]
-        told = [
-            s.name
-            for s, m, is_known in zip(self.surfaces, memory, known, strict=True)
-            if m is not None and not is_known and (m.fields or STICK in s.law_at_points.codes)
-        ]
-        self._said[:] = [m for m in memory if m is not None]
-        if told and self.comm.rank == 0:
-            logger.warning(
-                "%s: slips and bonds are those since the state in which a history, motion or path "
-                "has ended, so that this solve is another step of it and none of the static law; "
-                "set surface.memory = None for that",
-                ", ".join(told),
-            )
 
     @mesh_stays()
     def solve_step(
@@ -699,20 +682,16 @@ class ContactProblem(ReadOnly):
         """Questions to the problem as it was solved, its memory included."""
         eq = self.equations
         values = x.array_r.copy()
-        memory = self.equations.memory
         mark = mark_of_data(eq)
         known: dict[float, Uniqueness] = {}
 
         def as_solved(ask: Callable[[PETSc.Vec], Answer]) -> Answer:
             y = self.create_vector()
-            now = eq.memory
             y.array[:] = values
-            eq.remember(memory)
             try:
                 check_data(eq, y)
                 return ask(y)
             finally:
-                eq.remember(now)
                 y.destroy()
 
         def decided(y: PETSc.Vec, seconds: float) -> Uniqueness:

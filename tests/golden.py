@@ -365,8 +365,10 @@ def bonded_block(law):
         part = 0.1 * min(time, 2 - time)
         top.interpolate(lambda x: np.array([part + 0 * x[0], part * (x[0] - 0.3)]))
 
-    history = QuasiStatic(problem, load).run([0.0, 1.0, 1.8], longest=0.25, progress=False)
-    return steps(history) | {"evaluated": evaluated(problem, 0.05, 1.0)}
+    evolution = QuasiStatic(problem, load)
+    history = evolution.run([0.0, 1.0, 1.8], longest=0.25, progress=False)
+    step = problem.with_memory(evolution.memory)
+    return steps(history) | {"evaluated": evaluated(step, 0.05, 1.0)}
 
 
 def cycle(case):

@@ -36,10 +36,7 @@ ON_TWO = {
         *("settings_by_name", "elastic_solution_is_in_equilibrium", "seconds_of_the_surface"),
     ),
     "test_between_runs": (
-        *(
-            "a_state_that_is_set_between_two_runs_is_refused",
-            "a_history_begins_where_another_has_ended",
-        ),
+        *("a_state_that_is_set_between_two_runs_is_refused",),
         *("a_record_says_what_has_changed",),
     ),
     "test_blocks": (
@@ -207,7 +204,6 @@ ON_TWO = {
         *("files_read_differently", "a_drawing_that_ends_the_run", "missing_file"),
         *("not_a_gmsh_file", "model_that_does_not_fit"),
     ),
-    "test_left_memory": ("what_is_remembered_of_another_state_is_said",),
     "test_mortar": ("a_rounded_face", "bad_mortars", "a_warped_face_in_space"),
     "test_motion": (
         *("a_bar_step_by_step", "ranks_change_nothing", "bad_input"),

@@ -307,7 +307,7 @@ def test_jacobian_by_taylor(cell, method, viscosity):
     rng = np.random.default_rng(COMM.rank)
     n = surface.points.number
     memory = Memory(rng.normal(0, 0.002, (n, surface.dim)), {"beta": rng.uniform(0.3, 1, n)}, 0.1)
-    problem.equations.remember([memory])
+    problem = problem.with_memory([memory])
     sizes = remainders(problem, x, 2)
     codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
     assert (codes >= DAMAGING).any()
@@ -327,7 +327,7 @@ def test_rejected_steps_leave_nothing():
             times, accept=lambda s, w=wanted: s.time - s.start < 1.5 * w, sudden=np.inf
         )
         times = [0.0, *(s.time for s in history.steps)]
-        (memory,) = problem.equations.memory
+        (memory,) = evolution.memory
         runs.append((history, [*(f.x.array for f in problem.fields), *memory.fields.values()]))
     (rejecting, first), (other, second) = runs
     assert sum(s.rejected for s in rejecting.steps) > 0 == sum(s.rejected for s in other.steps)
@@ -341,7 +341,8 @@ def test_rejected_steps_leave_nothing():
     with pytest.raises(ValueError, match="read-only"):
         memory.fields["beta"][:] = 1.0
     # The memory of the end is what stands: looking at the state again changes nothing.
-    np.testing.assert_allclose(problem.surfaces[0].bond("after.beta"), beta, rtol=1e-14)
+    found = problem.with_memory(evolution.memory).evaluate().surfaces[0].answers.bond("after.beta")
+    np.testing.assert_allclose(found, beta, rtol=1e-14)
 
 
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
@@ -464,14 +465,15 @@ def test_events_of_damage_within_a_step(given):
     def load(t):
         system.set_parameter(unit * np.interp(t, range(5), way))
 
-    QuasiStatic(problem, load).run([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
-    (memory,) = problem.equations.memory
+    evolution = QuasiStatic(problem, load)
+    evolution.run([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
+    (memory,) = evolution.memory
     beta = float(memory.fields["beta"].min())
     later = memory.later(0.5)
     assert beta < 0.8
     x = system.create_vector()
     problem.write(x)
-    problem.equations.remember([later])
+    system = system.with_memory([later])
     branch = follow(system, x, 0.5 * unit, gamma_range=(0.5 * unit, 6 * unit), max_steps=100)
     (event,) = branch.special
     (change,) = event.changes
@@ -564,7 +566,7 @@ def test_bad_input():
         problem.solve()
     jump = np.zeros((surface.points.number, 2))
     with pytest.raises(ValueError, match="memory is that of other contact surfaces"):
-        problem.equations.remember([Memory(jump, {"beta": np.ones(surface.points.number + 1)})])
+        problem.with_memory([Memory(jump, {"beta": np.ones(surface.points.number + 1)})])
 
 
 @pytest.mark.chatty

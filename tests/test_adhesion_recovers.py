@@ -231,7 +231,7 @@ def test_jacobian_by_taylor(cell, given):
     fields |= {f".origin_{i}": rng.normal(0, 0.002, n) for i in range(surface.dim)}
     kept = {*law.memory(surface.dim)}
     known = {k: v for k, v in fields.items() if k in kept}
-    problem.equations.remember([Memory(rng.normal(0, 0.002, (n, surface.dim)), known, 0.1)])
+    problem = problem.with_memory([Memory(rng.normal(0, 0.002, (n, surface.dim)), known, 0.1)])
     sizes = remainders(problem, x, 2)
     codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
     assert (codes >= DAMAGING).any()
@@ -257,7 +257,7 @@ def test_records_have_what_recovers(folder):
     evolution = QuasiStatic(problem, load)
     record = records.EvolutionRecord(folder, evolution)
     evolution.run(times, record=record)
-    (memory,) = problem.equations.memory
+    (memory,) = evolution.memory
     names = {".rate", ".length", ".rest", ".closed", ".origin_0", ".origin_1", "beta"}
     assert set(memory.fields) == names
     accepted = record._run_state(len(times) - 1).accepted

@@ -213,18 +213,18 @@ def test_a_step_of_a_history():
     system = cube(Coulomb(0.3))
     problem = system.problem
     without = find_solutions(system, [system.create_vector()], -0.5)
-    QuasiStatic(problem, lambda t: system.set_parameter(2.0 * t)).run([0.0, 1.0])
-    found = find_solutions(system, [system.create_vector()], 0.5)
+    evolution = QuasiStatic(problem, lambda t: system.set_parameter(2.0 * t))
+    evolution.run([0.0, 1.0])
+    step = system.with_memory(evolution.memory)
+    found = find_solutions(step, [system.create_vector()], 0.5)
     assert found.complete, found
     (one,) = found.found
     system.set_parameter(0.5)
-    problem.solve()
+    step.problem.solve()
     x = system.create_vector()
     problem.write(x)
     assert (one.x - x).norm() <= 1e-8 * x.norm()
     # Without memory the state would be in proportion to the load.
-    for surface in problem.surfaces:
-        surface.memory = None
     (other,) = find_solutions(system, [system.create_vector()], 0.5).found
     assert (other.x - x).norm() > 1e-3 * x.norm()
     assert without.complete

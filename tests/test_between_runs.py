@@ -8,22 +8,17 @@ import numpy as np
 import pytest
 from blocks import block
 from test_evolution import dragged, put
-from test_left_memory import Glued, broken
 
-import ufl
 from dolfinx import fem
 
 from dolfinx_contact import (
-    RCCM,
     ContactProblem,
     Coulomb,
     HalfSpace,
-    ParametricContact,
     RigidBody,
 )
 from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact.continuation import StepControl
-from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
+from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.records import EvolutionRecord
 
 COMM = MPI.COMM_WORLD
@@ -120,30 +115,6 @@ def pressing(domain):
     return RigidBody(floor, about=(0.0, 0.0), load={"y": 0.5}, held=["x", "rz"], name="punch")
 
 
-def test_a_motion_begins_where_one_has_ended_within_the_obstacle():
-    """Where the law is about velocities points come to be there; none is put there."""
-    ways = []
-    for again in (False, True):
-        block = Rubbing()
-        block.problem.u.x.array[:] = 0.0
-
-        def load(t, top=block.top):
-            put(top, (0.01 * t, -0.01 * t))
-
-        how = dict(dt=0.1, load=load, theta=0.6, level="velocity", mass="lumped")
-        motion = NSCD(block.problem, 1.0, **how)
-        motion.run([0.0, 0.3])
-        assert block.problem.table(block.problem.surfaces[0]).un.min() < -1e-6
-        if again:
-            motion = NSCD(block.problem, 1.0, velocity=motion.velocity, **how)
-        motion.run([0.3, 0.6])
-        ways.append(block.problem.u.x.array.copy())
-    assert np.abs(ways[1] - ways[0]).max() < 1e-9 * np.abs(ways[0]).max()
-    block.problem.surfaces[0].memory = None
-    with pytest.raises(ValueError, match="points are within the obstacle"):
-        NSCD(block.problem, 1.0, velocity=motion.velocity, **how).run([0.6, 0.7])
-
-
 @pytest.mark.parametrize("kind", EVOLUTIONS)
 @pytest.mark.parametrize("who", ["observer", "accept", "stop"])
 def test_what_is_changed_within_a_run_is_refused(kind, who):
@@ -202,85 +173,6 @@ def test_a_record_says_which_method_is_another(folder):
     words = r"other method: theta 1\.0 was recorded, theta 0\.6 is given$"
     with pytest.raises(ValueError, match=words):
         EvolutionRecord(folder, other, resume=True)
-
-
-def test_a_history_begins_where_another_has_ended(caplog):
-    """Which is a solution, though none of the static law, and is searched for jumps as any."""
-    block = Rubbing()
-    block.evolution.run([0.0, 0.5, 1.0, 1.2])
-    expected = block.evolution.run([1.2, 1.4]).energies.dissipated
-    block = Rubbing()
-    before = block.evolution.run([0.0, 0.5, 1.0, 1.2]).energies.dissipated
-    caplog.clear()
-    other = block.begun(QuasiStatic)
-    found = other.run([1.2, 1.4]).energies.dissipated
-    assert found == pytest.approx(expected - before, rel=1e-9)
-    assert "no solution" not in said(caplog)
-    # A state out of equilibrium is none.
-    block.problem.u.x.array[:] *= 1.1
-    block.begun(QuasiStatic).run([1.4, 1.5])
-    assert "the start of the evolution is no solution" in said(caplog)
-
-
-def test_a_solve_that_knows_slips_of_before_says_so(caplog):
-    """Once; it is of the static law without the memory."""
-    block = Rubbing()
-    static = block.problem.solve().resultants["contact"]
-    block.evolution.run([0.0, 0.5, 1.0])
-    block.load(0.0)
-    caplog.clear()
-    later = [block.problem.solve().resultants["contact"] for _ in range(2)]
-    assert np.abs(later[1] - static).max() > 1e-3 * np.abs(static).max()
-    assert said(caplog).count("contact: slips and bonds are those since the state in which") == 1
-    block.problem.surfaces[0].memory = None
-    caplog.clear()
-    again = block.problem.solve().resultants["contact"]
-    assert again == pytest.approx(static, rel=1e-9, abs=1e-9 * np.abs(static).max())
-    assert "slips and bonds" not in said(caplog)
-
-
-@pytest.mark.chatty
-def test_a_path_says_what_another_has_left(caplog):
-    """As where a study begins again with the body undeformed: bonds were broken, unsaid."""
-    block = Glued(RCCM(200.0, 150.0, 0.004, 0.2))
-    lift = fem.Constant(block.problem.V.mesh, 0.0)
-    lifted = fem.Function(block.problem.V)
-    held = block.problem.bcs[0].dof_indices()[0][::2] // 2
-    bcs = [fem.dirichletbc(lifted, held)]
-    energy = block.problem.energy
-    problem = ContactProblem(energy, block.u, [block.surface], bcs=bcs)
-    way = ufl.as_vector((0.0 * lift, 0.03 * lift))
-    system = ParametricContact(problem, lift, driven=[(lifted, way)])
-    control = StepControl(kinks="exact", initial=0.05, maximum=0.1)
-    peaks = []
-    for again in (False, True, None):
-        for f in problem.fields:
-            f.x.array[:] = 0.0
-        lift.value = lifted.x.array[:] = 0.0
-        if again is None:
-            block.surface.memory = None
-        caplog.clear()
-        path = ArcLength(system)
-        # The peak is before the bonds break, which take many steps.
-        most = 12 if again is None else 100
-        steps = path.run(gamma_range=(-0.1, 0.4), control=control, max_steps=most).steps
-        peaks.append(max(np.abs(s.result.resultants["contact"]).max() for s in steps))
-        assert ("the surfaces remember another state" in said(caplog)) == bool(again)
-    assert peaks[1] < 0.1 * peaks[0]
-    assert peaks[2] == pytest.approx(peaks[0])
-
-
-def test_a_start_that_is_refused_leaves_what_is_remembered():
-    block, _ = broken()
-    left = block.surface.memory
-    still = block.through([0.0, 1.0], [(0.0, 0.0), (0.0, 0.0)])
-    history = QuasiStatic(block.problem, still)
-    motion = NSCD(block.problem, 1.0, dt=0.1, load=still)
-    for evolution, wrong in ((history, np.nan), (motion, 0.01)):
-        block.u.x.array[:] = wrong
-        with pytest.raises(ValueError, match="at the start"):
-            evolution.run([0.0, 0.1])
-        assert block.surface.memory is left
 
 
 def test_a_load_that_knows_more_than_the_time_later(caplog):

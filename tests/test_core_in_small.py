@@ -36,7 +36,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.algorithms import load_points
 from dolfinx_contact.equations.evaluation import _turning, differs
-from dolfinx_contact.equations.given_data import Constancy, Datum, check_time, mark_of_data
+from dolfinx_contact.equations.given_data import Constancy, Datum, mark_of_data
 from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.measures import held_back, least_scales
 from dolfinx_contact.equations.order import Gathered
@@ -634,38 +634,6 @@ def test_data_that_are_to_stay():
         assert none.changed() == ""
     stays.restore()
     assert number.value == 2.0
-
-
-@pytest.mark.parametrize(
-    ("step", "names", "known"),
-    [(None, (), False), (0.0, (), False), (0.0, ("speed",), True), (0.5, (), True)],
-)
-def test_which_laws_lack_a_time(step, names, known):
-    """Of those that need it: in a history none, in a step of no length those that say nothing."""
-    law = SimpleNamespace(name="Rates", lacks=lambda history: "", needs_time=names)
-    compiled = SimpleNamespace(needs_time=lambda step: True)
-    surface = SimpleNamespace(
-        name="floor",
-        comm=COMM,
-        law=law,
-        memory=None if step is None else SimpleNamespace(step=step),
-        law_at_points=SimpleNamespace(compiled=compiled),
-    )
-    if known:
-        check_time(surface)
-    else:
-        with pytest.raises(ValueError, match="floor: the law Rates depends on the time of a step"):
-            check_time(surface)
-
-
-@pytest.mark.parametrize(("step", "kind"), [(None, "statically"), (0.5, "in a history")])
-def test_what_a_law_lacks_is_said(step, kind):
-    memory = None if step is None else SimpleNamespace(step=step)
-    law = SimpleNamespace(name="Rates", lacks=lambda history: "a speed" if history else "a time")
-    surface = SimpleNamespace(name="floor", comm=COMM, law=law, memory=memory)
-    lack = "a time" if step is None else "a speed"
-    with pytest.raises(ValueError, match=f"floor: {kind} the law Rates lacks {lack}"):
-        check_time(surface)
 
 
 @pytest.mark.parametrize(("cell", "parts"), [("tri", 3), ("quad", 3), ("tet", 4), ("hex", 4)])

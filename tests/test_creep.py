@@ -129,7 +129,7 @@ def test_an_increment_at_its_velocity():
         problem = block(law=law, top=(2e-4, -0.01))
         (surface,) = problem.surfaces
         at_rest = np.zeros((surface.points.number, 2))
-        problem.equations.remember([Memory(at_rest, step=step)])
+        problem = problem.with_memory([Memory(at_rest, step=step)])
         tables.append(problem.solve().tables["contact"])
     for other, tolerance in zip(tables[1:], (1e-8, 1e-3), strict=True):
         size = np.abs(tables[0].force).max()
@@ -143,7 +143,7 @@ def test_jacobian_by_taylor(cell, shape):
     x = randomise(problem, 1, 0.01, 10.0)
     (surface,) = problem.surfaces
     jump = np.random.default_rng(COMM.rank).normal(0, 0.002, (surface.points.number, surface.dim))
-    problem.equations.remember([Memory(jump, step=0.1)])
+    problem = problem.with_memory([Memory(jump, step=0.1)])
     sizes = remainders(problem, x, 2)
     assert sizes[0] > 1e-9
     np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
@@ -167,9 +167,9 @@ def test_what_is_lacking_is_said():
     np.testing.assert_array_equal(problem.u.x.array, before)
     problem = block(law=static)
     (surface,) = problem.surfaces
-    surface.memory = Memory(np.zeros((surface.points.number, 2)), step=0.1)
+    step = problem.with_memory([Memory(np.zeros((surface.points.number, 2)), step=0.1)])
     with pytest.raises(ValueError, match=r"in a history the law .* lacks a speed"):
-        problem.solve()
+        step.solve()
 
 
 def test_branches_need_a_time_as_well():
@@ -182,7 +182,8 @@ def test_branches_need_a_time_as_well():
     with pytest.raises(ValueError, match="lacks a width"):
         follow(system, x, 0.0, gamma_range=(0.0, 0.5))
     (surface,) = problem.surfaces
-    surface.memory = Memory(np.zeros((surface.points.number, 2)), step=0.1)
+    problem = problem.with_memory([Memory(np.zeros((surface.points.number, 2)), step=0.1)])
+    system = ParametricContact(problem, gamma)
     problem.solve()
     problem.write(x)
     branch = follow(system, x, 0.5, gamma_range=(0.4, 0.5), direction="decreasing")

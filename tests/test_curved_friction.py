@@ -53,15 +53,15 @@ def led(obstacle, dim, places):
     nodes = s.points.vertex_trace_dofs[: s.points.number]
     x = s.node_positions
     found = []
-    s.memory = None
+    memory = None
     for k, place in enumerate(places):
         u = np.zeros_like(x)
         u[nodes] = place - x[nodes]
-        at = s.kinematics(u)
+        at = s.kinematics(u, None, memory)
         if k:
             found.append((at.increment, at.data.n, at.slip))
         whole = np.zeros_like(at.whole) if k == 0 else at.whole
-        s.memory = Memory(whole, place=at.place)
+        memory = Memory(whole, place=at.place)
     return found
 
 
@@ -166,10 +166,10 @@ def on_turned(dim, shape, **given):
 
 
 def remembering(problem):
-    """Let the contact points have been somewhere else."""
+    """The problem of a step at whose beginning the contact points were somewhere else."""
     (s,) = problem.surfaces
     place = smooth(s.positions, 5, 0.05)
-    s.memory = Memory(np.zeros_like(place), place=place, step=1.0)
+    return problem.with_memory([Memory(np.zeros_like(place), place=place, step=1.0)])
 
 
 def errors_of_differences(problem, x, v, sizes):
@@ -230,9 +230,9 @@ def test_jacobian(name, cell, given, turned, remembers):
     obstacle = on_turned(dim, shape) if turned else shape
     given = given | ({"sliding": "large"} if turned else {})
     problem = block(obstacle, cell=cell, n=2, law=Coulomb(0.3), **given)
-    eq = problem.equations
     if remembers:
-        remembering(problem)
+        problem = remembering(problem)
+    eq = problem.equations
     x, v = (shaken(problem, size, seed) for size, seed in ((0.05, 1.0), (1.0, 2.0)))
     n = eq.owned_sizes[0]
     v.array[:n][eq.fixed[:n]] = 0.0
@@ -277,9 +277,9 @@ def test_derivative_by_the_motion(dim, method, remembers):
         held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
         bcs = [fem.dirichletbc(np.zeros(dim), held, V)]
         problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
-        system = ParametricContact(problem, gamma)
         if remembers:
-            remembering(problem)
+            problem = remembering(problem)
+        system = ParametricContact(problem, gamma)
         x = shaken(problem, 0.05, 1.0)
         eq = problem.equations
         contact = slice(eq.owned_sizes[0], sum(eq.owned_sizes[:2]))
@@ -359,7 +359,8 @@ class OnBody:
             self.move(lambda X: motion(t, X))
 
         given = {"rays": False, "sudden": np.inf} | given
-        return QuasiStatic(self.problem, load).run(times, **given)
+        self.evolution = QuasiStatic(self.problem, load)
+        return self.evolution.run(times, **given)
 
 
 def pressed_and_led(t, X, press=0.06, shear=0.04):
@@ -404,7 +405,8 @@ def test_turned(shape, method, angle):
     block_on.run(pressed_and_led, [0.0, 0.5, 1.0, 1.5, 2.0])
     problem, u = block_on.problem, block_on.u
     # Held where it is, for a step; then turned in that same step.
-    problem.equations.remember(problem.equations.advanced(problem.evaluate()))
+    step = problem.with_memory(block_on.evolution.memory)
+    problem = problem.with_memory(step.equations.advanced(step.evaluate()))
     still = problem.solve(expected=[problem.evaluate().statuses])
     assert still.tables["contact"].letters.tolist().count("k") > 1
     before = u.x.array.reshape(-1, dim).copy()

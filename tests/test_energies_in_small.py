@@ -21,7 +21,6 @@ from dolfinx_contact.evolution.motion import Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.evolution.through_times import ThroughTimes, _closes, _Ended, _rate
 from dolfinx_contact.laws.status import OPEN, PLUS, STICK
-from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.solvers.history import ConvergenceError
 
 ALONE = MPI.COMM_SELF
@@ -629,72 +628,6 @@ def test_velocities_that_turn_from_step_to_step(scheme, theta, before, off, time
     assert stepper._warned is (times == 3)
     MotionStepper._turns(stepper, state, b, taken)
     assert len([r for r in caplog.records if "change from step" in r.message]) == len(said)
-
-
-@pytest.mark.parametrize("massless", [True, False])
-@pytest.mark.parametrize("level", ["position", "velocity"])
-def test_what_laws_see_of_the_start_of_a_step(massless, level):
-    """Jumps at the origin of a step, and at the level of velocities where points have to close."""
-    rng = numbers(7)
-    n = np.tile([0.0, -1.0], (M, 1))
-    risen, un = np.array([0.1, 0.2, 0.0]), np.array([0.5, -0.3, 0.02])
-    jump, moved = rng.normal(size=(2, M, DIM))
-    seen, remembered = [], []
-
-    def kinematics(s, origin, q):
-        seen.append((origin, q))
-        operator = SimpleNamespace(rate=lambda v: moved)
-        return SimpleNamespace(
-            jump=jump, whole=2 * jump, place=None, motion=None, operator=operator
-        )
-
-    surface = SimpleNamespace(
-        slides=False,
-        law=SimpleNamespace(creeps=True),
-        points=SimpleNamespace(data=SimpleNamespace(n=n, gap=1.0 + risen)),
-    )
-    eq = SimpleNamespace(
-        surfaces=[surface],
-        remember=remembered.append,
-        rigid=SimpleNamespace(given=np.array([1.0])),
-        kinematics=kinematics,
-        relative=lambda s, u, q: u,
-        body_size=3.0,
-        owned_sizes=[N],
-        dim=DIM,
-    )
-    a = SimpleNamespace(u=np.ones(N), v=np.ones(N), gaps=(np.ones(M),), un=(un,))
-    accepted = SimpleNamespace(motion=a, memory=[Memory(np.zeros((M, DIM)), {"x": np.arange(3.0)})])
-    taken = SimpleNamespace(
-        length=0.5, gain=0.75, share=0.8, seen=lambda u, origin: 10 * u + origin
-    )
-    stepper = SimpleNamespace(
-        problem=SimpleNamespace(equations=eq),
-        _body=SimpleNamespace(origin=np.full(N, 2.0)),
-        _method=Method("theta", 0.75, level, 0.5, massless),
-    )
-    (found,) = MotionStepper._seen(stepper, accepted, taken, np.array([4.0]))
-    gain = 1 / 0.8 if massless else 0.75
-    assert remembered == [[None]]
-    ((origin, q),) = seen
-    np.testing.assert_allclose(origin, 12.0 if massless else 2.0)
-    np.testing.assert_allclose(q, [1.0 + (1 - gain) * 4.0])
-    np.testing.assert_allclose(found.jump, 2 * jump)
-    assert found.step == pytest.approx(0.5 * gain)
-    np.testing.assert_array_equal(found.fields["x"], np.arange(3.0))
-    if level == "position":
-        assert found.gap is None
-        return
-    opening = risen + moved[:, 1]
-    closes = -jump[:, 1] + 0.75 * risen + 0.5 * 0.75 * opening
-    active = un + opening / 2 <= 0
-    assert set(active) == {True, False}
-    np.testing.assert_allclose(found.gap, np.where(active, closes, closes + 3e6))
-    surface.law.creeps, surface.slides = False, True
-    (found,) = MotionStepper._seen(stepper, accepted, taken, np.array([4.0]))
-    assert found.step == 0.5
-    np.testing.assert_allclose(found.displacement, origin.reshape(-1, DIM))
-    assert remembered == [[None], accepted.memory]
 
 
 def test_starts_that_are_refused():

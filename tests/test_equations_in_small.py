@@ -24,7 +24,6 @@ from dolfinx_contact.equations.given_data import (
     Constancy,
     Datum,
     GivenData,
-    check_law,
     check_turn,
     not_finite,
     numbers_of,
@@ -41,10 +40,8 @@ from dolfinx_contact.equations.touching import (
     touches_nothing,
     touching,
 )
-from dolfinx_contact.laws import Internal
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.materials import Axisymmetric, LinearElastic
-from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
 
@@ -489,32 +486,6 @@ def test_resultants_and_what_is_anywhere():
     assert ContactEquations._any(known, np.zeros(3), np.zeros(0)) is False
 
 
-def test_memories_of_other_surfaces_are_refused():
-    """By their number, their points and what they are of."""
-    eq = block(n=2).equations
-    (s,) = eq.surfaces
-    n = s.points.number
-    mine = Memory(np.zeros((n, 2)))
-    eq.remember([mine])
-    assert eq.memory == (mine,)
-    others = (
-        [],
-        [mine, mine],
-        [None, mine],
-        [Memory(np.zeros((n + 1, 2)))],
-        [Memory(np.zeros((n, 3)))],
-        [Memory(np.zeros((n, 2)), displacement=np.zeros((n, 2)))],
-        [Memory(np.zeros((n, 2)), place=np.zeros((n, 2)))],
-        [Memory(np.zeros((n, 2)), {"x": np.zeros(n + 1)})],
-    )
-    for other in others:
-        with pytest.raises(ValueError, match="the memory is that of other contact surfaces"):
-            eq.remember(other)
-        assert eq.memory == (mine,)
-    eq.remember([None])
-    assert eq.memory == (None,)
-
-
 @pytest.mark.parametrize("statuses", [None, [[PLUS, STICK, STICK]]])
 def test_points_with_nothing_opposite_are_open(statuses):
     """Whatever their law would have, and multipliers that are removed carry nothing."""
@@ -867,56 +838,6 @@ class LawOf:
 
     def __call__(self, jump, traction, data):
         return SimpleNamespace(unit_bound=np.full(len(jump), self._radius))
-
-
-@pytest.mark.parametrize(
-    ("sign", "values", "words"),
-    [
-        ("nonnegative", (0.0, 1.0), ""),
-        ("nonnegative", (0.5, -0.1), "floor: negative x of Rubs there"),
-        ("positive", (0.1, 1.0), ""),
-        ("positive", (0.0, 1.0), "floor: not positive: x of Rubs there"),
-        ("fraction", (0.0, 1.0), ""),
-        ("fraction", (0.0, 1.1), "floor: not between 0 and 1: x of Rubs there"),
-        ("any", (-5.0, 1.0), ""),
-        ("any", (np.nan, 1.0), "floor: NaN in the x of Rubs there"),
-        ("any", (np.inf, 1.0), "floor: NaN in the x of Rubs there"),
-    ],
-)
-def test_signs_of_what_a_law_is_given(sign, values, words):
-    s = law_of({"x": np.array(values)}, {"x": sign})
-    if words:
-        with pytest.raises(ValueError, match=words):
-            check_law(s, " there")
-    else:
-        check_law(s, " there")
-
-
-def test_variables_beyond_their_end_and_negative_radii():
-    """But for round-off of numbers of their size."""
-    for kind, value, good in (
-        ("grows", 100.0, True),
-        ("grows", 100.0 + 0.9e-12, True),
-        ("grows", 100.0 + 1.2e-12, False),
-        ("falls", 100.0, True),
-        ("falls", 100.0 - 1.2e-12, False),
-        ("falls", 300.0, True),
-        ("grows", -300.0, True),
-    ):
-        bond = Internal("x", kind, end=100.0)
-        s = law_of({"x": np.array([100.0, value])}, {}, (bond, Internal("y", "grows")))
-        if good:
-            check_law(s)
-        else:
-            with pytest.raises(ValueError, match="floor: x of Rubs is beyond its end 100"):
-                check_law(s)
-    for radius, good in ((0.0, True), (-0.9e-14, True), (-1.1e-14, False)):
-        s = law_of({"x": np.ones(2)}, {}, radius=radius)
-        if good:
-            check_law(s)
-        else:
-            with pytest.raises(ValueError, match="the law Rubs has a negative radius"):
-                check_law(s)
 
 
 def test_bodies_that_turn_by_half_a_turn_in_a_step():

@@ -144,7 +144,7 @@ def test_what_has_slid_as_a_whole(cell, given):
     for start in (np.zeros_like(away), away):
         problem, top = dragged(cell, **given)
         (surface,) = problem.surfaces
-        problem.equations.remember([Memory(np.tile(start, (surface.points.number, 1)))])
+        problem = problem.with_memory([Memory(np.tile(start, (surface.points.number, 1)))])
         put(top, start + way)
         put(problem.u, start)
         result = problem.solve()
@@ -221,9 +221,9 @@ def test_rate_of_a_step_while_the_floor_turns(method):
         return LevelSet(lambda x: x[1] * ufl.cos(angle) + x[0] * ufl.sin(angle))
 
     problem, top = dragged(method=method, obstacle=floor)
-    system = ParametricContact(problem, angles[0])
     moved = np.random.default_rng(1).normal(size=(problem.surfaces[0].points.number, 2))
-    problem.equations.remember([Memory(0.01 * moved)])
+    problem = problem.with_memory([Memory(0.01 * moved)])
+    system = ParametricContact(problem, angles[0])
     put(top, (0.01, -0.01))
     problem.solve()
     x, c, low, high = (system.create_vector() for _ in range(4))
@@ -253,9 +253,10 @@ def test_rejected_steps_leave_nothing():
 
     for asked in (accept, None):
         problem, top = dragged()
-        history = QuasiStatic(problem, cycle(top)).run(times, accept=asked)
+        evolution = QuasiStatic(problem, cycle(top))
+        history = evolution.run(times, accept=asked)
         times = [0.0, *(s.time for s in history.steps)]
-        memory = problem.equations.memory[0].jump
+        memory = evolution.memory[0].jump
         runs.append((history, [*(f.x.array for f in problem.fields), top.x.array, memory]))
     (rejecting, first), (other, second) = runs
     assert {1.0, 3.0, 5.0} <= set(times)
@@ -407,13 +408,9 @@ def test_a_load_that_depends_on_the_solution_is_said(caplog):
 def test_a_proof_is_of_the_step_that_was_taken():
     """Asked later, the memory is that of the step; the data of an earlier one are gone."""
     problem, top = dragged()
-    memory = []
-    run = QuasiStatic(problem, cycle(top)).run
-    history = run([0.0, 1.0, 2.0], observer=lambda _: memory.append(problem.equations.memory))
-    before = problem.equations.memory
+    history = QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 2.0])
     assert [s.result.unique for s in history.steps] == ["not proved", "proved"]
     assert "data have changed" in history.steps[0].result.uniqueness().reason
-    assert problem.equations.memory == before
 
 
 @pytest.mark.verifies(
@@ -697,9 +694,9 @@ def test_bad_input():
     assert history.at(1.0).number == 1
     other, _ = dragged(n=3)
     with pytest.raises(ValueError, match="another mesh"):
-        other.equations.remember(problem.equations.memory)
+        other.with_memory(evolution.memory)
     with pytest.raises(ValueError, match="another mesh"):
-        other.equations.remember([])
+        other.with_memory([])
     with pytest.raises(ValueError, match="expected statuses"):
         other.solve(expected=[problem.statuses])
 
@@ -717,12 +714,12 @@ def test_a_load_that_fails_on_one_rank():
     evolution = QuasiStatic(problem, failing)
     evolution.run([0.0, 1.0])
     before = [f.x.array.copy() for f in (*problem.fields, top)]
-    memory = problem.equations.memory
+    memory = evolution.memory
     with pytest.raises(RuntimeError, match="no load"):
         evolution.run([1.0, 2.0])
     for values, f in zip(before, (*problem.fields, top), strict=True):
         np.testing.assert_array_equal(values, f.x.array)
-    assert problem.equations.memory == memory
+    assert evolution.memory == memory
 
 
 @pytest.mark.parametrize("follow_rays", [False, True])

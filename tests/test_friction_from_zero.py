@@ -32,7 +32,7 @@ def pushed(law, push, cell, friction, n=2):
     if law != "coulomb":
         n = surface.points.number
         half = Memory(np.zeros((n, surface.dim)), {"beta": np.full(n, 0.5)}, 0.1)
-        problem.equations.remember([half])
+        problem = problem.with_memory([half])
     problem.solve()
     return problem
 

@@ -674,7 +674,7 @@ def test_jacobian_by_taylor(cell):
     fields = {f".y_{i}": rng.normal(0, 0.002, n) for i in range(dim)}
     fields["damage"] = rng.uniform(0.0, 1.0, n)
     memory = Memory(rng.normal(0, 0.002, (n, dim)), fields, 0.1)
-    problem.equations.remember([memory])
+    problem = problem.with_memory([memory])
     sizes = remainders(problem, x, 2)
     codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
     assert (codes >= DAMAGING).any()

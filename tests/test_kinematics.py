@@ -258,11 +258,12 @@ def test_slips_since_the_last_step(dim):
     """Laws see the increment; gap and its rate are those without a memory."""
     case = Case("pair, P1" if dim == 2 else "pair in space, P1")
     plain = case.at(0.0)
-    case.s.memory = Memory(case.at(-0.1).jump)
+    before = case.at(-0.1)
+    case.eq = case.eq.with_memory([Memory(before.jump)])
     at = case.at(0.0)
     np.testing.assert_allclose(at.gap, plain.gap, rtol=0, atol=1e-14)
     np.testing.assert_allclose(at.slip, plain.slip, rtol=0, atol=1e-14)
-    moved = plain.slip - case.at(-0.1).slip
+    moved = plain.slip - before.slip
     np.testing.assert_allclose(at.increment, moved, rtol=0, atol=1e-14)
     np.testing.assert_array_equal(at.slip_rate(case.seen), plain.slip_rate(case.seen))
 

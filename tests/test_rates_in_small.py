@@ -28,7 +28,6 @@ from dolfinx_contact.equations import (
     constraints,
     contact,
     given_data,
-    parametric,
     sliding,
     substitute,
 )
@@ -36,7 +35,7 @@ from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.constraints import Constraints
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation, differs
-from dolfinx_contact.equations.given_data import check_time, data_in
+from dolfinx_contact.equations.given_data import data_in
 from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rates import Driven, Rate, RigidRates, depends_on, dirichlet_rates
@@ -44,7 +43,6 @@ from dolfinx_contact.equations.scaling import LooseMotions, _direction, require_
 from dolfinx_contact.equations.sliding import SlidingTerms, _Block, _pattern, _Pieces
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
 ALONE = MPI.COMM_SELF
@@ -247,40 +245,6 @@ def test_which_other_parameters_shift_loads_evenly():
     assert asked(drives=(other**2,))
 
 
-def test_marks_of_what_may_change(monkeypatch):
-    """Of Constants, Functions, the mesh and memories, bit by bit."""
-    monkeypatch.setattr(parametric, "mesh_mark", lambda mesh: mesh)
-    c = SimpleNamespace(value=np.array(2.0))
-    f = SimpleNamespace(x=SimpleNamespace(array=np.array([1.0, 2.0])))
-    memory = [None]
-    V = SimpleNamespace(mesh=7)
-    eq = SimpleNamespace(V=V, memory=memory)
-    one = equations(equations=eq, _data=[c, f])
-    marks = [one._data_mark()]
-
-    def changed():
-        marks.append(one._data_mark())
-        assert len(set(marks)) == len(marks)
-
-    c.value = np.array(3.0)
-    changed()
-    f.x.array[1] = 3.0
-    changed()
-    V.mesh = 8
-    changed()
-    jump = np.array([[1.0, 2.0]])
-    for memory[0] in (
-        Memory(jump),
-        Memory(jump + 1.0),
-        Memory(jump, {"a": np.ones(1)}),
-        Memory(jump, step=0.5),
-        Memory(jump, place=jump),
-        Memory(jump, place=jump + 1.0),
-    ):
-        changed()
-    assert one._data_mark() == marks[-1]
-
-
 def test_what_gamma_drives_follows_it():
     """Functions are set again unless nobody else may have changed them; put back at will."""
     sets = []
@@ -313,58 +277,6 @@ def test_what_gamma_drives_follows_it():
             pass
         assert (float(constant.value), f.x.array[0]) == ((2.0, 1.0) if back else (9.0, 8.0))
         assert one._driven_at == (None if back else 2.0)
-
-
-@pytest.mark.parametrize("driven", [True, False])
-@pytest.mark.parametrize("varies", [True, False])
-@pytest.mark.parametrize("moves", [True, False])
-def test_data_of_a_range_of_gamma(driven, varies, moves, monkeypatch):
-    """What changes with gamma is looked at everywhere, what lies opposite at the ends."""
-    log = []
-    constant = SimpleNamespace(value=np.array(2.0))
-    plain, pair, varying = (
-        SimpleNamespace(name=n, between_bodies=b)
-        for n, b in (("plain", False), ("pair", True), ("varying", True))
-    )
-    surfaces = [plain, pair, varying]
-    held = SimpleNamespace(check_values=lambda s, size, where: log.append(("values", where)))
-    eq = SimpleNamespace(
-        require_same_mesh=lambda: log.append("mesh"),
-        refresh=lambda: log.append("data"),
-        memory="memory",
-        require_memory=log.append,
-        surfaces=surfaces,
-        constraints=held,
-        body_size=3.0,
-    )
-    monkeypatch.setattr(
-        parametric, "check_surface", lambda s, where="": log.append((s.name, where))
-    )
-    monkeypatch.setattr(parametric, "check_moduli", lambda eq, where: log.append(("moduli", where)))
-    d = SimpleNamespace(
-        function=SimpleNamespace(x=SimpleNamespace(array=np.zeros(1))),
-        set=lambda: log.append("set"),
-    )
-    one = equations(
-        equations=eq,
-        constant=constant,
-        _driven=[d] if driven else [],
-        _rates=[SimpleNamespace(applies=s is varying and varies) for s in surfaces],
-        _rigid_rates=SimpleNamespace(applies=moves),
-    )
-    one.check_parameter([0.0, 0.5, 1.0])
-    assert float(constant.value) == 2.0
-    where = [f" at gamma = {g:g}" for g in (0.0, 0.5, 1.0)]
-    assert log[:4] == ["mesh", "data", "memory", ("plain", "")]
-    assert [e for e in log if e[0] == "moduli"] == [("moduli", w) for w in where]
-    seen = [e for e in log if e[0] == "varying"]
-    assert seen == [("varying", w) for w in (where if varies else where[::2])]
-    assert [e for e in log if e[0] == "pair"] == [("pair", w) for w in where[::2]]
-    every = driven or varies or moves
-    assert [e for e in log if e[0] == "values"] == [
-        ("values", w) for w in (where if every else where[:1])
-    ]
-    assert log.count("set") == (3 if driven else 0)
 
 
 def test_what_is_asked_of_the_solver():
@@ -600,45 +512,6 @@ def test_gaps_without_averages(method, slides):
 
 
 # -- data that are asked for ---------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("memory", "names", "undefined", "good"),
-    [
-        (None, (), (-1.0,), False),
-        (None, ("b",), (-1.0,), False),
-        (None, (), (0.0,), True),
-        (0.0, (), (0.0,), False),
-        (0.0, ("b",), (0.0,), True),
-        (0.0, (), (-1.0,), True),
-        (-2.0, ("b",), (-2.0,), False),
-        (0.5, (), (0.0, -1.0), True),
-    ],
-)
-def test_laws_that_need_a_time(memory, names, undefined, good):
-    """They have one in a history; without one they have to say what holds."""
-    compiled = SimpleNamespace(needs_time=lambda step: step in undefined)
-    asked = []
-    law = SimpleNamespace(
-        name="Law", lacks=lambda history: asked.append(history) or "", needs_time=names
-    )
-    s = SimpleNamespace(
-        name="floor",
-        comm=ALONE,
-        law=law,
-        memory=None if memory is None else SimpleNamespace(step=memory),
-        law_at_points=SimpleNamespace(compiled=compiled),
-    )
-    if good:
-        check_time(s)
-    else:
-        with pytest.raises(ValueError, match="floor: the law Law depends on the time of a step"):
-            check_time(s)
-    assert asked == [memory == 0.5]
-    law.lacks = lambda history: "a speed"
-    kind = "in a history" if memory == 0.5 else "statically"
-    with pytest.raises(ValueError, match=f"floor: {kind} the law Law lacks a speed"):
-        check_time(s)
 
 
 @pytest.mark.parametrize(("gap", "normal"), [(0.0, 1.0), (np.nan, 1.0), (0.0, np.inf)])

@@ -247,7 +247,6 @@ def test_numbers_that_are_copied_are_no_constants():
 def test_what_may_be_set():
     study = Study()
     study.force()
-    study.surface.memory = None
     study.problem.petsc_options["snes_rtol"] = 1e-10
     evolution = QuasiStatic(study.problem, lambda t: None)
     evolution.load = lambda t: None

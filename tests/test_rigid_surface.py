@@ -397,7 +397,7 @@ def test_jacobian(kind, given):
     cell = "quad" if dim == 2 else "hex"
     given |= dict(law=Coulomb(0.3), sliding="large", interference="remove_overlap" not in given)
     problem = block(body, cell=cell, n=2, **given)
-    remembering(problem)
+    problem = remembering(problem)
     eq = problem.equations
     x, v = (shaken(problem, size, seed) for size, seed in ((0.05, 1.0), (1.0, 2.0)))
     n = eq.owned_sizes[0]

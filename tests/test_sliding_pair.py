@@ -167,7 +167,8 @@ def test_jacobian(dim, cell, slave, law, remembers, monkeypatch):
     x.array[n:] = 2e-3 * np.sin(np.outer(ids, np.arange(1.0, dim + 1))).reshape(-1)
     if remembers:
         before = smooth(X, 5, 0.04)
-        pair.memory = Memory(np.zeros((len(ids), dim)), displacement=before, step=1.0)
+        memory = Memory(np.zeros((len(ids), dim)), displacement=before, step=1.0)
+        problem = problem.with_memory([memory])
     v = x.duplicate()
     v.array[:n] = smooth(X, 8, 1.0).reshape(-1)
     v.array[:n][eq.fixed[:n]] = 0.0
@@ -379,28 +380,28 @@ def test_turned(dim, cell, slave, angle):
     """A stuck state turned in one step stays stuck, with its tractions turned."""
     bodies = Bodies(blocks(dim, cell), slave, Coulomb(2.0))
     bodies.problem.petsc_options["snes_rtol"] = 1e-11
-    pressed_and_sheared(bodies)
+    evolution = pressed_and_sheared(bodies)
     u = bodies.u
     before = u.x.array.reshape(-1, dim).copy()
-    table = bodies.problem.table(bodies.pair)
+    step = bodies.problem.with_memory(evolution.memory)
+    table = step.table(bodies.pair)
     assert (table.letters == "k").sum() > 0.5 * len(table.letters)
     tractions = bodies.pair.multiplier.x.array.reshape(-1, dim).copy()
-    memory = bodies.problem.equations.advanced(bodies.problem.evaluate())
+    problem = bodies.problem.with_memory(step.equations.advanced(step.evaluate()))
     axis = [0.2, 0.9, 0.4] if dim == 3 else [0.0, 0.0, 1.0]
     Q = Rotation.from_rotvec(angle * np.array(axis) / np.linalg.norm(axis)).as_matrix()[:dim, :dim]
     X = u.function_space.tabulate_dof_coordinates()[:, :dim]
     turned = (X + before) @ Q.T - X
-    bodies.problem.equations.remember(memory)
     for f in (bodies.below, bodies.above):
         f.x.array[:] = turned.reshape(-1)
     u.x.array[:] = turned.reshape(-1)
     bodies.pair.multiplier.x.array[:] = (tractions @ Q.T).reshape(-1)
-    state = bodies.problem.evaluate()
+    state = problem.evaluate()
     start = max(np.abs(rows).max(initial=0.0) for rows in state.rows)
     assert COMM.allreduce(start, max) < 1e-9 * 1000.0
     # From another start.
     u.x.array[:] = (turned + 1e-3 * smooth(X, 2, 1.0)).reshape(-1)
-    bodies.problem.solve(expected=[state.statuses])
+    problem.solve(expected=[state.statuses])
     size = COMM.allreduce(np.abs(tractions).max(initial=0.0), max)
     off = bodies.pair.multiplier.x.array.reshape(-1, dim) - tractions @ Q.T
     assert COMM.allreduce(np.abs(off).max(initial=0.0), max) < 1e-9 * size

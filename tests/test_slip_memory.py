@@ -183,10 +183,11 @@ def test_a_record_has_it(folder):
     with EvolutionRecord(stopped, second) as kept, pytest.raises(Stop):
         second.run(times, record=kept, observer=stopping(4))
     problem, top = dragged()
-    with EvolutionRecord(stopped, QuasiStatic(problem, along(top, *PATH[:3])), resume=True) as kept:
+    third = QuasiStatic(problem, along(top, *PATH[:3]))
+    with EvolutionRecord(stopped, third, resume=True) as kept:
         assert kept.go_on().complete
     require_same(stopped, whole)
-    assert (problem.equations.memory[0].fields[SLID] > 0.01).all()
+    assert (third.memory[0].fields[SLID] > 0.01).all()
 
 
 @pytest.mark.chatty
@@ -212,7 +213,7 @@ def test_jacobian_by_taylor(cell):
     rng = np.random.default_rng(COMM.rank)
     n = surface.points.number
     memory = Memory(rng.normal(0, 0.002, (n, surface.dim)), {SLID: rng.uniform(0, 0.01, n)}, 0.1)
-    problem.equations.remember([memory])
+    problem = problem.with_memory([memory])
     sizes = remainders(problem, x, 2)
     assert sizes[0] > 1e-9
     np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)

@@ -184,11 +184,7 @@ def test_in_a_history(law):
         found[time] = dragged.ratio(step.result)
         assert found[time] == pytest.approx(mu(v), rel=0.02)
     assert found[0.1] < 0.7 * found[1.0]
-    # What is left in the surfaces is a memory at which no time passes.
     if type(law) is OfSpeed:
-        with pytest.raises(ValueError, match=REFUSED):
-            dragged.problem.solve()
-        dragged.problem.surfaces[0].memory = None
         with pytest.raises(ValueError, match=REFUSED):
             dragged.problem.solve()
     else:

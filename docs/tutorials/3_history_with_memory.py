@@ -95,7 +95,6 @@ assert abs(area / dissipated - 1) < 0.05
 # thing: it knows nothing of the slip to the right that was before.
 
 load(0.5)
-contact.memory = None
 without = problem.solve().resultants["contact"][0]
 remembered = history.at(times[24]).result.resultants["contact"][0]
 print(f"shear at t = 0.5: {remembered:+.4f} with memory, {without:+.4f} without")

@@ -59,8 +59,8 @@ def static_equations(problem: Any) -> ContactEquations:
         raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
     eq.require_same_mesh()
     check_moduli(eq)
-    for s in eq.surfaces:
-        check_surface(s)
+    for s, memory in zip(eq.surfaces, eq.memory, strict=True):
+        check_surface(s, memory)
     return eq
 
 

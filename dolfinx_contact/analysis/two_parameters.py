@@ -108,9 +108,10 @@ def _condensed(
     try:
         with system.restored(always=True):
             system._set(0.0)
-            for s in system.equations.surfaces:
+            eq = system.equations
+            for s, memory in zip(eq.surfaces, eq.memory, strict=True):
                 s.update_geometry()
-                check_law(s, f" where the second parameter is {mu:g}")
+                check_law(s, memory, f" where the second parameter is {mu:g}")
             fits = system.is_linear and can_condense(system)
             fits = fits and not any(s.law.bound_kind == "given" for s in system.equations.surfaces)
             condensed = Reduction(system, nothing, 0.0, exact=True) if fits else None

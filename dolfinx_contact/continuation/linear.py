@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.continuation.system import Piece, System
 
 __all__ = ["BorderedSolver", "Enough"]
 
@@ -47,10 +47,14 @@ class BorderedSolver(ABC):
 
     def __init__(self, layout: Layout, prefix: str):
         self.layout = layout
-        self.system = layout.system
         self.comm = layout.comm
         self.prefix = prefix
         self.factorisations = self.solves = 0
+
+    @property
+    def system(self) -> System:
+        """The system whose derivatives are in J."""
+        return self.layout.system
 
     def options(self) -> AbstractContextManager[None]:
         """The options of the solver; MUMPS reads its own at every set-up."""

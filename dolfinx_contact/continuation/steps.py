@@ -31,7 +31,7 @@ from dolfinx_contact.continuation.borders import again, reached
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.crossing import cross
-from dolfinx_contact.continuation.system import Events, Piece
+from dolfinx_contact.continuation.system import Events, Piece, System
 
 __all__ = ["AT_BORDER", "ExactSteps"]
 
@@ -53,7 +53,6 @@ class ExactSteps:
         self.corrector = corrector
         self.control = corrector.control
         self.bordered = corrector.bordered
-        self.system = corrector.bordered.system
         self.test = BifurcationTest(self.bordered)
         #: Of all events so far.
         self.largest_distance = 0.0
@@ -61,6 +60,11 @@ class ExactSteps:
         self.dead_end = ""
         #: The kink that was crossed last, and the ray by which the branch came to it.
         self._incoming: tuple[PETSc.Vec, Ray] | None = None
+
+    @property
+    def system(self) -> System:
+        """The system that is followed."""
+        return self.bordered.system
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

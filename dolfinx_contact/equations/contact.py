@@ -11,13 +11,14 @@ are divided by a typical stiffness per area. So neither norms of H nor the matri
 user's units.
 
 Nothing is kept between two evaluations: statuses are arguments, what was found is returned, and
-what surfaces remember of earlier states is frozen (`points.memory`).
+the memory of earlier states is fixed (`with_memory`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -71,6 +72,8 @@ class ContactEquations:
         scaling: what follows the stiffness.
         snes: what users see of Newton's method; empty before it is made for the first time.
         axisymmetric: whether the body is one of revolution.
+        memory: memory of the points of each surface at the beginning of the step; None: the static
+            law. See `with_memory`.
     """
 
     def __init__(
@@ -88,6 +91,7 @@ class ContactEquations:
         self.comm = V.mesh.comm
         self.dim = V.mesh.geometry.dim
         self.surfaces = list(surfaces)
+        self.memory: tuple[Memory | None, ...] = (None,) * len(self.surfaces)
         self.bcs = list(bcs)
         self.options = options
         self.snes = PETSc.SNES()
@@ -244,7 +248,8 @@ class ContactEquations:
 
     def kinematics(self, s: ContactSurface, u: Array, q: Array) -> Kinematics:
         """Gap, slip and B of ``s`` at a displacement and unknowns of the rigid bodies."""
-        return s.kinematics(u.reshape(-1, self.dim), self.rigid.of_body(q, s.rigid_body))
+        memory = self.memory[self.surfaces.index(s)]
+        return s.kinematics(u.reshape(-1, self.dim), self.rigid.of_body(q, s.rigid_body), memory)
 
     def relative(self, s: ContactSurface, u: Array, q: Array) -> Array:
         """Displacements of the owned nodes (n, dim), seen from what ``s`` touches.
@@ -470,29 +475,26 @@ class ContactEquations:
 
     # -- data ------------------------------------------------------------------------------------
 
-    @property
-    def memory(self) -> tuple[Memory | None, ...]:
-        """What the surfaces remember; None of one under the static law."""
-        return tuple(s.memory for s in self.surfaces)
+    def with_memory(self, memory: Sequence[Memory | None]) -> ContactEquations:
+        """The same equations with another memory of the contact points. Collective.
 
-    def remember(self, memory: Sequence[Memory | None]) -> None:
-        """Give the surfaces other memories. Collective.
+        The copy is shallow: it shares everything that has been compiled or assembled.
+
+        Args:
+            memory: memory of the points of each surface at the beginning of the step; None: the
+                static law.
 
         Raises:
-            ValueError: on every rank, if they are not of these surfaces.
+            ValueError: on every rank, if the memory belongs to other surfaces.
         """
-        self._take_surfaces()
-        self.require_memory(memory)
-        for s, m in zip(self.surfaces, memory, strict=True):
-            s.memory = m
-
-    def require_memory(self, memory: Sequence[Memory | None]) -> None:
-        """Raise ``ValueError`` if a memory is none of these surfaces as they slide. Collective."""
-        mine = len(memory) == len(self.surfaces) and all(
+        fits = len(memory) == len(self.surfaces) and all(
             m is None or _fits(m, s) for s, m in zip(self.surfaces, memory, strict=True)
         )
         words = "the memory is that of other contact surfaces, of another sliding or another mesh"
-        require(self.comm, mine, words)
+        require(self.comm, fits, words)
+        equations = copy(self)
+        equations.memory = tuple(memory)
+        return equations
 
     def advanced(self, state: Evaluation) -> tuple[Memory, ...]:
         """The memory that a step leaves whose end this state is. Not collective."""

@@ -29,6 +29,7 @@ from dolfinx_contact._shared import anywhere, largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.obstacles import Measured
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import ContactSurface
 
@@ -321,16 +322,16 @@ def _values(f: fem.Function | fem.Constant) -> npt.NDArray[np.float64]:
     return np.asarray(f.x.array if hasattr(f, "x") else f.value)
 
 
-def check_surface(s: ContactSurface, where: str = "") -> None:
-    """Raise ``ValueError`` if gaps, normals or law of a surface are none as they are now.
+def check_surface(s: ContactSurface, memory: Memory | None, where: str = "") -> None:
+    """Raise ``ValueError`` if gaps, normals or law of a surface are not valid now.
 
     Collective; see `check_law`.
     """
     s.update_geometry()
     s.check_gaps()
     require_finite_geometry(s)
-    check_law(s, where)
-    if s.memory is None:
+    check_law(s, memory, where)
+    if memory is None:
         check_turn(s, None, where)
 
 
@@ -366,13 +367,18 @@ def require_finite_geometry(s: ContactSurface) -> None:
     require(s.comm, gaps and normals, message)
 
 
-def check_law(s: ContactSurface, where: str = "") -> None:
+def check_law(s: ContactSurface, memory: Memory | None, where: str = "") -> None:
     """Raise ``ValueError`` if a surface has no law with the fields as they are. Collective.
 
     They must be finite and of the sign that the law requires, and no radius of a friction disc
-    negative; and the law must have what it needs, under the present memory.
+    negative; and the law must have what it needs, under the given memory.
+
+    Args:
+        s: contact surface.
+        memory: memory of its points at the beginning of the step; None under the static law.
+        where: part of the message.
     """
-    check_time(s)
+    check_time(s, memory)
     fields = s.points.data.fields
     for name, values in fields.items():
         what = f"{name} of {s.law.name}{where}"
@@ -389,7 +395,7 @@ def check_law(s: ContactSurface, where: str = "") -> None:
         what = f"{x.name} of {s.law.name}{where}"
         require(s.comm, good, f"{s.name}: {what} is beyond its end {x.end:g}")
     at_rest = np.zeros_like(s.points.data.n)
-    radius = s.law_at_points(at_rest, at_rest, s.point_data).unit_bound
+    radius = s.law_at_points(at_rest, at_rest, s.point_data(memory)).unit_bound
     message = f"{s.name}: the law {s.law.name} has a negative radius{where}"
     require(s.comm, not bool((radius < -1e-14).any()), message)
 
@@ -405,16 +411,16 @@ def check_moduli(eq: ContactEquations, where: str = "") -> None:
     require(eq.comm, not message, message)
 
 
-def check_time(s: ContactSurface) -> None:
-    """Raise ``ValueError`` if the law lacks something, with the present memory. Collective.
+def check_time(s: ContactSurface, memory: Memory | None) -> None:
+    """Raise ``ValueError`` if the law lacks something under a memory. Collective.
 
     See `Law.lacks`; and a law that depends on the time needs one (`CompiledLaw.needs_time`).
     """
-    history = s.memory is not None and s.memory.step > 0
+    history = memory is not None and memory.step > 0
     lack = s.law.lacks(history=history)
     kind = "in a history" if history else "statically"
     require(s.comm, not lack, f"{s.name}: {kind} the law {s.law.name} lacks {lack}")
-    step = -1.0 if s.memory is None else min(s.memory.step, 0.0)
+    step = -1.0 if memory is None else min(memory.step, 0.0)
     # Laws that name the fields by which they need a time define what holds in a step of no length.
     time_known = history or (step == 0 and bool(s.law.needs_time))
     require(
@@ -427,7 +433,7 @@ def check_time(s: ContactSurface) -> None:
     )
 
 
-def check_times(surfaces: Sequence[ContactSurface]) -> None:
+def check_times(eq: ContactEquations) -> None:
     """`check_time` of all surfaces. Collective."""
-    for s in surfaces:
-        check_time(s)
+    for s, memory in zip(eq.surfaces, eq.memory, strict=True):
+        check_time(s, memory)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-import operator
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -44,7 +43,6 @@ from dolfinx_contact.equations.rates import (
     dirichlet_rates,
 )
 from dolfinx_contact.laws.status import OPEN
-from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import ContactSurface
 
 __all__ = ["ParametricEquations"]
@@ -143,8 +141,8 @@ class ParametricEquations(System):
         #: Gamma of the driven Functions where nobody else changes them; see `undisturbed`.
         self._driven_at: float | None = None
         self._alone = False
-        #: What was evaluated there last, with gamma and what surfaces remember.
-        self._last: tuple[Evaluated, float, Sequence[Memory | None]] | None = None
+        #: The last evaluation there, and its gamma.
+        self._last: tuple[Evaluated, float] | None = None
 
     # -- data ------------------------------------------------------------------------------------
 
@@ -199,12 +197,6 @@ class ParametricEquations(System):
         for f in self._data:
             values = f.x.array if hasattr(f, "x") else np.asarray(f.value)
             mark = zlib.crc32(np.ascontiguousarray(values), mark)
-        for memory in self.equations.memory:
-            if memory is not None:
-                known = [] if memory.place is None else [memory.place]
-                known += [memory.jump, *memory.fields.values(), np.array(memory.step)]
-                for values in known:
-                    mark = zlib.crc32(values, mark)
         return mark
 
     def _set(self, gamma: float) -> None:
@@ -248,13 +240,13 @@ class ParametricEquations(System):
         eq = self.equations
         eq.require_same_mesh()
         eq.refresh()
-        eq.require_memory(eq.memory)
         surfaces = eq.surfaces
         rates = zip(surfaces, self._rates, strict=True)
         varying = [s for s, rate in rates if rate.applies]
+        memory = dict(zip(surfaces, eq.memory, strict=True))
         for s in surfaces:
             if s not in varying and not s.between_bodies:
-                check_surface(s)
+                check_surface(s, memory[s])
         ends = (gammas[0], gammas[-1])
         changing = bool(self._driven or varying or self._rigid_rates.applies)
         with self.restored(always=True):
@@ -271,7 +263,7 @@ class ParametricEquations(System):
                 if looked_at or changing:
                     self._set(gamma)
                 for s in looked_at:
-                    check_surface(s, where)
+                    check_surface(s, memory[s], where)
                 if changing or gamma == ends[0]:
                     eq.constraints.check_values(surfaces, eq.body_size, where)
 
@@ -348,15 +340,14 @@ class ParametricEquations(System):
     def _note(self, x: PETSc.Vec, gamma: float, state: Evaluation) -> None:
         """Keep what was evaluated last where nobody else changes data."""
         if self._alone:
-            self._last = Evaluated(x.array_r.copy(), state), gamma, self.equations.memory
+            self._last = Evaluated(x.array_r.copy(), state), gamma
 
     def _noted(self, x: PETSc.Vec, gamma: float) -> Evaluation | None:
         """What was evaluated last, if that was at (x, gamma). Collective."""
         if self._last is None:
             return None
-        last, at, memory = self._last
-        same = at == gamma and all(map(operator.is_, memory, self.equations.memory))
-        same = same and np.array_equal(last.unknowns, x.array_r)
+        last, at = self._last
+        same = at == gamma and np.array_equal(last.unknowns, x.array_r)
         return None if anywhere(self.comm, not same)[0] else last.state
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:

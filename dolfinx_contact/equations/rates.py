@@ -155,14 +155,14 @@ class SurfaceRates:
         moved = None
         if s.displaced is not None:
             assert at.place is not None
-            seen = self._evaluators[0], at.place, s.memory, at.frame
+            seen = self._evaluators[0], at.place, at.memory, at.frame
             rates, moved = s.displaced.rates(*seen)
         else:
             rates, aside = s.points.rates(self._evaluators)
-            if s.memory is not None:
-                aside = aside + s.memory.reference_rate(data.n, rates.n)
-        if s.memory is not None:
-            given = {k: v for k, v in rates.fields.items() if k not in s.memory.fields}
+            if at.memory is not None:
+                aside = aside + at.memory.reference_rate(data.n, rates.n)
+        if at.memory is not None:
+            given = {k: v for k, v in rates.fields.items() if k not in at.memory.fields}
             rates = replace(rates, fields=given)
         args = state.jump, state.traction, data, rates, state.statuses
         rate = s.law_at_points.rate(*args, moved)

@@ -36,7 +36,6 @@ from dolfinx_contact.equations.given_data import (
 )
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
-from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.problem import ContactProblem
@@ -59,9 +58,7 @@ logger = logging.getLogger(__name__)
 
 Array = npt.NDArray[np.float64]
 _SOLVED = 1e-6  # residual of a start that is a solution
-_SAME = 1e-9  # of what is remembered
-_NO_LENGTH = 1e-13  # of the size of the body
-_WORDS = {SLID: "the distance slipped"}
+_SAME = 1e-9  # of the size of an unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,13 +163,6 @@ def largest_at_points(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> tup
     return distances, np.divide(weakened, left, out=np.zeros_like(left), where=left > 0)
 
 
-class _Remembered(NamedTuple):
-    """What surfaces remember beyond what laws say of a state, and whether it is of that state."""
-
-    others: list[str]
-    stays: bool
-
-
 class OfState(NamedTuple):
     """What has a part of a state, what it is called, and values of it (local)."""
 
@@ -228,28 +218,6 @@ def is_still(comm: MPI.Comm, f: fem.Function | RigidBody, values: Array) -> bool
     return bool(off <= _SAME * size)
 
 
-def _other_fields(m: Memory | None, now: Memory | None) -> list[str]:
-    """Names of what is remembered otherwise than a law alone would have it, on this rank."""
-    if m is None or now is None:
-        return []
-    found = []
-    for name, values in m.fields.items():
-        by_law = now.fields.get(name, values)
-        size = max(float(np.max(np.abs(v), initial=0.0)) for v in (values, by_law))
-        if np.max(np.abs(values - by_law), initial=0.0) > _SAME * size:
-            found.append(_WORDS.get(name, name))
-    return found
-
-
-def _at_same_place(m: Memory, now: Memory | None, size: float) -> bool:
-    """Whether what is remembered is of a state, on this rank, of a body of a size."""
-    if now is None or m.jump.shape != now.jump.shape:
-        return False
-    farthest = float(np.max(np.abs(m.jump), initial=0.0))
-    off = float(np.max(np.abs(m.jump - now.jump), initial=0.0))
-    return off <= _SAME * farthest + _NO_LENGTH * size
-
-
 class Stepper:
     """Takes steps of a problem from moments.
 
@@ -259,7 +227,8 @@ class Stepper:
         progress: of the solves, as in `ContactProblem.solve`.
 
     Attributes:
-        problem: as given.
+        static: the problem as given.
+        problem: the same under the memory of the step.
         asks: whether the load is asked in the next step whether it knows more than the time.
     """
 
@@ -270,6 +239,7 @@ class Stepper:
     def __init__(
         self, problem: ContactProblem, load: Callable[[float], object], progress: bool | None
     ):
+        self.static = problem
         self.problem = problem
         self._load = load
         self._progress = progress
@@ -283,13 +253,12 @@ class Stepper:
             ValueError: on every rank, for Dirichlet data that a solve refuses.
         """
         eq = self.problem.equations
-        left = eq.memory
         with self._loaded(time):
             eq.refresh()
             self._require_finite()
             self._require_data()
-            state, memory = self._begun(self.problem.evaluate)
-            state, residual = self._best(state, left, memory)
+            state, memory = self._begun(lambda: self.problem.evaluate())
+            state, residual = self._best(state, memory)
         solved = residual <= _SOLVED
         if not solved and eq.comm.rank == 0:
             logger.warning(
@@ -304,44 +273,18 @@ class Stepper:
     def _begun(
         self, find: Callable[[], Evaluation]
     ) -> tuple[Evaluation, tuple[Memory | None, ...]]:
-        """The state at a start, and its memory: slips from there, bonds as they were left there.
-
-        What surfaces remember of bonds and slipped distances is of the state in which a history or
-        path was left, and no other: in another one these are those of the law. Collective.
+        """The state at a start, and its virgin memory: slips are counted from there. Collective.
 
         Args:
             find: what is in the problem as a state. Collective.
         """
-        eq = self.problem.equations
-        left = eq.memory
-        eq.remember([None] * len(eq.surfaces))
+        self.remember([None] * len(self.problem.surfaces))
         state = find()
-        memory = eq.advanced(state)
-        others, stays = self._remembered(left, memory)
-        if not others:
-            return state, memory
-        words = " and ".join(others)
-        if not stays:
-            if eq.comm.rank == 0:
-                logger.warning(
-                    "the surfaces remember %s of a history that ended in another state: this one "
-                    "begins with those of the law; set surface.memory = None to say so, or run "
-                    "that history on",
-                    words,
-                )
-            return state, memory
-        memory = tuple(
-            new if m is None or new is None else replace(new, fields=m.fields)
-            for m, new in zip(left, memory, strict=True)
-        )
-        self._warn_of_undeformed(state, words)
-        eq.remember(memory)
-        return find(), memory
+        return state, self.problem.equations.advanced(state)
 
     def _best(
         self,
         state: Evaluation,
-        left: tuple[Memory | None, ...],
         memory: tuple[Memory | None, ...],
     ) -> tuple[Evaluation, float]:
         """The start, with the statuses in which it is a solution, and its residual. Collective.
@@ -351,7 +294,6 @@ class Stepper:
 
         Args:
             state: as `_begun` found it.
-            left: what the surfaces remembered.
             memory: of the start.
         """
         eq = self.problem.equations
@@ -367,52 +309,9 @@ class Stepper:
         timed = any(s.law_at_points.compiled.needs_time(0.0) for s in eq.surfaces)
         if timed or not residual > _SOLVED:
             return state, residual
-        before = eq.memory
-        eq.remember(memory)
-        here = self.problem.evaluate()
+        here = self.static.with_memory(memory).evaluate()
         found = Scales(eq, settled=True).measure(here).worst
-        if not found <= _SOLVED:
-            eq.remember(before)
-            return state, residual
-        if not self._remembered(left, memory).stays and eq.comm.rank == 0:
-            logger.warning(
-                "the start of the evolution is no solution of the static law: friction in it is "
-                "that of slips since the state in which another history ended, which the surfaces "
-                "remember; for a start that knows none set surface.memory = None before solve()"
-            )
-        return here, found
-
-    def _remembered(
-        self, left: tuple[Memory | None, ...], memory: tuple[Memory | None, ...]
-    ) -> _Remembered:
-        """What surfaces remember beyond what a start has by its laws. Collective.
-
-        Args:
-            left: what they remember.
-            memory: of the start by its laws.
-        """
-        eq = self.problem.equations
-        pairs = list(zip(left, memory, strict=True))
-        mine = {name for m, new in pairs for name in _other_fields(m, new)}
-        others = sorted(set().union(*eq.comm.allgather(sorted(mine))))
-        stays = all(m is None or _at_same_place(m, new, eq.body_size) for m, new in pairs)
-        return _Remembered(others, bool(eq.comm.allreduce(int(stays), op=MPI.MIN)))
-
-    def _warn_of_undeformed(self, state: Evaluation, words: str) -> None:
-        """Warn where bodies are undeformed, as at a first start, and bonds are not. Collective.
-
-        Args:
-            state: the start.
-            words: for what is not that of the law.
-        """
-        eq = self.problem.equations
-        moved = eq.comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
-        if moved <= _NO_LENGTH * eq.body_size and eq.comm.rank == 0:
-            logger.warning(
-                "the body is undeformed, as a history has left it with %s that are not those of "
-                "the law: this one begins with these; set surface.memory = None to begin anew",
-                words,
-            )
+        return (here, found) if found <= _SOLVED else (state, residual)
 
     def _require_finite(self) -> None:
         """Refuse a start that is not finite. Collective."""
@@ -435,11 +334,11 @@ class Stepper:
             energies: since the start.
             first: whether it is the start, whose statuses are not known.
         """
-        eq = self.problem.equations
         note_put(*self.problem.fields, *self.problem.rigid_bodies)
         with self._loaded(time):
-            eq.remember(memory)
+            self.remember(memory)
             state = self.problem.evaluate()
+        eq = self.problem.equations
         known = None if first else state.statuses
         solved = not first or self._is_solved(state)
         forces = forces_at(eq, state)
@@ -455,7 +354,7 @@ class Stepper:
         eq = self.problem.equations
         data = GivenData(eq)
         self._put_unknowns(accepted)
-        eq.remember(accepted.memory)
+        self.remember(accepted.memory)
         try:
             self._set(accepted.time)
         except BaseException:
@@ -531,7 +430,7 @@ class Stepper:
         Collective.
         """
         self._put_unknowns(accepted)
-        self.problem.equations.remember(accepted.memory)
+        self.remember(accepted.memory)
         accepted.data.restore()
         self._there = accepted
 
@@ -608,8 +507,8 @@ class Stepper:
     ) -> SolvedStep:
         """The step from a state, which is in the problem; see `take`. Collective."""
         assert isinstance(accepted, AtRest)
-        eq = self.problem.equations
         self._remember(accepted, time)
+        eq = self.problem.equations
         self._set(time)
         self._check_turns(accepted)
         if guess is not None:
@@ -694,20 +593,24 @@ class Stepper:
         """Let the surfaces remember an accepted state at a later time. Collective."""
         step = time - accepted.time
         later = [None if m is None else m.later(step) for m in accepted.memory]
-        self.problem.equations.remember(later)
+        self.remember(later)
+
+    def remember(self, memory: Sequence[Memory | None]) -> None:
+        """Take the problem under another memory of the contact points. Collective."""
+        self.problem = self.static.with_memory(memory)
 
     @contextmanager
     def _loaded(self, time: float) -> Iterator[None]:
         """Set the load of a time; take it and memory back if the context raises. Collective."""
         eq = self.problem.equations
         data = GivenData(eq)
-        memory = eq.memory
+        before = self.problem
         try:
             self._set(time)
             yield
         except BaseException:
             data.restore()
-            eq.remember(memory)
+            self.problem = before
             raise
 
     def _set(self, time: float) -> None:

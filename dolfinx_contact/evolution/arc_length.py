@@ -116,7 +116,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         self._require_no_time()
 
     def _require_no_time(self) -> None:
-        check_times(self.problem.surfaces)
+        check_times(self.problem.equations)
         for s in self.problem.surfaces:
             s.update_geometry()
             fields = s.points.data.fields

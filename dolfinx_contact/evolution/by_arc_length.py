@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from dolfinx_contact.evolution.path_stepper import PathStepper
 from dolfinx_contact.evolution.rate_problem import Directions
 from dolfinx_contact.evolution.rule import Advance, Rule
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.tables import violation
 
@@ -66,7 +67,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         run_state: PathState,
     ):
         super().__init__(task, run_state)
-        self._system = system
+        self._parametric = system
         self._stepper = stepper
         self._steps = steps
         self._accepted = run_state.accepted
@@ -79,7 +80,13 @@ class ByArcLength(Rule[PathTask, PathState]):
         self._weak = any(s.points.E is not None for s in surfaces)
         points = system.comm.allreduce(sum(s.points.number for s in surfaces))
         self._patience = 2 * points + _PATIENT
+        self._under(run_state.accepted.memory)
         steps.know(run_state.known)
+
+    def _under(self, memory: Sequence[Memory | None]) -> None:
+        """Continue with the memory of an accepted state. Collective."""
+        self._system = self._parametric.with_memory(memory)
+        self._steps.bordered.system = self._system
 
     @property
     def run_state(self) -> PathState:
@@ -194,7 +201,7 @@ class ByArcLength(Rule[PathTask, PathState]):
                 self.end(Ending.NOT_SOLVED, reason)
                 return None
             result = system.result_at(found.point)
-            state = self._stepper.problem.evaluate()
+            state = system.problem.evaluate()
             if self._weak or self._violation(state) <= _VIOLATION:
                 break
             # Within the step bonds counted as damaging that are not, or the other way round.
@@ -210,8 +217,7 @@ class ByArcLength(Rule[PathTask, PathState]):
 
     def _accept(self, solved: _Solved) -> Advance:
         """Accept a point, with the memory of which the path continues. Collective."""
-        system = self._system
-        eq = system.equations
+        eq = self._system.equations
         before = self._accepted
         found = solved.arrival
         point = found.point
@@ -227,7 +233,8 @@ class ByArcLength(Rule[PathTask, PathState]):
         self._arrived = point
         self._number = self._number + 1
         self._passed = (*self._passed, after.time)
-        eq.remember(after.memory)
+        self._under(after.memory)
+        system = self._system
         directions = Directions(None)
         event: PathEvent = ""
         if found.at == "end":

@@ -166,11 +166,8 @@ class MotionStepper(Stepper):
             self._require_finite()
             self._require_data()
             self._require_held()
-            left = eq.memory
             state, memory = self._begun(self._contact)
-            goes_on = all(m is not None for m in left) and self._remembered(left, memory).stays
-            if not (goes_on and self._method.ends_within):
-                self._require_no_penetration(state)
+            self._require_no_penetration(state)
         motion = self._motion(state)
         energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
         return self._moving(time, None, memory, energies, motion)
@@ -180,7 +177,7 @@ class MotionStepper(Stepper):
     ) -> AcceptedState:
         note_put(*self.problem.fields, *self.problem.rigid_bodies, self._velocity)
         with self._loaded(time):
-            self.problem.equations.remember(memory)
+            self.remember(memory)
             state = self._contact()
         known = None if first else state.statuses
         return self._moving(time, known, tuple(memory), energies, self._motion(state))
@@ -232,14 +229,16 @@ class MotionStepper(Stepper):
             body.begin(step, a.u, a.v, a.rows)
             eq.prescribed.unknowns = lambda values: step.seen(values, body.origin)
             motion = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
-            eq.remember(self._seen(accepted, step, motion))
+            self.remember(self._seen(accepted, step, motion))
+            problem = self.problem
             problem.u.x.array[:] = self._guess(a, step)
             result, state = problem.solve_step(progress=self._progress)
             u, v = (f(state.u, body.origin) for f in (step.displacement, step.velocity))
             problem.u.x.array[:] = u
             self._velocity.x.array[:] = v
             later = [None if m is None else m.later(step.length) for m in accepted.memory]
-            eq.remember(later)
+            self.remember(later)
+            eq = self.problem.equations
             shown = self._at(state, u)
             b = motion_at(eq, shown, u, v)
             energies = account(accepted.energies, eq, state, a, b, motion)
@@ -287,11 +286,10 @@ class MotionStepper(Stepper):
             step: of time.
             motion: by which the unknowns of the rigid bodies change in it.
         """
-        eq = self.problem.equations
         a = accepted.motion
         # Faces that slide over each other have their slips from where they were.
-        known = [m if s.slides else None for s, m in zip(eq.surfaces, accepted.memory, strict=True)]
-        eq.remember(known)
+        pairs = zip(self.problem.surfaces, accepted.memory, strict=True)
+        eq = self.static.with_memory([m if s.slides else None for s, m in pairs]).equations
         origin = self._body.origin
         gain = step.gain
         if self._method.massless:

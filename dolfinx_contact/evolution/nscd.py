@@ -55,7 +55,6 @@ from dolfinx_contact.evolution.through_times import (
     checked_times,
 )
 from dolfinx_contact.evolution.to_rest import RestTask, ToRest
-from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["NSCD"]
@@ -265,11 +264,6 @@ class NSCD(Evolution):
         least = self._least if locate is None else locate
         task = HistoryTask(tuple(times), self._dt, least, locate=locate is not None)
         return self._begin(task, Listeners(accept, stop, observer, record, progress))
-
-    @property
-    def memory(self) -> tuple[Memory | None, ...]:
-        """What the last accepted state leaves to the next step, surface by surface."""
-        return self.problem.equations.memory if self._accepted is None else self._accepted.memory
 
     @collective("settling", _check_settle)
     def settle(

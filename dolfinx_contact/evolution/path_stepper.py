@@ -3,20 +3,16 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from dolfinx_contact.equations.evaluation import Evaluation, Statuses
+from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.evolution.accepted import AcceptedState, AtRest, Stepper
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
-from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 
 __all__ = ["OnPath", "PathStepper"]
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,27 +48,7 @@ class PathStepper(Stepper):
             assert isinstance(accepted, OnPath)
             return accepted
         state = self.problem.evaluate()
-        self._warn_of_memory(state)
         return self.accepted(time, state.statuses, eq.memory, forces_at(eq, state), Energies())
-
-    def _warn_of_memory(self, state: Evaluation) -> None:
-        """Warn of what another state has left, or bonds of an undeformed body. Collective."""
-        eq = self.problem.equations
-        left = eq.memory
-        eq.remember([None] * len(left))
-        by_law = eq.advanced(self.problem.evaluate())
-        eq.remember(left)
-        others, stays = self._remembered(left, by_law)
-        words = " and ".join(others)
-        if stays and others:
-            self._warn_of_undeformed(state, words)
-        rubs = any(STICK in s.law_at_points.codes for s in eq.surfaces)
-        if not stays and (others or rubs) and eq.comm.rank == 0:
-            logger.warning(
-                "the surfaces remember another state, in which a history or path has ended: slips "
-                "of this one are counted from there%s; set surface.memory = None to begin anew",
-                f", and {words} are those of then" if others else "",
-            )
 
     def recalled_under(
         self,

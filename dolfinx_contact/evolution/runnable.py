@@ -13,6 +13,7 @@ from dolfinx_contact.evolution.history import History
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.run import Run
 from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["Runnable"]
@@ -64,6 +65,11 @@ class Runnable(ReadOnly, Generic[T, S, H]):
         """Put the problem where a run of it ended, from which the next continues. Collective."""
         self._run_state = run_state
         self._stepper(None).put(run_state.accepted)
+
+    @property
+    def memory(self) -> tuple[Memory | None, ...]:
+        """Memory from which the next step starts, one per surface; None before the first run."""
+        return self.problem.equations.memory if self._accepted is None else self._accepted.memory
 
     @property
     def _accepted(self) -> AcceptedState | None:

@@ -60,8 +60,8 @@ def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> St
 
     The problem is left at that state.
     """
-    problem = stepper.problem
     stepper.prepare(accepted, time)
+    problem = stepper.problem
     equations = problem.equations
     x = problem.create_vector()
     try:

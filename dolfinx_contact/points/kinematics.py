@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.laws import PointData
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.operators import Operator
 
 __all__ = ["Kinematics", "rotation"]
@@ -42,6 +43,7 @@ class Kinematics:
             others.
         frame: rotation of that frame (dim, dim); None where it does not turn.
         motion: of the rigid body that it turns with (k,); None where it does not.
+        memory: memory of the points by which this was evaluated; None under the static law.
     """
 
     operator: Operator
@@ -51,6 +53,7 @@ class Kinematics:
     place: Array | None = None
     frame: Array | None = None
     motion: Array | None = None
+    memory: Memory | None = None
 
     @property
     def gap(self) -> Array:

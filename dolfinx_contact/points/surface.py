@@ -111,8 +111,8 @@ def _compared(a: Arguments) -> dict[str, Any]:
 class ContactSurface(ReadOnly):
     """A part of the boundary that may touch an obstacle, with a law.
 
-    Its data are read once, and compiled: its attributes are read-only, but for `memory`. What may
-    be changed between two solves are the values of Constants and Functions in law and obstacle.
+    Its data are read once, and compiled: its attributes are read-only. Only the values
+    of Constants and Functions in law and obstacle may be changed between two solves.
     Numbers of the law have become Constants, in `law`; arrays and numbers of an obstacle are
     copied, so give Constants for what is to move.
 
@@ -151,8 +151,6 @@ class ContactSurface(ReadOnly):
         law: the law with its numbers as Constants, which may be changed between solves.
         points: the contact points of this rank, and the operators that lead to them.
         law_at_points: the law, compiled.
-        memory: of the last accepted step of an evolution; None, the default: the static law. It may
-            be set.
 
     Raises:
         ValueError: on every rank, if the facets or elements do not fit, something is of another
@@ -182,7 +180,6 @@ class ContactSurface(ReadOnly):
         "positions",
         "rigid_body",
     )
-    _may_be_set = ("memory",)
     _instead: ClassVar[Mapping[str, str]] = {
         "law": f"{_NUMBERS}; for another law {_ANOTHER}",
         "friction": _NUMBERS,
@@ -230,7 +227,6 @@ class ContactSurface(ReadOnly):
         self._user: object = None
         #: What `slide` has found, by whether the body is linear.
         self._ways: dict[bool, tuple[DisplacedPoints | None, TrueGaps]] = {}
-        self.memory: Memory | None = None
         self._true_gaps = TrueGaps(u, self.points, obstacle)
         #: Of two bodies, how they have slid and turned.
         self.motion: PairMotion | None = None
@@ -407,28 +403,32 @@ class ContactSurface(ReadOnly):
 
     # -- gap, slip and B -------------------------------------------------------------------------
 
-    def kinematics(self, u: Array, motion: Array | None = None) -> Kinematics:
+    def kinematics(
+        self, u: Array, motion: Array | None = None, memory: Memory | None = None
+    ) -> Kinematics:
         """Gap, slip and B at the contact points of this rank at a state. Collective.
 
         Args:
             u: displacement at the first local nodes, at least the owned ones (n, dim).
             motion: of the rigid body; None where there is none.
+            memory: memory of the points at the beginning of the step; None under the static law.
         """
         if self.slides:
             from dolfinx_contact.points.sliding.points import kinematics
 
-            return kinematics(self.points, self.law_at_points.compiled, self.memory, u)
+            return kinematics(self.points, self.law_at_points.compiled, memory, u)
         operator = self.points.operator
         seen = operator.apply(self.relative(u[: self.owned_nodes], motion))
         if self._displaced is not None:
             frame = self._frame(motion)
-            data, jump, reference = self._displaced.at(seen, self.memory, frame)
-            data = with_memory(self.law_at_points.compiled, self.memory, data)
+            data, jump, reference = self._displaced.at(seen, memory, frame)
+            data = with_memory(self.law_at_points.compiled, memory, data)
             turning = None if frame is None else motion
-            return Kinematics(operator, jump, reference, data, seen, frame, turning)
-        reference = self._reference
+            return Kinematics(operator, jump, reference, data, seen, frame, turning, memory)
+        n = self.points.data.n
+        reference = np.zeros_like(n) if memory is None else memory.reference(n)
         jump = seen - self.points.aside - reference
-        return Kinematics(operator, jump, reference, self.point_data)
+        return Kinematics(operator, jump, reference, self.point_data(memory), memory=memory)
 
     def constant_operator(self, needed_by: str) -> ConstantOperator:
         """B, for what needs it to be the same at every state.
@@ -626,16 +626,13 @@ class ContactSurface(ReadOnly):
 
     # -- what was found --------------------------------------------------------------------------
 
-    @property
-    def point_data(self) -> PointData:
-        """What the law is given at the points of this rank where they are in the reference."""
-        return with_memory(self.law_at_points.compiled, self.memory, self.points.data)
+    def point_data(self, memory: Memory | None = None) -> PointData:
+        """Data of the law at the points of this rank in the reference configuration.
 
-    @property
-    def _reference(self) -> Array:
-        """What laws do not see of jumps: those along the surface that memory has (n, dim)."""
-        n = self.points.data.n
-        return np.zeros_like(n) if self.memory is None else self.memory.reference(n)
+        Args:
+            memory: memory of the points at the beginning of the step; None under the static law.
+        """
+        return with_memory(self.law_at_points.compiled, memory, self.points.data)
 
     def state_of(
         self, at: Kinematics, traction: Array, answers: Answers | None = None

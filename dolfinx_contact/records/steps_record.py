@@ -408,16 +408,20 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
                 "kinetic": accepted.motion.kinetic,
                 "least": _ROUND_OFF * eq.stiffness_scale * largest,
             }
-        residual = Scales(eq, settled=True).measure(self.problem.evaluate()).worst
+        state = self.problem.with_memory(accepted.memory).evaluate()
+        residual = Scales(eq, settled=True).measure(state).worst
         return {"residual": residual, "least": 0.0}
 
-    def show(self, index: int) -> None:
+    def show(self, index: int) -> ContactProblem:
         """Put a recorded state into the problem, for tables, fields and pictures. Collective.
 
         Runs stay where they are, and what they stand at is put back by the next one.
 
         Args:
             index: of the step; 0 is the start.
+
+        Returns:
+            The problem under the law of the step, for evaluations such as `ContactProblem.table`.
 
         Raises:
             ValueError: on every rank, if there is none, or it is damaged.
@@ -428,23 +432,21 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         require(self.comm, known, f"steps 0 to {last} are recorded, not {index}")
         if index == 0:
             self._run_state(0)
-            return
+            return self.problem
         before = self._run_state(index - 1).accepted
         step = self._run_state(index).accepted.time - before.time
         later = [None if m is None else m.later(step) for m in before.memory]
-        self.problem.equations.remember(later)
+        return self.problem.with_memory(later)
 
     @contextmanager
     def looking(self) -> Iterator[None]:
         """Put back at the end what is in the problem, whatever was shown. Collective."""
         eq = self.problem.equations
-        memory = eq.memory
         data = GivenData(eq)
         try:
             with self._system.restored(always=True):
                 yield
         finally:
-            eq.remember(memory)
             data.restore()
 
     def write_contact(self, folder: str | os.PathLike[str], index: int) -> None:
@@ -461,8 +463,8 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             ValueError: on every rank, if there is no such step, or it is damaged.
         """
         with self.looking():
-            self.show(index)
-            tables = [self.problem.table(s) for s in self.problem.surfaces]
+            shown = self.show(index)
+            tables = [shown.table(s) for s in self.problem.surfaces]
         write_contact_table(self.comm, output_folder(self.comm, folder), tables)
 
 

@@ -56,7 +56,7 @@ class GatheredPoints:
             n = s.points.number
             held = eq.constraints.held[number][s.points.vertex_trace_dofs[:n]].any(axis=1)
             at_rest = np.zeros((n, eq.dim))
-            answers = s.law_at_points(at_rest, at_rest, s.point_data)
+            answers = s.law_at_points(at_rest, at_rest, s.point_data(eq.memory[number]))
             given = s.law.bound_kind == "given"
             slope = np.zeros(n) if given else answers.unit_bound
             bound = answers.bound * s.points.areas if given else np.zeros(n)

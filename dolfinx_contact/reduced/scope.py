@@ -60,11 +60,11 @@ def can_condense(
     nodes = []
     mixed = False
     polyhedral = True
-    known = eq.constraints.clamped, eq.constraints.held
-    for s, clamped, held in zip(eq.surfaces, *known, strict=True):
+    known = eq.memory, eq.constraints.clamped, eq.constraints.held
+    for s, memory, clamped, held in zip(eq.surfaces, *known, strict=True):
         if s.points.E is not None or not s.linear or (partly and s.method != "nodal"):
             return False
-        conic = is_polyhedral(s.law_at_points, s.point_data)
+        conic = is_polyhedral(s.law_at_points, s.point_data(memory))
         polyhedral = polyhedral and (conic or (bounded and s.law.bound_kind == "given"))
         trace = s.points.vertex_trace_dofs
         nodes.append(trace)

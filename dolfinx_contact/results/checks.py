@@ -166,8 +166,9 @@ def _of_sliding(
     depth = s.obstacle.opposite.depth
     n = eq.owned_sizes[0] // eq.dim
     moved: Array = np.reshape(state.u[: n * eq.dim], (-1, eq.dim))
-    if s.memory is not None and s.memory.displacement is not None:
-        moved = moved - s.memory.displacement
+    memory = contact.kinematics.memory
+    if memory is not None and memory.displacement is not None:
+        moved = moved - memory.displacement
     master = moved[s.obstacle.opposite.sides[1][:n]]
     sums = s.comm.allreduce(np.append(master.sum(axis=0), len(master)))
     away = contact.kinematics.operator.absent
@@ -486,7 +487,7 @@ def warn_of_obstacles(eq: ContactEquations) -> None:
         given = not s.law.needs_pressure and s.law.averaging is None
         if given and nearest > _FAR * eq.body_size:
             at_rest = np.zeros_like(s.points.data.n)
-            slope = s.law_at_points(at_rest, at_rest, s.point_data).unit_bound
+            slope = s.law_at_points(at_rest, at_rest, s.point_data()).unit_bound
             bound = float(np.nanmax(slope, initial=0.0))
             if s.comm.allreduce(bound, op=max) > 0 and s.comm.rank == 0:
                 logger.warning(

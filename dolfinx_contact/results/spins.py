@@ -79,7 +79,7 @@ def spin_over_obstacle(s: ContactSurface, contact: ContactState) -> float:
     """
     at = contact.kinematics
     start = at.operator.apply(s.node_positions[: s.owned_nodes])
-    memory = s.memory
+    memory = at.memory
     before = np.zeros_like(start)
     if memory is not None:
         before = memory.jump if memory.place is None else memory.place

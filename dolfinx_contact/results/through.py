@@ -50,8 +50,9 @@ def way_through(s: ContactSurface, contact: ContactState) -> Array | None:
         contact: at the state.
     """
     now = contact.kinematics.place
+    memory = contact.kinematics.memory
     shape = s.displaced
-    if shape is None or now is None or (s.memory is not None and s.memory.place is None):
+    if shape is None or now is None or (memory is not None and memory.place is None):
         return None
     way = _Way(s, contact)
     longest = s.comm.allreduce(way.longest, op=max)
@@ -101,8 +102,8 @@ class _Way:
     """The ways of points of a surface in a step, in the frame of a curved obstacle.
 
     Args:
-        s: the surface, whose memory is that of the start.
-        contact: at the end.
+        s: the surface.
+        contact: its points at the end, with the memory of the start.
 
     Attributes:
         longest: of the ways of this rank, a length.
@@ -111,7 +112,7 @@ class _Way:
     def __init__(self, s: ContactSurface, contact: ContactState):
         at = contact.kinematics
         assert at.place is not None
-        memory = s.memory
+        memory = at.memory
         self._start = np.zeros_like(at.place)
         if memory is not None and memory.place is not None:
             self._start = memory.place

@@ -197,11 +197,10 @@ def check_data(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     eq.require_same_mesh()
     check_moduli(eq)
     eq.refresh()
-    eq.require_memory(eq.memory)
-    for s in eq.surfaces:
+    for s, memory in zip(eq.surfaces, eq.memory, strict=True):
         s.check_gaps()
-        check_law(s)
-        if s.memory is None:
+        check_law(s, memory)
+        if memory is None:
             check_turn(s, None)
     _require_start(eq, x0)
     require_obstacles(eq)

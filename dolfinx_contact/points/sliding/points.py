@@ -328,7 +328,8 @@ def kinematics(
         turned = memory.reference(nodal.before[:n])
         slipped = np.einsum("nij,nj->ni", nodal.rotation[:n], turned)
     data = replace(points.data, n=nodal.normal[:n], gap=np.zeros(n))
-    return Kinematics(operator, nodal.jump[:n], slipped, with_memory(law, memory, data))
+    given = with_memory(law, memory, data)
+    return Kinematics(operator, nodal.jump[:n], slipped, given, memory=memory)
 
 
 def check_slave(
