@@ -122,6 +122,8 @@ def _described(a: Arguments) -> dict[str, Any]:
 class ContactProblem(ReadOnly):
     """Static equilibrium of a body with unilateral contact and friction on some surfaces.
 
+    Friction opposes the total slip (the static law). `step_from` returns the problem of one step.
+
     The displacement and the multipliers are read when a solve begins and written when it has found
     a solution; nothing else touches them.
 
@@ -193,6 +195,7 @@ class ContactProblem(ReadOnly):
         "snapshot",
         "solve",
         "solver",
+        "step_from",
         "support_forces",
         "table",
         "write",
@@ -259,6 +262,34 @@ class ContactProblem(ReadOnly):
             body, self.V, self.surfaces, self.bcs, r=eq.forced_r, options=eq.options
         )
         return copy_with(self, equations=equations, _linear=LinearSolverChoice(equations))
+
+    def step_from(self, state: State, *, step: float = 0.0) -> ContactProblem:
+        """Return the problem of one step that begins in a state. Collective.
+
+        Friction opposes the increment of the slip since the state, and laws with internal variables
+        continue from their values there. A problem made by the user has the static law instead, in
+        which friction opposes the total slip. Histories, motions and paths are sequences of steps.
+
+        The problem of the step shares Functions, data and everything compiled or assembled with this
+        problem. It answers the same questions: `solve`, uniqueness, `follow`, `find_solutions`,
+        stability.
+
+        Args:
+            state: state at the beginning of the step.
+            step: duration of the step, a time, for laws that depend on it.
+
+        Raises:
+            ValueError: on every rank, if the state is not one of this problem.
+
+        Example:
+            One step of a quasi-static history::
+
+                state = problem.snapshot()
+                load.value[0] = 0.1
+                result = problem.step_from(state).solve()
+        """
+        self._require_state(state)
+        return self.with_memory([memory.later(step) for memory in state.memory])
 
     def with_memory(self, memory: Sequence[Memory | None]) -> ContactProblem:
         """The same problem with another memory of the contact points. Collective.
