@@ -73,7 +73,6 @@ class Case:
             r=R,
             petsc_options={"snes_rtol": 1e-14},
         )
-        self.system = ParametricContact(self.problem, self.gamma)
         self.prescribe(0.0)
         discrete = self.discrete
         Q = self.surface.multiplier.function_space
@@ -135,27 +134,39 @@ def test_page_is_short():
     assert len(PAGE.read_text().splitlines()) <= 300
 
 
+@pytest.mark.parametrize("stepping", [False, True], ids=["static", "step"])
 @pytest.mark.parametrize("seed", range(3))
-def test_residual_jacobian_and_statuses_at_random_states(case, seed):
+def test_residual_jacobian_and_statuses_at_random_states(case, seed, stepping):
     random = np.random.default_rng(seed)
     discrete = case.discrete
     N = len(discrete.load)
-    u = np.where(discrete.held, discrete.values, 0.01 * random.standard_normal(N))
+
+    def displacement():
+        return np.where(discrete.held, discrete.values, 0.01 * random.standard_normal(N))
+
+    problem, memory = case.problem, None
+    if stepping:
+        before = displacement()
+        memory = (discrete.B @ before).reshape(discrete.n.shape)
+        case.vector(before, np.zeros_like(memory))
+        problem = problem.step_from(problem.snapshot())
+    u = displacement()
     t = 10.0 * random.standard_normal(discrete.n.shape) - 20.0 * discrete.n
-    H, J, statuses = case.reference.evaluate(discrete, u, t)
+    H, J, statuses = case.reference.evaluate(discrete, u, t, memory)
     assert len(set(statuses)) == (4 if discrete.n.shape[1] == 2 else 3)
 
     x = case.vector(u, t)
-    b = case.problem.create_vector()
-    found = case.problem.residual(x, b)
+    b = problem.create_vector()
+    found = problem.residual(x, b)
     assert np.array_equal(found.statuses[0][case.points], statuses)
     assert_close(case.rows(b), H)
 
     v = np.where(discrete.held, 0.0, random.standard_normal(N))
     w = YOUNG * random.standard_normal(discrete.n.shape)
     gamma = float(case.gamma.value)
-    case.system.jacobian(x, gamma, case.system.piece_at(x, gamma))
-    case.system.matrix.mult(case.vector(v, w), b)
+    system = ParametricContact(problem, case.gamma)
+    system.jacobian(x, gamma, system.piece_at(x, gamma))
+    system.matrix.mult(case.vector(v, w), b)
     assert_close(case.rows(b), J @ np.concatenate([v, w.ravel()]))
 
 
@@ -181,13 +192,17 @@ def test_incremental_step(case):
     case.prescribe(0.02)
     u, t, _ = case.reference.solve(case.discrete, *case.start())
     case.problem.solve()
+    start = case.problem.snapshot()
 
     case.prescribe(0.005)
     memory = (case.discrete.B @ u).reshape(t.shape)
     u, t, statuses = case.reference.solve(case.discrete, u, t, memory)
+    check_solution(case, case.problem.step_from(start).solve(), u, t, statuses)
+
     evolution = QuasiStatic(case.problem, lambda s: case.prescribe(0.02 - 0.015 * s))
-    history = evolution.run([0.0, 1.0], sudden=np.inf)
-    (step,) = history.steps
+    case.problem.restore(start)
+    (step,) = evolution.run([0.0, 1.0], sudden=np.inf).steps
     check_solution(case, step.result, u, t, statuses)
+
     static, _, _ = case.reference.solve(case.discrete, u, t)
     assert np.abs(static - u).max() > 1e-5  # memory matters

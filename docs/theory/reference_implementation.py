@@ -278,9 +278,9 @@ assert np.allclose(shear[moves], -0.3 * (pressure * np.sign(slip))[moves])
 
 # ## An incremental step
 #
-# Now the top moves back by half of its way. The static law opposes the total slip, which is still
-# to the right. In the incremental step friction opposes the slip since the accepted state, so that
-# the shear force turns round.
+# Now the top moves back by half of its way. The static law opposes the total slip. In the incremental
+# step friction opposes the slip since the accepted state, as in the problem that
+# `ContactProblem.step_from` makes from a state. The shear forces on the body differ.
 
 moved.value[0] = 0.002
 problem = discretise(*given, F=0.3, r=E)
