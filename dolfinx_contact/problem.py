@@ -270,9 +270,9 @@ class ContactProblem(ReadOnly):
         continue from their values there. A problem made by the user has the static law instead, in
         which friction opposes the total slip. Histories, motions and paths are sequences of steps.
 
-        The problem of the step shares Functions, data and everything compiled or assembled with this
-        problem. It answers the same questions: `solve`, uniqueness, `follow`, `find_solutions`,
-        stability.
+        The problem of the step shares Functions, data and everything compiled or assembled with
+        this problem. It answers the same questions: `solve`, uniqueness, `follow`,
+        `find_solutions`, stability.
 
         Args:
             state: state at the beginning of the step.

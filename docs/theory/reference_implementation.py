@@ -278,8 +278,8 @@ assert np.allclose(shear[moves], -0.3 * (pressure * np.sign(slip))[moves])
 
 # ## An incremental step
 #
-# Now the top moves back by half of its way. The static law opposes the total slip. In the incremental
-# step friction opposes the slip since the accepted state, as in the problem that
+# Now the top moves back by half of its way. The static law opposes the total slip. In the
+# incremental step, friction opposes the slip since the accepted state, as in the problem that
 # `ContactProblem.step_from` makes from a state. The shear forces on the body differ.
 
 moved.value[0] = 0.002
