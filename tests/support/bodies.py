@@ -107,6 +107,7 @@ def block(
     degree: int = 1,
     *,
     comm: MPI.Comm = COMM,
+    **grid: Any,
 ) -> Block:
     """Return a body on [0, a] x [0, b] (x [0, c]) that is held at its top and free elsewhere.
 
@@ -116,12 +117,13 @@ def block(
         cell: "tri", "quad", "tet" or "hex"; quadrilaterals or hexahedra by default.
         degree: degree of the displacement.
         comm: communicator.
+        grid: further arguments of ``create_rectangle`` or ``create_box``.
     """
     dim = len(cells)
     size = (1.0,) * dim if size is None else size
     corners = [np.zeros(dim), np.asarray(size, dtype=float)]
     create = mesh.create_rectangle if dim == 2 else mesh.create_box
-    domain = create(comm, corners, cells, CELLS[cell or ("quad" if dim == 2 else "hex")])
+    domain = create(comm, corners, cells, CELLS[cell or ("quad" if dim == 2 else "hex")], **grid)
 
     def face(value: float) -> Any:
         return mesh.locate_entities_boundary(

@@ -1,0 +1,492 @@
+"""Assumption: a record is resumed with the data that it was written with.
+
+A second script that resumes a killed run has other materials, loads, meshes, tags or numbers, often
+with the same mean values. It is refused. With the same data it ends as the run that was never
+killed.
+"""
+
+import contextlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.bodies import COMM, block, floor, two_blocks
+from support.checks import assert_close
+
+import basix.ufl
+import ufl
+from dolfinx import fem, mesh
+from dolfinx.fem.petsc import LinearProblem
+
+from dolfinx_contact import (
+    RCCM,
+    ContactPair,
+    ContactProblem,
+    Coulomb,
+    ParametricContact,
+    RigidBody,
+    materials,
+)
+from dolfinx_contact.continuation import Observer, StepControl, follow
+from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
+from dolfinx_contact.records import (
+    BranchRecord,
+    EvolutionRecord,
+    PathRecord,
+    read_journal,
+    resume,
+)
+
+REFUSED = "another problem|differs"
+TIMES = (0.0, 1.0, 2.0, 3.0)
+#: Displacements of a top that is pressed, dragged to the right, and back.
+WAY = np.array([[0.0, 0.0], [0.0, -0.02], [0.012, -0.02], [-0.004, -0.015]])
+
+
+class Killed(Exception):
+    """The end of a run."""
+
+
+class Killer(Observer):
+    """Observer that ends a run, or a branch, after some points."""
+
+    def __init__(self, after):
+        self.left = after
+
+    def __call__(self, *_):
+        self.left -= 1
+        if not self.left:
+            raise Killed
+
+    step = __call__
+
+
+def dragged(body, energy, friction=0.3, *, factor=1.0, solve=False):
+    """History of a body that is pressed by its top and dragged to and fro."""
+    problem = body.problem(Coulomb(friction), energy)
+
+    def load(t):
+        x, y = (factor * np.interp(t, TIMES, WAY[:, k]) for k in range(2))
+        body.move_top(x, y)
+
+    if solve:
+        load(0.0)
+        problem.solve()
+    return QuasiStatic(problem, load)
+
+
+def cellwise(body, value):
+    f = fem.Function(fem.functionspace(body.domain, ("DG", 0)))
+    f.interpolate(value)
+    return f
+
+
+def linear(domain, left, right):
+    """A field from ``left`` at x = 0 to ``right`` at x = 1."""
+    f = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
+    f.interpolate(lambda x: left + (right - left) * x[0])
+    return f
+
+
+def two_materials(stiff):
+    body = block((4, 2))
+    young = cellwise(body, lambda x: 500.0 + 1500.0 * (np.abs(x[0] - stiff) < 0.5))
+    return dragged(body, body.elastic(young, 0.2))
+
+
+def field_of_friction(left, right):
+    body = block((4, 2), cell="tri")
+    return dragged(body, body.elastic(1000.0, 0.2), linear(body.domain, left, right))
+
+
+def inner_nodes(aside):
+    body = block((4, 2))
+    x = body.domain.geometry.x
+    x[np.all((x[:, :2] > 1e-9) & (x[:, :2] < 1 - 1e-9), axis=1), 0] += aside
+    return dragged(body, body.elastic(1000.0, 0.2))
+
+
+def diagonals(side):
+    body = block((3, 2), cell="tri", diagonal=side)
+    return dragged(body, body.elastic(1000.0, 0.2))
+
+
+def initial_stress(sign):
+    """At Gauss points, with the same mean and root mean square in each cell."""
+    body = block((4, 2))
+    points = basix.ufl.quadrature_element("quadrilateral", degree=2)
+    stress = fem.Function(fem.functionspace(body.domain, points))
+    stress.interpolate(lambda x: sign * 400.0 * (x[1] - 0.25 - 0.5 * (x[1] > 0.5)))
+    dx = ufl.dx(metadata={"quadrature_degree": 2, "quadrature_scheme": "default"})
+    steel = materials.LinearElastic.from_young(1000.0, 0.2)
+    energy = steel.energy(body.u) * dx + stress * body.u[0].dx(0) * dx
+    return dragged(body, energy, solve=True)
+
+
+def another_load(factor):
+    body = block((4, 2))
+    return dragged(body, body.elastic(1000.0, 0.2), factor=factor)
+
+
+def components_of_a_force(*order):
+    """f = t (g(x), g(1 - x), ...): exchanged components have the same norms."""
+    body = block((2, 1, 1), (1.0, 0.5, 0.5))
+    force = fem.Function(body.V)
+    energy = body.elastic(1000.0, 0.2) - ufl.dot(force, body.u) * ufl.dx
+    problem = body.problem(Coulomb(0.3), energy)
+    parts = (60.0, 30.0, 60.0)
+
+    def load(t):
+        force.interpolate(lambda x: -t * np.stack([parts[k] * (0.2 + x[0]) for k in order]))
+
+    return QuasiStatic(problem, load)
+
+
+def gap_of_a_pair(left, right):
+    both = two_blocks((3, 1), (3, 1))
+    gap = linear(both.domain, left, right)
+    pair = ContactPair(both.u, both.slave, master_facets=both.master, law=Coulomb(0.3), gap=gap)
+    steel = materials.LinearElastic.from_young(1000.0, 0.2)
+    problem = ContactProblem(steel.energy(both.u) * ufl.dx, both.u, [pair], bcs=both.bcs)
+
+    def load(t):
+        x, y = (np.interp(t, TIMES, WAY[:, k]) for k in range(2))
+        both.top.interpolate(lambda p: np.stack([x + 0 * p[0], 2 * y + 0 * p[0]]))
+
+    return QuasiStatic(problem, load)
+
+
+def held_in_nanometres(left, right):
+    """The displacements of the top are of one component, and of 1e-11 metres."""
+    size = 1e-9
+    body = block((4, 2), (size, size))
+    down = body.V.sub(1)
+    part = down.collapse()[0]
+    profile = fem.Function(part)
+    profile.interpolate(lambda x: -0.02 * (left * size + (right - left) * x[0]))
+    sides = fem.Constant(body.domain, 0.0)
+    bcs = [
+        fem.dirichletbc(profile, fem.locate_dofs_topological((down, part), 1, body.top), down),
+        fem.dirichletbc(sides, body.dofs_of(0, body.top), body.V.sub(0)),
+    ]
+    problem = body.problem(Coulomb(0.3), body.elastic(1e9, 0.2), bcs=bcs)
+    problem.solve()
+    return QuasiStatic(problem, lambda t: setattr(sides, "value", 0.006 * size * t))
+
+
+def centre_of_a_tilt(about):
+    """The point about which a rigid floor tilts is a number that occurs in no form."""
+    body = block((4, 2))
+    tilt = fem.Constant(body.domain, 0.0)
+    obstacle = RigidBody(floor(), about=(about, 0.0), motion={"rz": tilt}, held=["x", "y"])
+    problem = body.problem(Coulomb(0.3), body.elastic(1000.0, 0.2), obstacle=obstacle)
+
+    def load(t):
+        tilt.value = 0.005 * t
+        body.move_top(0.0, -0.01 * t)
+
+    return QuasiStatic(problem, load)
+
+
+def tags_of_sides(left, right):
+    """Two sides with different loads: form, Constants and numbers of facets stay."""
+    body = block((4, 2))
+    sides = [
+        mesh.locate_entities_boundary(body.domain, 1, lambda x, at=at: np.isclose(x[0], at))
+        for at in (0.0, 1.0)
+    ]
+    facets = np.concatenate(sides).astype(np.int32)
+    values = np.repeat([left, right], [len(s) for s in sides]).astype(np.int32)
+    order = np.argsort(facets)
+    tags = mesh.meshtags(body.domain, 1, facets[order], values[order])
+    ds = ufl.Measure("ds", body.domain, subdomain_data=tags)
+    push, pull = (fem.Constant(body.domain, (0.0, 0.0)) for _ in range(2))
+    energy = body.elastic(1000.0, 0.2)
+    energy -= ufl.dot(push, body.u) * ds(1) + ufl.dot(pull, body.u) * ds(2)
+    problem = body.problem(Coulomb(0.3), energy)
+
+    def load(t):
+        push.value[:] = 5.0 * t, -20.0 * t
+        pull.value[:] = -2.0 * t, -5.0 * t
+
+    return QuasiStatic(problem, load)
+
+
+def pushed(cells=(4, 2), height=0.0):
+    """A block that its weight and a side force push along a floor, for motions."""
+    body = block(cells)
+    force = fem.Constant(body.domain, (30.0, -100.0))
+    energy = body.elastic(1000.0, 0.2) - ufl.dot(force, body.u) * ufl.dx
+    return body, body.problem(Coulomb(0.3), energy, obstacle=floor(height))
+
+
+def field_of_dashpots(left, right):
+    body, problem = pushed()
+    velocity = fem.Function(body.V)
+    dashpot = linear(body.domain, left, right)
+    damping = dashpot * ufl.dot(velocity, ufl.TestFunction(body.V)) * ufl.dx
+    return NSCD(problem, 1.0, dt=0.5, velocity=velocity, damping=damping)
+
+
+def field_of_density(heavy):
+    body, problem = pushed()
+    density = cellwise(body, lambda x: 1.0 + 4.0 * (np.abs(x[0] - heavy) < 0.5))
+    return NSCD(problem, density, dt=0.5)
+
+
+def rayleighs_factor(factor):
+    body, problem = pushed((2, 2))
+    return NSCD(problem, 1.0, dt=0.5, damping=(fem.Constant(body.domain, factor), 0.0))
+
+
+def restitution(coefficient):
+    _, problem = pushed(height=-0.005)
+    return NSCD(problem, 1.0, dt=0.5, level="velocity", mass="lumped", restitution=coefficient)
+
+
+#: How an evolution is made, its data in the first and in the second script.
+RUNS = {
+    "materials that change sides": (two_materials, (1.0,), (0.0,)),
+    "friction that is mirrored": (field_of_friction, (0.1, 0.5), (0.5, 0.1)),
+    "inner nodes that are moved": (inner_nodes, (0.05,), (-0.05,)),
+    "diagonals that lean to the other side": (
+        diagonals,
+        (mesh.DiagonalType.left,),
+        (mesh.DiagonalType.right,),
+    ),
+    "stress of another sign at Gauss points": (initial_stress, (1.0,), (-1.0,)),
+    "another load": (another_load, (1.0,), (1.5,)),
+    "components of a force exchanged": (components_of_a_force, (0, 1, 2), (1, 0, 2)),
+    "a gap that is mirrored": (gap_of_a_pair, (0.0, 0.01), (0.01, 0.0)),
+    "displacements in nanometres mirrored": (held_in_nanometres, (0.5, 1.0), (1.0, 0.5)),
+    "another centre of a tilt": (centre_of_a_tilt, (0.0,), (1.0,)),
+    "tags exchanged": (tags_of_sides, (1, 2), (2, 1)),
+    "dashpots that are mirrored": (field_of_dashpots, (0.0, 80.0), (80.0, 0.0)),
+    "a density that changes sides": (field_of_density, (0.0,), (1.0,)),
+    "another factor of Rayleigh's damping": (rayleighs_factor, (5.0,), (50.0,)),
+    "another restitution": (restitution, (0.9,), (0.1,)),
+}
+
+
+def killed(where, evolution, after=2, times=TIMES):
+    with EvolutionRecord(where, evolution) as record, contextlib.suppress(Killed):
+        evolution.run(times, record=record, observer=Killer(after))
+
+
+def resumed(where, evolution):
+    with EvolutionRecord(where, evolution, resume=True) as record:
+        return record.go_on()
+
+
+def assert_same_end(found, expected):
+    """Compare the last steps of two histories."""
+    one, other = (h.steps[-1] for h in (found, expected))
+    tables = [end.result.tables["contact"] for end in (one, other)]
+    assert_close(*(np.column_stack([t.rn, t.rt]) for t in tables))
+    motion = hasattr(one.energies, "kinetic")
+    for name in ("external", "dissipated", *(("kinetic", "damping") if motion else ())):
+        assert_close(getattr(one.energies, name), getattr(other.energies, name))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.sample if name == "another load" else ())
+        for name in RUNS
+    ],
+)
+def test_a_run_is_not_resumed_with_other_data(name, folder):
+    make, first, second = RUNS[name]
+    killed(folder / "record", make(*first))
+    with pytest.raises(ValueError, match=REFUSED):
+        resumed(folder / "record", make(*second))
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_killed_run_resumed_with_its_data_is_the_whole_run(name, folder):
+    make, first, _ = RUNS[name]
+    killed(folder / "record", make(*first))
+    assert_same_end(resumed(folder / "record", make(*first)), make(*first).run(TIMES))
+
+
+def test_the_start_of_a_motion_is_in_its_record(folder):
+    """The second script sets neither velocity nor displacement."""
+
+    def make(thrown):
+        body = block((4, 2))
+        force = fem.Constant(body.domain, (0.0, 0.0))
+        energy = body.elastic(1000.0, 0.2) - ufl.dot(force, body.u) * ufl.dx
+        problem = body.problem(Coulomb(0.3), energy, bcs=[])
+        velocity = fem.Function(body.V)
+        if thrown:
+            velocity.interpolate(lambda x: np.stack([0.3 + 0 * x[0], -1.0 + 0 * x[0]]))
+            body.u.interpolate(lambda x: np.stack([0 * x[0], 0.01 + 0 * x[0]]))
+        return NSCD(problem, 1.0, dt=0.02, velocity=velocity, mass="consistent")
+
+    times = (0.0, 0.02, 0.04, 0.06)
+    killed(folder / "record", make(True), times=times)
+    assert_same_end(resumed(folder / "record", make(False)), make(True).run(times))
+
+
+def test_the_memory_before_a_record_is_in_it(folder):
+    """The record begins with the second run of a history; the second script makes no first."""
+    first, second = (0.0, 1.0, 2.0), (2.0, 2.5, 3.0)
+    evolution = another_load(1.0)
+    evolution.run(first)
+    killed(folder / "record", evolution, 1, second)
+    whole = another_load(1.0)
+    whole.run(first)
+    assert_same_end(resumed(folder / "record", another_load(1.0)), whole.run(second))
+
+
+# --- branches and paths ---
+
+CONTROL = StepControl(initial=0.2, maximum=0.5)
+
+
+def branch(mirrored):
+    """A stiffness of degree 2 that differs at the middles of edges alone."""
+    body = block()
+    young = fem.Function(fem.functionspace(body.domain, ("Lagrange", 2)))
+    young.interpolate(
+        lambda x: (
+            300.0 + 4000.0 * np.abs(np.sin(2 * np.pi * x[0])) * (1.0 - x[0] if mirrored else x[0])
+        )
+    )
+    rubber = materials.NeoHookean(*materials.lame(1.0, 0.2))
+    problem = body.problem(Coulomb(0.3), young * rubber.energy(body.u) * ufl.dx)
+    gamma = fem.Constant(body.domain, 0.0)
+    way = ufl.as_vector((0.02 * gamma, -0.02 * (1 + gamma)))
+    system = ParametricContact(problem, gamma, driven=[(body.moved, way)])
+    system.set_parameter(0.0)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    return system, x, {"energy": problem.energy}
+
+
+def recorded_branch(where, after, mirrored=False):
+    system, x, work = branch(mirrored)
+    with BranchRecord(where, system, work, every=1) as record, contextlib.suppress(Killed):
+        follow(
+            system,
+            x,
+            0.0,
+            gamma_range=(0.0, 1.0),
+            control=CONTROL,
+            record=record,
+            observer=Killer(after),
+        )
+
+
+def test_a_branch_is_not_resumed_with_another_stiffness(folder):
+    recorded_branch(folder / "branch", 3)
+    system, _, work = branch(True)
+    with pytest.raises(ValueError, match=REFUSED):
+        resume(folder / "branch", system, work, every=1)
+
+
+def test_a_killed_branch_resumed_is_the_whole_branch(folder):
+    recorded_branch(folder / "branch", 3)
+    system, _, work = branch(False)
+    resume(folder / "branch", system, work, every=1)
+    recorded_branch(folder / "whole", 1000)
+    found, expected = (read_journal(folder / n).columns() for n in ("branch", "whole"))
+    for name in ("gamma", "energy"):
+        assert_close(found[name], expected[name])
+
+
+def path(left, right):
+    """A lifted block on bonds whose work is a field."""
+    body = block((2, 1), (1.0, 0.5))
+    bond = RCCM(100.0, 100.0, linear(body.domain, left, right), 0.0, 0.0)
+    lift = fem.Constant(body.domain, 0.0)
+    problem = body.problem(bond, body.elastic(200.0))
+    way = ufl.as_vector((0.0, lift))
+    return ArcLength(ParametricContact(problem, lift, driven=[(body.moved, way)]))
+
+
+def recorded_path(where, after, *work):
+    arc = path(*work)
+    with PathRecord(where, arc) as record, contextlib.suppress(Killed):
+        arc.run(
+            gamma_range=(0.0, 0.03),
+            record=record,
+            control=StepControl(initial=0.02, maximum=0.1),
+            observer=Killer(after),
+        )
+
+
+def test_a_path_is_not_resumed_with_another_work(folder):
+    recorded_path(folder / "path", 3, 0.05, 0.1)
+    with (
+        pytest.raises(ValueError, match=REFUSED),
+        PathRecord(folder / "path", path(0.1, 0.05), resume=True) as record,
+    ):
+        record.go_on()
+
+
+def test_a_killed_path_resumed_is_the_whole_path(folder):
+    recorded_path(folder / "path", 3, 0.05, 0.1)
+    with PathRecord(folder / "path", path(0.05, 0.1), resume=True) as record:
+        record.go_on()
+    recorded_path(folder / "whole", 1000, 0.05, 0.1)
+    found, expected = (read_journal(folder / n).rows() for n in ("path", "whole"))
+    assert_close([r["gamma"] for r in found], [r["gamma"] for r in expected])
+    assert_close(found[-1]["damage"], expected[-1]["damage"], 1e-4)
+
+
+# --- another number of ranks ---
+
+
+def solved_stiffness(mirrored):
+    """P2, forces as a vector field; the modulus solves a Poisson problem, up to round-off."""
+    body = block(degree=2)
+    force, profile = fem.Function(body.V), fem.Function(body.V)
+    at = (lambda x: 1.0 - x[0]) if mirrored else (lambda x: x[0])
+    profile.interpolate(lambda x: np.stack([20.0 * at(x) ** 2, -60.0 * at(x)]))
+    W = fem.functionspace(body.domain, ("Lagrange", 1))
+    a, b = ufl.TrialFunction(W), ufl.TestFunction(W)
+    form = (a * b + 0.1 * ufl.dot(ufl.grad(a), ufl.grad(b))) * ufl.dx
+    source = 1000.0 * (1 + ufl.SpatialCoordinate(body.domain)[0])
+    exact = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+    young = LinearProblem(form, source * b * ufl.dx, petsc_options=exact).solve()
+    energy = body.elastic(young, 0.2) - ufl.dot(force, body.u) * ufl.dx
+    problem = body.problem(Coulomb(0.3), energy)
+
+    def load(t):
+        force.x.array[:] = t * profile.x.array
+
+    return QuasiStatic(problem, load)
+
+
+def write_on_two_ranks(where):
+    """Write a record on two ranks: these, or two of their own where there is one."""
+    if COMM.size > 1:
+        killed(where, solved_stiffness(False))
+        return
+    ours = ("OMPI_COMM", "PMIX_", "PRTE_", "OMPI_MCA_orte", "OMPI_MCA_ess")
+    there = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
+    tests = str(Path(__file__).parents[1])
+    code = (
+        f"import sys; sys.path.insert(0, {tests!r})\n"
+        "from adversarial.test_records import killed, solved_stiffness\n"
+        f"killed({str(where)!r}, solved_stiffness(False))"
+    )
+    ranks = ["mpirun", "--oversubscribe", "-n", "2", sys.executable, "-c", code]
+    done = subprocess.run(ranks, env=there, capture_output=True, text=True, timeout=300)
+    assert not done.returncode, done.stderr[-2000:]
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_a_record_of_two_ranks_is_resumed_with_its_data_alone(mirrored, folder):
+    write_on_two_ranks(folder / "record")
+    if mirrored:
+        with pytest.raises(ValueError, match=REFUSED):
+            resumed(folder / "record", solved_stiffness(True))
+    else:
+        found = resumed(folder / "record", solved_stiffness(False))
+        assert_same_end(found, solved_stiffness(False).run(TIMES))
