@@ -166,9 +166,9 @@ ON_TWO = {
         *("law_that_is_not_finite",),
     ),
     "test_jumps": ("what_is_proved_of_a_coarse_step",),
-    "test_kept_data": (
+    "test_manifest": (
         *("other_data_are_refused", "other_masses_are_refused"),
-        *("what_neither_data_nor_forms_show", "a_branch_knows_its_functions"),
+        *("a_branch_knows_its_functions",),
     ),
     "test_kinematics": (
         "derivatives_by_taylor",
@@ -433,7 +433,7 @@ ON_THREE = {
     "test_doubled_nodes": ("tables_do_not_depend_on_ranks",),
     "test_evolution": ("energy", "a_load_that_fails_on_one_rank"),
     "test_held_ends": ("patch",),
-    "test_kept_data": ("an_honest_resume_on_other_ranks",),
+    "test_manifest": ("an_honest_resume_on_other_ranks",),
     "test_large_sliding": ("jacobian_by_taylor",),
     "test_law": ("jacobian_by_taylor",),
     "test_look": ("the_inside_is_gathered",),

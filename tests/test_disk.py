@@ -279,7 +279,7 @@ def test_a_record_that_cannot_begin(folder):
     assert contents(folder) == {"new": False}
     on_root(lambda: (folder / "new/checkpoints").touch())
     with fails(folder / "new/checkpoints", errno.EEXIST):
-        BranchRecord(folder / "new", system, functionals)
+        record(system, functionals, folder / "new", max_steps=2)
     on_root((folder / "new/checkpoints").unlink)
     on_root((folder / "new" / FILE_NAME).unlink)
     on_root((folder / "new" / FILE_NAME).mkdir)

@@ -83,13 +83,11 @@ def state(run, **more):
         status="ok",
         size=3.0,
         energies={"stored": 1.0},
-        data=[[0.3]],
-        forces={"residual": 1e-12, "least": 0.0},
+        data={"the friction": [0.3]},
         first=False,
         run=run,
         checkpoint="state_000001",
         sum="0123abcd",
-        values=["state_000001"],
         **more,
     )
 

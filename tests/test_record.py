@@ -7,7 +7,6 @@ import random
 import shutil
 import time
 import zlib
-from dataclasses import replace
 from importlib.util import find_spec
 
 from mpi4py import MPI
@@ -43,8 +42,8 @@ from dolfinx_contact.records import (
     resume,
     write_series,
 )
-from dolfinx_contact.records.identity import mesh_hash
 from dolfinx_contact.records.lines import FILE_NAME, FORMAT, JournalFile, parse
+from dolfinx_contact.records.manifest import mesh_hash
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -314,16 +313,18 @@ def test_any_word_is_a_name(name, folder):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (dict(n=5), "another mesh"),
-        (dict(cell="tri"), "another mesh"),
-        (dict(degree=2), "another number of unknowns"),
+        (dict(n=5), "differs: the mesh$"),
+        (dict(cell="tri"), "differs: the mesh$"),
+        (dict(degree=2), r"differs: the number of unknowns \(\d+ recorded, \d+ now\)$"),
         (
             dict(friction=0.31),
-            "other materials, loads or friction: the friction of Coulomb of 'contact': 0.3 was "
-            "recorded, 0.31 is given",
+            r"differs: the friction of Coulomb of 'contact' \(0\.3 recorded, 0\.31 now\)$",
         ),
-        (dict(method="mixed"), "other contact surfaces"),
-        (dict(tilt=0.11), "is no solution of this problem"),
+        (
+            dict(method="mixed"),
+            r"differs: the contact method of 'contact' \(nodal recorded, mixed now\)$",
+        ),
+        (dict(tilt=0.11), "differs: the expression 1 that drives Dirichlet data$"),
     ],
 )
 def test_the_journal_of_another_problem_is_refused(whole, options, message):
@@ -331,8 +332,7 @@ def test_the_journal_of_another_problem_is_refused(whole, options, message):
     system, functionals = moved_block(COMM, **options)
     with pytest.raises(ValueError, match=message):
         resume(whole[0], system, functionals)
-    if "solution" not in message:
-        assert (whole[0] / FILE_NAME).read_bytes() == before
+    assert (whole[0] / FILE_NAME).read_bytes() == before
     # What was recorded is still there.
     require_same(read_journal(whole[0]), whole[2], tolerance=0)
 
@@ -344,7 +344,7 @@ def test_what_else_is_refused(whole, folder):
     with pytest.raises(FileNotFoundError, match="there is no journal"):
         resume(folder / "nowhere", system, functionals)
     assert not (folder / "nowhere").exists()
-    with pytest.raises(ValueError, match="other functionals"):
+    with pytest.raises(ValueError, match="differs: the functionals"):
         resume(whole[0], system, {"force": recorded_run.force})
     with pytest.raises(ValueError, match="names of columns: gamma"):
         BranchRecord(folder / "new", system, {"gamma": recorded_run.force})
@@ -368,7 +368,7 @@ def test_what_else_is_refused(whole, folder):
 
 
 def test_another_functional_of_the_same_name_is_refused(folder):
-    """A form with other Constants or another integrand, and a function with another value."""
+    """A form with other Constants or another integrand, and a function in place of a form."""
     system, given = moved_block(COMM, obstacle=HalfSpace((0.0, -1e-5), (0.0, 1.0)))
     u = system.problem.u
     law = system.problem.surfaces[0].law
@@ -383,12 +383,9 @@ def test_another_functional_of_the_same_name_is_refused(folder):
         {"form": two * ufl.inner(u, u) * dx},
         {"form": 2 * one * ufl.inner(u, u) * dx},
         {"form": lambda p: 0.0},
-        {"force": lambda p: given["force"](p) * (1 + 1e-5)},
-        {"force": lambda p: -1.0},
-        {"none": lambda p: 0.0},
     ):
         (name,) = other
-        with pytest.raises(ValueError, match=f"another problem: another functional '{name}'"):
+        with pytest.raises(ValueError, match=f"differs: the functional '{name}'"):
             resume(folder / "r", system, mine | other, max_steps=5)
         assert (folder / "r" / FILE_NAME).read_bytes() == before
     again = mine | {"form": one * ufl.inner(u, u) * dx}
@@ -396,25 +393,21 @@ def test_another_functional_of_the_same_name_is_refused(folder):
     assert len(read_journal(folder / "r").entries()) == 5
 
 
-def test_points_that_differ_are_refused(folder):
-    """A step control that does not belong to the record, and a point that has changed."""
+def test_another_task_is_refused(folder):
+    """A branch goes on with the recorded step control, and its points follow one another."""
     system, functionals = moved_block(COMM)
     record(system, functionals, folder, max_steps=3)
-    path = folder / FILE_NAME
-    text = path.read_bytes()
+    text = (folder / FILE_NAME).read_bytes()
     with BranchRecord(folder, system, functionals, resume=True) as r:
-        points = r.journal.branches[0].points
-        points[2] = replace(points[2], gamma=points[2].gamma + 3e-8)
         point, stepping = r.state(0, 0)
         r.begin(task(r, gamma_scale=1.1), stepping)
-        r.step(BranchStep(0, 0, point), stepping)
-        with pytest.raises(ValueError, match="was recorded with gamma_scale"):
+        with pytest.raises(
+            ValueError, match=r"branch 0 differs: gamma_scale \(1\.1 recorded, 2\.0 now\)"
+        ):
             r.begin(task(r, gamma_scale=2.0), stepping)
-        with pytest.raises(ValueError, match="point 2 of branch 0 was recorded at gamma"):
-            r.step(BranchStep(0, 2, point), stepping)
         with pytest.raises(ValueError, match="point 9 cannot follow the 4 recorded"):
             r.step(BranchStep(0, 9, point), stepping)
-    assert path.read_bytes().startswith(text)
+    assert (folder / FILE_NAME).read_bytes().startswith(text)
     assert len(read_journal(folder).branches[0].points) == 4
 
 
@@ -797,7 +790,7 @@ def test_errors_reach_every_rank(whole, folder, ranks):
     """A foreign and a damaged journal on several ranks: one message, no hang."""
     lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
     for content, friction, message in [
-        (lines, 0.4, "that of another problem: other materials, loads or friction"),
+        (lines, 0.4, "record of another problem; differs: the friction"),
         ([*lines[:5], *lines[6:]], 0.3, "line 6 of the journal is damaged"),
     ]:
         (folder / FILE_NAME).write_bytes(b"".join(content))

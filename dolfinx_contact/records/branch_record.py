@@ -4,14 +4,14 @@
 A record is a folder with the journal (`journal.py`: gamma, functionals, statuses, step data and
 special points of every accepted point) and checkpoints (`checkpoints.py`: unknowns and tangent of
 some). A run may be killed at any moment; resumed, on any number of ranks, it continues from the
-last checkpoint to the same points. Those that had been recorded beyond it are computed once more,
-must coincide with the record, and are not recorded again.
+last checkpoint to the same points. Those that had been recorded beyond it are computed once more
+and are not recorded again.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -37,34 +37,31 @@ from dolfinx_contact.continuation import (
 from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.given_data import data_within
-from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.records.checkpoints import DamagedCheckpoint
 from dolfinx_contact.records.entries import (
     BranchTask,
     EndEntry,
     JournalEdge,
     JournalNode,
-    PointEntry,
 )
-from dolfinx_contact.records.identity import identity
 from dolfinx_contact.records.journal import (
     Explored,
     Journal,
     JournalBranch,
 )
-from dolfinx_contact.records.kept_data import KeptData
-from dolfinx_contact.records.points import Functional, compiled, entry_of, forms_of, node_of
-from dolfinx_contact.records.problem_record import ProblemRecord, coincide
+from dolfinx_contact.records.manifest import manifest_of, values_of
+from dolfinx_contact.records.points import (
+    Functional,
+    compiled,
+    entry_of,
+    functional_forms,
+    node_of,
+)
+from dolfinx_contact.records.problem_record import ProblemRecord
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
 
 __all__ = ["BranchRecord", "resume"]
-
-_SAME_VALUE = 1e-6  # relative, of functionals that are computed once more
-_NOISE = 1e-9  # relative, of unknowns: round-off, and more
-#: Of what a branch moves in a unit of its length; the tolerance of that, 1e-9 of it, is round-off.
-_UNLOADED = 1e-3
 
 
 class BranchRecord(ProblemRecord[Journal]):
@@ -73,18 +70,17 @@ class BranchRecord(ProblemRecord[Journal]):
     While it is open no other process can record there; ranks that outlive a killed ``mpirun`` hold
     it until they are ended.
 
-    A record is resumed with the same problem only: mesh, forms and the cells and facets of their
-    integrals, Dirichlet conditions and what gamma drives, surfaces and laws, the values of
-    Constants, and those of Functions node by node, to 1e-9 of their size. The point from which a
-    branch continues must be a solution.
+    A record is resumed with the same problem only. It stores a manifest: the mesh, the forms and
+    their domains of integration, Dirichlet conditions and the expressions that drive them, surfaces
+    and laws, the values of all Constants and Functions, and the forms of the functionals. On
+    resumption the manifest is compared once, and the error names the first item that differs.
 
     Args:
         folder: of the record, made if need be.
         system: what is followed.
         functionals: by name, scalar UFL forms in the problem's Functions, or functions of the
-            problem that return a number; these are called on every rank. Where a record is resumed
-            they are the same: forms and values at the last point whose fields were kept are
-            compared.
+            problem that return a number; these are called on every rank. The same functionals are
+            required when a record is resumed; of functions only the names are compared.
         every: fields are kept at every so many points, at special points, and at both ends.
         surface_displacement: whether that of the outer surface of the bodies is kept at every
             point, in single precision, for `plot.draw_record`. A record that is resumed continues
@@ -146,82 +142,37 @@ class BranchRecord(ProblemRecord[Journal]):
         self._mx = system.create_vector()
         self._last: tuple[BranchPoint, Stepping] | None = None
         self._branch = 0
-        self._starts = False
         try:
-            driven = system._driven_expressions
-            data = KeptData(
-                system.problem,
-                self._checkpoints,
-                more=data_within(driven),
-                but=[*system._driven_functions, system.constant],
-            )
-            known = identity(
-                system.problem,
-                but=[system.constant],
-                more=data_within(driven),
-                functions=data.elements,
-                driven=driven,
-            )
-            self._require_same(known, functionals=list(self._functionals))
-            gamma = float(self.journal.header.get("gamma", system.constant.value))
-            with system.restored(always=True):
-                system._set(gamma)
-                if not self.journal.is_empty:
-                    kept = self.journal.data
-                    sums = {kept["checkpoint"]: kept["sum"]}
-                    self._require_data(data, kept["values"], sums)
-                forms = forms_of(system, functionals or {})
-                self._require_functionals(known, forms)
-                names = list(self._functionals)
-                self._begin(known, data, functionals=names, functional_forms=forms, gamma=gamma)
+            self._open(functionals or {})
         except Exception:
             self.close()
             raise
+
+    def _open(self, functionals: Mapping[str, Functional]) -> None:
+        """Compare the manifest with that of the problem, and begin a session. Collective."""
+        system = self.system
+        driven = system._driven_expressions
+        header = self.journal.header
+        now = manifest_of(system.problem, driven=driven)
+        now["parts"]["the functionals"] = list(functionals)
+        now["forms"] |= functional_forms(system, functionals)
+        gamma = float(header.get("gamma", system.constant.value))
+        with system.restored(always=True):
+            system._set(gamma)
+            now["values"] = values_of(
+                system.problem,
+                more=data_within(driven),
+                but=[*system._driven_functions, system.constant],
+            )
+        if header:
+            self._require_same(header, now)
+        self._begin(now, functionals=list(functionals), gamma=gamma)
 
     def close(self) -> None:
         """Close the journal; the record can then be resumed."""
         super().close()
         for v in (self._x, self._mx):
             v.destroy()
-
-    def _require_functionals(self, known: Mapping[str, Any], forms: Sequence[str]) -> None:
-        """Refuse functionals that are others than those of the same names. Collective.
-
-        Forms are compared; and the values of all are computed once more at the last point whose
-        fields were kept, after which their columns would continue.
-
-        Args:
-            known: what the problem is known by.
-            forms: what the functionals are known by.
-        """
-        header = self.journal.header
-        recorded = header.get("functional_forms", forms) if header else forms
-        # Another UFL may write the same form in another way.
-        if not header or header["problem"]["ufl"] == known["ufl"]:
-            for name, a, b in zip(self._functionals, recorded, forms, strict=True):
-                self._require_no_other("" if a == b else f"another functional {name!r}")
-        points = [p for branch in self.journal.branches.values() for p in branch.points]
-        kept = next((p for p in reversed(points) if p.checkpoint is not None), None)
-        if kept is None or kept.checkpoint is None or kept.sum is None or not self._functionals:
-            return
-        try:
-            self._checkpoints.read(kept.checkpoint, kept.sum, {"x": self._x})
-        except DamagedCheckpoint:  # as who goes on from there is told
-            return
-        piece = self.system.piece_of(kept.status)
-        self.system.put(self._x, kept.gamma, piece)
-        found = {name: f() for name, f in self._functionals.items()}
-        # What is a sum of large numbers to next to nothing is known no better than these.
-        noise = np.random.default_rng(self.comm.rank).uniform(-1.0, 1.0, self._x.getLocalSize())
-        self._x.array[:] *= 1.0 + _NOISE * noise
-        self.system.put(self._x, kept.gamma, piece)
-        for name, f in self._functionals.items():
-            was = kept.functionals[name]
-            now = found[name]
-            allowed = max(_SAME_VALUE * max(abs(was), abs(now)), abs(f() - now))
-            same = was == now or abs(was - now) <= allowed or (np.isnan(was) and np.isnan(now))
-            words = f"another functional {name!r}: at gamma = {kept.gamma:.10g} it was {was:.10g}"
-            self._require_no_other("" if same else f"{words} and is now {now:.10g}")
 
     def _append(self, entry: Mapping[str, Any]) -> None:
         super()._append(entry)
@@ -240,7 +191,6 @@ class BranchRecord(ProblemRecord[Journal]):
             to_node=task.to_node,
         )
         known = self.journal.branches.get(branch)
-        self._starts = True
         if known is None:
             self._append({"type": "branch", "branch": branch, "task": new.line()})
             self.journal.branches[branch] = JournalBranch(task=new)
@@ -255,15 +205,10 @@ class BranchRecord(ProblemRecord[Journal]):
         point = step.point
         recorded = self.journal.branches[branch].points
         self._last = point, state
-        starts = self._starts
-        self._starts = False
+        if index < len(recorded):  # recorded before the run was killed
+            return
         norm = self._norm(point.y, state)
         entry = entry_of(self.system, index, point, step.special, norm)
-        if index < len(recorded):
-            if starts:  # what lies before it is not checked again
-                entry = replace(entry, special=recorded[index].special)
-            self._compare(branch, recorded[index], entry)
-            return
         follows = index == len(recorded)
         message = f"point {index} cannot follow the {len(recorded)} recorded of branch {branch}"
         require(self.comm, follows, message)
@@ -271,11 +216,14 @@ class BranchRecord(ProblemRecord[Journal]):
         if index % self.every == 0 or step.special or ends:
             name, check_sum = self._checkpoint(branch, index, point)
             entry = replace(entry, checkpoint=name, sum=check_sum)
-        self._unknowns(point.y)
-        self.system.put(self._x, point.gamma, point.piece)
+        values = {}
+        for name, functional in self._functionals.items():
+            self._put(point)  # a functional may have written to the Functions
+            values[name] = functional()
+        self._put(point)
         entry = replace(
             entry,
-            functionals={name: f() for name, f in self._functionals.items()},
+            functionals=values,
             next_step=state.next_step,
             x_scale=state.x_scale,
             largest_distance=state.largest_distance,
@@ -315,9 +263,6 @@ class BranchRecord(ProblemRecord[Journal]):
         for number, edge in enumerate(diagram.edges):
             found = JournalEdge(branch=number, start=edge.start, end=edge.end)
             if number < len(journal.edges):
-                same = journal.edges[number] == found
-                message = f"branch {number} was recorded as {journal.edges[number]}, not {found}"
-                require(self.comm, same, message)
                 continue
             self._append({"type": "edge", **found.line()})
             journal.edges.append(found)
@@ -331,11 +276,6 @@ class BranchRecord(ProblemRecord[Journal]):
         nodes = self.journal.nodes
         if number < len(nodes):
             known = nodes[number]
-            scale = self._task(0).gamma_scale
-            a = known.gamma / scale
-            same = coincide([(a, found.gamma / scale, 1 + abs(a))])
-            message = f"node {number} was recorded at gamma = {known.gamma:.12g}: it has changed"
-            require(self.comm, same, message)
             # What is explored again comes to fewer rays at first.
             edges = zip(found.edges, known.edges, strict=False)
             if len(found.rays) <= len(known.rays) and all(e in (None, k) for e, k in edges):
@@ -358,25 +298,6 @@ class BranchRecord(ProblemRecord[Journal]):
         assert task is not None
         return task
 
-    def _compare(self, branch: int, recorded: PointEntry, found: PointEntry) -> None:
-        """Refuse a point that is not the one that was recorded. Collective."""
-        scale = self._task(branch).gamma_scale
-        pairs = [(recorded.gamma / scale, found.gamma / scale)]
-        pairs += [(recorded.norm, found.norm)]
-        kinds = [[(s.kind, s.smooth) for s in p.special] for p in (recorded, found)]
-        if kinds[0] == kinds[1]:
-            gammas = [[s.gamma / scale for s in p.special] for p in (recorded, found)]
-            pairs += zip(*gammas, strict=True)
-        # Beside the range of gamma, and the length of x that counts as 1.
-        numbers = [(a, b, 1 + abs(a)) for a, b in pairs]
-        self._require_again(
-            f"point {found.index} of branch {branch}",
-            "gamma =",
-            (recorded.gamma, recorded.status),
-            (found.gamma, found.status),
-            numbers if kinds[0] == kinds[1] else None,
-        )
-
     # -- continuing --------------------------------------------------------------------------------
 
     def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
@@ -385,7 +306,7 @@ class BranchRecord(ProblemRecord[Journal]):
         A damaged checkpoint is passed over, with a warning in the log.
 
         Raises:
-            ValueError: on every rank, if it is no solution of the problem, or all are damaged.
+            ValueError: on every rank, if all are damaged.
         """
         known = self.journal.branches.get(branch)
         kept = known.kept if known else []
@@ -397,46 +318,23 @@ class BranchRecord(ProblemRecord[Journal]):
         """A point whose fields were kept, and what is needed to continue from it. Collective.
 
         Raises:
-            ValueError: on every rank, if there are none, they are damaged, or it is no solution.
+            ValueError: on every rank, if there are none, or they are damaged.
         """
         system = self.system
         p = self.journal.branches[branch].points[index]
         if p.checkpoint is None or p.sum is None:
             raise ValueError(f"no fields were kept at point {index} of branch {branch}")
-        x, t, b = (system.create_vector() for _ in range(3))
+        x, t = (system.create_vector() for _ in range(2))
         self._checkpoints.read(p.checkpoint, p.sum, {"tangent": t, "x": x})
         y = self._layout.joined(x, p.gamma)
         tangent = self._layout.joined(t, p.tangent_gamma)
         piece = system.piece_of(p.status)
-        error = self._scales_of(p, t).measure(system._evaluate(x, p.gamma, b, piece)).worst
-        for v in (x, t, b):
+        for v in (x, t):
             v.destroy()
-        tolerance = self._task(branch).control.tolerance
-        require(
-            self.comm,
-            error <= 10 * tolerance,
-            f"point {index} of branch {branch} is no solution of this problem (residual "
-            f"{error:.1e}): other loads, materials or conditions than recorded",
-        )
         system.scales = tuple(p.scales)
         point = BranchPoint(y, tangent, piece, p.gamma, p.step, p.corrections, p.tau)
         stepping = Stepping(index, p.next_step, p.x_scale, p.largest_distance)
         return point, stepping
-
-    def _scales_of(self, recorded: PointEntry, tangent: PETSc.Vec) -> Scales:
-        """What the residual at a recorded point is compared with. Collective.
-
-        Where nothing is loaded yet the state is round-off, which is not compared with itself but
-        with a part of what the branch moves in a unit of its length.
-        """
-        eq = self.system.equations
-        displacement = tangent.array_r[: eq.owned_sizes[0]]
-        moved = self.comm.allreduce(float(np.max(np.abs(displacement), initial=0.0)), op=max)
-        scales = Scales(eq, settled=True)
-        force, length = recorded.scales
-        scales.length = max(length, _UNLOADED * moved)
-        scales.force = max(force, _UNLOADED * moved * eq.stiffness_scale)
-        return scales
 
     def points(self, branch: int = 0) -> list[BranchPoint]:
         """All points of a branch whose fields were kept. Collective."""
@@ -515,6 +413,11 @@ class BranchRecord(ProblemRecord[Journal]):
             )
 
     # -- vectors ---------------------------------------------------------------------------------
+
+    def _put(self, point: BranchPoint) -> None:
+        """Put a point into the Functions of the problem. Collective."""
+        self._unknowns(point.y)
+        self.system.put(self._x, point.gamma, point.piece)
 
     def _unknowns(self, y: PETSc.Vec) -> None:
         """The unknowns of y = (x, gamma) into a vector that is reused."""

@@ -377,14 +377,12 @@ class StateEntry(Entry, Generic[G]):
         size: Euclidean norm of all unknowns (``norm`` in lines, where points of branches have
             another one).
         energies: by name.
-        data: values of all Constants.
+        data: values of the data that have changed since the state before, by place (`values_of`).
         row: of the table of steps; None at the start.
-        forces: what forces are known by.
         first: whether statuses are not known.
         run: how the run continues from there.
         checkpoint: name of the checkpoint.
         sum: check sum of that.
-        values: names of the checkpoints with the values of Functions.
         surface: name of the file with the outer surface, if that is kept.
     """
 
@@ -393,12 +391,10 @@ class StateEntry(Entry, Generic[G]):
     status: str
     size: float = field(metadata=_how(key="norm"))
     energies: dict[str, float]
-    data: list[list[float]]
+    data: dict[str, Any]
     row: dict[str, Any] | None = field(default=None, metadata=_how(optional=True))
-    forces: dict[str, float]
     first: bool
     run: G = field(metadata=_how(within=True))
     checkpoint: str
     sum: str
-    values: list[str]
     surface: str | None = field(default=None, metadata=_how(optional=True))

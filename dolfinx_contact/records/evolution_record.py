@@ -41,11 +41,11 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
     While it is open no other process can record there; ranks that outlive a killed ``mpirun`` hold
     it until they are ended.
 
-    A record is resumed with the same problem only: mesh, forms and the cells and facets of their
-    integrals, Dirichlet conditions, surfaces and laws, the values of Constants, and those of
-    Functions node by node (of density and damping as well), to 1e-9 of their size, all under the
-    load at the last recorded time. The forces at the first state after it are evaluated and
-    compared with those of then. What the load will do later cannot be compared.
+    A record is resumed with the same problem only. It stores a manifest: the mesh, the forms and
+    their domains of integration, Dirichlet conditions, surfaces and laws, and at every state the
+    values of all Constants and Functions. On resumption the manifest is compared once, under the
+    load at the last recorded time, and the error names the first item that differs. Later values
+    of the load cannot be compared.
 
     Args:
         folder: of the record, made if need be.
@@ -101,7 +101,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             surface_displacement=surface_displacement,
             resume=resume,
             data=evolution.data,
-            forms=evolution.forms,
+            forms={f"the form {i} of the motion": f for i, f in enumerate(evolution.forms, 1)},
         )
 
     def _load(self, state: StateEntry[HistoryGoesOn]) -> None:

@@ -308,6 +308,13 @@ class EvolutionJournal(Lines):
             found[name] = np.array(values) if numbers else np.array(values, dtype=object)
         return found
 
+    def data_at(self, index: int) -> dict[str, Any]:
+        """The values of all data at a state, by place; see `manifest.values_of`."""
+        found: dict[str, Any] = {}
+        for state in self.states[: index + 1]:
+            found |= state.data
+        return found
+
     @property
     def is_empty(self) -> bool:
         return not self.states

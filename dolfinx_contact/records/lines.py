@@ -39,7 +39,7 @@ __all__ = [
 ]
 
 FILE_NAME = "journal.jsonl"
-FORMAT = 2
+FORMAT = 3
 _MARK = ', "crc": "'
 
 
@@ -66,7 +66,6 @@ class Lines:
 
     Attributes:
         header: what identifies the problem, and the places of the contact points.
-        data: the checkpoint with the nodes of the mesh and, of branches, the values of Functions.
         sessions: one dictionary for every run that recorded: ranks, versions, time of its
             start, and the format of its ``checkpoints``, bp or npy.
         lines: number of them, without a last one that was not finished.
@@ -77,7 +76,6 @@ class Lines:
 
     kind: ClassVar[str]
     header: dict[str, Any] = field(default_factory=dict)
-    data: dict[str, Any] = field(default_factory=dict)
     sessions: list[dict[str, Any]] = field(default_factory=list)
     lines: int = 0
     length: int = 0
@@ -153,7 +151,6 @@ class Lines:
                 raise _Refused(f"it is the journal of {entry['of']}, not of {self.kind}")
             self.header = entry
         elif kind == "session":
-            self.data = entry.pop("data", self.data)
             self.sessions.append(entry)
         else:
             self._take(kind, entry)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Functional", "compiled", "entry_of", "forms_of", "node_of", "places"]
+__all__ = ["Functional", "compiled", "entry_of", "functional_forms", "node_of", "places"]
 
 #: A scalar UFL form in the problem's Functions, or a function of the problem. In a body of
 #: revolution the problem multiplies the integrals of forms by 2 pi r.
@@ -145,23 +145,26 @@ def compiled(
     return {name: _evaluator(problem, name, f) for name, f in functionals.items()}
 
 
-def forms_of(system: ParametricContact, functionals: Mapping[str, Functional]) -> list[str]:
-    """What functionals are known by, for the journal; functions by nothing.
+def functional_forms(
+    system: ParametricContact, functionals: Mapping[str, Functional]
+) -> dict[str, str]:
+    """The section ``forms`` of the manifest for functionals. Not collective.
 
-    Forms are by their signature and by the places of their Functions and Constants in the problem.
+    A form is known by the hash of its signature and of the places of its Functions and Constants in
+    the problem, a Python function only by its name.
     """
     problem = system.problem
     places = {id(d.value): d.place for d in placed_data(problem.equations)}
     places |= {id(problem.u): "the displacement", id(system.constant): "gamma"}
-    words = []
-    for f in functionals.values():
-        if not isinstance(f, ufl.Form):
-            words.append("a function")
-            continue
-        parts = [places.get(id(part), "another") for part in (*f.coefficients(), *f.constants())]
-        text = "; ".join([f.signature(), *parts])
-        words.append(hashlib.sha256(text.encode()).hexdigest()[:32])
-    return words
+    found = {}
+    for name, f in functionals.items():
+        text = "a function"
+        if isinstance(f, ufl.Form):
+            data = (*f.coefficients(), *f.constants())
+            signature = "; ".join([f.signature(), *(places.get(id(d), "another") for d in data)])
+            text = hashlib.sha256(signature.encode()).hexdigest()[:32]
+        found[f"the functional {name!r}"] = text
+    return found
 
 
 def _check_names(functionals: Mapping[str, Functional]) -> None:

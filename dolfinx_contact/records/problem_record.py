@@ -6,44 +6,29 @@ from __future__ import annotations
 import logging
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
-
-from dolfinx import fem
 
 from dolfinx_contact._errors import on_root, require, same_everywhere
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.io.folder import agreed_path, output_folder
 from dolfinx_contact.records.checkpoints import Checkpoints, DamagedCheckpoint
-from dolfinx_contact.records.identity import difference, other_words, same_words
-from dolfinx_contact.records.kept_data import KeptData, nodes_of, other_values, owned_values
 from dolfinx_contact.records.lines import FORMAT, JournalFile, Lines
 from dolfinx_contact.records.lock import processes
+from dolfinx_contact.records.manifest import difference
 from dolfinx_contact.records.points import places
 from dolfinx_contact.records.surfaces import SurfaceFiles
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["ProblemRecord", "coincide"]
+__all__ = ["ProblemRecord"]
 
 logger = logging.getLogger(__name__)
-
-_COINCIDE = 1e-8  # of sizes that numbers have which are computed once more
-_DATA = "data"  # the checkpoint of what is known from the beginning
 
 J = TypeVar("J", bound=Lines)
 T = TypeVar("T")
 R = TypeVar("R", bound="ProblemRecord[Any]")
-
-
-def coincide(numbers: Iterable[tuple[float, float, float]]) -> bool:
-    """Whether numbers are those that were recorded.
-
-    Args:
-        numbers: what was recorded, what is found, and of which size they are.
-    """
-    return all(abs(a - b) <= _COINCIDE * size for a, b, size in numbers)
 
 
 class ProblemRecord(Observer, Generic[J]):
@@ -95,116 +80,35 @@ class ProblemRecord(Observer, Generic[J]):
 
         self.journal: J = on_root(self.comm, opened)
 
-    def _require_same(self, problem: Mapping[str, Any], **more: Any) -> None:
-        """Compare the header with the problem, if there is one. Collective.
+    def _require_same(
+        self, recorded: Mapping[str, Any], now: Mapping[str, Any], at: str = ""
+    ) -> None:
+        """Refuse another problem than the recorded one. Collective.
 
         Args:
-            problem: what it is known by (`identity`).
-            more: words of the header, by name, that must be the same.
+            recorded: sections of the manifest, by name, as recorded.
+            now: the same sections as they are now.
+            at: place of the values along the run, such as " at the time 1".
 
         Raises:
-            ValueError: on every rank, if the journal is that of another problem.
+            ValueError: on every rank, with the first item that differs.
         """
-        recorded = self.journal.header
-        if recorded:
-            differs = self._nodes_differ(recorded, problem) or difference(
-                recorded["problem"] | {"mesh": problem["mesh"]}, problem
-            )
-            for name, value in more.items():
-                if not differs and not same_words(recorded[name], value):
-                    differs = f"other {name}: {other_words(recorded[name], value)}"
-            self._require_no_other(differs)
+        items = (difference(recorded[section], now[section]) for section in now)
+        item = next((words for words in items if words), "")
+        message = f"{self.folder} has the record of another problem; differs{at}: {item}"
+        require(self.comm, not item, message)
 
-    def _require_data(
-        self,
-        data: KeptData,
-        where: Sequence[str],
-        sums: Mapping[str, str],
-        *,
-        other: str | None = None,
-        at: str = "",
-    ) -> None:
-        """Refuse Functions, or Constants, that are not those that were recorded. Collective.
+    def _require_task(self, what: str, recorded: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+        """Refuse to continue a branch or run with another task than the recorded one. Collective.
 
         Args:
-            data: the Functions of the problem.
-            where: checkpoints with the values that were recorded, as `KeptData.are_kept` had it.
-            sums: check sums of the checkpoints by name.
-            other: where Constants differ (`identity.other_data`); None if they do not.
-            at: the state they are of, in words.
+            what: the branch or run, for the message.
+            recorded: the recorded task.
+            now: items of the task as they are now.
         """
-        if other is None:
-            other = data.difference(where, sums)
-        differs = "" if other is None else f"other loads, materials or friction{at}{other}"
-        self._require_no_other(differs)
-
-    def _require_no_other(self, differs: str) -> None:
-        """Refuse another problem than that of the journal. Collective.
-
-        Args:
-            differs: in which respect it is another, the same on every rank; "" if it is not.
-        """
-        message = f"the journal in {self.folder} is that of another problem: {differs}"
-        require(self.comm, not differs, message)
-
-    def _require_task(
-        self, what: str, recorded: Mapping[str, Any], found: Mapping[str, Any]
-    ) -> None:
-        """Refuse to continue something that was begun in another way. Collective.
-
-        Args:
-            what: it is, in words.
-            recorded: what it was to do.
-            found: what it is to do now; of what is not in it anything may have been recorded.
-        """
-        for name, value in found.items():
-            message = f"{what} was recorded with {name} {recorded[name]}, not {value}"
+        for name, value in now.items():
+            message = f"{what} differs: {name} ({recorded[name]} recorded, {value} now)"
             require(self.comm, recorded[name] == value, message)
-
-    def _require_again(
-        self,
-        what: str,
-        along: str,
-        recorded: tuple[float, str],
-        found: tuple[float, str],
-        numbers: Iterable[tuple[float, float, float]] | None,
-    ) -> None:
-        """Refuse what is computed once more and is not what was recorded. Collective.
-
-        Args:
-            what: it is, in words.
-            along: by what its place is known, in words.
-            recorded: the place and the statuses that were recorded.
-            found: those that are found.
-            numbers: that must be the same (`coincide`); None if it is another anyway.
-        """
-        place, status = recorded
-        place_now, status_now = found
-        same = numbers is not None and status == status_now and coincide(numbers)
-        message = (
-            f"{what} was recorded at {along} {place:.12g}, status {status}, and is now found at "
-            f"{along} {place_now:.12g}, status {status_now}: the problem has changed"
-        )
-        require(self.comm, same, message)
-
-    def _nodes_differ(self, recorded: Mapping[str, Any], problem: Mapping[str, Any]) -> str:
-        """In which respect the meshes differ, "" if they are the same. Collective.
-
-        Nodes that were moved by what was solved for are elsewhere in their last digits on other
-        ranks. So they are compared where the hash of the whole mesh is another.
-        """
-        known = recorded["problem"]
-        kept = self.journal.data
-        if known["mesh"] == problem["mesh"]:
-            return ""
-        if not kept or known["cells"] != problem["cells"]:
-            return "another mesh"
-        nodes = nodes_of(self.problem)
-        found = fem.Function(nodes.function_space)
-        self._checkpoints.read_functions(kept["checkpoint"], kept["sum"], {"nodes": found})
-        least = 1e-9 * self.problem.equations.body_size
-        other = other_values(nodes, owned_values(found), least)
-        return "" if other is None else f"another mesh: a coordinate of a node: {other}"
 
     @property
     def _checkpoints(self) -> Checkpoints:
@@ -220,13 +124,12 @@ class ProblemRecord(Observer, Generic[J]):
             self._made_surfaces = SurfaceFiles(self.folder, self.problem)
         return self._made_surfaces
 
-    def _begin(self, problem: Mapping[str, Any], data: KeptData | None = None, **more: Any) -> None:
+    def _begin(self, manifest: Mapping[str, Any], **more: Any) -> None:
         """Write the header, if there is none, and begin a session. Collective.
 
         Args:
-            problem: what it is known by (`identity`).
-            data: whose values are kept from the beginning, if they do not go with states.
-            more: words of the header, by name.
+            manifest: sections of the manifest (`manifest_of`).
+            more: further items of the header, by name.
         """
         from dolfinx_contact import __version__
 
@@ -235,30 +138,18 @@ class ProblemRecord(Observer, Generic[J]):
             logger.warning("recorded by %s, resumed by %s", recorded["package"], __version__)
         on_root(self.comm, lambda: self._file.drop_torn_line() if self._file else None)
         if not recorded:
-            header = {"package": __version__, "of": self.journal.kind, **more, "problem": problem}
+            header = {"package": __version__, "of": self.journal.kind, **more, **manifest}
             header["points"] = places(self.problem)
             header["surface_displacement"] = self._shows
             self._append({"type": "header", "format": FORMAT, **header})
             self.journal.header = header
+        if not self.journal.sessions:
+            self._surfaces.write_surface()
         self._shows = self.journal.header["surface_displacement"]
         session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
         session["checkpoints"] = self._checkpoints.format
-        more_of_it = {}
-        if not self.journal.data:
-            more_of_it["data"] = self.journal.data = self._keep_data(data)
-            self._surfaces.write_surface()
-        self._append({"type": "session", **session, **more_of_it})
+        self._append({"type": "session", **session})
         self.journal.sessions.append(session)
-
-    def _keep_data(self, data: KeptData | None) -> dict[str, Any]:
-        """Keep the nodes of the mesh, and data; their entry in the journal. Collective."""
-        kept = {} if data is None else data.changed()
-        functions = {"nodes": nodes_of(self.problem), **kept}
-        total = self._checkpoints.write(_DATA, {}, functions=functions)
-        entry: dict[str, Any] = {"checkpoint": _DATA, "sum": total}
-        if data is not None:
-            entry["values"] = data.are_kept(_DATA, kept)
-        return entry
 
     def _append(self, entry: Mapping[str, Any]) -> None:
         """Write a line of the journal. Collective.

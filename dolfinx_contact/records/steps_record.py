@@ -5,7 +5,7 @@ A record is a folder with the journal (`journal.py`: energies and statuses of ev
 accepted step) and a checkpoint of every step: displacement, multipliers, rigid bodies, statuses and
 memory. All of a step is on the disk before the next one is computed. Resumed, on any number of
 ranks, a run continues from the last step that suffices for it. Those recorded beyond it are
-computed once more, must coincide with the record, and are not recorded again.
+computed once more and are not recorded again.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any, ClassVar, Generic, TypeVar
 
 from petsc4py import PETSc
@@ -26,12 +26,10 @@ import ufl
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.continuation.ending import Ends
-from dolfinx_contact.equations.given_data import Datum, GivenData, given_data, numbers_of
-from dolfinx_contact.equations.measures import Scales
+from dolfinx_contact.equations.given_data import Datum
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.evolution import EvolutionStep
 from dolfinx_contact.evolution.accepted import AcceptedState
-from dolfinx_contact.evolution.motion import MovingState
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.table import write_contact_table
@@ -39,9 +37,8 @@ from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.records.entries import EndEntry, Entry, StateEntry
-from dolfinx_contact.records.identity import identity, other_data
 from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun
-from dolfinx_contact.records.kept_data import KeptData
+from dolfinx_contact.records.manifest import data_restored, manifest_of, values_of
 from dolfinx_contact.records.problem_record import ProblemRecord
 
 __all__ = ["StepsRecord"]
@@ -49,28 +46,6 @@ __all__ = ["StepsRecord"]
 logger = logging.getLogger(__name__)
 
 Arrays = dict[str, npt.NDArray[Any]]
-
-_BALANCED = 1e-6  # of forces that are evaluated once more
-_ROUND_OFF = 1e-9  # of a stiffness times a displacement
-#: What forces are known by: in words, and the size of one that is none.
-_FORCES = {
-    "residual": ("the relative residual", 1.0),
-    "rows": ("the norm of the forces of the body", 0.0),
-    "kinetic": ("the kinetic energy", 0.0),
-}
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Found:
-    """What a state that is computed once more is known by; see `StateEntry`."""
-
-    index: int
-    time: float
-    status: str
-    size: float
-    energies: dict[str, float]
-    data: list[list[float]]
-
 
 J = TypeVar("J", bound=EvolutionJournal)
 S = TypeVar("S", bound=RunState)
@@ -87,7 +62,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         surface_displacement: see `EvolutionRecord`, as for the following.
         resume: whether to continue a record that exists. Else there must be none.
         data: Functions and Constants beside those of the problem, with their places.
-        forms: beside those of the problem.
+        forms: beside those of the problem, by name.
         driven: expressions by which a load drives Dirichlet data.
 
     Attributes:
@@ -111,7 +86,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         surface_displacement: bool,
         resume: bool,
         data: Sequence[Datum] = (),
-        forms: Sequence[ufl.Form] = (),
+        forms: Mapping[str, ufl.Form] | None = None,
         driven: Sequence[Any] = (),
     ):
         problem = system if isinstance(system, ContactProblem) else system.problem
@@ -124,41 +99,33 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._last: AcceptedState | None = None  # where the runs stand
         self._index = -1  # of that state
         self._resumed_state: S | None = None  # where a run that was recorded continues
+        self._more = data
         try:
-            self._data = KeptData(problem, self._checkpoints, more=data)
-            # The values of all data are compared state by state.
-            known = identity(
-                problem,
-                but=given_data(problem.equations),
-                forms=forms,
-                functions=self._data.elements,
-                driven=driven,
-            )
-            words = list(method)
-            self._require_same(known, method=words)
-            if self.journal.states:
-                self._require_load(self.journal.states[-1])
-            self._begin(known, method=words)
+            now = manifest_of(problem, method=method, forms=forms, driven=driven)
+            if self.journal.header:
+                self._require_same(self.journal.header, now)
+            self._require_load()
+            self._begin(now)
         except Exception:
             self.close()
             raise
 
-    def _require_load(self, state: StateEntry[Any]) -> None:
-        """Refuse a load that is not the recorded one at a state. Collective."""
+    def _require_load(self) -> None:
+        """Refuse other data than the recorded ones under the load of the last state. Collective."""
+        if not self.journal.states:
+            return
+        state = self.journal.states[-1]
+        at = f"{self._along} {state.time:.10g}"
         with self.looking():
-            with everywhere(self.comm, f"the load at {self._along} {state.time:g}"):
+            with everywhere(self.comm, f"the load at {at}"):
                 self._load(state)
-            self._require_data_of(state, numbers_of(self.problem.equations))
+            now = self._values()
+        recorded = self.journal.data_at(state.index)
+        self._require_same({"values": recorded}, {"values": now}, f" at {at}")
 
-    def _require_data_of(self, state: StateEntry[Any], found: list[list[float]]) -> None:
-        """Refuse data that are not those of a state. Collective."""
-        self._require_data(
-            self._data,
-            state.values,
-            {s.checkpoint: s.sum for s in self.journal.states},
-            other=other_data(self.problem, state.data, found),
-            at=f" at {self._along} {state.time:.10g}",
-        )
+    def _values(self) -> dict[str, Any]:
+        """The values of all data as they are now. Collective."""
+        return values_of(self.problem, more=self._more)
 
     # -- what records of one kind have ---------------------------------------------------------
 
@@ -210,120 +177,91 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         states = self.journal.states
         accepted = state.accepted
         if not states:
-            self._keep(state, self._found(0, accepted, self._letters()))
+            self._keep(state, self._letters())
         elif len(states) == 1 and self._last is None:
-            self._compare(self._found(0, accepted, self._letters()))
             self._index = 0
             self._last = accepted
-        at_the_end = self._index == len(states) - 1 and self._last is accepted
-        if not at_the_end and self._last is not None and self._index == len(states) - 1:
-            self._require_no_change(self._last, accepted)
         message = (
             f"the {self._what} is at {self._along} {accepted.time:.10g} and not at the end of the "
             f"record in {self.folder}, which is at {states[-1].time:.10g}: continue with "
             f"{type(self).__name__}(..., resume=True).go_on(), or record to another folder"
         )
+        at_the_end = self._index == len(states) - 1 and self._is_at(accepted)
         require(self.comm, at_the_end, message)
         run = EvolutionRun(task=asdict(task), after=self._index)
         self._append({"type": "run", "task": run.task, "after": run.after})
         self.journal.runs.append(run)
 
-    def _require_no_change(self, last: AcceptedState, accepted: AcceptedState) -> None:
-        """Refuse a run whose start has other data than the end of the record. Collective."""
-        changed = ""
-        if accepted.time == last.time:
-            changed = last.data.changed(self.comm, accepted.data)
-        require(
-            self.comm,
-            not changed,
-            f"since the {self._what} came to the end of the record in {self.folder}, at "
-            f"{self._along} {last.time:.10g}, {changed} has changed: a record is resumed with the "
-            "data of its script and what the load sets, so put back what was there, leave to the "
-            "load what changes in time, or record to another folder",
-        )
+    def _is_at(self, accepted: AcceptedState) -> bool:
+        """Whether a state is that at which the record stands. Not collective."""
+        last = self._last
+        if last is None or last.time != accepted.time:
+            return False
+        return np.array_equal(last.unknowns, accepted.unknowns)
 
     def step(self, step: EvolutionStep, state: S) -> None:
-        index = self._index + 1
-        found = self._found(index, state.accepted, step.status)
-        if index < len(self.journal.states):
-            self._compare(found)
-            self._index = index
+        if self._index + 1 < len(self.journal.states):  # recorded before the run was killed
+            self._index += 1
             self._last = state.accepted
             return
-        self._keep(state, found, step.row())
+        self._keep(state, step.status, step.row())
 
     def end(self, ended: Ends) -> None:
         run = self.journal.runs[-1]
-        left = len(self.journal.states) - 1 - self._index
-        message = f"the run ends {left} steps before the one that was recorded: {ended.reason}"
-        require(self.comm, left == 0, message)
-        if ended.ending is not None:
-            end = EndEntry(ending=ended.ending, reason=ended.reason)
-            self._append({"type": "end", **end.line()})
-            run.end(ended.ending, ended.reason)
+        if ended.ending is None or self._index < len(self.journal.states) - 1:
+            return  # more was recorded before, after which this is not the end
+        end = EndEntry(ending=ended.ending, reason=ended.reason)
+        self._append({"type": "end", **end.line()})
+        run.end(ended.ending, ended.reason)
 
-    def _keep(self, run_state: S, found: _Found, row: dict[str, Any] | None = None) -> None:
-        """Put a state on the disk, which is in the problem. Collective."""
-        forces = self._forces(run_state.accepted)
+    def _keep(self, run_state: S, letters: str, row: dict[str, Any] | None = None) -> None:
+        """Put a state, which is in the problem, on the disk. Collective.
+
+        Args:
+            run_state: the state and how the run continues from it.
+            letters: letters of its statuses.
+            row: its row of the table of steps; None at the start.
+        """
+        accepted = run_state.accepted
+        index = self._index + 1
+        name = f"state_{index:06d}"
+        values = self._values()
+        square = self.comm.allreduce(float(np.dot(accepted.unknowns, accepted.unknowns)))
         run = self._entry_of(run_state)
-        name = f"state_{found.index:06d}"
         vectors = self._vectors()
         self._fill(vectors, run_state)
         self.problem.write(vectors["x"])
-        arrays = self._points.gathered(run_state.accepted)
-        functions = self._data.changed()
-        check_sum = self._checkpoints.write(name, vectors, arrays, functions)
+        arrays = self._points.gathered(accepted)
+        check_sum = self._checkpoints.write(name, vectors, arrays)
         for x in vectors.values():
             x.destroy()
+        before = self.journal.data_at(index - 1)
         entry = StateEntry(
-            **vars(found),
-            row=row,
-            forces=forces,
-            first=run_state.accepted.statuses is None,
-            run=run,
-            checkpoint=name,
-            sum=check_sum,
-            values=self._data.are_kept(name, functions),
-            surface=name if self._shows else None,
-        )
-        self._append({"type": "state", **entry.line()})
-        self.journal.states.append(entry)
-        self._index = found.index
-        self._last = run_state.accepted
-
-    def _vectors(self) -> dict[str, PETSc.Vec]:
-        """For what a state has, the unknowns last. Collective."""
-        return {name: self.problem.create_vector() for name in (*self._names(), "x")}
-
-    def _found(self, index: int, accepted: AcceptedState, letters: str) -> _Found:
-        """What is compared of a state. Collective."""
-        square = self.comm.allreduce(float(np.dot(accepted.unknowns, accepted.unknowns)))
-        return _Found(
             index=index,
             time=accepted.time,
             status=letters,
             size=float(np.sqrt(square)),
             energies=asdict(accepted.energies),
-            data=numbers_of(self.problem.equations),
+            data={place: v for place, v in values.items() if before.get(place) != v},
+            row=row,
+            first=accepted.statuses is None,
+            run=run,
+            checkpoint=name,
+            sum=check_sum,
+            surface=name if self._shows else None,
         )
+        self._append({"type": "state", **entry.line()})
+        self.journal.states.append(entry)
+        self._index = index
+        self._last = accepted
+
+    def _vectors(self) -> dict[str, PETSc.Vec]:
+        """For what a state has, the unknowns last. Collective."""
+        return {name: self.problem.create_vector() for name in (*self._names(), "x")}
 
     def _letters(self) -> str:
         """Letters of the statuses that stand in the surfaces, as those of a step. Collective."""
         return "".join(self.problem.table(s).status for s in self.problem.surfaces)
-
-    def _compare(self, found: _Found) -> None:
-        """Refuse a state that is not the one that was recorded. Collective."""
-        recorded = self.journal.states[found.index]
-        self._require_data_of(recorded, found.data)
-        a, b = ([s.time, s.size, *s.energies.values()] for s in (recorded, found))
-        scales = [abs(a[0]), a[1], *[max(map(abs, a[2:]))] * len(a[2:])]
-        self._require_again(
-            f"step {found.index}",
-            self._along,
-            (recorded.time, recorded.status),
-            (found.time, found.status),
-            zip(a, b, scales, strict=True),
-        )
 
     # -- continuing --------------------------------------------------------------------------------
 
@@ -361,7 +299,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         """The state of a run at a recorded state, which is put into the problem. Collective.
 
         Raises:
-            ValueError: on every rank, if it is damaged, or of another load.
+            ValueError: on every rank, if it is damaged.
         """
         problem = self.problem
         state = self.journal.states[index]
@@ -372,45 +310,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         run_state = self._recalled(state, vectors, found, state.first)
         for x in vectors.values():
             x.destroy()
-        self._require_data_of(state, numbers_of(problem.equations))
-        self._require_forces(state, run_state.accepted)
         return run_state
-
-    def _require_forces(self, state: StateEntry[Any], accepted: AcceptedState) -> None:
-        """Refuse a problem whose forces at a recorded state are not those of then. Collective."""
-        recorded = state.forces
-        found = self._forces(accepted)
-        least = found["least"]
-        for name, (words, unit) in _FORCES.items():
-            if name not in recorded or name not in found:
-                continue
-            a = recorded[name]
-            b = found[name]
-            size = max(abs(a), abs(b), unit)
-            allowed = _BALANCED * size + (least if name == "rows" else 0.0)
-            same = abs(a - b) <= allowed or (np.isnan(a) and np.isnan(b))
-            other = (
-                f"at {self._along} {state.time:.10g} {words} was {a:.6g} and is now {b:.6g}: "
-                "something is not as it was recorded that data and forms do not show"
-            )
-            self._require_no_other("" if same else other)
-
-    def _forces(self, accepted: AcceptedState) -> dict[str, float]:
-        """What forces at a state, which is in the problem, are known by. Collective."""
-        eq = self.problem.equations
-        if isinstance(accepted, MovingState):
-            rows = accepted.motion.rows
-            u = accepted.motion.u
-            square = self.comm.allreduce(float(np.dot(rows, rows)))
-            largest = self.comm.allreduce(float(np.max(np.abs(u), initial=0.0)), op=max)
-            return {
-                "rows": float(np.sqrt(square)),
-                "kinetic": accepted.motion.kinetic,
-                "least": _ROUND_OFF * eq.stiffness_scale * largest,
-            }
-        state = self.problem.with_memory(accepted.memory).evaluate()
-        residual = Scales(eq, settled=True).measure(state).worst
-        return {"residual": residual, "least": 0.0}
 
     def show(self, index: int) -> ContactProblem:
         """Put a recorded state into the problem, for tables, fields and pictures. Collective.
@@ -441,13 +341,8 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
     @contextmanager
     def looking(self) -> Iterator[None]:
         """Put back at the end what is in the problem, whatever was shown. Collective."""
-        eq = self.problem.equations
-        data = GivenData(eq)
-        try:
-            with self._system.restored(always=True):
-                yield
-        finally:
-            data.restore()
+        with data_restored(self.problem), self._system.restored(always=True):
+            yield
 
     def write_contact(self, folder: str | os.PathLike[str], index: int) -> None:
         """Write the contact points of a recorded state, ``folder/contact.csv``. Collective.

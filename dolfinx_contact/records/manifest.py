@@ -1,0 +1,407 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The manifest of a record: mesh, forms and data of a contact problem, in a few numbers and words.
+
+A record stores the manifest when it begins and compares it once, when it is resumed: a journal is
+not continued with another problem. The manifest does not depend on the number of ranks. It has
+three sections, each a dictionary by the name of the item:
+
+- ``parts``: mesh, elements, contact surfaces, Dirichlet conditions and domains of integration, as
+  words or hashes;
+- ``forms``: hashes of the UFL signatures of forms, obstacles and laws;
+- ``values``: Constants as their numbers, Functions as random projections.
+
+The projections of a Function f are p_k = sum_c w_k(c) f_c over the coefficients c of all cells, for
+two weights w_k in [-1, 1) that depend on the number of the cell in the input of the mesh and on the
+place of the coefficient within the cell. Two Functions are treated as equal if their projections
+agree to 1e-9 of sqrt(sum_c f_c^2): values that were computed on another number of ranks differ in
+their last digits, so that a hash of the values would not do.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact._compat import geometry_dofmap
+from dolfinx_contact.equations.given_data import Datum, placed_data
+
+if TYPE_CHECKING:
+    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["data_restored", "difference", "manifest_of", "mesh_hash", "values_of"]
+
+Manifest = dict[str, dict[str, Any]]
+
+_TOLERANCE = 1e-9  # relative, of Constants and of projections
+_ROUND_OFF = 1e-14  # of the largest component of a Constant
+_NO_LENGTH = 1e-13  # of the size of the body: gaps and prescribed displacements below are zero
+_LONGEST = 100  # characters of a value that an error shows
+_NUMBER = re.compile(r"[-+]?\d+\.\d+(?:e[-+]?\d+)?")
+_UFL = "the version of UFL"
+
+
+def manifest_of(
+    problem: ContactProblem,
+    *,
+    method: Sequence[str] = (),
+    forms: Mapping[str, Any] | None = None,
+    driven: Sequence[Any] = (),
+) -> Manifest:
+    """The sections ``parts`` and ``forms`` of the manifest of a problem. Collective.
+
+    Args:
+        problem: the contact problem.
+        method: words that name the method and its parameters.
+        forms: further UFL forms, by name, such as that of the damping.
+        driven: expressions by which a parameter drives Dirichlet data.
+
+    Raises:
+        ValueError: on every rank, if the cells of the mesh have no numbers, as in a submesh.
+    """
+    eq = problem.equations
+    domain = problem.V.mesh
+    cells = _numbered(domain)
+    nodes = domain.geometry.x[geometry_dofmap(domain)[: len(cells)]].reshape(len(cells), -1)
+    sizes = [V.dofmap.index_map.size_global * V.dofmap.index_map_bs for V in _spaces(problem)]
+    parts = {
+        "the mesh": _hash(problem.comm, cells),
+        "the coordinates of the mesh": _projected(domain, nodes),
+        "the number of unknowns": sum(sizes),
+        "the elements": [str(V.ufl_element()) for V in _spaces(problem)],
+        "the unknowns with Dirichlet conditions": _fixed(problem),
+        "the domains of integration of the body": _domains(eq.bulk.residual, domain),
+        "the method": [_rounded(words) for words in method],
+    }
+    signatures = {"the form of the body": eq.bulk.residual.signature()}
+    for s in problem.surfaces:
+        of = f" of {s.name!r}"
+        parts["the contact method" + of] = s.method
+        parts["the facets" + of] = _facets(s, s.submesh.parent_facets)
+        parts["the multipliers" + of] = [*s.degrees, problem.comm.allreduce(s.points.number)]
+        parts["the kind of sliding" + of] = _sliding(s)
+        opposite = s.obstacle.opposite
+        if opposite is not None:
+            parts["the opposite facets" + of] = _facets(s, opposite.master_facets)
+        signatures["the obstacle" + of] = "".join(
+            [s.obstacle.mark, *(_signature(e, domain) for e in s.given.all)]
+        )
+        signatures["the law" + of] = f"{s.law_at_points.compiled.signature} {s.law.averaging!r}"
+        signatures["the law" + of] += " axisymmetric" if s.axisymmetric else ""
+    for body in problem.rigid_bodies:
+        words = _rounded(f"{body.about.tolist()} {body.fixed.tolist()}")
+        signatures[f"the rigid body {body.name!r}"] = "".join(
+            [words, *(_signature(e, domain) for e in body.expressions)]
+        )
+    for name, form in (forms or {}).items():
+        parts[f"the domains of integration of {name}"] = _domains(form, domain)
+        signatures[name] = form.signature()
+    for i, e in enumerate(driven, 1):
+        signatures[f"the expression {i} that drives Dirichlet data"] = _signature(e, domain)
+    hashes = {name: _digest(text) for name, text in signatures.items()}
+    return {"parts": parts, "forms": {_UFL: ufl.__version__, **hashes}}
+
+
+def values_of(
+    problem: ContactProblem, *, more: Sequence[Datum] = (), but: Sequence[Any] = ()
+) -> dict[str, Any]:
+    """The section ``values`` of a manifest: all data of a problem as they are now. Collective.
+
+    Args:
+        problem: the contact problem.
+        more: further Functions and Constants, with their places.
+        but: Functions and Constants that are left out, such as the parameter of a branch.
+
+    Returns:
+        A list of numbers for a Constant, and a dictionary with ``projections`` and ``scale`` for a
+        Function, by place. The displacement that Dirichlet conditions prescribe (0 elsewhere) is
+        one of the Functions.
+    """
+    eq = problem.equations
+    domain = problem.V.mesh
+    no_length = _NO_LENGTH * eq.body_size
+    prescribed = np.asarray(eq.prescribed.values()).reshape(-1)
+    values = _projected(domain, _by_cells(problem.V, prescribed), no_length)
+    found: dict[str, Any] = {"the prescribed displacement": values}
+    lengths = [f for s in eq.surfaces for f in ufl.algorithms.extract_coefficients(s.given.gap)]
+    seen = list(but)
+    for place, value in (*placed_data(eq, conditions=False), *more):
+        if any(value is other for other in seen):
+            continue
+        seen.append(value)
+        name = place
+        while name in found:  # two Functions of one name in one form
+            name += " (another)"
+        if isinstance(value, fem.Function):
+            V = value.function_space
+            least = no_length if any(value is f for f in lengths) else 0.0
+            found[name] = _projected(V.mesh, _by_cells(V, value.x.array), least)
+        else:
+            found[name] = [float(v) for v in np.real(np.ravel(value.value))]
+    return found
+
+
+def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """The first item in which two sections of a manifest differ, with both values; "" if none."""
+    if recorded.get(_UFL) != now.get(_UFL):
+        return ""  # another version of UFL may write the same form in another way
+    for name in dict.fromkeys((*recorded, *now)):
+        if name not in recorded or name not in now:
+            return f"{name} ({'missing now' if name in recorded else 'not recorded'})"
+        if not _same(recorded[name], now[name]):
+            return name + _both(recorded[name], now[name])
+    return ""
+
+
+@contextmanager
+def data_restored(problem: ContactProblem) -> Iterator[None]:
+    """Put the values of all data of a problem back at the end. Not collective."""
+    arrays = [_array(d.value) for d in placed_data(problem.equations)]
+    values = [a.copy() for a in arrays]
+    try:
+        yield
+    finally:
+        for array, before in zip(arrays, values, strict=True):
+            array[...] = before
+
+
+def mesh_hash(domain: mesh.Mesh) -> str:
+    """A hash of cells, nodes and coordinates, in the numbering of the input. Collective.
+
+    It depends neither on the number of ranks nor on how cells and nodes are numbered there.
+
+    Raises:
+        ValueError: on every rank, if the cells of the mesh have no numbers, as in a submesh.
+    """
+    cells = _input_cells(domain)
+    x = domain.geometry.x[geometry_dofmap(domain)[: len(cells)]].reshape(len(cells), -1)
+    # Adding zero makes -0.0 the same as 0.0.
+    rows = np.concatenate([_numbered(domain), (x + 0.0).view(np.int64)], axis=1)
+    return _hash(domain.comm, rows)
+
+
+# -- comparing -------------------------------------------------------------------------------------
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two values of a manifest agree: numbers to 1e-9, all others exactly."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        scale = max(a["scale"], b["scale"])
+        return _close(a["projections"], b["projections"], _TOLERANCE * scale)
+    if _is_constant(a) and _is_constant(b):
+        if len(a) != len(b):
+            return False
+        sizes = np.maximum(np.abs(a), np.abs(b))
+        largest = np.max(sizes, initial=0.0)
+        return _close(a, b, np.maximum(_TOLERANCE * sizes, _ROUND_OFF * largest))
+    return bool(a == b)
+
+
+def _is_constant(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(v, float) for v in value)
+
+
+def _close(a: Sequence[float], b: Sequence[float], tolerance: Any) -> bool:
+    """Whether numbers agree; values that are not finite must be of the same kind."""
+    x, y = np.array(a), np.array(b)
+    with np.errstate(invalid="ignore"):
+        near = np.abs(x - y) <= tolerance
+    return bool((near | (x == y) | (np.isnan(x) & np.isnan(y))).all())
+
+
+def _both(recorded: Any, now: Any) -> str:
+    """Both values in brackets; "" for hashes and projections."""
+    if _is_constant(recorded) and _is_constant(now):
+        for digits in (6, 10, 17):
+            words = [", ".join(f"{v:.{digits}g}" for v in values) for values in (recorded, now)]
+            if words[0] != words[1]:
+                break
+    else:
+        words = [str(recorded), str(now)]
+    hashes = isinstance(recorded, dict) or re.fullmatch("[0-9a-f]{32}", words[0])
+    if hashes or max(map(len, words)) > _LONGEST:
+        return ""
+    return f" ({words[0]} recorded, {words[1]} now)"
+
+
+# -- Functions and hashes --------------------------------------------------------------------------
+
+
+def _array(value: Any) -> npt.NDArray[Any]:
+    return np.asarray(value.x.array if hasattr(value, "x") else value.value)
+
+
+def _by_cells(V: fem.FunctionSpace, values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """The coefficients of the owned cells (cells, coefficients of a cell)."""
+    n = V.mesh.topology.index_map(V.mesh.topology.dim).size_local
+    bs = V.dofmap.index_map_bs
+    return np.real(values).reshape(-1, bs)[V.dofmap.list[:n]].reshape(n, -1)
+
+
+def _projected(
+    domain: mesh.Mesh, values: npt.NDArray[np.float64], least: float = 0.0
+) -> dict[str, Any]:
+    """Two random projections of the coefficients of the owned cells, and their size. Collective.
+
+    Args:
+        domain: the mesh.
+        values: coefficients (cells, coefficients of a cell).
+        least: size below which values are zero.
+    """
+    cells = _input_cells(domain)
+    sums = np.zeros(4)
+    sums[3] = values.size
+    for j, column in enumerate(values.T):
+        bits = _mixed(np.stack([cells, np.full_like(cells, j)], axis=1), 3)
+        for k, part in enumerate((bits >> np.uint64(32), bits & np.uint64(0xFFFFFFFF))):
+            sums[k] += float(np.dot(part.astype(np.float64) / 2.0**31 - 1.0, column))
+        sums[2] += float(np.dot(column, column))
+    domain.comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
+    floor = least * float(np.sqrt(sums[3])) / _TOLERANCE
+    return {"projections": sums[:2].tolist(), "scale": max(float(np.sqrt(sums[2])), floor)}
+
+
+def _input_cells(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
+    """Numbers of the owned cells in the input of the mesh.
+
+    Raises:
+        ValueError: if they have none, as in a submesh.
+    """
+    try:
+        original = domain.topology.original_cell_index
+    except RuntimeError as error:
+        message = "a record needs a mesh whose cells have numbers of the input, not a submesh"
+        raise ValueError(message) from error
+    n = domain.topology.index_map(domain.topology.dim).size_local
+    return np.asarray(original[:n], np.int64)
+
+
+def _numbered(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
+    """Numbers of the owned cells and of their nodes in the input (cells, 1 + nodes)."""
+    cells = _input_cells(domain)
+    nodes = np.asarray(domain.geometry.input_global_indices, np.int64)
+    return np.concatenate([cells[:, None], nodes[geometry_dofmap(domain)[: len(cells)]]], axis=1)
+
+
+def _hash(comm: MPI.Comm, rows: npt.NDArray[np.int64]) -> str:
+    """A hash of the rows of all ranks, whatever their order. Collective."""
+    sums = np.array([np.sum(_mixed(rows, seed), dtype=np.uint64) for seed in (1, 2)])
+    # Sums modulo 2^64 do not depend on the order.
+    comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
+    return "".join(f"{int(s):016x}" for s in sums)
+
+
+def _mixed(rows: npt.NDArray[np.int64], seed: int) -> npt.NDArray[np.uint64]:
+    """A hash of every row, using the finaliser of splitmix64."""
+    h: npt.NDArray[np.uint64] = np.full(len(rows), seed, dtype=np.uint64)
+    for column in np.ascontiguousarray(rows).view(np.uint64).T:
+        h = (h ^ column) + np.uint64(0x9E3779B97F4A7C15)
+        h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        h = (h ^ (h >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        h ^= h >> np.uint64(31)
+    return h
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def _rounded(text: str) -> str:
+    """Text whose numbers have nine digits: numbers that were integrals depend on the ranks."""
+    return _NUMBER.sub(lambda number: f"{float(number[0]):.9g}", text)
+
+
+def _signature(e: Any, domain: mesh.Mesh) -> str:
+    """The signature of a UFL expression, which does not depend on the values of its data."""
+    e = ufl.as_ufl(e)
+    if isinstance(e, ufl.constantvalue.Zero):
+        return "0"
+    return str((ufl.inner(e, e) * ufl.dx(domain=domain)).signature())
+
+
+# -- parts -----------------------------------------------------------------------------------------
+
+
+def _spaces(problem: ContactProblem) -> list[fem.FunctionSpace]:
+    return [f.function_space for f in problem.fields]
+
+
+def _fixed(problem: ContactProblem) -> str:
+    """A hash of the unknowns with Dirichlet conditions, by cells of the input. Collective."""
+    domain = problem.V.mesh
+    cells = _input_cells(domain)
+    fixed = problem.equations.constraints.fixed
+    in_cells = fixed[problem.V.dofmap.list[: len(cells)]].reshape(len(cells), -1)
+    cell, place = np.nonzero(in_cells)
+    return _hash(problem.comm, np.stack([cells[cell], place.astype(np.int64)], axis=1))
+
+
+def _entities(domain: mesh.Mesh, dim: int, entities: npt.NDArray[np.int32]) -> str:
+    """A hash of those entities that this rank owns, by nodes of the input. Collective."""
+    mine = entities[entities < domain.topology.index_map(dim).size_local]
+    nodes = np.asarray(domain.geometry.input_global_indices, np.int64)
+    # DOLFINx divides by their number.
+    at = mesh.entities_to_geometry(domain, dim, mine) if len(mine) else np.zeros((0, 1), int)
+    return _hash(domain.comm, np.sort(nodes[at], axis=1))
+
+
+def _facets(s: ContactSurface, facets: npt.NDArray[np.int32]) -> str:
+    return _entities(s.domain, s.dim - 1, facets)
+
+
+def _sliding(s: ContactSurface) -> list[Any]:
+    """Words and numbers for the kind of sliding of a surface. Collective.
+
+    The numbers are the search distance, planes of symmetry and the removed overlap, and for
+    self-contact the direction by which the slave facets are chosen.
+    """
+    if not s.slides:
+        return ["along its obstacle" if s.displaced is not None else "small", *s.points.choices]
+    direction = s.obstacle.opposite.direction
+    if direction is None:
+        return ["large", *s.points.choices]
+    return ["self-contact", *map(float, direction), *s.points.choices]
+
+
+def _domains(form: ufl.Form, domain: mesh.Mesh) -> str:
+    """A hash of the cells or facets of the integrals of a form. Collective."""
+    found = []
+    for integral in form.integrals():
+        data = integral.subdomain_data()
+        ids = integral.subdomain_id()
+        if data is None or ids == "everywhere":
+            continue
+        chosen = [i for i in (ids if isinstance(ids, tuple) else (ids,)) if not isinstance(i, str)]
+        if isinstance(data, mesh.MeshTags):
+            dim = data.dim
+            marked = data.indices[np.isin(data.values, chosen)] if chosen else data.indices
+        else:
+            dim, marked = _listed(data, chosen, integral.integral_type(), domain)
+        found.append(f"{integral.integral_type()} {ids} {_entities(domain, dim, marked)}")
+    return _digest("; ".join(sorted(found)))
+
+
+def _listed(
+    lists: Iterable[tuple[int, npt.ArrayLike]], ids: Sequence[int], kind: str, domain: mesh.Mesh
+) -> tuple[int, npt.NDArray[np.int32]]:
+    """Dimension and local indices of subdomain data given as lists of cells or of their facets."""
+    tdim = domain.topology.dim
+    arrays = [np.asarray(part, np.int32).reshape(-1) for i, part in lists if not ids or i in ids]
+    listed = np.concatenate([np.zeros(0, np.int32), *arrays])
+    if kind == "cell":
+        return tdim, np.unique(listed)
+    domain.topology.create_connectivity(tdim, tdim - 1)
+    facets = domain.topology.connectivity(tdim, tdim - 1)
+    of_pairs = [facets.links(cell)[facet] for cell, facet in listed.reshape(-1, 2)]
+    return tdim - 1, np.unique(np.array(of_pairs, dtype=np.int32))
