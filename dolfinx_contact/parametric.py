@@ -9,7 +9,7 @@ by gamma is exact, by UFL.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, ClassVar
 
@@ -31,7 +31,6 @@ from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
 from dolfinx_contact.equations.given_data import (
-    Constancy,
     data_within,
     note_put,
     placed_data,
@@ -186,16 +185,6 @@ class ParametricContact(ReadOnly, ParametricEquations):
                 logger.warning("%s: at gamma = %.6g %s", name, gamma, sliding.doubt)
             if sliding.doubt:
                 self._warned.add(name)
-
-    def data_watch(self) -> Callable[[], str]:
-        """What says which Constants and Functions have changed since; see `System`.
-
-        Gamma and the Functions that it drives are none of them.
-        """
-        mine = [d for d in placed_data(self.equations) if any(d.value is f for f in self._data)]
-        driving = data_within(self._driven_expressions)
-        data = [*mine, *(d for d in driving if d.value is not self.constant)]
-        return Constancy(self.comm, data).changed
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
         """What `ContactProblem.solve` finds at gamma from x; see `System`. Collective."""

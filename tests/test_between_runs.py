@@ -105,8 +105,8 @@ def test_the_motion_of_a_rigid_body_that_is_set_between_two_runs_is_refused():
     history.run([0.2, 0.3])
     problem.solve()
     history.run([0.3, 0.4])
-    with pytest.raises(ValueError, match="observer changed the motion of 'punch'"):
-        history.run([0.4, 0.5], observer=lambda step: setattr(punch, "values", kept + 0.1))
+    history.run([0.4, 0.5], observer=lambda step: setattr(punch, "values", kept + 0.1))
+    history.run([0.5, 0.6])
 
 
 def pressing(domain):
@@ -115,54 +115,16 @@ def pressing(domain):
     return RigidBody(floor, about=(0.0, 0.0), load={"y": 0.5}, held=["x", "rz"], name="punch")
 
 
-@pytest.mark.parametrize("kind", EVOLUTIONS)
-@pytest.mark.parametrize("who", ["observer", "accept", "stop"])
-def test_what_is_changed_within_a_run_is_refused(kind, who):
-    """It was put back before the next step, so that nothing came of it; looks are free."""
-    block = Rubbing(kind)
-    answer = {"accept": True, "stop": "", "observer": None}[who]
-
-    def looks(step):
-        block.friction.value = 0.1
-        block.friction.value = 0.4
-        block.load(7.0)
-        return answer
-
-    def rubs(step):
-        block.friction.value = 0.1
-        return answer
-
-    def pushes(step):
-        block.problem.u.x.array[:] *= 1.1
-        return answer
-
-    def kicks(step):
-        block.evolution.velocity.x.array[:] += 1.0
-        return answer
-
-    block.evolution.run([0.0, 0.1, 0.2], **{who: looks})
-    with pytest.raises(ValueError, match=rf"{who} changed the friction .*\(0\.4 before, 0\.1 now"):
-        block.evolution.run([0.2, 0.3, 0.4], **{who: rubs})
-    assert block.friction.value == 0.4
-    with pytest.raises(ValueError, match=f"{who} changed the displacement"):
-        block.evolution.run([block.evolution._accepted.time, 0.5, 0.6], **{who: pushes})
-    if kind is NSCD:
-        time = block.evolution._time
-        with pytest.raises(ValueError, match=f"{who} changed the velocity"):
-            block.evolution.run([time, time + 0.1, time + 0.2], **{who: kicks})
-
-
-def test_a_record_says_what_has_changed(folder):
+def test_data_that_are_changed_between_two_runs_of_a_record(folder):
+    """The second run has the new data; a later resumption needs them as well."""
     block = Rubbing()
     with EvolutionRecord(folder, block.evolution) as record:
         block.evolution.run([0.0, 0.1], record=record)
         block.friction.value = 0.1
-        with pytest.raises(
-            ValueError, match=r"the friction .* \(0\.4 before, 0\.1 now\) has chang"
-        ):
-            block.evolution.run([0.1, 0.2], record=record)
-        block.friction.value = 0.4
         block.evolution.run([0.1, 0.2], record=record)
+    words = r"differs at the time 0\.2: the friction .* \(0\.1 recorded, 0\.4 now\)"
+    with pytest.raises(ValueError, match=words):
+        EvolutionRecord(folder, Rubbing().evolution, resume=True)
 
 
 def test_a_record_says_which_method_is_another(folder):
@@ -170,7 +132,7 @@ def test_a_record_says_which_method_is_another(folder):
     with EvolutionRecord(folder, block.evolution) as record:
         block.evolution.run([0.0, 0.1], record=record)
     other = NSCD(block.problem, 1e-3, dt=0.1, load=block.load, theta=0.6)
-    words = r"other method: theta 1\.0 was recorded, theta 0\.6 is given$"
+    words = r"differs: the method"
     with pytest.raises(ValueError, match=words):
         EvolutionRecord(folder, other, resume=True)
 

@@ -16,7 +16,13 @@ from dolfinx import fem
 from dolfinx_contact.continuation import Ending, Observer, explore, follow
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.plot.page.of_records import scene_of_record
-from dolfinx_contact.records import BranchRecord, PathRecord, read_journal, resume
+from dolfinx_contact.records import (
+    BranchRecord,
+    EvolutionRecord,
+    PathRecord,
+    read_journal,
+    resume,
+)
 from dolfinx_contact.records.lines import FILE_NAME
 
 COMM = MPI.COMM_WORLD
@@ -219,87 +225,74 @@ def test_after_a_kill(folder):
     check(again, looks)
 
 
-@pytest.mark.each_value
-@pytest.mark.parametrize("who", ["observer", "stop", "record"])
-@pytest.mark.parametrize("what", [follow, explore])
-def test_data_that_are_changed_on_a_branch_are_refused(what, who, folder):
-    """On every rank, whoever changed them; the points up to there are those of the old data."""
-    system, _ = moved_block(COMM)
-    friction = system.problem.surfaces[0].law.friction
-
-    def disturb(step):
-        if step.index == 2 and COMM.rank == COMM.size - 1:
-            friction.value = 0.9
-        return ""
-
-    def functional(problem):
-        if system.constant.value > 0.015:
-            friction.value = 0.9
-        return 0.0
-
-    def run(**options):
-        gamma_range = (0.0, 1.0)
-        x = start(system)
-        way = dict(gamma_range=gamma_range, control=CONTROL, max_steps=4)
-        return what(system, *([x, 0.0] if what is follow else [[(x, 0.0)]]), **way, **options)
-
-    functionals = {"reads": functional} if who == "record" else {}
-    others = {} if who == "record" else {who: disturb}
-    message = r"changed the friction of Coulomb of 'contact' \(0.3 before, 0.9 now\): all data but"
-    with (
-        BranchRecord(folder / "r", system, functionals) as record,
-        pytest.raises(ValueError, match=message),
-    ):
-        run(record=record, **others)
-    journal = read_journal(folder / "r")
-    assert len(journal.branches[0].points) == (2 if who == "stop" else 3)
-    assert journal.branches[0].ending is None
-    friction.value = 0.3
-
-    def look(step):
-        friction.value = 0.9
-        friction.value = 0.3
-
-    assert run(observer=look).ending is Ending.BUDGET
+def disturb(problem):
+    """Write to all Functions of the problem."""
+    for f in problem.fields:
+        f.x.array[:] = 7.0
 
 
-def test_data_that_are_changed_on_a_path_are_refused():
-    path = recorded_path.made("bonds")
-    law = path.problem.surfaces[0].law
-    name, datum = next((n, d) for n, d in law.given.items() if hasattr(d, "value"))
-
-    def disturb(step):
-        datum.value = 1.5 * datum.value
-
-    with pytest.raises(ValueError, match=f"an observer changed the {name} of "):
-        path.run(gamma_range=(0.0, 0.7), observer=disturb, max_steps=3)
+def test_a_branch_is_not_disturbed_by_who_writes_to_functions(folder):
+    """Observer, stop and functionals write to them: journal, surface and fields stay the same."""
+    kept = dict(every=2, surface_displacement=True)
+    way = dict(gamma_range=(0.0, 1.0), control=CONTROL, max_steps=4)
+    for name in ("plain", "disturbed"):
+        system, functionals = moved_block(COMM)
+        problem = system.problem
+        options = {}
+        if name == "disturbed":
+            functionals = {
+                "first": lambda p: disturb(p) or 0.0,
+                **functionals,
+                "last": lambda p: disturb(p) or 0.0,
+            }
+            options = {
+                "observer": lambda step, problem=problem: disturb(problem),
+                "stop": lambda step, problem=problem: disturb(problem) or "",
+            }
+        with BranchRecord(folder / name, system, functionals, **kept) as record:
+            follow(system, start(system), 0.0, record=record, **way, **options)
+    a, b = (read_journal(folder / name) for name in ("plain", "disturbed"))
+    for column in ("gamma", "status", "volume", "force"):
+        np.testing.assert_array_equal(a.columns()[column], b.columns()[column])
+    for index in range(5):
+        first, second = (journal.surface_at(index) for journal in (a, b))
+        np.testing.assert_array_equal(first.u, second.u)
+        np.testing.assert_array_equal(
+            first.tables["contact"]["force"], second.tables["contact"]["force"]
+        )
+    assert resume(folder / "disturbed", system, functionals, max_steps=6).ending is Ending.BUDGET
 
 
 @pytest.mark.parametrize("kind", ["pair", "moving"])
-def test_data_of_the_load_that_are_changed_in_a_history_are_put_back(kind):
-    """Those that it does not set are refused, as on a path."""
+def test_a_history_is_not_disturbed_by_who_writes_to_functions(kind, folder):
+    """Observer, stop and accept write to the Functions, and call the load of another time."""
 
-    def run(changed=None):
+    def run(name, disturbed):
         evolution = getattr(recorded_evolution, kind)(COMM)
-        friction = evolution.problem.surfaces[0].law.friction
-        before = float(friction.value)
 
-        def disturb(step):
-            if changed == "load":
+        def writes(answer):
+            def listener(step):
+                disturb(evolution.problem)
                 evolution.load(0.7)
-            elif changed == "friction":
-                friction.value = 7.0
+                return answer
 
-        try:
-            history = evolution.run(np.linspace(0, 1, 4), observer=disturb)
-        finally:
-            assert float(friction.value) == before
-        return [step.result.tables["contact"].rt for step in history.steps]
+            return listener
 
-    for mine, theirs in zip(run("load"), run(), strict=True):
-        np.testing.assert_allclose(mine, theirs, atol=1e-10)
-    with pytest.raises(ValueError, match="an observer changed the friction of "):
-        run("friction")
+        options = {"observer": writes(None), "stop": writes(""), "accept": writes(True)}
+        with EvolutionRecord(folder / name, evolution, surface_displacement=True) as record:
+            evolution.run(np.linspace(0, 1, 4), record=record, **(options if disturbed else {}))
+        return read_journal(folder / name)
+
+    plain, disturbed = run("plain", False), run("disturbed", True)
+    assert [s.status for s in plain.states] == [s.status for s in disturbed.states]
+    for name in ("external", "stored", "dissipated"):
+        np.testing.assert_allclose(
+            disturbed.columns()[name], plain.columns()[name], rtol=1e-9, atol=1e-12
+        )
+    for index in range(len(plain.states)):
+        np.testing.assert_allclose(
+            disturbed.surface_at(index).u, plain.surface_at(index).u, rtol=1e-6, atol=1e-12
+        )
 
 
 def test_classes_are_no_observers():

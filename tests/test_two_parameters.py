@@ -117,10 +117,10 @@ def test_two_loads():
     same = event_curves(system, mu, branches, **ends)
     assert mu.value == 0.7
     np.testing.assert_array_equal(same.folds_at(1.9), curves.folds_at(1.9))
-    with pytest.raises(ValueError, match=r"data have changed since .*\(1\.0 before, 1\.5 now"):
+    with pytest.raises(ValueError, match="not a solution of the problem as it is now: residual"):
         event_curves(system, mu, [(1.5, branches[0][1])], **ends)
     friction.value = 2.9
-    with pytest.raises(ValueError, match=r"data have changed since .*\(3\.0 before, 2\.9 now"):
+    with pytest.raises(ValueError, match="not a solution of the problem as it is now: residual"):
         event_curves(system, mu, branches, **ends)
     friction.value = 3.0
     domain.geometry.x[:] *= 2.0

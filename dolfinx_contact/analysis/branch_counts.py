@@ -223,12 +223,9 @@ def prove_counts(
         proof_seconds: for each.
 
     Raises:
-        ValueError: on every rank, for arguments that do not fit, or if data have changed since the
-            branches were followed.
+        ValueError: on every rank, for arguments that do not fit.
     """
     branches = diagram.branches
-    for branch in branches:
-        branch.refuse_other_data()
     chosen = default_gammas(branches, int(most)) if gammas is None else sorted(set(gammas))
     system.check_parameter(chosen)
     layout = Layout(system)

@@ -24,6 +24,7 @@ from dolfinx_contact.analysis.event_curves import EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation import Branch
 from dolfinx_contact.continuation.arguments import checked_range
+from dolfinx_contact.continuation.points import require_solutions
 from dolfinx_contact.equations.given_data import check_law
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.coulomb import BORDERS, FIRST_BORDER
@@ -174,11 +175,11 @@ def event_curves(
 
     Raises:
         ValueError: on every rank; see `contact_family`; or if a branch is none, is of another
-            problem, its mu is not in the range, or data have changed since it was followed, under
-            that value of mu.
+            problem, its mu is not in the range, or one of its points is not a solution of the
+            problem as it is now under that value of mu.
     """
     for mu, branch in branches:
-        _refuse_other_data(other, mu, branch)
+        _require_under(system, other, mu, branch)
     family = contact_family(system, other, mu_range=mu_range)
     points = GatheredPoints(system)
     starts = [
@@ -192,12 +193,15 @@ def event_curves(
     )
 
 
-def _refuse_other_data(other: fem.Constant, mu: float, branch: Branch) -> None:
-    """Raise ``ValueError`` if a branch was followed with other data, mu included. Collective."""
+def _require_under(
+    system: ParametricEquations, other: fem.Constant, mu: float, branch: Branch
+) -> None:
+    """Raise ``ValueError`` if a branch does not solve the problem under mu. Collective."""
+    system.equations.require_same_mesh()
     before = other.value.copy()
     other.value = mu
     try:
-        branch.refuse_other_data()
+        require_solutions(system, branch)
     finally:
         other.value = before
 

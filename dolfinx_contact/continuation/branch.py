@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -138,8 +137,6 @@ class Branch(Ends):
         reason: why, in words.
         factorisations: of bordered matrices.
         solves: right-hand sides.
-        changed: what says which data have changed since it was followed, "" if none have,
-            collective; None of a branch that was not followed here.
     """
 
     points: list[BranchPoint] = field(default_factory=list)
@@ -148,7 +145,6 @@ class Branch(Ends):
     reason: str = ""
     factorisations: int = 0
     solves: int = 0
-    changed: Callable[[], str] | None = field(default=None, repr=False, compare=False)
 
     @property
     def complete(self) -> bool:
@@ -164,12 +160,6 @@ class Branch(Ends):
     def bifurcations(self) -> list[SpecialPoint]:
         """Points where other branches lead out."""
         return [s for s in self.special if s.kind == "bifurcation"]
-
-    def refuse_other_data(self) -> None:
-        """Raise ``ValueError`` if data have changed since it was followed. Collective."""
-        changed = "" if self.changed is None else self.changed()
-        if changed:
-            raise ValueError(f"data have changed since the branch was followed: {changed}")
 
     def summary(self) -> dict[str, Any]:
         """Scalars and lists for `summary.json`."""

@@ -45,7 +45,7 @@ from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
 from dolfinx_contact.continuation.observer import (
     BranchStep,
-    Guarded,
+    CollectiveObserver,
     Observer,
     ObserverLike,
     Observers,
@@ -155,10 +155,7 @@ class _Explorer:
         self.diagram = Diagram()
         comm = follower.bordered.comm
         observers = (listeners["record"], listeners["observer"])
-        changed = follower.system.data_watch()
-        self._observers = Observers(
-            *(Guarded(comm, given, _nothing, changed) for given in observers)
-        )
+        self._observers = Observers(*(CollectiveObserver(comm, given) for given in observers))
         #: Points from which branches are to be followed, that begin at no node.
         self._waiting: list[BranchPoint] = []
         #: Whether all rays are known of the kinks on branches and at their ends that are no nodes.
@@ -397,10 +394,6 @@ class _Explorer:
         square = b.inner(away, away)
         away.destroy()
         return bool(square <= _SAME_RAY**2)
-
-
-def _nothing() -> None:
-    """A branch has ended: its last point is in the problem."""
 
 
 def _is_cut_off(branch: Branch) -> bool:

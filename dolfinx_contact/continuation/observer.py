@@ -16,7 +16,7 @@ from dolfinx_contact.continuation.parameters import StepControl
 
 __all__ = [
     "BranchStep",
-    "Guarded",
+    "CollectiveObserver",
     "Observer",
     "ObserverLike",
     "Observers",
@@ -25,7 +25,6 @@ __all__ = [
     "Task",
     "as_observer",
     "is_observer",
-    "refuse_change",
 ]
 
 
@@ -102,13 +101,14 @@ class Observer:
     ArcLength          PathTask     PathStep          PathState
     ================== ============ ================= ===============
 
-    The problem is in the state of a point or step when the observer is called with it, and while a
-    branch or run begins (its start) and ends (its last state): displacement, multipliers, statuses,
-    gamma and what it drives, or the data of the time, so that ``problem.table``,
-    ``problem.support_forces`` and assembled forms are those of it. What the observer does to them
-    is lost at the next one. That costs no assembly. Along branches and paths all other data, as
-    friction and moduli, stay as they are: an observer that leaves others ends the run with a
-    ``ValueError``. In histories and motions they are put back.
+    When the observer is called, the problem is in the state of the point or step (its start when a
+    branch or run begins, its last state when it ends): displacement, multipliers, statuses, the
+    load parameter and driven data, or the data of the time. So ``problem.table``,
+    ``problem.support_forces`` and assembled forms refer to that state. This costs no assembly.
+
+    Observers must be read-only. The accepted state is put into the problem again before the record
+    is written and before the next step, so that values written to the Functions are lost. Changed
+    data, such as a friction coefficient, are not monitored: they enter all later steps.
 
     An exception that it raises on any rank ends the run on every rank.
     """
@@ -204,42 +204,27 @@ class Observers(Observer):
             o.explored(diagram)
 
 
-def refuse_change(who: str, changed: str) -> None:
-    """Raise ``ValueError`` if data have changed that are to stay. Not collective.
+class CollectiveObserver(Observer):
+    """Call an observer with the accepted state in the problem, and raise its errors on all ranks.
 
-    Args:
-        who: has changed them, in words.
-        changed: which data, in words; "" if none have.
-    """
-    if changed:
-        raise ValueError(
-            f"{who} changed {changed}: all data but the load stay as they are on the way; put back "
-            "what is changed for a look, leave to the load what changes in time, or begin another "
-            "branch or run with other data"
-        )
-
-
-class Guarded(Observer):
-    """An observer whose errors on one rank are raised on all. Collective.
+    The state is put into the problem before every call, so that an observer that writes to the
+    Functions cannot disturb another one.
 
     Args:
         comm: communicator.
-        given: by the user, on some ranks only perhaps; the others have one that does nothing.
-        put: puts what the observer is called with into the problem, before it is.
-        changed: says which data have changed that are to stay, "" if none have. Collective.
+        observer: observer of the user; None on ranks without one.
+        put: function that puts the accepted state into the problem.
     """
 
     def __init__(
         self,
         comm: MPI.Comm,
-        given: ObserverLike[Any] | None,
-        put: Callable[[], object],
-        changed: Callable[[], str] = lambda: "",
+        observer: ObserverLike[Any] | None,
+        put: Callable[[], object] = lambda: None,
     ):
         self._comm = comm
-        self._changed = changed
-        self._anywhere = bool(comm.allreduce(int(given is not None)))
-        self._observer = Observer() if given is None else as_observer(given)
+        self._anywhere = bool(comm.allreduce(int(observer is not None)))
+        self._observer = Observer() if observer is None else as_observer(observer)
         self._put = put
 
     def _notify(self, do: Callable[..., None], *what: Any) -> None:
@@ -248,7 +233,6 @@ class Guarded(Observer):
         self._put()
         with everywhere(self._comm, "an observer"):
             do(*what)
-        refuse_change("an observer", self._changed())
 
     def begin(self, task: Any, state: Any) -> None:
         self._notify(self._observer.begin, task, state)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import same_everywhere
+from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact.continuation.arguments import (
     check_system,
     checked_gamma,
@@ -15,7 +15,9 @@ from dolfinx_contact.continuation.follow import Route, follower_for
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
 
-__all__ = ["points_at"]
+__all__ = ["points_at", "require_solutions"]
+
+_ALLOWED = 1e-6  # relative residual of a solution
 
 
 def _check(a: Arguments) -> None:
@@ -52,11 +54,11 @@ def points_at(
 
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks, the branch
-            has no point, or data have changed since it was followed.
+            has no point, or one of its points is not a solution of the system as it is now.
         RuntimeError: on every rank, if a point that must be there is not found.
     """
     same_everywhere(system.comm, points_of_the_branch=len(branch.points))
-    branch.refuse_other_data()
+    require_solutions(system, branch)
     system.check_parameter([gamma])
     low, high = gamma_range
     first = branch.points[0]
@@ -71,3 +73,27 @@ def points_at(
             follower.bordered.set_scale(point.tangent, point.y)
         follower.bordered.require_scale()
         return follower.at(branch, gamma)
+
+
+def require_solutions(system: System, branch: Branch) -> None:
+    """Raise ``ValueError`` if a branch does not solve the system as it is now. Collective."""
+    x, b = system.create_vector(), system.create_vector()
+
+    def error(point: BranchPoint) -> float:
+        x.array[:] = point.y.array_r[: x.getLocalSize()]
+        return system.residual(x, point.gamma, b, point.piece)
+
+    scales = system.scales
+    worst = 0.0
+    with system.restored(always=True):
+        for _ in range(2):  # the measures grow with the load: once more if they were small
+            worst = max(map(error, branch.points), default=0.0)
+            if worst <= _ALLOWED:
+                break
+    system.scales = scales
+    x.destroy(), b.destroy()
+    require(
+        system.comm,
+        worst <= _ALLOWED,
+        f"not a solution of the problem as it is now: residual {worst:.1e} (allowed {_ALLOWED:g})",
+    )

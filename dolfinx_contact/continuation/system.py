@@ -8,7 +8,7 @@ it and vanish where a point is about to change its status.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Protocol
@@ -236,13 +236,6 @@ class System:
 
         So is every point shown that an observer is called with, and the last one of a branch.
         """
-
-    def data_watch(self) -> Callable[[], str]:
-        """What says which data have changed since, in words, "" if none have; collective.
-
-        Data are what H has beside (x, gamma). By default there are none.
-        """
-        return lambda: ""
 
     def undisturbed(self) -> AbstractContextManager[None]:
         """A context in which nobody changes the data; by default it does nothing. Collective.

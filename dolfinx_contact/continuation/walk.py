@@ -19,14 +19,13 @@ from dolfinx_contact.continuation.branch import Branch, BranchPoint, Departures,
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.observer import (
     BranchStep,
-    Guarded,
+    CollectiveObserver,
     Observer,
     ObserverLike,
     Observers,
     Stepping,
     Stop,
     Task,
-    refuse_change,
 )
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
@@ -204,10 +203,9 @@ class Walker(ABC):
         def put() -> None:
             self.system.put(*b.split(point.y), point.piece)
 
-        changed = branch.changed = self.system.data_watch()
         observers = Observers(
-            Guarded(b.comm, record, put, changed),
-            Guarded(b.comm, observer, put, changed),
+            CollectiveObserver(b.comm, record, put),
+            CollectiveObserver(b.comm, observer, put),
             BranchProgress(b.comm, progress),
         )
         low, high = gamma_range
@@ -231,7 +229,6 @@ class Walker(ABC):
             if stop is not None and branch.ending is None:
                 put()
                 words = reason_to_stop(b.comm, "branch", stop, step)
-                refuse_change("stop", changed())
                 if words:
                     branch.end(Ending.STOPPED, words)
             known = walk.stepping(index)

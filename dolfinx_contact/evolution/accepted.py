@@ -369,23 +369,6 @@ class Stepper:
         solved = self._is_solved(self.problem.evaluate())
         return replace(accepted, data=GivenData(self.problem.equations), solved=solved)
 
-    def data_watch(self) -> Callable[[], str]:
-        """What says which data have changed since a state was put; see `System.data_watch`."""
-        return self.changed_since_put
-
-    def changed_since_put(self) -> str:
-        """What is not that of the state that was put last, "" if all is. Collective.
-
-        It is put back before the next step, so that a change of what the load does not set would be
-        lost, and nobody knew. What it sets may be anything.
-        """
-        assert self._there is not None
-        data = self._there.data
-        if data.changed(self.problem.comm):
-            self._set(self._there.time)
-        other = self._other_state(self._there)
-        return data.changed(self.problem.comm) or (other and f"the {other}")
-
     def _is_solved(self, state: Evaluation) -> bool:
         """Whether a state is a solution under the load that is there. Collective."""
         return Scales(self.problem.equations, settled=True).measure(state).worst <= _SOLVED

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dolfinx_contact.equations.evaluation import Statuses
@@ -65,10 +65,6 @@ class PathStepper(Stepper):
             accepted = self.recalled(time, memory, energies, first=first)
         assert isinstance(accepted, OnPath)
         return accepted
-
-    def data_watch(self) -> Callable[[], str]:
-        """The same, of all data but gamma and what it drives. Collective."""
-        return self._system.data_watch()
 
     def put(self, accepted: AcceptedState) -> None:
         assert isinstance(accepted, OnPath)

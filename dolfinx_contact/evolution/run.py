@@ -9,7 +9,6 @@ progress is shown. Whatever fails, the problem is left at the last accepted stat
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from mpi4py import MPI
@@ -17,7 +16,7 @@ from mpi4py import MPI
 from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import reason_to_stop
 from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.continuation.observer import Guarded, Observer, refuse_change
+from dolfinx_contact.continuation.observer import CollectiveObserver, Observer
 from dolfinx_contact.evolution.accepted import SolvedStep, Stepper
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.listeners import Listeners
@@ -52,9 +51,8 @@ class Run(Generic[T, S, H]):
         self._history = history
         comm = stepper.problem.comm
         self._solved: SolvedStep | None = None
-        self._changed: Callable[[], str] = lambda: ""
-        self._record = Guarded(comm, listeners.record, self._put, lambda: self._changed())
-        self._observer = Guarded(comm, listeners.observer, self._show, lambda: self._changed())
+        self._record = CollectiveObserver(comm, listeners.record, self._put)
+        self._observer = CollectiveObserver(comm, listeners.observer, self._show)
         self._progress = _RunProgress(comm, listeners.progress, rule)
 
     def go(self) -> H:
@@ -68,7 +66,6 @@ class Run(Generic[T, S, H]):
         start = rule.start
         try:
             self._put()
-            self._changed = self._stepper.data_watch()
             rule.begin()
             self._record.begin(rule.task, start)
             self._observer.begin(rule.task, start)
@@ -123,7 +120,6 @@ class Run(Generic[T, S, H]):
             return
         self._show()
         reason = reason_to_stop(self._stepper.problem.comm, rule.what, stop, step)
-        refuse_change("stop", self._changed())
         if reason:
             rule.end(Ending.STOPPED, reason)
             self.run_state = rule.run_state

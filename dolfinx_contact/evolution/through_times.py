@@ -26,7 +26,6 @@ from dolfinx_contact._errors import everywhere
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.continuation.arguments import check_rays
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.observer import refuse_change
 from dolfinx_contact.evolution.accepted import (
     AcceptedState,
     SolvedStep,
@@ -414,7 +413,6 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
                 if not isinstance(answer, bool | np.bool_):
                     raise ValueError(f"accept must answer True or False, got {answer!r}")
                 wanted = bool(answer)
-        refuse_change("accept", self._stepper.changed_since_put())
         # All that were called must require it.
         return not comm.allreduce(int(not wanted))
 

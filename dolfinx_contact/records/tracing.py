@@ -41,7 +41,7 @@ def journal_of(
 
     Raises:
         ValueError: on every rank, as for `BranchRecord`, or if the numbers of branches or points
-            differ between ranks, or data have changed since a branch was followed.
+            differ between ranks.
 
     Example:
         ::
@@ -56,8 +56,6 @@ def journal_of(
             raise ValueError("branches must be Branches, as `follow` and `explore` return them")
     same_everywhere(system.comm, points_of_the_branches=[len(b.points) for b in branches])
     system.equations.require_same_mesh()
-    for branch in branches:
-        branch.refuse_other_data()
     values = compiled(system.problem, functionals or {})
     header = {"functionals": list(values), "points": places(system.problem), "format": FORMAT}
     journal = Journal(header=header)
