@@ -25,6 +25,7 @@ from dolfinx import fem
 import dolfinx_contact.points.sliding.candidates as searching
 from dolfinx_contact import ContactPair, Frictionless
 from dolfinx_contact.equations.sliding import SlidingTerms
+from dolfinx_contact.points.discretisation import discretise
 
 SHIFT = np.array([0.013, 0.007, -0.002])
 """Of the block, lengths of its edge."""
@@ -73,7 +74,7 @@ def main(argv=None):
         return timers[name](name, function)
 
     given = dict(slave=pair_ratio.SLAVE, master=pair_ratio.MASTER, law=Frictionless())
-    pair = timed("pair", lambda: ContactPair(u, tags, sliding="large", **given))
+    pair = timed("pair", lambda: discretise(ContactPair(u, tags, sliding="large", **given)))
     faces = pair.points.faces
     x = V.tabulate_dof_coordinates()
     upper = x[:, 2] > -1e-9

@@ -29,9 +29,8 @@ from dolfinx_contact.laws import (
     Tresca,
 )
 from dolfinx_contact.obstacles import Cylinder, HalfSpace, LevelSet, Sphere
-from dolfinx_contact.points.pair import ContactPair
+from dolfinx_contact.points.descriptions import ContactPair, ContactSurface, SelfContact
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.surface import ContactSurface
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.tables import ContactTable
@@ -41,7 +40,6 @@ if TYPE_CHECKING:
     from dolfinx_contact.laws import RCCM, BilinearCohesive, MaxwellLayer
     from dolfinx_contact.nested import solve_nested
     from dolfinx_contact.parametric import ParametricContact
-    from dolfinx_contact.points.self_contact import SelfContact
     from dolfinx_contact.rigid_surfaces import RigidSurface
 
 __version__ = "0.1.0"
@@ -84,7 +82,6 @@ _LATER = {
     "MaxwellLayer": "dolfinx_contact.laws",
     "ParametricContact": "dolfinx_contact.parametric",
     "RigidSurface": "dolfinx_contact.rigid_surfaces",
-    "SelfContact": "dolfinx_contact.points.self_contact",
     "solve_nested": "dolfinx_contact.nested",
 }
 

@@ -42,10 +42,12 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.given_data import GivenData, mark_of_data, note_put, was_put
 from dolfinx_contact.equations.state import LastWrite, State
+from dolfinx_contact.points.descriptions import Contact, is_axisymmetric
+from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.revolution import axis_condition
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.proofs import theory_of, uniqueness
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.checks import warn_of_obstacles
@@ -113,10 +115,16 @@ def _described(a: Arguments) -> dict[str, Any]:
         "Dirichlet_data": [described_condition(bc) for bc in a.bcs],
         "bulk": lambda: described(a.bulk, a.u.function_space.mesh),
         "r": described_number(a.r),
-        "rigid_bodies": [s.rigid_body and s.rigid_body.described() for s in a.surfaces],
+        "rigid_bodies": [_rigid_body(s) for s in a.surfaces],
         "petsc_options": sorted((k, described_number(v)) for k, v in a.petsc_options.items()),
         "PETSc_database": sorted(in_database(a.petsc_options_prefix).items()),
     }
+
+
+def _rigid_body(contact: Contact) -> str:
+    """The content of the rigid body of a surface; empty if there is none."""
+    obstacle = getattr(contact, "obstacle", None)
+    return str(obstacle.described()) if isinstance(obstacle, RigidBody) else ""
 
 
 class ContactProblem(ReadOnly):
@@ -182,6 +190,7 @@ class ContactProblem(ReadOnly):
         "contact_fields",
         "create_vector",
         "destroy",
+        "discrete",
         "evaluate",
         "fields",
         "linear_solver",
@@ -213,7 +222,7 @@ class ContactProblem(ReadOnly):
         self,
         bulk: ufl.Form,
         u: fem.Function,
-        surfaces: Sequence[ContactSurface],
+        surfaces: Sequence[Contact],
         *,
         bcs: Sequence[fem.DirichletBC] = (),
         r: float | None = None,
@@ -224,7 +233,6 @@ class ContactProblem(ReadOnly):
         self.V = u.function_space
         self.comm = u.function_space.mesh.comm
         keep(self.V.mesh)
-        self.surfaces = surfaces
         self.bcs = bcs
         self.petsc_options = dict(petsc_options or {})
         PETSc.garbage_cleanup(self.comm)  # what earlier problems on several ranks have left
@@ -232,16 +240,22 @@ class ContactProblem(ReadOnly):
         require(self.comm, finite, "the mesh has a coordinate that is not finite")
         check_cells(self.V.mesh)
         given = ProblemOptions(petsc_options_prefix, self.petsc_options)
-        body = Bulk(weighted(bulk, axisymmetric=self.surfaces[0].axisymmetric), u)
+        axisymmetric = is_axisymmetric(surfaces[0])
+        body = Bulk(weighted(bulk, axisymmetric=axisymmetric), u)
         #: The UFL energy as given, or None if a residual was given.
         self.energy: ufl.Form | None = bulk if body.is_energy else None
         spaces = fem.extract_function_spaces([body.residual_form])
         if len(fem.bcs_by_block(spaces, self.bcs)[0]) != len(self.bcs):
             raise ValueError("a Dirichlet condition is not on the space of u or a component of it")
-        if self.surfaces[0].axisymmetric:
+        if axisymmetric:
             self.bcs = [*self.bcs, *axis_condition(self.V)]
         body.displacement.x.array[:] = u.x.array
-        self.surfaces = ReadOnlyList(self.surfaces, "surfaces of a problem", _SURFACES)
+        #: Descriptions with which the problem was made.
+        self.contacts: tuple[Contact, ...] = tuple(surfaces)
+        #: Discretisations of the contact surfaces, in the order of their descriptions.
+        self.surfaces: list[DiscreteSurface] = ReadOnlyList(
+            [discretise(s) for s in surfaces], "surfaces of a problem", _SURFACES
+        )
         self.bcs = ReadOnlyList(self.bcs, "Dirichlet conditions of a problem", _CONDITIONS)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
@@ -518,33 +532,37 @@ class ContactProblem(ReadOnly):
         """What solves for Newton steps; it lasts as long as the problem. Collective."""
         return self._linear()
 
-    def table(self, s: ContactSurface, *, state: State | None = None) -> ContactTable:
+    def table(
+        self, surface: Contact | DiscreteSurface, *, state: State | None = None
+    ) -> ContactTable:
         """Tabulate the contact points of a surface. Collective.
 
         Args:
-            s: surface of this problem.
+            surface: surface of this problem.
             state: state to evaluate; by default the Functions as they are.
         """
-        self._require_mine(s)
+        number = self.surfaces.index(self.discrete(surface))
         with self.at(state) as problem:
             eq = problem.equations
             found = problem.evaluate()
-            return contact_table(eq, self.surfaces.index(s), found, support_at_nodes(eq, found))
+            return contact_table(eq, number, found, support_at_nodes(eq, found))
 
     def contact_fields(
-        self, s: ContactSurface, *, state: State | None = None
+        self, surface: Contact | DiscreteSurface, *, state: State | None = None
     ) -> dict[str, fem.Function]:
         """Return pressure, shear, gap, ... on a surface as Functions. Collective.
 
-        They are Functions of their own, continuous and linear, on the mesh of the surface alone
-        (``s.submesh.mesh``): forms on that mesh integrate them, `io.write_fields` writes them.
+
+        They are new Functions, continuous and linear, on the mesh of the surface alone
+        (``problem.discrete(surface).submesh.mesh``): forms on that mesh integrate them, and
+        `io.write_fields` writes them.
         Nodal pressures are forces over the areas of the nodes, so that the integral of the pressure
         is the sum of the normal forces (on parallel quadrilaterals and in the integral method with
         linear multipliers too; in bodies of revolution, with the weight 2 pi r, up to an error that
         vanishes with the mesh size).
 
         Args:
-            s: surface of this problem.
+            surface: surface of this problem.
             state: state to evaluate; by default the Functions as they are.
 
         Returns:
@@ -557,7 +575,7 @@ class ContactProblem(ReadOnly):
             of a vertex; and the variables of laws, as ``beta``, the intensity of adhesion.
 
         Raises:
-            ValueError: if ``s`` is not a surface of the problem.
+            ValueError: if the surface does not belong to the problem.
 
         Example:
             The mean of the pressure where x < 1/2::
@@ -573,31 +591,43 @@ class ContactProblem(ReadOnly):
         """
         from dolfinx_contact.results.fields import contact_fields
 
-        self._require_mine(s)
+        number = self.surfaces.index(self.discrete(surface))
         with self.at(state) as problem:
-            return contact_fields(problem.equations, self.surfaces.index(s), problem.evaluate())
+            return contact_fields(problem.equations, number, problem.evaluate())
 
     def support_forces(
-        self, s: ContactSurface, *, state: State | None = None
+        self, surface: Contact | DiscreteSurface, *, state: State | None = None
     ) -> npt.NDArray[np.float64]:
         """Reactions of Dirichlet data on the body at the local vertices of a surface. Collective.
 
         Args:
-            s: surface of this problem.
+            surface: surface of this problem.
             state: state to evaluate; by default the Functions as they are.
 
         Returns:
             Forces (vertices, dim).
         """
-        self._require_mine(s)
+        s = self.discrete(surface)
         reactions = support_at_nodes(self.equations, self.evaluate(state))
         return forces_at_vertices(self.V, s.submesh, s.points.vertex_trace_dofs, reactions)
 
-    def _require_mine(self, s: ContactSurface) -> None:
-        """Raise ``ValueError`` if this is no surface of the problem. Not collective."""
-        if not any(s is mine for mine in self.surfaces):
-            names = [mine.name for mine in self.surfaces]
-            raise ValueError(f"a surface of this problem is needed, one of {names}; got {s!r}")
+    def discrete(self, surface: Contact | DiscreteSurface) -> DiscreteSurface:
+        """Return the discretisation of a contact surface of this problem.
+
+        Args:
+            surface: description with which the problem was made, or its discretisation.
+
+        Returns:
+            The contact points of this rank with their multiplier (a Function on ``submesh.mesh``).
+
+        Raises:
+            ValueError: if the surface does not belong to the problem.
+        """
+        for s in self.surfaces:
+            if surface is s or surface is s.description:
+                return s
+        names = [s.name for s in self.surfaces]
+        raise ValueError(f"a surface of this problem is needed, one of {names}; got {surface!r}")
 
     # -- solve -----------------------------------------------------------------------------------
 

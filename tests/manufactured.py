@@ -602,7 +602,7 @@ class TurningInTime(Turning):
         load = ufl.dot(self.forces[0] + z * self.forces[1], self.u) * ufl.dx
         static = self.problem
         energy = self.energy - load
-        self.problem = ContactProblem(energy, self.u, static.surfaces, bcs=static.bcs)
+        self.problem = ContactProblem(energy, self.u, static.contacts, bcs=static.bcs)
 
     def load(self, time):
         super().load(time)

@@ -55,7 +55,7 @@ ROOMS = {
             *("rigid_body", "true_surface", "two_faces", "small_sliding", "held_ends"),
             *("curved_friction", "given_normals", "doubled_nodes", "common_points", "overlap"),
             *("points_in_small", "planes_of_symmetry", "faces_in_small", "sides_in_small"),
-            *("sliding_in_small", "surfaces_in_turns", "clipping"),
+            *("sliding_in_small", "clipping"),
         ],
     ),
     "equations": (

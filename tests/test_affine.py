@@ -106,7 +106,7 @@ def test_a_residual_that_jumps_is_not_solved():
     v = ufl.TestFunction(p.u.function_space)
     stiff = ufl.derivative(LinearElastic.from_young(1.0, 0.3).energy(p.u) * ufl.dx, p.u, v)
     residual = stiff + (ufl.sign(p.u[0]) - 0.1) * v[0] * ufl.dx
-    problem = ContactProblem(residual, p.u, p.problem.surfaces, bcs=p.problem.bcs)
+    problem = ContactProblem(residual, p.u, p.problem.contacts, bcs=p.problem.bcs)
     with pytest.raises(ConvergenceError, match=r"kinks in u.*Tresca"):
         problem.solve(progress=False)
 

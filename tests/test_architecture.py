@@ -1,7 +1,6 @@
 """The layers of the package: allowed imports and public names."""
 
 import ast
-import pydoc
 import re
 import subprocess
 import sys
@@ -13,8 +12,7 @@ from mpi4py import MPI
 import pytest
 from on_ranks import EVERY_CASE, ON_THREE, ON_TWO
 
-import dolfinx_contact
-from dolfinx_contact import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 PACKAGE = "dolfinx_contact"
 ROOT = Path(__file__).parents[1] / PACKAGE
@@ -179,40 +177,9 @@ def test_page_on_the_architecture_names_existing_files():
     assert not [folder for folder in folders if f"`{folder}/`" not in text]
 
 
-#: What users see of the classes that they hold (`help`): a new name is added here on purpose.
-PUBLIC = {
-    "ContactSurface": """
-        at_vertices between_bodies kinematics node_positions owned_nodes positions rigid_body
-    """,
-    "ContactProblem": """
-        contact_fields create_vector destroy evaluate fields linear_solver put read reduced residual
-        restore restored rigid_bodies snapshot solve solver support_forces table write
-    """,
-    "ParametricContact": """
-        condensed create_vector destroy events is_piecewise_affine letters piece piece_at piece_of
-        positions put residual restored result_at set_parameter statuses_of
-    """,
-}
-
-
-@pytest.mark.parametrize("name", [*PUBLIC, "ContactPair"])
-def test_what_users_see_of_a_class(name):
-    """`help`, completion at an object's class, and no name of a list that is none of the class."""
-    cls = getattr(dolfinx_contact, name)
-    known = sorted(PUBLIC.get(name, PUBLIC["ContactSurface"]).split())
-    assert sorted(n for n in dir(cls) if not n.startswith("_")) == known
-    assert sorted(cls._listed) == known
-    text = pydoc.plain(pydoc.render_doc(cls))
-    shown = set(re.findall(r"^ \|  (\w+)\b", text, re.MULTILINE))
-    assert shown >= set(known)
-    hidden = {n for kind in cls.__mro__ for n in vars(kind) if not n.startswith("_")} - set(known)
-    assert hidden
-    assert not [n for n in hidden if re.search(rf"^ \|  {n}(\(|$)", text, re.MULTILINE)]
-
-
 def test_private_members_of_surfaces_are_used_by_points_alone():
     """Members that other layers need have no underscore (`ReadOnly._listed` hides it)."""
     for name, file in MODULES.items():
         if not name.startswith(f"{PACKAGE}.points"):
             found = re.findall(r"\b(?:s|surface|pair)\._[a-z]\w*", file.read_text())
-            assert not [word for word in found if hasattr(ContactSurface, word.split(".")[1])]
+            assert not [word for word in found if hasattr(DiscreteSurface, word.split(".")[1])]

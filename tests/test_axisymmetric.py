@@ -41,6 +41,7 @@ from dolfinx_contact.materials import (
     StVenantKirchhoff,
 )
 from dolfinx_contact.meshing import join, mesh_from_gmsh
+from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
@@ -582,7 +583,7 @@ def test_surfaces_that_cannot_be():
     def surface(domain, where, **given):
         u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,))))
         given = dict(obstacle=FLOOR, law=Frictionless(), axisymmetric=True) | given
-        return ContactSurface(u, where, **given)
+        return discretise(ContactSurface(u, where, **given))
 
     domain = section(3)
     bottom = facets(domain, 1, 0.0)

@@ -76,7 +76,7 @@ def test_a_state_that_is_set_between_two_runs_is_refused(kind):
     block.begun(NSCD).run([0.4, 0.5])
     evolution.run([0.4, 0.5])
     problem = block.problem
-    others = ContactProblem(problem.energy, problem.u, problem.surfaces, bcs=problem.bcs)
+    others = ContactProblem(problem.energy, problem.u, problem.contacts, bcs=problem.bcs)
     others.solve()
     evolution.run([0.5, 0.6])
     if kind is NSCD:

@@ -17,6 +17,7 @@ from dolfinx import fem, la, mesh
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.points.discretisation import discretise
 
 COMM = MPI.COMM_WORLD
 DEGREES = [(1, 1), (2, 1), (2, 2)]  # of displacement and multiplier
@@ -72,7 +73,7 @@ def test_uniform_tractions(case, sides, degrees):
     u = displacement(both.mesh, degrees[0])
     V = u.function_space
     t = np.array([1.0, -2.0])
-    pair = pair_of(u, both, degrees, sides)
+    pair = discretise(pair_of(u, both, degrees, sides))
     assert not pair.obstacle.opposite.matching
     assert largest_sum(pair) < 1e-14
     n = V.dofmap.index_map.size_local
@@ -290,9 +291,10 @@ def test_more_elements_converge_to_one_body(degrees):
             both = stacked(below, n, (0.0, 1.0), (0.0, 1.0))
             u = displacement(both.mesh, degrees[0])
             pair = pair_of(u, both, degrees, law=Coulomb(50.0))
-            assert pair.obstacle.opposite.matching == (below == n)
             ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.02, -0.05))]
-            result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+            problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
+            assert problem.surfaces[0].obstacle.opposite.matching == (below == n)
+            result = problem.solve()
             energies.append(result.energies["bulk"])
         errors.append(abs(energies[1] / energies[0] - 1))
     assert errors[1] < 0.5 * errors[0] < 0.005
@@ -351,7 +353,7 @@ def of_second_order(body):
 
 def refused(match, u, both, **options):
     with pytest.raises(ValueError, match=match) as info:
-        pair_of(u, both, (1, 1), **options)
+        discretise(pair_of(u, both, (1, 1), **options))
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 

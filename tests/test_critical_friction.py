@@ -783,7 +783,7 @@ def test_slips_of_both_signs_bring_continua(which):
     K = problem.equations.bulk.stiffness(u.x.array).getValuesCSR()
     K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
     x = V.tabulate_dof_coordinates()
-    places = floor.points.Q.tabulate_dof_coordinates()
+    places = problem.discrete(floor).points.Q.tabulate_dof_coordinates()
     nodes = [int(np.abs(x - place).sum(axis=1).argmin()) for place in places]
     t = 2 * np.array(nodes)
     n = 2 * np.array(nodes) + 1
@@ -803,7 +803,9 @@ def test_slips_of_both_signs_bring_continua(which):
     def is_solution(part, coefficient):
         friction.value = coefficient
         u.x.array[:] = slid.x.array + part * motion
-        floor.multiplier.x.array[:] = np.tile(pushed.value, len(places)) + part * forces
+        problem.discrete(floor).multiplier.x.array[:] = (
+            np.tile(pushed.value, len(places)) + part * forces
+        )
         restore_statuses(problem, MINUS if F > 0 else PLUS)
         start = u.x.array.copy()
         result = problem.solve()

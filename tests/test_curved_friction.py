@@ -329,14 +329,13 @@ class OnBody:
         material = given.pop("material", RUBBER)
         bottom = mesh.locate_entities_boundary(domain, dim - 1, self._below(dim, lifted))
         obstacle = obstacle(domain) if callable(obstacle) else obstacle
-        self.surface = ContactSurface(self.u, bottom, obstacle=obstacle, law=law, **given)
+        surface = ContactSurface(self.u, bottom, obstacle=obstacle, law=law, **given)
         held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
         bcs = [fem.dirichletbc(self.top, held)]
         energy = material.energy(self.u) * DX
         options = {"snes_rtol": 1e-11}
-        self.problem = ContactProblem(
-            energy, self.u, [self.surface], bcs=bcs, petsc_options=options
-        )
+        self.problem = ContactProblem(energy, self.u, [surface], bcs=bcs, petsc_options=options)
+        (self.surface,) = self.problem.surfaces
 
     @staticmethod
     def _below(dim, lifted):
@@ -912,7 +911,7 @@ def test_refused():
             {"law": NonlocalCoulomb(0.3, radius=0.3)},
             "no friction with the law .*, which averages the pressure around points",
         ),
-        ({"law": Coulomb(0.3), "method": "mixed"}, "gaps of mixed contact are averages"),
+        ({"law": Coulomb(0.3), "method": "mixed"}, "gaps of the mixed method are averages"),
     ):
         with pytest.raises(ValueError, match=message):
             OnBody(2, disc, sliding="large", **given)

@@ -624,16 +624,16 @@ def test_scales_follow_a_body_that_becomes_stiffer(now):
     bcs = [fem.dirichletbc(np.zeros(2), top, V)]
     eq = ContactProblem(energy, u, [surface], bcs=bcs).equations
     before = eq.stiffness_scale
-    r = surface.points.r.copy()
+    r = eq.surfaces[0].points.r.copy()
     at = eq.scaling.at_vertices[0].copy()
     stiff.value = now
     eq.bulk.stiffness(u.x.array.copy())
     eq.scaling.follow(u.x.array.copy())
     assert eq.stiffness_scale == pytest.approx(now * before)
-    np.testing.assert_allclose(surface.points.r, now * r)
+    np.testing.assert_allclose(eq.surfaces[0].points.r, now * r)
     np.testing.assert_allclose(eq.scaling.at_vertices[0], now * at)
     with eq.scaling.automatic():
-        np.testing.assert_allclose(surface.points.r, now * r)
+        np.testing.assert_allclose(eq.surfaces[0].points.r, now * r)
 
 
 def test_which_problems_have_many_pieces(monkeypatch):
@@ -668,7 +668,7 @@ def test_motions_that_contact_holds():
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     eq = ContactProblem(energy, u, [surface]).equations
-    n = surface.points.number
+    n = eq.surfaces[0].points.number
     words = {c: eq.loose_motions([np.full(n, c, dtype=np.int8)]) for c in (OPEN, STICK, PLUS)}
     assert words[STICK] == ""
     assert words[PLUS] == "translation x"

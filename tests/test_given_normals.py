@@ -46,8 +46,8 @@ def pressed(dim, cell, sizes, law, **normal):
     pair = ContactPair(u, both, slave=3, master=1, law=law, **normal)
     options = {"snes_rtol": 1e-12}
     bulk = MATERIAL.energy(u) * ufl.dx
-    result = ContactProblem(bulk, u, [pair], bcs=ends, petsc_options=options).solve()
-    return pair, result.tables["contact"]
+    problem = ContactProblem(bulk, u, [pair], bcs=ends, petsc_options=options)
+    return problem.surfaces[0], problem.solve().tables["contact"]
 
 
 def on_the_mirror(dim, cell, n, law):

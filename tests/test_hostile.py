@@ -47,6 +47,7 @@ from dolfinx_contact.materials import (
 )
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states
+from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.records import BranchRecord, resume, write_series
 
 COMM = MPI.COMM_WORLD
@@ -136,6 +137,10 @@ def w():
 def surface(w, where=None, **options):
     where = facets(w.domain, 1, 0.0) if where is None else where
     return ContactSurface(w.u, where, **{"obstacle": FLOOR, "law": Coulomb(0.3), **options})
+
+
+def discretised(w, where=None, **options):
+    return discretise(surface(w, where, **options))
 
 
 def problem(w, bulk=None, surfaces=None, **options):
@@ -235,91 +240,97 @@ def vector(g):
 #: What is done, what the message says, and of which class the error is if not ValueError.
 MISUSE = {
     # surfaces
-    "tags of another mesh": (lambda w: surface(w, tags_of(w.other), tag=7), "of another mesh"),
-    "tags of cells": (lambda w: surface(w, tags_of(w.domain, 2), tag=7), "of dimension 1, not 2"),
-    "no tag": (lambda w: surface(w, tags_of(w.domain)), "need a tag"),
-    "half a tag": (lambda w: surface(w, tags_of(w.domain), tag=7.5), "must be a whole number"),
-    "tag True": (lambda w: surface(w, tags_of(w.domain), tag=True), "must be a whole number"),
-    "facet -1": (lambda w: surface(w, np.array([-1])), "facet indices outside the mesh"),
-    "facet 2^40": (lambda w: surface(w, np.array([2**40])), "facet indices outside the mesh"),
-    "facets as words": (lambda w: surface(w, ["bottom"]), "array of integer indices"),
+    "tags of another mesh": (lambda w: discretised(w, tags_of(w.other), tag=7), "of another mesh"),
+    "tags of cells": (
+        lambda w: discretised(w, tags_of(w.domain, 2), tag=7),
+        "of dimension 1, not 2",
+    ),
+    "no tag": (lambda w: discretised(w, tags_of(w.domain)), "need a tag"),
+    "half a tag": (lambda w: discretised(w, tags_of(w.domain), tag=7.5), "must be a whole number"),
+    "tag True": (lambda w: discretised(w, tags_of(w.domain), tag=True), "must be a whole number"),
+    "facet -1": (lambda w: discretised(w, np.array([-1])), "facet indices outside the mesh"),
+    "facet 2^40": (lambda w: discretised(w, np.array([2**40])), "facet indices outside the mesh"),
+    "facets as words": (lambda w: discretised(w, ["bottom"]), "array of integer indices"),
     "field of another mesh": (
-        lambda w: surface(w, law=Coulomb(w.f_other)),
+        lambda w: discretised(w, law=Coulomb(w.f_other)),
         "friction of Coulomb is a Function of another mesh",
     ),
     "part of a field of another mesh": (
-        lambda w: surface(w, law=Coulomb(0.1 + w.f_other**2)),
+        lambda w: discretised(w, law=Coulomb(0.1 + w.f_other**2)),
         "friction of Coulomb contains a Function of another mesh",
     ),
     "friction Constant of another mesh": (
-        lambda w: surface(w, law=Coulomb(w.c_other)),
+        lambda w: discretised(w, law=Coulomb(w.c_other)),
         "friction of Coulomb is a Constant of another mesh",
     ),
     "threshold Constant of another mesh": (
-        lambda w: surface(w, law=Tresca(w.c_other)),
+        lambda w: discretised(w, law=Tresca(w.c_other)),
         "threshold of Tresca is a Constant of another mesh",
     ),
     "friction by places of another mesh": (
-        lambda w: surface(w, law=Coulomb(ufl.SpatialCoordinate(w.other)[0])),
+        lambda w: discretised(w, law=Coulomb(ufl.SpatialCoordinate(w.other)[0])),
         "friction of Coulomb belongs to another mesh",
     ),
-    "friction vector": (lambda w: surface(w, law=Coulomb(w.u)), "must be a nonnegative number"),
-    "friction True": (lambda w: surface(w, law=Coulomb(True)), "must be a nonnegative number"),
-    "friction 1j": (lambda w: surface(w, law=Coulomb(1j)), "must be a nonnegative number"),
-    "friction None": (lambda w: surface(w, law=Coulomb(None)), "must be a nonnegative number"),
-    "law class": (lambda w: surface(w, law=Coulomb), "the law must be"),
-    "law that raises": (lambda w: surface(w, law=BadLaw()), "in the law", UsersError),
-    "obstacle class": (lambda w: surface(w, obstacle=HalfSpace), "the obstacle must be"),
+    "friction vector": (lambda w: discretised(w, law=Coulomb(w.u)), "must be a nonnegative number"),
+    "friction True": (lambda w: discretised(w, law=Coulomb(True)), "must be a nonnegative number"),
+    "friction 1j": (lambda w: discretised(w, law=Coulomb(1j)), "must be a nonnegative number"),
+    "friction None": (lambda w: discretised(w, law=Coulomb(None)), "must be a nonnegative number"),
+    "law class": (lambda w: discretised(w, law=Coulomb), "the law must be"),
+    "law that raises": (lambda w: discretised(w, law=BadLaw()), "in the law", UsersError),
+    "obstacle class": (lambda w: discretised(w, obstacle=HalfSpace), "the obstacle must be"),
     "point of another mesh": (
-        lambda w: surface(w, obstacle=HalfSpace(fem.Constant(w.other, (0.0, 0.0)), (0, 1))),
+        lambda w: discretised(w, obstacle=HalfSpace(fem.Constant(w.other, (0.0, 0.0)), (0, 1))),
         "the point of the half-space is a Constant of another mesh",
     ),
     "radius of another mesh": (
-        lambda w: surface(w, obstacle=Sphere((0.5, -1.0), w.c_other)),
+        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), w.c_other)),
         "the radius is a Constant of another mesh",
     ),
     "radius vector": (
-        lambda w: surface(w, obstacle=Sphere((0.5, -1.0), fem.Constant(w.domain, (1.0, 1.0)))),
+        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), fem.Constant(w.domain, (1.0, 1.0)))),
         "the radius must be a number",
     ),
     "radius word": (
-        lambda w: surface(w, obstacle=Sphere((0.5, -1.0), "1")),
+        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), "1")),
         "the radius must be positive",
     ),
     "radius inf": (
-        lambda w: surface(w, obstacle=Sphere((0.5, -1.0), np.inf)),
+        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), np.inf)),
         "the radius must be positive",
     ),
-    "normal word": (lambda w: surface(w, obstacle=HalfSpace((0, 0), "up")), "2 finite components"),
+    "normal word": (
+        lambda w: discretised(w, obstacle=HalfSpace((0, 0), "up")),
+        "2 finite components",
+    ),
     "ragged point": (
-        lambda w: surface(w, obstacle=HalfSpace((0, (1, 2)), (0, 1))),
+        lambda w: discretised(w, obstacle=HalfSpace((0, (1, 2)), (0, 1))),
         "2 finite components",
     ),
     "cylinder in 2D": (
-        lambda w: surface(w, obstacle=Cylinder((0, 0), (0, 1), 1.0)),
+        lambda w: discretised(w, obstacle=Cylinder((0, 0), (0, 1), 1.0)),
         "needs a 3D mesh",
     ),
     "level set of another mesh": (
-        lambda w: surface(w, obstacle=LevelSet(lambda x: x[1] + w.f_other)),
+        lambda w: discretised(w, obstacle=LevelSet(lambda x: x[1] + w.f_other)),
         "the level set contains a Function of another mesh",
     ),
     "level set number": (
-        lambda w: surface(w, obstacle=LevelSet(lambda x: 1.0)),
+        lambda w: discretised(w, obstacle=LevelSet(lambda x: 1.0)),
         "scalar UFL expression",
     ),
     "level set that is none": (
-        lambda w: surface(w, obstacle=LevelSet(1.0)),
+        lambda w: discretised(w, obstacle=LevelSet(1.0)),
         "must be a function of position",
     ),
     "level set that raises": (
-        lambda w: surface(w, obstacle=LevelSet(raising(UsersError("in the level set")))),
+        lambda w: discretised(w, obstacle=LevelSet(raising(UsersError("in the level set")))),
         "in the level set",
         UsersError,
     ),
-    "no name": (lambda w: surface(w, name=""), "the name of a contact surface"),
-    "name 3": (lambda w: surface(w, name=3), "the name of a contact surface"),
+    "no name": (lambda w: discretised(w, name=""), "the name of a contact surface"),
+    "name 3": (lambda w: discretised(w, name=3), "the name of a contact surface"),
     "quadrature degree word": (
-        lambda w: surface(w, method="integral", quadrature_degree="4"),
+        lambda w: discretised(w, method="integral", quadrature_degree="4"),
         "the quadrature degree must be",
     ),
     "displacement expression": (
@@ -463,7 +474,7 @@ MISUSE = {
     # level sets and obstacles
     **{
         f"level set {what}": (
-            lambda w, phi=phi: surface(w, obstacle=LevelSet(lambda x: phi(w, x))),
+            lambda w, phi=phi: discretised(w, obstacle=LevelSet(lambda x: phi(w, x))),
             "the level set does not depend on the position",
         )
         for what, phi in {
@@ -509,11 +520,11 @@ MISUSE = {
         }.items()
     },
     "obstacle that moves with the body": (
-        lambda w: surface(w, obstacle=LevelSet(lambda x: x[1] + w.u[1])),
+        lambda w: discretised(w, obstacle=LevelSet(lambda x: x[1] + w.u[1])),
         "the obstacle depends on the displacement",
     ),
     "normal that turns with the body": (
-        lambda w: surface(w, obstacle=Sphere(w.u, 2.0)),
+        lambda w: discretised(w, obstacle=Sphere(w.u, 2.0)),
         "the obstacle depends on the displacement",
     ),
     # options
@@ -755,96 +766,104 @@ def differs(a, b):
 #: What is done with other arguments on the last rank, and what the message says.
 DISAGREEMENT = {
     "friction": (
-        lambda w: surface(w, law=Coulomb(differs(0.3, 0.4))),
+        lambda w: discretised(w, law=Coulomb(differs(0.3, 0.4))),
         r"law differs between ranks: 'Coulomb\(friction 0\.3 .* rank 0, 'Coulomb\(friction 0\.4 ",
     ),
     "friction nan": (
-        lambda w: surface(w, law=Coulomb(differs(0.3, np.nan))),
+        lambda w: discretised(w, law=Coulomb(differs(0.3, np.nan))),
         "finite and nonnegative",
     ),
-    "friction word": (lambda w: surface(w, law=Coulomb(differs(0.3, "0.3"))), "nonnegative number"),
+    "friction word": (
+        lambda w: discretised(w, law=Coulomb(differs(0.3, "0.3"))),
+        "nonnegative number",
+    ),
     "friction of another mesh": (
-        lambda w: surface(w, law=Coulomb(differs(fem.Constant(w.domain, 1.0), w.c_other))),
+        lambda w: discretised(w, law=Coulomb(differs(fem.Constant(w.domain, 1.0), w.c_other))),
         "Constant of another mesh",
     ),
     "friction Constant": (
-        lambda w: surface(w, law=Coulomb(fem.Constant(w.domain, differs(0.3, 0.4)))),
+        lambda w: discretised(w, law=Coulomb(fem.Constant(w.domain, differs(0.3, 0.4)))),
         "law differs between ranks",
     ),
     "friction expression": (
-        lambda w: surface(w, law=Coulomb(differs(2, 3) * ufl.SpatialCoordinate(w.domain)[0])),
+        lambda w: discretised(w, law=Coulomb(differs(2, 3) * ufl.SpatialCoordinate(w.domain)[0])),
         "law differs between ranks",
     ),
     "kind of law": (
-        lambda w: surface(w, law=differs(Coulomb(0.3), Frictionless())),
+        lambda w: discretised(w, law=differs(Coulomb(0.3), Frictionless())),
         "law differs between ranks",
     ),
-    "law or word": (lambda w: surface(w, law=differs(Coulomb(0.3), "Coulomb")), "the law must be"),
+    "law or word": (
+        lambda w: discretised(w, law=differs(Coulomb(0.3), "Coulomb")),
+        "the law must be",
+    ),
     "threshold": (
-        lambda w: surface(w, law=Tresca(differs(0.3, 0.4))),
+        lambda w: discretised(w, law=Tresca(differs(0.3, 0.4))),
         "law differs between ranks",
     ),
     "law that raises": (
-        lambda w: surface(w, law=differs(WorseLaw(False), WorseLaw(True))),
+        lambda w: discretised(w, law=differs(WorseLaw(False), WorseLaw(True))),
         "in the law",
         (UsersError, RuntimeError),
     ),
     "point": (
-        lambda w: surface(w, obstacle=HalfSpace((0.0, differs(0.0, -0.1)), (0, 1))),
+        lambda w: discretised(w, obstacle=HalfSpace((0.0, differs(0.0, -0.1)), (0, 1))),
         "obstacle differs between ranks",
     ),
     "radius": (
-        lambda w: surface(w, obstacle=Sphere((0.5, -2.0), differs(2.0, 1.9))),
+        lambda w: discretised(w, obstacle=Sphere((0.5, -2.0), differs(2.0, 1.9))),
         "obstacle differs between ranks",
     ),
     "radius of one rank": (
-        lambda w: surface(w, obstacle=Sphere((0.5, -2.0), differs(2.0, -1.9))),
+        lambda w: discretised(w, obstacle=Sphere((0.5, -2.0), differs(2.0, -1.9))),
         "the radius must be positive",
     ),
     "kind of obstacle": (
-        lambda w: surface(w, obstacle=differs(FLOOR, Sphere((0.5, -2.0), 2.0))),
+        lambda w: discretised(w, obstacle=differs(FLOOR, Sphere((0.5, -2.0), 2.0))),
         "obstacle differs between ranks",
     ),
     "level set": (
-        lambda w: surface(w, obstacle=LevelSet(lambda x: differs(1.0, 1.1) + x[1])),
+        lambda w: discretised(w, obstacle=LevelSet(lambda x: differs(1.0, 1.1) + x[1])),
         "obstacle differs between ranks",
     ),
     "level set that raises": (
-        lambda w: surface(w, obstacle=LevelSet(differs(lambda x: x[1], raising(KeyError("k"))))),
+        lambda w: discretised(
+            w, obstacle=LevelSet(differs(lambda x: x[1], raising(KeyError("k"))))
+        ),
         "k",
         KeyError,
     ),
     "method": (
-        lambda w: surface(w, method=differs("nodal", "integral")),
+        lambda w: discretised(w, method=differs("nodal", "integral")),
         "method differs between ranks: 'nodal' on rank 0, 'integral'",
     ),
     "unknown method": (
-        lambda w: surface(w, method=differs("nodal", "x")),
+        lambda w: discretised(w, method=differs("nodal", "x")),
         "unknown contact method",
     ),
     "quadrature degree": (
-        lambda w: surface(w, method="integral", quadrature_degree=differs(2, 4)),
+        lambda w: discretised(w, method="integral", quadrature_degree=differs(2, 4)),
         "quadrature degree differs between ranks",
     ),
-    "name": (lambda w: surface(w, name=differs("a", "b")), "name differs between ranks"),
+    "name": (lambda w: discretised(w, name=differs("a", "b")), "name differs between ranks"),
     "tag": (
-        lambda w: surface(w, tags_of(w.domain), tag=differs(7, 8)),
+        lambda w: discretised(w, tags_of(w.domain), tag=differs(7, 8)),
         "tag differs between ranks: 7 on rank 0, 8",
     ),
     "kind of facets": (
-        lambda w: surface(w, differs(tags_of(w.domain), facets(w.domain, 1, 0.0)), tag=7),
+        lambda w: discretised(w, differs(tags_of(w.domain), facets(w.domain, 1, 0.0)), tag=7),
         "kind of facets differs between ranks",
     ),
     "tags of another mesh": (
-        lambda w: surface(w, differs(tags_of(w.domain), tags_of(w.other)), tag=7),
+        lambda w: discretised(w, differs(tags_of(w.domain), tags_of(w.other)), tag=7),
         "of another mesh",
     ),
     "facets outside": (
-        lambda w: surface(w, differs(facets(w.domain, 1, 0.0), np.array([10**6]))),
+        lambda w: discretised(w, differs(facets(w.domain, 1, 0.0), np.array([10**6]))),
         "facet indices outside the mesh",
     ),
     "facets as words": (
-        lambda w: surface(w, differs(facets(w.domain, 1, 0.0), ["bottom"])),
+        lambda w: discretised(w, differs(facets(w.domain, 1, 0.0), ["bottom"])),
         "array of integer indices",
     ),
     "surfaces": (

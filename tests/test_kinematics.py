@@ -30,7 +30,6 @@ from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.operators import Operator
-from dolfinx_contact.reduced.scope import check_reducible
 from dolfinx_contact.results.fields import vertex_state
 from dolfinx_contact.results.partners import pair_balance
 from dolfinx_contact.solvers.springs import springs
@@ -291,35 +290,6 @@ class Sliding(Operator):
         self._operator.destroy()
 
 
-def sliding(problem):
-    """The same problem with another B."""
-    (s,) = problem.surfaces
-    s.points.operator = Sliding(s.points.operator)
-    return ContactProblem(problem.energy, problem.u, [s], bcs=problem.bcs)
-
-
-def test_residual_where_points_slide():
-    """H takes gaps, slips and forces from the state, whatever B is there."""
-    plain = crossing_floor(2)
-    moving = sliding(crossing_floor(2))
-    assert plain.equations.linear
-    assert not moving.equations.linear
-    found = []
-    for problem in (plain, moving):
-        (s,) = problem.surfaces
-        problem.u.interpolate(lambda x: 0.05 * wave(x[:2].T, 0.3).T)
-        s.multiplier.interpolate(lambda x: wave(x[:2].T, 1.1).T)
-        x = problem.create_vector()
-        b = x.duplicate()
-        problem.write(x)
-        state = problem.residual(x, b)
-        found.append(state.surfaces[0])
-        forces = state.surfaces[0].kinematics.operator.transpose(found[-1].traction)
-        found.append(forces)
-    np.testing.assert_allclose(found[2].jump, 2.0 * found[0].jump, rtol=1e-14)
-    np.testing.assert_allclose(found[3], 2.0 * found[1], rtol=1e-14)
-
-
 REFUSED = {
     "Jacobian": lambda p: Jacobian(p.equations),
     "solve": lambda p: p.solve(),
@@ -343,10 +313,6 @@ def test_what_needs_a_constant_operator(what):
 
 
 OPPOSITE = {
-    "a new problem": (
-        mortar,
-        lambda p: ContactProblem(p.energy, p.u, p.surfaces, bcs=p.bcs),
-    ),
     "pairs that cross": (
         lambda dim: pair(dim, "tri"),
         lambda p: crossings(p.V, p.surfaces, p.equations.constraints.fixed),
@@ -374,15 +340,6 @@ def test_what_needs_the_nodes_opposite_to_stay(what):
     s.points.operator = Sliding(s.points.operator)
     with pytest.raises(ValueError, match=r"contact: the map to opposite nodes needs .* keep"):
         ask(problem)
-
-
-def test_what_rests_on_linear_contact():
-    """Reduced problems and what is held by contact alone."""
-    problem = sliding(crossing_floor(2))
-    with pytest.raises(ValueError, match="small sliding"):
-        check_reducible(problem.equations)
-    with pytest.raises(ValueError, match="keep what is opposite"):
-        sliding(rigid(2))
 
 
 @pytest.mark.parametrize("dim", [2, 3])

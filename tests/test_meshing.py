@@ -12,6 +12,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import NamedTags, crack, mesh_from_gmsh, read_mesh
+from dolfinx_contact.points.discretisation import discretise
 
 COMM = MPI.COMM_WORLD
 
@@ -79,7 +80,8 @@ def surface(body, facets, tag):
     u = fem.Function(V)
     up = np.eye(V.mesh.geometry.dim)[-1]
     floor = HalfSpace(np.zeros(len(up)), up)
-    return ContactSurface(u, facets, tag=tag, obstacle=floor, law=Coulomb(0.3), name="below")
+    contact = ContactSurface(u, facets, tag=tag, obstacle=floor, law=Coulomb(0.3), name="below")
+    return discretise(contact)
 
 
 def test_surface_by_name():

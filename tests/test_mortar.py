@@ -27,6 +27,7 @@ from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
+from dolfinx_contact.points.discretisation import discretise
 
 COMM = MPI.COMM_WORLD
 #: Cells along the lower and the upper face, and from where to where these reach.
@@ -86,7 +87,7 @@ def test_uniform_tractions(case, slave, master, angle):
     """Forces on both faces are integrals over what they have in common, node by node."""
     both = stacked(*case, angle=angle)
     u = displacement(both.mesh)
-    pair = ContactPair(u, both, slave=slave, master=master, law=Frictionless())
+    pair = discretise(ContactPair(u, both, slave=slave, master=master, law=Frictionless()))
     assert not pair.obstacle.opposite.matching
     ones, sums = pair.points.operator.B.createVecs()
     ones.set(1.0)
@@ -192,9 +193,10 @@ def test_more_elements_converge_to_one_body(slave, master, ratio):
             both = stacked(below, n, (0.0, 1.0), (0.0, 1.0))
             u = displacement(both.mesh)
             pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(50.0))
-            assert pair.obstacle.opposite.matching == (below == n)
             ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.02, -0.05))]
-            result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+            problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
+            assert problem.surfaces[0].obstacle.opposite.matching == (below == n)
+            result = problem.solve()
             assert result.counts["slip"] == 0
             energies.append(result.energies["bulk"])
         errors.append(abs(energies[1] / energies[0] - 1))
@@ -240,9 +242,9 @@ def test_bad_mortars():
     both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
     u = displacement(both.mesh)
     with pytest.raises(ValueError, match=r"do not match: .*, as mixed contact needs"):
-        ContactPair(u, both, slave=3, master=2, law=Frictionless(), method="mixed")
+        discretise(ContactPair(u, both, slave=3, master=2, law=Frictionless(), method="mixed"))
     with pytest.raises(ValueError, match="slave and master touch at 1 nodes of the mesh"):
-        ContactPair(u, both, slave=3, master=6, law=Frictionless())
+        discretise(ContactPair(u, both, slave=3, master=6, law=Frictionless()))
 
 
 # -- in space --------------------------------------------------------------------------------------
@@ -290,7 +292,7 @@ def test_uniform_tractions_in_space(case, slave, master, cells):
     both = solids(*case, cells)
     u = displacement(both.mesh)
     V = u.function_space
-    pair = ContactPair(u, both, slave=slave, master=master, law=Frictionless())
+    pair = discretise(ContactPair(u, both, slave=slave, master=master, law=Frictionless()))
     ones, sums = pair.points.operator.B.createVecs()
     ones.set(1.0)
     pair.points.operator.B.mult(ones, sums)

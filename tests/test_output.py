@@ -127,7 +127,7 @@ def test_plane_strain_is_a_slice_of_space(material):
 
 def recipe():
     """The lines of the docstring of `materials`, but for the problem."""
-    text = materials.__doc__.partition("comes out as well::\n")[2].partition("\nOf a body of")[0]
+    text = materials.__doc__.partition("comes out as well::\n")[2].partition("\nFor a body of")[0]
     code = textwrap.dedent(text)
     return re.sub(r"problem = .*\n", "energy = W(F) * ufl.dx\n", code)
 
@@ -242,7 +242,7 @@ def test_clamped_nodes():
     assert table.status[0] == "d"
     assert table.count("d") == 1
     fields = problem.contact_fields(surface)
-    rows = at_points(table, surface.points.vertices.tabulate_dof_coordinates())
+    rows = at_points(table, problem.discrete(surface).points.vertices.tabulate_dof_coordinates())
     np.testing.assert_array_equal(fields["status"].x.array, codes(table)[rows])
     np.testing.assert_allclose(fields["pressure"].x.array, table.pressure[rows], atol=1e-12)
 

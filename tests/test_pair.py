@@ -37,6 +37,7 @@ from dolfinx_contact.continuation import explore
 from dolfinx_contact.continuation.ray_finder import RayFinder
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack, join, mesh_from_gmsh
+from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
@@ -252,7 +253,7 @@ def test_a_press_fit():
     both = stacked(2, "quad", 2, gap=-0.02)
     u = displacement(both.mesh)
     with pytest.raises(ValueError, match=r"the bodies overlap by 0\.02; interference=True"):
-        ContactPair(u, both, slave=3, master=2, law=Frictionless())
+        discretise(ContactPair(u, both, slave=3, master=2, law=Frictionless()))
     pair = ContactPair(u, both, slave=3, master=2, law=Frictionless(), interference=True)
     ends = [held(u, both.facet_tags, t, (0, 0)) for t in (1, 4)]
     sides = [
@@ -428,13 +429,14 @@ def test_crack(dim, cell, reach):
     assert sizes[1] == sizes[4]
     u = displacement(body.mesh)
     pair = ContactPair(u, body, slave=5, master="5_opposite", law=Coulomb(0.2))
-    # The first side is the lower one, whose normal points up.
-    np.testing.assert_allclose(pair.points.data.n[:, -1], 1.0)
     shift = np.zeros(dim)
     shift[0] = 0.02
     shift[-1] = -0.02
     ends = [held(u, body.facet_tags, 1, np.zeros(dim)), held(u, body.facet_tags, 4, shift)]
-    result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
+    # The first side is the lower one, whose normal points up.
+    np.testing.assert_allclose(problem.surfaces[0].points.data.n[:, -1], 1.0)
+    result = problem.solve()
     assert result.counts["clamped"] == (0 if reach == 1.0 else 5 ** (dim - 2))
     assert result.counts["slip"] > 0
     assert result.imbalance < 1e-12
@@ -511,8 +513,6 @@ def test_a_fault_by_its_name(folder):
     assert set(body.names) == {"rock", "soil", "floor", "fault", "top", "fault_opposite"}
     u = displacement(body.mesh)
     fault = ContactPair(u, body, slave="fault", master="fault_opposite", law=Coulomb(0.4))
-    assert body.mesh.geometry.index_map().size_global == before + fault.points.number_everywhere
-    np.testing.assert_allclose(fault.points.data.n @ [1.0, 10.0], np.sqrt(101))
     dx = ufl.Measure("dx", body.mesh, subdomain_data=body.cell_tags)
     energy = sum(
         LinearElastic.from_young(young, 0.3).energy(u) * dx(body.tag(name))
@@ -523,6 +523,9 @@ def test_a_fault_by_its_name(folder):
         for name, value in {"floor": (0.0, 0.0), "top": (0.06, -0.05)}.items()
     ]
     problem = ContactProblem(energy, u, [fault], bcs=ends)
+    points = problem.discrete(fault).points
+    assert body.mesh.geometry.index_map().size_global == before + points.number_everywhere
+    np.testing.assert_allclose(points.data.n @ [1.0, 10.0], np.sqrt(101))
     result = problem.solve()
     assert result.counts["slip"] > 0
     assert result.kkt_violation < 1e-10
@@ -540,7 +543,7 @@ def test_a_fault_by_its_name(folder):
 
 def refused(match, u, body, **options):
     with pytest.raises(ValueError, match=match) as info:
-        ContactPair(u, body, law=Frictionless(), **{"slave": 3, "master": 2, **options})
+        discretise(ContactPair(u, body, law=Frictionless(), **{"slave": 3, "master": 2, **options}))
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
@@ -556,7 +559,7 @@ def test_bad_pairs():
     refused("interference is True or False", u, both, interference="no")
     indices = both.facet_tags.find(3)
     with pytest.raises(ValueError, match="by their indices need master_facets"):
-        ContactPair(u, indices, law=Frictionless())
+        discretise(ContactPair(u, indices, law=Frictionless()))
     with pytest.raises(ValueError, match="a crack needs names or tags of groups"):
         crack(both, [])
     pairs = [
@@ -620,7 +623,6 @@ def test_a_block_that_slides_away():
         load = ufl.as_vector((-0.8 * shear, -0.6 * shear, -5.0)) + twist
         bulk = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ds
         u.x.array[:] = 0.0
-        pair.multiplier.x.array[:] = 0.0
         problem = ContactProblem(bulk, u, [pair], bcs=[held(u, both.facet_tags, 1, np.zeros(3))])
         if holds:
             force = problem.solve().resultants["contact"]

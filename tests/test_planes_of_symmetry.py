@@ -24,6 +24,7 @@ from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.meshing import join
+from dolfinx_contact.points.discretisation import discretise
 
 COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(*lame(1.0, 0.3))
@@ -162,6 +163,7 @@ def seen(dim, overlap, *, whole, slave=SLAVE):
     positions and forces of all nodes (m, 2 dim) under symmetric tractions.
     """
     u, pair = paired(dim, overlap, whole=whole, slave=slave)
+    pair = discretise(pair)
     u.interpolate(lambda x: moved(x[:dim]))
     n = pair.owned_nodes
     now = u.x.array.reshape(-1, dim)[:n]
@@ -217,7 +219,7 @@ def test_jacobian_with_images(dim, monkeypatch):
     """Of bodies that are in each other beside the planes, with the common parts held."""
     u, pair = paired(dim, 0.1, whole=False)
     V = u.function_space
-    X = V.tabulate_dof_coordinates()[: pair.owned_nodes, :dim]
+    X = V.tabulate_dof_coordinates()[: V.dofmap.index_map.size_local, :dim]
     bcs = []
     for axis in range(dim - 1):
         W = V.sub(axis)
@@ -231,6 +233,7 @@ def test_jacobian_with_images(dim, monkeypatch):
     problem = ContactProblem(RUBBER.energy(u) * ufl.dx, u, [pair], bcs=bcs)
     eq = problem.equations
     n = eq.owned_sizes[0]
+    (pair,) = problem.surfaces
     waves = np.outer(pair.points.ids[:, 0], np.arange(1.0, 1.0 + dim))
     x = problem.create_vector()
     v = x.duplicate()
@@ -260,19 +263,21 @@ def test_refused():
         ({0: -1.0}, "0 of its nodes lie on it"),
     ):
         with pytest.raises(ValueError, match=words):
-            ContactPair(u, body.facet_tags, symmetry=symmetry, **given)
+            discretise(ContactPair(u, body.facet_tags, symmetry=symmetry, **given))
     crossed = bodies(2, whole=MASTER)
     words = "both faces lie on one side of it; below are 0 nodes of the slave and 2 of the master"
     with pytest.raises(ValueError, match=words):
-        ContactPair(displacement(crossed.mesh), crossed.facet_tags, symmetry={0: 0.0}, **given)
+        discretise(
+            ContactPair(displacement(crossed.mesh), crossed.facet_tags, symmetry={0: 0.0}, **given)
+        )
     bottom = mesh.locate_entities_boundary(body.mesh, 1, lambda x: np.isclose(x[1], -1.0))
     with pytest.raises(ValueError, match="lies in a plane of symmetry instead of ending there"):
-        SelfContact(u, bottom, law=Coulomb(0.3), symmetry={1: -1.0}, direction=(1, 0))
-    with pytest.raises(ValueError, match=r"\[0.0, 1.0\] is not along that across y"):
-        SelfContact(u, bottom, law=Coulomb(0.3), symmetry={1: -1.0})
+        discretise(SelfContact(u, bottom, law=Coulomb(0.3), symmetry={1: -1.0}, direction=(1, 0)))
+    with pytest.raises(ValueError, match=r"\[0.0, 1.0\] has a component along y"):
+        discretise(SelfContact(u, bottom, law=Coulomb(0.3), symmetry={1: -1.0}))
     small = given | {"sliding": "small", "symmetry": {0: 0.0}}
     with pytest.raises(ValueError, match="planes of symmetry are for sliding='large'"):
-        ContactPair(u, body.facet_tags, **small)
+        discretise(ContactPair(u, body.facet_tags, **small))
     top = body.facet_tags.find(SLAVE)
     for number, surface in (
         (2, ContactPair(u, body.facet_tags, symmetry={0: 0.0}, **given)),  # one of each face
@@ -424,7 +429,9 @@ def test_walls_of_one_height(direction):
         body.mesh, 1, lambda x: np.isclose(x[0], 1.0) | np.isclose(x[0], 1.1)
     )
     u = displacement(body.mesh)
-    face = SelfContact(u, walls, law=Coulomb(0.3), direction=direction, search_distance=0.3)
+    face = discretise(
+        SelfContact(u, walls, law=Coulomb(0.3), direction=direction, search_distance=0.3)
+    )
     operator = face.points.at(np.zeros((face.owned_nodes, 2)), None)
     facing = COMM.allreduce(float(operator.areas.sum()))
     assert facing == pytest.approx(1.0)

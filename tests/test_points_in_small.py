@@ -24,6 +24,7 @@ from dolfinx_contact.points.elements import displacement_degree
 from dolfinx_contact.points.pair_motion import PairMotion, _closest
 from dolfinx_contact.points.sliding.candidates import Candidates
 from dolfinx_contact.points.sliding.faces import SlidingFaces
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures, facet_normals, rounded
 from dolfinx_contact.reduced.gathered import _tangents
 from dolfinx_contact.results.tables import violation
@@ -390,7 +391,7 @@ def test_lengths_of_normals_of_obstacles():
             points=SimpleNamespace(vertex_normals=normals),
         )
         if fits:
-            ContactSurface.check_gaps(s)
+            DiscreteSurface.check_gaps(s)
         else:
             with pytest.raises(ValueError, match=f"length 1, and one has {length:.6g}"):
-                ContactSurface.check_gaps(s)
+                DiscreteSurface.check_gaps(s)

@@ -58,7 +58,7 @@ class Study:
         self.bcs = [self.bc]
         self.surfaces = [self.surface]
         self.problem = ContactProblem(
-            steel.energy(u) * ufl.dx - load, u, self.surfaces, bcs=self.bcs
+            steel.energy(u) * ufl.dx - load, u, self.contacts, bcs=self.bcs
         )
 
     def force(self):

@@ -16,6 +16,7 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionles
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
+from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.results.balance import forces_at_vertices
 from dolfinx_contact.results.result import collect
 
@@ -219,15 +220,17 @@ def test_support_as_a_field(degree):
     problem.solve()
     fields = problem.contact_fields(surface)
     support = fields["support"].x.array.reshape(-1, 3)
-    n = surface.points.vertices.dofmap.index_map.size_local
-    found = COMM.allreduce((support * surface.points.vertex_areas[:, None])[:n].sum(axis=0))
+    n = problem.discrete(surface).points.vertices.dofmap.index_map.size_local
+    found = COMM.allreduce(
+        (support * problem.discrete(surface).points.vertex_areas[:, None])[:n].sum(axis=0)
+    )
     below = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 0) & np.isclose(x[2], 0))
     owned = below[below < V.dofmap.index_map.size_local]
     rows = problem.evaluate().reactions.reshape(-1, 3)[owned]
     expected = COMM.allreduce(rows.sum(axis=0))
     np.testing.assert_allclose(found, expected, rtol=1e-10)
     assert np.linalg.norm(expected) > 1.0
-    x = surface.points.vertices.tabulate_dof_coordinates()
+    x = problem.discrete(surface).points.vertices.tabulate_dof_coordinates()
     assert not support[x[:, 0] > 1e-9].any()
     held = x[:n, 0] < 1e-9
     assert COMM.allreduce(int((np.abs(support[:n][held, 2]) > 1e-3).sum())) == 3
@@ -243,7 +246,9 @@ def test_forces_of_nodes_between_vertices():
     domain = box(COMM, 3, "tet")
     V = fem.functionspace(domain, ("Lagrange", 2, (3,)))
     below = facets(domain, 2, 0.0)
-    surface = ContactSurface(fem.Function(V), below, obstacle=floor(3), law=Coulomb(0.3))
+    surface = discretise(
+        ContactSurface(fem.Function(V), below, obstacle=floor(3), law=Coulomb(0.3))
+    )
     nodes = V.tabulate_dof_coordinates()
     forces = np.where(np.isclose(nodes[:, 2:], 0.0), 1.0 + nodes, 0.0)
     trace = surface.points.vertex_trace_dofs

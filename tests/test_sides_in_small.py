@@ -21,7 +21,6 @@ from dolfinx_contact import (
     Coulomb,
     HalfSpace,
     LevelSet,
-    RigidBody,
     Sphere,
 )
 from dolfinx_contact.laws import PointData
@@ -40,6 +39,7 @@ from dolfinx_contact.obstacles import (
 from dolfinx_contact.points.arcs import slip_along
 from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.crossings import crossings
+from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.points.displaced import DisplacedPoints
 from dolfinx_contact.points.elements import check_elements, check_name, check_quadrature
 from dolfinx_contact.points.evaluation import Given, ScatteredEvaluator, at_nodes, fields_of
@@ -49,17 +49,9 @@ from dolfinx_contact.points.kinematics import Kinematics, rotation
 from dolfinx_contact.points.memory import Memory, slid_after
 from dolfinx_contact.points.operators import Operator, multiplied, rows_of
 from dolfinx_contact.points.opposite import Opposite, Overlap, _gaps, _means, _to_surface
-from dolfinx_contact.points.pair import (
-    _check_sides,
-    _check_surface,
-    _checked_gap,
-    _checked_normal,
-    _shown,
-)
 from dolfinx_contact.points.revolution import axis_condition, check_section, mirrored, on_axis
 from dolfinx_contact.points.rigid_body import number
-from dolfinx_contact.points.self_contact import _checked_direction
-from dolfinx_contact.points.surface import _least
+from dolfinx_contact.points.surface import DiscreteSurface, _least
 from dolfinx_contact.points.trace import (
     across_planes,
     at_global_places,
@@ -536,9 +528,9 @@ def test_how_far_faces_that_match_may_be_off(unit):
         given = dict(slave=3, master=2, law=Coulomb(0.3))
         if words:
             with pytest.raises(ValueError, match=words):
-                ContactPair(u, both, **given)
+                discretise(ContactPair(u, both, **given))
             continue
-        pair = ContactPair(u, both, **given)
+        pair = discretise(ContactPair(u, both, **given))
         assert pair.obstacle.opposite.matching is matching
         np.testing.assert_array_equal(pair.points.gaps, 0.0)
 
@@ -584,68 +576,6 @@ def test_pairs_of_elements():
     for bad in ("", None, 3):
         with pytest.raises(ValueError, match="name of a contact pair must be a word"):
             check_name(bad, "pair")
-
-
-def test_directions_and_normals_that_are_given():
-    """Any length, even one whose square is none; as many numbers as there are axes, not all 0."""
-    for of, words in (
-        (_checked_direction, "the direction must be"),
-        (_checked_normal, "normal must"),
-    ):
-        for dim in (2, 3):
-            v = np.array([3.0, 0.0, -4.0])[-dim:]
-            np.testing.assert_allclose(of(v.tolist(), dim, "s"), v / np.linalg.norm(v), rtol=1e-14)
-            for bad in (np.zeros(dim), np.ones(dim - 1), [np.nan] * dim, [np.inf] * dim, "x", 1.0):
-                with pytest.raises(ValueError, match=words):
-                    of(bad, dim, "s")
-            with pytest.raises(ValueError, match=words):
-                of([[1.0], [1.0, 2.0]], dim, "s")
-    np.testing.assert_allclose(_checked_normal([3e-200, 4e-200], 2, "s"), [0.6, 0.8])
-    np.testing.assert_allclose(_checked_normal([-3e200, 4e200], 2, "s"), [-0.6, 0.8])
-    np.testing.assert_array_equal(_checked_direction(None, 2, "s"), [0.0, 1.0])
-    np.testing.assert_array_equal(_checked_direction(None, 3, "s"), [0.0, 0.0, 1.0])
-    assert _checked_normal(None, 3, "s") is None
-    c = fem.Constant(box(COMM, 1, "tri"), 1.0)
-    for bad in (ufl.as_vector([c, c]), (c, 0.0)):
-        with pytest.raises(ValueError, match="the normal is copied, and must be numbers"):
-            _checked_normal(bad, 2, "s")
-
-
-def test_gaps_that_are_given():
-    x = ufl.SpatialCoordinate(box(COMM, 1, "tri"))
-    assert _checked_gap(None, "s") is None
-    assert _checked_gap(np.float32(0.5), "s") == 0.5
-    assert isinstance(_checked_gap(2, "s"), float)
-    assert _checked_gap(x[0], "s") == x[0]
-    for bad in (np.nan, np.inf):
-        with pytest.raises(ValueError, match="s: the gap must be finite"):
-            _checked_gap(bad, "s")
-    for bad in (x, True, "x", [0.0]):
-        with pytest.raises(ValueError, match="the gap must be a number or a UFL scalar"):
-            _checked_gap(bad, "s")
-
-
-def test_sides_of_pairs():
-    """By tags, or by indices of both."""
-    some = np.zeros(1, dtype=np.int32)
-    _check_sides("s", (1, 2), None, by_index=False)
-    _check_sides("s", (None, None), some, by_index=True)
-    for tags in ((1, None), (None, 2), (0, None)):
-        with pytest.raises(ValueError, match="by their indices have no tags"):
-            _check_sides("s", tags, some, by_index=True)
-    with pytest.raises(ValueError, match="by their indices need master_facets"):
-        _check_sides("s", (None, None), None, by_index=True)
-    _check_surface("s", None, alone=False)
-    disc = Sphere((0.0, 0.0), 1.0)
-    _check_surface("s", disc, alone=True)
-    with pytest.raises(ValueError, match="has a gap and a normal of its own"):
-        _check_surface("s", disc, alone=False)
-    body = RigidBody(disc, about=(0.0, 0.0), held=["x", "y", "rz"])
-    for bad in (body, 1.0):
-        with pytest.raises(ValueError, match="the surface must be a HalfSpace"):
-            _check_surface("s", bad, alone=True)
-    assert _shown([0.1, -1e-13, 1 / 3]) == "0.1, 0, 0.333333"
-    assert _shown(None) == ""
 
 
 # -- obstacles ------------------------------------------------------------------------------------
@@ -1190,12 +1120,12 @@ def test_functions_that_are_given_follow_their_owners():
     )
     s._scatter = lambda: ContactSurface._scatter(s)
     s._marked = lambda: ContactSurface._marked(s)
-    ContactSurface.update_geometry(s)
+    DiscreteSurface.update_geometry(s)
     assert told == [0, 1, "points"]
     assert not ContactSurface.has_changed.fget(s)
     values[1] = -2.0
     assert ContactSurface.has_changed.fget(s)
-    ContactSurface.update_geometry(s)
+    DiscreteSurface.update_geometry(s)
     assert not ContactSurface.has_changed.fget(s)
 
 
@@ -1240,10 +1170,10 @@ def test_overlaps_from_behind(gap, cosine, refused):
     )
     gaps = np.array([-1.0, gap])
     if not refused:
-        ContactSurface._require_this_side(s, gaps, normals, ", here")
+        DiscreteSurface._require_this_side(s, gaps, normals, ", here")
         return
     with pytest.raises(ValueError, match=r"foot, here: a contact point at \(3, 4\) begins so deep"):
-        ContactSurface._require_this_side(s, gaps, normals, ", here")
+        DiscreteSurface._require_this_side(s, gaps, normals, ", here")
 
 
 @pytest.mark.parametrize(
@@ -1273,11 +1203,11 @@ def test_overlaps_with_an_obstacle(interference, remove, worst, words):
     normals = np.ones((2, 2))
     if words:
         with pytest.raises(ValueError, match=words):
-            ContactSurface._settle_overlap(s, gaps, there, normals)
+            DiscreteSurface._settle_overlap(s, gaps, there, normals)
         assert not taken
         return
-    ContactSurface._settle_overlap(s, gaps, there, normals)
-    ContactSurface._settle_overlap(s, gaps[:0], there, normals)
+    DiscreteSurface._settle_overlap(s, gaps, there, normals)
+    DiscreteSurface._settle_overlap(s, gaps[:0], there, normals)
     if remove is None:
         assert not taken
     else:

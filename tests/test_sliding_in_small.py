@@ -18,6 +18,7 @@ from dolfinx_contact.laws.status import OPEN, PLUS
 from dolfinx_contact.meshing import join
 from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.contact_points import ContactPoints
+from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.points.facing import candidates as facing_candidates
 from dolfinx_contact.points.mortar import coupling
 from dolfinx_contact.points.opposite import Overlap
@@ -180,7 +181,7 @@ def test_gauss_points_of_a_ring():
     u = displacement(domain)
     floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
     given = dict(obstacle=floor, law=Coulomb(0.3), method="integral", axisymmetric=True)
-    points = ContactSurface(u, facets(domain, 1, 0.0), **given).points
+    points = discretise(ContactSurface(u, facets(domain, 1, 0.0), **given)).points
     r = points.vertices.tabulate_dof_coordinates()[:, 0]
     swept = np.zeros(len(r))
     for side in (-1.0, 1.0):
@@ -207,7 +208,7 @@ def test_points_of_what_rings_have_in_common():
     both = stacked_of(bodies)
     u = displacement(both.mesh)
     given = dict(slave=3, master=2, law=Coulomb(0.3), method="integral", axisymmetric=True)
-    pair = ContactPair(u, both, **given)
+    pair = discretise(ContactPair(u, both, **given))
     points = pair.points
     assert type(points).__name__ == "CommonFacetPoints"
     R = points.positions[:, 0]
@@ -397,8 +398,8 @@ def test_how_far_rays_reach(smaller):
     x[upper == (smaller == 2), 0] *= 2.0
     u = displacement(both.mesh)
     given = dict(slave=3, master=2, law=Coulomb(0.3), sliding="large")
-    assert ContactPair(u, both, **given).points.depth == pytest.approx(0.25)
-    assert ContactPair(u, both, search_distance=0.7, **given).points.depth == 0.7
+    assert discretise(ContactPair(u, both, **given)).points.depth == pytest.approx(0.25)
+    assert discretise(ContactPair(u, both, search_distance=0.7, **given)).points.depth == 0.7
 
 
 class Searched(Exception):
@@ -617,7 +618,7 @@ def sliding(dim, cell, n=2, gap=0.1, **given):
     both = stacked(dim, cell, n, gap=gap)
     u = displacement(both.mesh)
     given = dict(slave=3, master=2, law=Coulomb(0.3), search_distance=0.4) | given
-    pair = ContactPair(u, both, sliding="large", **given)
+    pair = discretise(ContactPair(u, both, sliding="large", **given))
     return pair, pair.node_positions[: pair.owned_nodes, -1] > 1.05
 
 

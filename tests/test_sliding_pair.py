@@ -34,6 +34,7 @@ from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.meshing import join
 from dolfinx_contact.points.clipping import Faces
+from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.sliding.candidates import candidates
 
@@ -73,14 +74,15 @@ class Bodies:
         self.u = u = displacement(domain)
         V = u.function_space
         given = {"sliding": "large"} | given
-        self.pair = ContactPair(u, both, slave=slave, master=5 - slave, law=law, **given)
+        contact = ContactPair(u, both, slave=slave, master=5 - slave, law=law, **given)
         self.below, self.above = fem.Function(V), fem.Function(V)
         bcs = []
         for tag, f in ((1, self.below), (4, self.above)):
             nodes = fem.locate_dofs_topological(V, dim - 1, both.facet_tags.find(tag))
             bcs.append(fem.dirichletbc(f, nodes))
         energy = material.energy(u) * ufl.dx
-        self.problem = ContactProblem(energy, u, [self.pair], bcs=bcs, petsc_options=options)
+        self.problem = ContactProblem(energy, u, [contact], bcs=bcs, petsc_options=options)
+        (self.pair,) = self.problem.surfaces
 
     def move(self, motion, below=None):
         """Prescribe motions of positions X (n, dim), above and below."""
@@ -707,7 +709,7 @@ def test_refused(given, words):
     both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
     known = {"slave": 2, "master": 3, "law": Coulomb(0.3), "sliding": "large"} | given
     with pytest.raises(ValueError, match=words):
-        ContactPair(displacement(both.mesh), both, **known)
+        discretise(ContactPair(displacement(both.mesh), both, **known))
 
 
 def lowered(by):
@@ -731,12 +733,12 @@ def test_overlap_is_refused(slave, distance, by):
     given = {"slave": slave, "master": 5 - slave, "law": Frictionless(), "sliding": "large"}
     given["search_distance"] = distance
     with pytest.raises(ValueError, match=r"overlap by|behind the slave"):
-        ContactPair(u, both, **given)
+        discretise(ContactPair(u, both, **given))
     if by > (0.25 if distance is None else distance):
         with pytest.raises(ValueError, match="take a larger search_distance"):
-            ContactPair(u, both, interference=True, **given)
+            discretise(ContactPair(u, both, interference=True, **given))
         given["search_distance"] = 1.1 * by
-    ContactPair(u, both, interference=True, **given)
+    discretise(ContactPair(u, both, interference=True, **given))
 
 
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
@@ -750,7 +752,7 @@ def test_edge_of_a_slave_is_refused():
     slave = np.union1d(bottom, facets).astype(np.int32)
     given = {"law": Coulomb(0.3), "sliding": "large", "master_facets": both.facet_tags.find(2)}
     with pytest.raises(ValueError, match="the slave has an edge"):
-        ContactPair(displacement(both.mesh), slave, **given)
+        discretise(ContactPair(displacement(both.mesh), slave, **given))
 
 
 @pytest.mark.parametrize("slave", [2, pytest.param(3, marks=pytest.mark.long)])
@@ -985,9 +987,9 @@ def test_self_contact_is_refused():
         ({"search_distance": 0.0}, "search distance must be positive"),
     ):
         with pytest.raises(ValueError, match=words):
-            SelfContact(u, tags, tag=1, law=Coulomb(0.3), **given)
+            discretise(SelfContact(u, tags, tag=1, law=Coulomb(0.3), **given))
     with pytest.raises(ValueError, match="SelfContact"):
-        ContactPair(u, tags, slave=1, master=1, law=Coulomb(0.3), sliding="large")
+        discretise(ContactPair(u, tags, slave=1, master=1, law=Coulomb(0.3), sliding="large"))
 
 
 def disc_on_a_block(cell, slave, n=4, law=None):
@@ -1027,6 +1029,7 @@ def test_a_disc_that_spins(cell, slave, common):
         moves.append((move, fem.dirichletbc(move, dofs)))
     energy = NeoHookean(*lame(10.0, 0.0)).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
     problem = ContactProblem(energy, u, [pair], bcs=[bc for _, bc in moves])
+    (pair,) = problem.surfaces
     step = np.radians(20.0)
 
     def turned(angle, down):
@@ -1102,6 +1105,7 @@ def torque_of_a_punch(n, angle, pressure):
     """
     friction = 0.2
     both, u, pair = disc_on_a_block("hex", 2, n)
+    pair = discretise(pair)
     owned = pair.owned_nodes
     X = u.function_space.tabulate_dof_coordinates()[:owned]
     disc = np.unique(u.function_space.dofmap.list[both.cell_tags.find(1)])

@@ -25,6 +25,7 @@ from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean, lame
 from dolfinx_contact.meshing import join
+from dolfinx_contact.points.discretisation import discretise
 
 COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(*lame(1000.0, 0.3))
@@ -70,7 +71,7 @@ def test_jacobian(cell, slave, monkeypatch):
     upper = of_upper(both, V)
     r = X[upper, 0]
     moved[upper] += np.stack([0.1 * r, -0.04 + 0.25 * r - 0.2 * r**2], axis=1)
-    ids = pair.points.ids[:, 0]
+    ids = problem.discrete(pair).points.ids[:, 0]
     waves = np.outer(ids, [1.0, 2.0])
     x = problem.create_vector()
     v = x.duplicate()
@@ -88,7 +89,9 @@ def test_jacobian(cell, slave, monkeypatch):
     # opposite to a face that leans and is in the other lies beyond the axis.
     nodal = state.surfaces[0].kinematics.operator.facing.nodal
     on_axis = np.abs(X[:, 0]) < 1e-12
-    mine = on_axis[pair.points.vertex_trace_dofs[: pair.points.number]]
+    mine = on_axis[
+        problem.discrete(pair).points.vertex_trace_dofs[: problem.discrete(pair).points.number]
+    ]
     assert COMM.allreduce(int(mine.sum())) == 1
     assert np.abs(nodal.normal[: len(mine)][mine, 0]).max(initial=0.0) == 0.0
     if slave == 3:
@@ -380,7 +383,7 @@ def test_friction_is_refused():
     u = displacement(both.mesh)
     given = {"slave": 3, "master": 2} | LARGE | {"law": Coulomb(0.3)}
     with pytest.raises(ValueError, match="take Frictionless"):
-        ContactPair(u, both, **given)
+        discretise(ContactPair(u, both, **given))
 
 
 def widened_ring(around, slave):

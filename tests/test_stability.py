@@ -205,8 +205,9 @@ class Column:
             held = fem.locate_dofs_topological(self.V, 1, top)
             bcs = [fem.dirichletbc(self.top, held, self.V)]
         floor = HalfSpace((0, 0), (0, 1))
-        self.surface = ContactSurface(u, bottom, obstacle=floor, law=law or Coulomb(10.0))
-        self.problem = ContactProblem(F, u, [self.surface], bcs=bcs)
+        surface = ContactSurface(u, bottom, obstacle=floor, law=law or Coulomb(10.0))
+        self.problem = ContactProblem(F, u, [surface], bcs=bcs)
+        (self.surface,) = self.problem.surfaces
 
     def pressed(self, by):
         for self.top.value[1] in -np.arange(0.05, by + 0.01, 0.05):

@@ -14,6 +14,7 @@ from dolfinx import fem
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.points.discretisation import discretise
 
 COMM = MPI.COMM_WORLD
 
@@ -28,12 +29,14 @@ def test_points_lie_where_they_should(dim, cell, degree):
     x[:, 0] += 0.1 * np.sin(5 * x[:, 0]) * x[:, 1] + 0.05 * x[:, 2]
     x[:, dim - 1] += 0.1 * np.sin(4 * x[:, 0] + 1.0)
     u = fem.Function(fem.functionspace(domain, ("Lagrange", degree, (dim,))))
-    s = ContactSurface(
-        u,
-        where,
-        obstacle=HalfSpace(np.zeros(dim), np.eye(dim)[-1]),
-        law=Coulomb(0.3),
-        method="integral",
+    s = discretise(
+        ContactSurface(
+            u,
+            where,
+            obstacle=HalfSpace(np.zeros(dim), np.eye(dim)[-1]),
+            law=Coulomb(0.3),
+            method="integral",
+        )
     )
     n = s.points.number
     places = s.points.space.tabulate_dof_coordinates()[:n, :dim]
@@ -65,7 +68,7 @@ def test_points_lie_where_they_should(dim, cell, degree):
 def test_gap_and_normal_are_those_of_the_obstacle(obstacle, distance):
     domain = box(COMM, 3, "tet")
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
-    s = ContactSurface(u, facets(domain, 2, 0.0), obstacle=obstacle, law=Coulomb(0.3))
+    s = discretise(ContactSurface(u, facets(domain, 2, 0.0), obstacle=obstacle, law=Coulomb(0.3)))
     x = s.positions.T
     n = s.points.number
     np.testing.assert_allclose(s.points.vertex_gaps[:n], distance(x), atol=1e-12)
@@ -98,7 +101,7 @@ def test_uniform_functions_of_any_element(element):
     place = f if element != "mixed" else f.sub(0)
 
     def touching(given):
-        return ContactSurface(u, where, obstacle=Sphere(given, 2.0), law=Coulomb(0.3))
+        return discretise(ContactSurface(u, where, obstacle=Sphere(given, 2.0), law=Coulomb(0.3)))
 
     place.interpolate(lambda x: np.stack([0.5 + 0 * x[0], 0 * x[0] - 2.0]))
     if element == "mixed":
@@ -143,7 +146,7 @@ def test_facets_named_on_one_rank_only():
     everything = facets(domain, 2, 0.0)
     owned = everything[everything < domain.topology.index_map(2).size_local]
     surfaces = [
-        ContactSurface(u, f, obstacle=HalfSpace((0, 0, 0), (0, 0, 1)), law=Coulomb(0.3))
+        discretise(ContactSurface(u, f, obstacle=HalfSpace((0, 0, 0), (0, 0, 1)), law=Coulomb(0.3)))
         for f in (everything, owned)
     ]
     for s in surfaces:
@@ -225,7 +228,7 @@ def test_constants_in_a_tuple_move_the_obstacle():
     height = fem.Constant(domain, -0.1)
     tilt = fem.Constant(domain, 0.0)
     floor = HalfSpace((0, height), (tilt, 1.0))
-    s = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    s = discretise(ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3)))
     np.testing.assert_allclose(s.points.vertex_gaps, 0.1, atol=1e-14)
     height.value = -0.3
     tilt.value = 0.75

@@ -21,6 +21,7 @@ from dolfinx_contact import (
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
+from dolfinx_contact.points.discretisation import discretise
 
 COMM = MPI.COMM_WORLD
 INNER = 0.5  # radii of two tubes
@@ -87,8 +88,10 @@ def test_of_points_in_common():
     both = tubes(5, 7)
     u = displacement(both.mesh)
     disc = Sphere((0.0, 0.0), MIDDLE - 0.01)
-    pair = ContactPair(
-        *(u, both), slave=3, master=2, law=Frictionless(), method="integral", surface=disc
+    pair = discretise(
+        ContactPair(
+            *(u, both), slave=3, master=2, law=Frictionless(), method="integral", surface=disc
+        )
     )
     data = pair.points.data
     np.testing.assert_allclose(data.gap, 0.01, rtol=1e-12)
@@ -106,7 +109,7 @@ def test_bad_surfaces():
 
     def refused(match, **options):
         with pytest.raises(ValueError, match=match) as info:
-            ContactPair(u, both, slave=3, master=2, law=Frictionless(), **options)
+            discretise(ContactPair(u, both, slave=3, master=2, law=Frictionless(), **options))
         assert len(set(COMM.allgather(str(info.value)))) == 1
 
     refused("the surface must be a HalfSpace, Sphere", surface=1.0)

@@ -102,7 +102,7 @@ def test_two_loads():
     ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
     energy = materials.LinearElastic(1.0, 1.0).energy(body.u) * ufl.dx
     energy += 2 * ufl.dot(ufl.as_vector([gamma, mu]), body.u) * ds
-    problem = ContactProblem(energy, body.u, body.surfaces, bcs=body.bcs)
+    problem = ContactProblem(energy, body.u, body.contacts, bcs=body.bcs)
     system = ParametricContact(problem, gamma)
     branches = [(1.0, branch_of(system, (0.0, 10.0)))]
     curves = event_curves(system, mu, branches, mu_range=(0.5, 2.0), gamma_range=(0.1, 10.0))

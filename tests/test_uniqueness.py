@@ -113,7 +113,7 @@ def test_no_proof_in_space_of_a_body_that_gives_way():
     """On an anti-elastic bedding, where the criterion means nothing."""
     held = block(n=2, cell="hex")
     energy = LinearElastic.from_young(1000.0, 0.3).energy(held.u) - 500 * ufl.dot(held.u, held.u)
-    problem = ContactProblem(energy * ufl.dx, held.u, held.surfaces, bcs=held.bcs)
+    problem = ContactProblem(energy * ufl.dx, held.u, held.contacts, bcs=held.bcs)
     found = problem.solve().uniqueness()
     assert found.verdict == "not proved"
     assert "positive definite" in found.reason
@@ -196,7 +196,7 @@ def test_theory_looks_at_the_stiffness(soft, unique):
     held = block(law=Frictionless())
     u = held.u
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) - soft * ufl.dot(u, u)
-    problem = ContactProblem(energy * ufl.dx, u, held.surfaces, bcs=held.bcs)
+    problem = ContactProblem(energy * ufl.dx, u, held.contacts, bcs=held.bcs)
     theory = theory_of(problem.equations)
     assert theory.unique == unique
     assert unique or "positive definite" in theory.reason

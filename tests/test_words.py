@@ -107,15 +107,15 @@ def test_loads_beside_tags_of_the_bulk():
     dx = ufl.Measure("dx", domain, subdomain_data=cells_of(domain))
     bulk = materials.LinearElastic.from_young(1e3, 0.3).energy(u) * dx(1)
     with pytest.raises(ValueError, match="integrals over the cells have tags, and others"):
-        ContactProblem(bulk - u[1] * ufl.dx, u, held.surfaces, bcs=held.bcs)
-    ContactProblem(bulk - u[1] * dx, u, held.surfaces, bcs=held.bcs).solve()
+        ContactProblem(bulk - u[1] * ufl.dx, u, held.contacts, bcs=held.bcs)
+    ContactProblem(bulk - u[1] * dx, u, held.contacts, bcs=held.bcs).solve()
 
 
 def test_a_complex_load():
     held = block(n=2)
     load = fem.Constant(held.V.mesh, 1.0 + 1.0j)
     with pytest.raises(ValueError, match="complex values"):
-        ContactProblem(held.energy - load * held.u[1] * ufl.dx, held.u, held.surfaces)
+        ContactProblem(held.energy - load * held.u[1] * ufl.dx, held.u, held.contacts)
 
 
 # -- pairs ---------------------------------------------------------------------------------------

@@ -14,12 +14,13 @@ from dolfinx import fem
 from dolfinx_contact._agreement import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.materials import Axisymmetric, materials_in
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.descriptions import Contact, is_axisymmetric
+from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["check", "fit", "listed", "lists"]
 
 
-def fit(surfaces: Sequence[ContactSurface], statuses: Statuses) -> bool:
+def fit(surfaces: Sequence[DiscreteSurface], statuses: Statuses) -> bool:
     """Whether statuses are some of these contact points. Not collective."""
     return len(statuses) == len(surfaces) and all(
         np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
@@ -27,25 +28,21 @@ def fit(surfaces: Sequence[ContactSurface], statuses: Statuses) -> bool:
     )
 
 
-def lists(surfaces: Any, bcs: Any) -> tuple[list[ContactSurface], list[fem.DirichletBC]]:
-    """Surfaces and conditions as lists of their kinds, or ``ValueError``."""
-    if isinstance(surfaces, ContactSurface) or isinstance(bcs, fem.DirichletBC):
-        raise ValueError("surfaces and bcs must be lists")
+def lists(surfaces: Any, bcs: Any) -> tuple[list[Contact], list[fem.DirichletBC]]:
+    """Return descriptions of contact and Dirichlet conditions as lists, or raise ``ValueError``."""
     try:
         surfaces = list(surfaces)
         bcs = list(bcs)
     except TypeError:
         raise ValueError("surfaces and bcs must be lists") from None
-    if not all(isinstance(s, ContactSurface) for s in surfaces):
-        raise ValueError("surfaces must be a list of ContactSurfaces")
+    if not all(isinstance(s, Contact) for s in surfaces):
+        raise ValueError("surfaces must be a list of ContactSurface, ContactPair or SelfContact")
     if not all(isinstance(bc, fem.DirichletBC) for bc in bcs):
         raise ValueError("bcs must be a list of Dirichlet conditions")
     return surfaces, bcs
 
 
-def check(
-    bulk: Any, u: fem.Function, surfaces: list[ContactSurface], bcs: list[fem.DirichletBC]
-) -> None:
+def check(bulk: Any, u: fem.Function, surfaces: list[Contact], bcs: list[fem.DirichletBC]) -> None:
     """Raise ``ValueError`` if the arguments of a problem do not fit together. Not collective."""
     domain = u.function_space.mesh
     if not surfaces:
@@ -55,14 +52,14 @@ def check(
     names = [s.name for s in surfaces]
     if len(set(names)) < len(names):
         raise ValueError(f"contact surfaces need different names, got {names}")
-    if len({s.axisymmetric for s in surfaces}) > 1:
-        plane = [s.name for s in surfaces if not s.axisymmetric]
+    plane = [s.name for s in surfaces if not is_axisymmetric(s)]
+    if 0 < len(plane) < len(surfaces):
         raise ValueError(f"all contact surfaces are axisymmetric or none is, unlike {plane}")
     if not isinstance(bulk, ufl.Form):
         density = isinstance(bulk, ufl.core.expr.Expr)
         hint = ": multiply the energy density by ufl.dx" if density else ""
         raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}{hint}")
-    around = surfaces[0].axisymmetric
+    around = is_axisymmetric(surfaces[0])
     for material in materials_in(bulk):
         if isinstance(material, Axisymmetric) != around:
             given, other = "axisymmetric", "a plane body"

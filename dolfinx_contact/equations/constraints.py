@@ -25,7 +25,7 @@ from dolfinx_contact._shared import SharedValues, total
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.held_ends import resting
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures
 
 __all__ = ["Constraints", "PrescribedDisplacement", "check_overlap"]
@@ -54,7 +54,7 @@ class Constraints:
     def __init__(
         self,
         V: fem.FunctionSpace,
-        surfaces: Sequence[ContactSurface],
+        surfaces: Sequence[DiscreteSurface],
         bcs: Sequence[fem.DirichletBC],
     ):
         self._V = V
@@ -94,7 +94,7 @@ class Constraints:
         f.x.scatter_forward()
         return f.x.array.reshape(-1, self._V.dofmap.index_map_bs).copy()
 
-    def approach(self, s: ContactSurface, u: npt.NDArray[np.float64]) -> float:
+    def approach(self, s: DiscreteSurface, u: npt.NDArray[np.float64]) -> float:
         """How far Dirichlet data will move the body along the mean contact normal. Collective.
 
         Args:
@@ -150,7 +150,7 @@ class Constraints:
             )
 
     def check_values(
-        self, surfaces: Sequence[ContactSurface], size: float, where: str = ""
+        self, surfaces: Sequence[DiscreteSurface], size: float, where: str = ""
     ) -> None:
         """Raise ``ValueError`` for values that surfaces cannot have. Collective.
 
@@ -213,7 +213,7 @@ class Constraints:
         parts = zip(self.removed, self._owned, strict=True)
         return np.concatenate([removed[:n].reshape(-1) for removed, n in parts])
 
-    def _check_slave(self, s: ContactSurface) -> None:
+    def _check_slave(self, s: DiscreteSurface) -> None:
         """Refuse the slave of a mortar that holds more nodes than the master has. Collective."""
         if not s.between_bodies or s.obstacle.opposite.matching:
             return
@@ -228,7 +228,7 @@ class Constraints:
             f"{counts[1]:.0f} that the master has to meet them; exchange slave and master",
         )
 
-    def _held(self, s: ContactSurface) -> npt.NDArray[np.bool_]:
+    def _held(self, s: DiscreteSurface) -> npt.NDArray[np.bool_]:
         """Local nodes x dim, True where the jump is fixed. Collective."""
         opposite = s.opposite_nodes
         if s.rigid_body is not None:
@@ -240,7 +240,7 @@ class Constraints:
         return resting(self._V, opposite, self.fixed)
 
 
-def _why_none_is_left(s: ContactSurface) -> str:
+def _why_none_is_left(s: DiscreteSurface) -> str:
     """Why no contact node of a surface may carry anything. Not collective."""
     opposite = s.opposite_nodes
     if opposite is None or not opposite.none.any():
@@ -251,7 +251,7 @@ def _why_none_is_left(s: ContactSurface) -> str:
     )
 
 
-def _removed(s: ContactSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _removed(s: DiscreteSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Local multiplier nodes x dim, True where the component is removed. Collective."""
     fixed = held[s.points.trace_dofs]
     if s.degrees[0] != s.degrees[1]:
@@ -283,7 +283,7 @@ def _removed(s: ContactSurface, held: npt.NDArray[np.bool_]) -> npt.NDArray[np.b
     return np.where(oblique[:, None], False, fixed) | clamped[:, None]
 
 
-def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
+def check_overlap(surfaces: Sequence[DiscreteSurface]) -> None:
     """Refuse common facets of two surfaces. Collective."""
     for a, b in combinations(surfaces, 2):
         facets = np.intersect1d(a.submesh.parent_facets, b.submesh.parent_facets)
@@ -301,7 +301,7 @@ def check_overlap(surfaces: Sequence[ContactSurface]) -> None:
 
 
 def _warn_of_common_nodes(
-    surfaces: Sequence[ContactSurface], crossed: npt.NDArray[np.bool_]
+    surfaces: Sequence[DiscreteSurface], crossed: npt.NDArray[np.bool_]
 ) -> None:
     """Warn of nodes that two surfaces share, but for those at which pairs cross. Collective."""
     for a, b in combinations(surfaces, 2):
@@ -315,14 +315,14 @@ def _warn_of_common_nodes(
             )
 
 
-def _nodes(s: ContactSurface) -> npt.NDArray[np.int64]:
+def _nodes(s: DiscreteSurface) -> npt.NDArray[np.int64]:
     """Local nodes at the vertices of a surface, and of the master opposite to it."""
     if not s.between_bodies:
         return s.points.vertex_trace_dofs.astype(np.int64)
     return np.flatnonzero(np.logical_or(*s.obstacle.opposite.sides))
 
 
-def _node_normals(s: ContactSurface) -> npt.NDArray[np.float64]:
+def _node_normals(s: DiscreteSurface) -> npt.NDArray[np.float64]:
     """Normals at the local multiplier nodes, from those at the vertices."""
     if s.degrees[1] == 1:
         return s.points.vertex_normals.copy()
@@ -335,7 +335,7 @@ def _node_normals(s: ContactSurface) -> npt.NDArray[np.float64]:
     return normals.x.array.reshape(-1, s.dim).copy()
 
 
-def _fixed_on_support(s: ContactSurface, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _fixed_on_support(s: DiscreteSurface, fixed: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Multiplier nodes x dim whose whole support has displacements marked in ``fixed``."""
     cells = s.points.cells
     closures = facet_closures(s.u.function_space, s.submesh.parent_facets[cells])

@@ -43,7 +43,7 @@ from dolfinx_contact.equations.scaling import Scaling
 from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, slid_after
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 if TYPE_CHECKING:
     from dolfinx_contact.body.moving import MovingBody
@@ -80,7 +80,7 @@ class ContactEquations:
         self,
         bulk: Bulk | MovingBody,
         V: fem.FunctionSpace,
-        surfaces: Sequence[ContactSurface],
+        surfaces: Sequence[DiscreteSurface],
         bcs: Sequence[fem.DirichletBC],
         *,
         r: float | None,
@@ -96,11 +96,8 @@ class ContactEquations:
         self.options = options
         self.snes = PETSc.SNES()
         check_overlap(self.surfaces)
-        #: By which surfaces know whose they are.
-        self._mine = object()
         self.axisymmetric = self.surfaces[0].axisymmetric
         for s in self.surfaces:
-            s.take(self._mine)
             s.slide(linear=bulk.linear)
         #: Whether H is linear in the displacement as long as no status changes.
         self.linear = bulk.linear and all(s.linear for s in self.surfaces)
@@ -118,7 +115,6 @@ class ContactEquations:
         self.global_sizes = [*(int(m.size_global) * bs for m, bs in sizes), self.rigid.size]
         self._mesh_mark = mesh_mark(V.mesh)
         self.forced_r = r
-        self._connections = [s.points.connections for s in self.surfaces]
         self.scaling = Scaling(bulk, V, self.surfaces, self.constraints.fixed, self.rigid, r)
         per_area = [self.stiffness_scale / s.points.mean_vertex_area for s in self.surfaces]
         self.units = [1.0, *per_area, 1.0]
@@ -200,7 +196,6 @@ class ContactEquations:
 
         The ghosts of Functions that are given follow their owners, in the forms of the body too.
         """
-        self._take_surfaces()
         parts = [self.bulk, *self.surfaces]
         changed = anywhere(self.comm, *(part.has_changed for part in parts))
         if changed[0]:
@@ -208,25 +203,6 @@ class ContactEquations:
         for s, other in zip(self.surfaces, changed[1:], strict=True):
             if other:
                 s.update_geometry()
-
-    def _take_surfaces(self) -> None:
-        """Let surfaces be those of this problem, where another one has had them since.
-
-        Raises:
-            ValueError: on every rank, if that one has changed their contact points.
-        """
-        for s, number in zip(self.surfaces, self._connections, strict=True):
-            if s.points.connections != number:
-                raise ValueError(
-                    f"{s.name}: another problem has been made with this surface since, which holds "
-                    "other nodes of it, or has other surfaces beside it, and so has other contact "
-                    "points; give each problem a surface of its own"
-                )
-        if not any([s.take(self._mine) for s in self.surfaces]):
-            return
-        for s in self.surfaces:
-            s.slide(linear=self.bulk.linear)
-        self.scaling.augment()
 
     def _contact(
         self, x: PETSc.Vec, u: Array, q: Array, statuses: Statuses | None
@@ -246,12 +222,12 @@ class ContactEquations:
             found.append(ContactState(at, traction, codes, answers))
         return found
 
-    def kinematics(self, s: ContactSurface, u: Array, q: Array) -> Kinematics:
+    def kinematics(self, s: DiscreteSurface, u: Array, q: Array) -> Kinematics:
         """Gap, slip and B of ``s`` at a displacement and unknowns of the rigid bodies."""
         memory = self.memory[self.surfaces.index(s)]
         return s.kinematics(u.reshape(-1, self.dim), self.rigid.of_body(q, s.rigid_body), memory)
 
-    def relative(self, s: ContactSurface, u: Array, q: Array) -> Array:
+    def relative(self, s: DiscreteSurface, u: Array, q: Array) -> Array:
         """Displacements of the owned nodes (n, dim), seen from what ``s`` touches.
 
         Args:
@@ -328,7 +304,7 @@ class ContactEquations:
         ]
         return np.concatenate(rows)
 
-    def relative_rate(self, s: ContactSurface, u: Array, q: Array, du: Array, dq: Array) -> Array:
+    def relative_rate(self, s: DiscreteSurface, u: Array, q: Array, du: Array, dq: Array) -> Array:
         """The derivative of `relative` along displacements of all, at a state (n, dim).
 
         Args:
@@ -343,7 +319,7 @@ class ContactEquations:
         return self.rigid.relative_rate(s, at, q, step, dq)
 
     def _change(
-        self, s: ContactSurface, found: ContactState, u: Array, q: Array, du: Array, dq: Array
+        self, s: DiscreteSurface, found: ContactState, u: Array, q: Array, du: Array, dq: Array
     ) -> Array:
         """The derivative of the answer at a state along displacements of all. Collective.
 
@@ -438,7 +414,7 @@ class ContactEquations:
 
     # -- statuses --------------------------------------------------------------------------------
 
-    def gaps(self, s: ContactSurface, state: Evaluation) -> Array:
+    def gaps(self, s: DiscreteSurface, state: Evaluation) -> Array:
         """Gap of the displacement at the points of ``s`` as the law has it, but no averages."""
         points = s.points
         if s.method != "mixed" or s.slides:
@@ -447,7 +423,7 @@ class ContactEquations:
         at = (nodes - s.opposite(nodes))[points.trace_dofs[: points.number]]
         return np.asarray(points.gaps - np.sum(at * points.data.n, axis=1))
 
-    def reach(self, s: ContactSurface, u: Array) -> float:
+    def reach(self, s: DiscreteSurface, u: Array) -> float:
         """Gaps up to which points of ``s`` are expected to close, from an open state.
 
         Half the motion that Dirichlet data prescribe, where the contact of Hertz ends.
@@ -533,13 +509,13 @@ class ContactEquations:
         return self.stiffness_scale * max(1e-4 * displacement, strain)
 
 
-def _fits(memory: Memory, s: ContactSurface) -> bool:
+def _fits(memory: Memory, s: DiscreteSurface) -> bool:
     """Whether a memory is one of this surface."""
     alike = memory.slides == s.slides and memory.follows == (s.displaced is not None)
     return alike and memory.fits(s.points.number, s.dim)
 
 
-def remembered(s: ContactSurface, at: ContactState) -> dict[str, Array]:
+def remembered(s: DiscreteSurface, at: ContactState) -> dict[str, Array]:
     """The fields of the memory that a state of ``s`` leaves."""
     fields = {name: at.answers.bond(f"after.{name}") for name in s.law.memory(s.dim)}
     if s.law_at_points.compiled.knows_slip:

@@ -31,7 +31,7 @@ from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.obstacles import Measured
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = [
     "Constancy",
@@ -111,7 +111,7 @@ def mark_of_data(eq: ContactEquations) -> int:
     return mark
 
 
-def data_of_surface(s: ContactSurface) -> list[Datum]:
+def data_of_surface(s: DiscreteSurface) -> list[Datum]:
     """Data in the obstacle and in the law of a surface."""
     obstacle = getattr(s.obstacle, "shape", s.obstacle)
     parts = [f.name for f in fields(obstacle)] if is_dataclass(obstacle) else []
@@ -322,7 +322,7 @@ def _values(f: fem.Function | fem.Constant) -> npt.NDArray[np.float64]:
     return np.asarray(f.x.array if hasattr(f, "x") else f.value)
 
 
-def check_surface(s: ContactSurface, memory: Memory | None, where: str = "") -> None:
+def check_surface(s: DiscreteSurface, memory: Memory | None, where: str = "") -> None:
     """Raise ``ValueError`` if gaps, normals or law of a surface are not valid now.
 
     Collective; see `check_law`.
@@ -335,7 +335,7 @@ def check_surface(s: ContactSurface, memory: Memory | None, where: str = "") -> 
         check_turn(s, None, where)
 
 
-def check_turn(s: ContactSurface, before: npt.NDArray[np.float64] | None, where: str = "") -> None:
+def check_turn(s: DiscreteSurface, before: npt.NDArray[np.float64] | None, where: str = "") -> None:
     """Raise ``ValueError`` if a rigid body turns by half a turn or more in a step. Collective.
 
     Slips on it are known up to there: a rotation of a whole turn leaves every place as it was.
@@ -359,7 +359,7 @@ def check_turn(s: ContactSurface, before: npt.NDArray[np.float64] | None, where:
     )
 
 
-def require_finite_geometry(s: ContactSurface) -> None:
+def require_finite_geometry(s: DiscreteSurface) -> None:
     """Raise ``ValueError`` if a gap or normal is not finite as evaluated last. Collective."""
     gaps = bool(np.isfinite(s.points.vertex_gaps).all())
     normals = bool(np.isfinite(s.points.vertex_normals).all())
@@ -367,7 +367,7 @@ def require_finite_geometry(s: ContactSurface) -> None:
     require(s.comm, gaps and normals, message)
 
 
-def check_law(s: ContactSurface, memory: Memory | None, where: str = "") -> None:
+def check_law(s: DiscreteSurface, memory: Memory | None, where: str = "") -> None:
     """Raise ``ValueError`` if a surface has no law with the fields as they are. Collective.
 
     They must be finite and of the sign that the law requires, and no radius of a friction disc
@@ -411,7 +411,7 @@ def check_moduli(eq: ContactEquations, where: str = "") -> None:
     require(eq.comm, not message, message)
 
 
-def check_time(s: ContactSurface, memory: Memory | None) -> None:
+def check_time(s: DiscreteSurface, memory: Memory | None) -> None:
     """Raise ``ValueError`` if the law lacks something under a memory. Collective.
 
     See `Law.lacks`; and a law that depends on the time needs one (`CompiledLaw.needs_time`).

@@ -39,7 +39,7 @@ from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.points.neighbours import LawAmongPoints
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import at_global_places
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ _NEEDED_BY_SPREADING = "a law that sees the points around its own"
 class _Block:
     """Entries of one surface: places of its dofs among all unknowns, -1 where there are none."""
 
-    surface: ContactSurface
+    surface: DiscreteSurface
     unit: float
     bodies: Indices  # (groups, k, dim)
     multipliers: Indices  # (groups, l, dim)
@@ -321,7 +321,7 @@ class RigidTerms:
         at_points: Phi (n, dim, k).
     """
 
-    surface: ContactSurface
+    surface: DiscreteSurface
     unit: float
     motions: Indices
     multipliers: Indices
@@ -362,7 +362,7 @@ class SpreadTerms:
 
     def __init__(
         self,
-        surface: ContactSurface,
+        surface: DiscreteSurface,
         unit: float,
         bodies: Indices,
         multipliers: Indices,

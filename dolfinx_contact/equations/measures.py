@@ -20,7 +20,7 @@ from dolfinx_contact._shared import largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.laws.status import STICK, closed, senses
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 Array = npt.NDArray[np.float64]
 
@@ -108,7 +108,7 @@ class Scales:
         return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
 
 
-def held_back(s: ContactSurface, found: ContactState, stiffness: Array) -> float:
+def held_back(s: DiscreteSurface, found: ContactState, stiffness: Array) -> float:
     """The largest displacement from which contact keeps a node of this rank, taken alone.
 
     Args:
@@ -126,7 +126,7 @@ def held_back(s: ContactSurface, found: ContactState, stiffness: Array) -> float
 
 
 def _row_measures(
-    s: ContactSurface, found: ContactState, rows: Array
+    s: DiscreteSurface, found: ContactState, rows: Array
 ) -> tuple[float, float, float]:
     """Largest length and force in owned contact rows, and the largest nodal contact force.
 

@@ -43,7 +43,7 @@ from dolfinx_contact.equations.rates import (
     dirichlet_rates,
 )
 from dolfinx_contact.laws.status import OPEN
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["ParametricEquations"]
 
@@ -476,7 +476,7 @@ class ParametricEquations(System):
 
     # -- pieces ----------------------------------------------------------------------------------
 
-    def parts(self) -> Iterator[tuple[ContactSurface, int, int]]:
+    def parts(self) -> Iterator[tuple[DiscreteSurface, int, int]]:
         """Surfaces with the range of their points among those of this rank."""
         ends = self._offsets[1:]
         return zip(self.equations.surfaces, self._offsets[:-1], ends, strict=True)

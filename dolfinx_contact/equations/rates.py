@@ -20,7 +20,7 @@ from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.points.contact_points import Given
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["Driven", "Rate", "RigidRates", "SurfaceRates", "depends_on"]
 
@@ -119,7 +119,7 @@ class Driven:
 class SurfaceRates:
     """Rate of the answer of the law of a surface whose obstacle or law depends on gamma."""
 
-    def __init__(self, s: ContactSurface, rate: Rate):
+    def __init__(self, s: DiscreteSurface, rate: Rate):
         self._surface = s
         given = s.given if s.displaced is None else s.displaced.given
         self.moves = depends_on(rate.gamma, given.gap, given.normal)

@@ -24,7 +24,7 @@ from dolfinx import fem
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.points.rigid_body import RigidBody, number
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["RigidBodies"]
 
@@ -52,7 +52,7 @@ class RigidBodies:
         ValueError: on every rank, if two bodies have one name.
     """
 
-    def __init__(self, V: fem.FunctionSpace, surfaces: Sequence[ContactSurface], body_size: float):
+    def __init__(self, V: fem.FunctionSpace, surfaces: Sequence[DiscreteSurface], body_size: float):
         self.comm = V.mesh.comm
         self.surfaces = list(surfaces)
         self.bodies: list[RigidBody] = []
@@ -123,18 +123,18 @@ class RigidBodies:
 
     # -- kinematics ------------------------------------------------------------------------------
 
-    def relative(self, s: ContactSurface, u: Array, q: Array) -> Array:
+    def relative(self, s: DiscreteSurface, u: Array, q: Array) -> Array:
         """Displacements (n, dim) at the first local nodes, seen from what ``s`` touches."""
         body = s.rigid_body
         return u if body is None else s.relative(u, self.of_body(q, body))
 
-    def relative_rate(self, s: ContactSurface, u: Array, q: Array, du: Array, dq: Array) -> Array:
+    def relative_rate(self, s: DiscreteSurface, u: Array, q: Array, du: Array, dq: Array) -> Array:
         """The derivative of `relative` along ``du`` (n, dim) and ``dq``, at a state."""
         body = s.rigid_body
         motions = self.of_body(q, body), du, self.of_body(dq, body)
         return s.relative_rate(u, *motions)
 
-    def spin(self, s: ContactSurface, q: Array, dq: Array) -> Array | None:
+    def spin(self, s: DiscreteSurface, q: Array, dq: Array) -> Array | None:
         """At what rate the frame of ``s`` turns along ``dq``; None where frames do not."""
         body = s.rigid_body
         if body is None or not s.turns:
@@ -149,7 +149,7 @@ class RigidBodies:
                 found[part][b.dim :] = b.spin(self.of_body(q, b)).T @ pushes[part][b.dim :]
         return found
 
-    def reactions(self, s: ContactSurface, forces: Array, u: Array, q: Array) -> Array:
+    def reactions(self, s: DiscreteSurface, forces: Array, u: Array, q: Array) -> Array:
         """This rank's part of Phi^T f by the forces B^T W t of ``s`` on its owned nodes.
 
         On a curved obstacle in large sliding moments are those where the body is.
@@ -169,7 +169,7 @@ class RigidBodies:
                 rows[part][[0, 2]] = 0.0
         return rows
 
-    def at_points(self, s: ContactSurface) -> Array:
+    def at_points(self, s: DiscreteSurface) -> Array:
         """Phi by the unknowns of what ``s`` touches, at its points (n, dim, k). Collective."""
         body = s.rigid_body
         part = self.slice_of(body)
@@ -232,7 +232,7 @@ class RigidBodies:
                 distances[part] = least
         return distances
 
-    def jump_matrix(self, s: ContactSurface) -> PETSc.Mat:
+    def jump_matrix(self, s: DiscreteSurface) -> PETSc.Mat:
         """-Phi: jumps at the points of ``s`` by all unknowns. Collective."""
         moved = self.at_points(s)
         part = self.slice_of(s.rigid_body)

@@ -28,7 +28,7 @@ from dolfinx_contact.body.rigid import extents, number_of_parts, parts, sums_of_
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.laws.status import STICK, closed, senses
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 if TYPE_CHECKING:
     from dolfinx_contact.body.moving import MovingBody
@@ -77,7 +77,7 @@ class Scaling:
         self,
         bulk: Bulk | MovingBody,
         V: fem.FunctionSpace,
-        surfaces: Sequence[ContactSurface],
+        surfaces: Sequence[DiscreteSurface],
         fixed: npt.NDArray[np.bool_],
         rigid: RigidBodies,
         forced_r: float | None,
@@ -153,7 +153,7 @@ def automatic_augmentation(
     K: PETSc.Mat,
     soft: float | Array,
     V: fem.FunctionSpace,
-    surfaces: Sequence[ContactSurface],
+    surfaces: Sequence[DiscreteSurface],
     extents: Array,
 ) -> tuple[float, list[npt.NDArray[np.float64]], list[npt.NDArray[np.float64]]]:
     """Mean diagonal entry of the stiffness; at the local vertices of each surface r, and stiffness.
@@ -210,7 +210,7 @@ def automatic_augmentation(
     return size / (V.dofmap.index_map.size_global * bs), automatic, at_vertices
 
 
-def _in_series(stiffness: Array, s: ContactSurface) -> Array:
+def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
     """The stiffness of nodes and of the points opposite to them together, at the local nodes."""
     other = s.opposite(stiffness)
     return np.divide(stiffness * other, stiffness + other, where=other > 0, out=stiffness.copy())
@@ -322,7 +322,7 @@ class LooseMotions:
         K: PETSc.Mat | None,
         V: fem.FunctionSpace,
         part: npt.NDArray[np.int32],
-        surfaces: Sequence[ContactSurface],
+        surfaces: Sequence[DiscreteSurface],
         fixed: npt.NDArray[np.bool_],
         bodies: RigidBodies,
         *,
@@ -342,7 +342,7 @@ class LooseMotions:
             np.concatenate([self._by_body(s), self._by_rigid_bodies(s)]) for s in surfaces
         ]
 
-    def _by_body(self, s: ContactSurface) -> Array:
+    def _by_body(self, s: DiscreteSurface) -> Array:
         jumps = np.zeros((len(self.of_body), s.points.number, s.dim))
         if not len(self.of_body):
             return jumps
@@ -351,7 +351,7 @@ class LooseMotions:
             jumps[i] = operator.apply(self.of_body[i, : s.owned_nodes])
         return jumps
 
-    def _by_rigid_bodies(self, s: ContactSurface) -> Array:
+    def _by_rigid_bodies(self, s: DiscreteSurface) -> Array:
         jumps = np.zeros((self._bodies.size, s.points.number, s.dim))
         jumps[self._bodies.slice_of(s.rigid_body)] = -np.moveaxis(self._bodies.at_points(s), 2, 0)
         return jumps[self._free]

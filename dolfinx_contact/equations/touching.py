@@ -18,7 +18,7 @@ from dolfinx_contact._shared import anywhere, largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.laws.status import PLUS, STICK, closed
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["bring_together", "touches_nothing", "touching"]
 
@@ -120,7 +120,7 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
     return found
 
 
-def _rigid_reach(eq: ContactEquations, s: ContactSurface, state: Evaluation, i: int) -> float:
+def _rigid_reach(eq: ContactEquations, s: DiscreteSurface, state: Evaluation, i: int) -> float:
     """Half of how far prescribed motions will bring a rigid body nearer to points of ``s``."""
     if not eq.rigid.size:
         return 0.0
@@ -130,7 +130,7 @@ def _rigid_reach(eq: ContactEquations, s: ContactSurface, state: Evaluation, i: 
 
 
 def _closing(
-    eq: ContactEquations, s: ContactSurface, state: Evaluation, i: int, dq: Array
+    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, i: int, dq: Array
 ) -> Array:
     """By how much a motion of rigid bodies closes the points of ``s`` (n,). Collective."""
     still = np.zeros(eq.owned_sizes[0])

@@ -35,7 +35,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["Energies", "Forces", "forces_at"]
 
@@ -195,7 +195,7 @@ def forces_at(eq: ContactEquations, state: Evaluation) -> Forces:
     )
 
 
-def _covered(s: ContactSurface, found: ContactState) -> Array:
+def _covered(s: DiscreteSurface, found: ContactState) -> Array:
     """The part of the areas of points that has something opposite (n,)."""
     return np.minimum(found.kinematics.operator.areas / s.points.areas, 1.0)
 

@@ -28,7 +28,7 @@ from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.partners import pair_forces
 
 if TYPE_CHECKING:
-    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["MasterFace"]
@@ -50,7 +50,7 @@ class MasterFace:
         normals: outward, at the local vertices (n, dim).
     """
 
-    def __init__(self, problem: ContactProblem, pair: ContactSurface):
+    def __init__(self, problem: ContactProblem, pair: DiscreteSurface):
         self._problem = problem
         self._number = problem.surfaces.index(pair)
         opposite = pair.obstacle.opposite

@@ -23,7 +23,7 @@ from dolfinx_contact.points.ids import vertex_numbers
 from dolfinx_contact.points.trace import facet_closures
 
 if TYPE_CHECKING:
-    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
     from dolfinx_contact.results.tables import ContactTable
 
@@ -257,7 +257,7 @@ def _columns(table: ContactTable) -> Arrays:
     return found | {f"internal.{name}": values for name, values in table.internal.items()}
 
 
-def _obstacle(s: ContactSurface) -> Arrays:
+def _obstacle(s: DiscreteSurface) -> Arrays:
     """What is drawn of an obstacle: its facets, or the points opposite to the surface.
 
     As of `patch`, on rank 0. Collective.
@@ -269,7 +269,7 @@ def _obstacle(s: ContactSurface) -> Arrays:
     return {"cells": cells, "floor": x, "moved": s.dragged(x), "n": n}
 
 
-def patch(s: ContactSurface) -> Arrays:
+def patch(s: DiscreteSurface) -> Arrays:
     """A contact surface and its obstacle, which may move as well, on rank 0. Collective."""
     points = s.points
     u, x = (v[points.vertex_trace_dofs] for v in (s.u.x.array.reshape(-1, s.dim), s.node_positions))

@@ -52,7 +52,7 @@ from dolfinx_contact.plot.look import Look, checked_look, checked_scale, checked
 from dolfinx_contact.results.fields import STATUS_CODES, contact_fields, vertex_state
 
 if TYPE_CHECKING:
-    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = [
@@ -252,7 +252,7 @@ def picture_of_contact(
     file: str | os.PathLike[str],
     problem: ContactProblem,
     *,
-    surface: ContactSurface | None = None,
+    surface: DiscreteSurface | None = None,
     title: str | None = None,
     units: tuple[str, str] = ("", ""),
 ) -> Path | None:
@@ -433,7 +433,7 @@ def _averaged(
 
 
 def _is_seen(
-    problem: ContactProblem, s: ContactSurface, traction: npt.NDArray[np.float64]
+    problem: ContactProblem, s: DiscreteSurface, traction: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.bool_]:
     """Local vertices of a surface at which tractions (n, dim) are more than round-off. Collective.
 

@@ -30,7 +30,7 @@ from dolfinx_contact.points.held_ends import resting
 from dolfinx_contact.points.trace import at_global_places
 
 if TYPE_CHECKING:
-    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["crossings"]
 
@@ -39,7 +39,7 @@ Edges = npt.NDArray[np.int64]
 
 def crossings(
     V: fem.FunctionSpace,
-    surfaces: Sequence[ContactSurface],
+    surfaces: Sequence[DiscreteSurface],
     fixed: npt.NDArray[np.bool_],
 ) -> tuple[list[npt.NDArray[np.bool_]], npt.NDArray[np.bool_]]:
     """Where jumps of pairs go around. Collective.

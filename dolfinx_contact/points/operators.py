@@ -15,7 +15,7 @@ with the scalar weights b and e of the nodes of the displacement and of the mult
 in groups that share their nodes: those of a facet, or every point by itself.
 
 What needs B to be the same everywhere (matrices that are set up once, condensation onto the contact
-points, proofs) takes it from `ContactSurface.constant_operator`, which refuses any other.
+points, proofs) takes it from `DiscreteSurface.constant_operator`, which refuses any other.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Operator(ABC):
     """B of a surface at a state. Collective, as all its methods are.
 
     Displacements are those of the owned nodes (n, dim), seen from the rigid body where there is one
-    (`ContactSurface.relative`); tractions and jumps those at the contact points of this rank.
+    (`DiscreteSurface.relative`); tractions and jumps those at the contact points of this rank.
     """
 
     #: W of the points (n,), by which tractions become forces.

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact surfaces: where a body may touch an obstacle, with which law, and what was found."""
+"""Discrete contact surfaces: contact points, kinematics and evaluation of the law."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 from mpi4py import MPI
 
@@ -14,33 +13,28 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
-from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import create_facet_submesh
-from dolfinx_contact._errors import require
-from dolfinx_contact._frozen import ReadOnly, seal
+from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._frozen import seal
 from dolfinx_contact._kept import keep
 from dolfinx_contact._mesh_mark import mesh_mark, node_positions
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.body.rigid import parts
-from dolfinx_contact.laws import Answers, Law, LawAtPoints, PointData
+from dolfinx_contact.laws import Answers, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
-from dolfinx_contact.meshing import GmshMesh, tagged_facets
-from dolfinx_contact.obstacles import Obstacle, fields_within, require_uniform
+from dolfinx_contact.meshing import tagged_facets
+from dolfinx_contact.obstacles import fields_within, require_uniform
 from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
+from dolfinx_contact.points.descriptions import Contact, ContactSurface
 from dolfinx_contact.points.displaced import (
     DisplacedPoints,
-    SlidingKind,
     TrueGaps,
-    check_sliding,
     displaced_points,
 )
 from dolfinx_contact.points.elements import (
-    check_elements,
-    check_name,
-    check_quadrature,
     displacement_degree,
 )
 from dolfinx_contact.points.integral_points import CommonFacetPoints, FacetPoints
@@ -51,225 +45,105 @@ from dolfinx_contact.points.node_points import AveragedPoints, NodePoints
 from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite, Overlap
 from dolfinx_contact.points.pair_motion import PairMotion
-from dolfinx_contact.points.revolution import check_revolution, check_section
+from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody, number
 from dolfinx_contact.points.trace import exterior_facets, rounded, simplex_normals
 
-__all__ = ["ContactSurface"]
+__all__ = ["DiscreteSurface"]
 
 Array = npt.NDArray[np.float64]
 
 
 _NO_OVERLAP = 1e-9  # of a facet, an overlap that is none; and a cosine of normals that is none
 _UNIT = 1e-6  # by which the length of a normal may be off
-_ANOTHER = "make another surface, and a problem with it"
-_NUMBERS = "surface.law.friction.value = 0.5, by the name that it has in the law, changes a number"
 
 
-def _check(a: Arguments) -> None:
-    if not isinstance(a.u, fem.Function):
-        raise ValueError(f"the displacement must be a Function, got {type(a.u).__name__}")
-    check_name(a.name, "surface")
-    check_sliding(a.name, a.sliding)
-    degree = displacement_degree(a.u)
-    degrees = (degree, a.multiplier_degree)
-    a.method = a.method or ("nodal" if degree == 1 else "integral")
-    a.self._take_law_and_obstacle(a.u, a.name, a.law, a.obstacle)
-    check_elements(a.name, a.method, degrees)
-    if a.method == "mixed" and a.obstacle.outline is not None:
-        raise ValueError(
-            f"{a.name}: gaps of mixed contact are averages around nodes, and those from a surface "
-            "of facets are known at points: take nodal or integral contact"
-        )
-    if a.interference is None:  # what penetrates a smooth obstacle is pushed out
-        a.interference = a.remove_overlap is None and a.obstacle.outline is None
-    if Overlap.of(a.name, a.interference, a.remove_overlap).removed and a.method == "mixed":
-        raise ValueError(
-            f"{a.name}: gaps of mixed contact are averages around nodes, from which no overlap "
-            "with an obstacle is removed: take nodal or integral contact"
-        )
-    check_revolution(a.name, a.axisymmetric, a.obstacle, a.law)
-    a.axisymmetric = bool(a.axisymmetric)
-    a.quadrature_degree = check_quadrature(
-        a.name, degrees, a.quadrature_degree, weighted=a.axisymmetric
-    )
+class DiscreteSurface:
+    """The contact points of a surface and everything that is evaluated at them. Collective.
 
-
-def _compared(a: Arguments) -> dict[str, Any]:
-    surface: ContactSurface = a.self
-    return {
-        "displacement": str(a.u.function_space.ufl_element()),
-        "kind_of_facets": isinstance(a.facets, mesh.MeshTags),
-        "law": surface._described_law,
-        "obstacle": lambda: (
-            f"{type(a.obstacle).__name__} {described(surface.gap, surface.domain)}{a.obstacle.mark}"
-        ),
-        "normal": lambda: described(surface.normal, surface.domain),
-    }
-
-
-class ContactSurface(ReadOnly):
-    """A part of the boundary that may touch an obstacle, with a law.
-
-    Its data are read once, and compiled: its attributes are read-only. Only the values
-    of Constants and Functions in law and obstacle may be changed between two solves.
-    Numbers of the law have become Constants, in `law`; arrays and numbers of an obstacle are
-    copied, so give Constants for what is to move.
+    A `ContactProblem` makes one for each description and owns it.
 
     Args:
-        u: displacement of the body, a vector Lagrange Function of degree 1 or 2.
-        facets: the mesh of `meshing.read_mesh`, or MeshTags of facets, with ``tag``; of another
-            mesh they are refused. Or local indices of exterior facets, which do not show their
-            mesh.
-        obstacle: the rigid foundation, or a `RigidBody` that moves.
-        law: of contact and friction.
-        tag: which tag of the MeshTags; of a mesh from gmsh also the name of a physical group.
-        method: ``"nodal"``, ``"integral"`` or ``"mixed"`` (see `points.contact_points`); by default
-            nodal for degree 1 and integral for degree 2.
-        multiplier_degree: 1 or 2; 1 is stable with both displacement degrees.
-        quadrature_degree: of the Gauss points of the integral method, by default twice the degree
-            of the displacement.
-        sliding: ``"large"`` for gap and normal of a curved obstacle at the displaced points and
-            slips along its surface, ``"small"`` for those of the reference configuration
-            (`points.displaced`); by default large for bodies that are not linear, unless the
-            obstacle is a rigid body that turns.
-        interference: whether contact points may begin within the obstacle, from where they are
-            pushed out, or how far, a length; if they may not, it is an error from 5 % of a facet
-            of the body. By default they may, unless the obstacle is one of facets (`RigidSurface`,
-            also as the shape of a `RigidBody`).
-        remove_overlap: a length: what contact points begin within the obstacle by, of this or less,
-            is taken from their gaps for good, so that they touch it at the start, without stress.
-            A larger overlap is an error, and one beyond the middle of the obstacle, as that of a
-            sphere, where its normals have turned round.
-        axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0
-            (`materials.Axisymmetric`). The problem then multiplies all integrals by 2 pi r, forces
-            are those of the whole circumference, and areas are swept areas (`points.revolution`).
-        name: used in messages and tables.
+        contact: description of the surface.
 
     Attributes:
+        description: description from which the surface was made (`surfaces`).
         multiplier: traction on the body, a vector Function of the facet submesh.
-        law: the law with its numbers as Constants, which may be changed between solves.
-        points: the contact points of this rank, and the operators that lead to them.
-        law_at_points: the law, compiled.
+        law: law with its numbers as Constants.
+        points: contact points of this rank and the operators that lead to them.
+        law_at_points: compiled law.
 
     Raises:
-        ValueError: on every rank, if the facets or elements do not fit, something is of another
-            mesh, or the arguments differ between ranks.
-        AttributeError: where attributes are set afterwards.
-
-    Example:
-        One problem for many coefficients of friction and places of the floor::
-
-            at = fem.Constant(domain, (0.0, 0.0))
-            surface = ContactSurface(
-                u, facets, obstacle=HalfSpace(at, (0, 1)), law=Coulomb(0.1)
-            )
-            problem = ContactProblem(energy, u, [surface], bcs=bcs)
-            for friction, height in product((0.1, 0.3), (0.0, 0.01)):
-                surface.law.friction.value = friction
-                at.value[1] = height
-                result = problem.solve()
+        ValueError: on every rank, if facets, obstacle or law do not fit the mesh, obstacles differ
+            between ranks, or points start too far inside the obstacle.
     """
 
-    _listed = (
-        "at_vertices",
-        "between_bodies",
-        "kinematics",
-        "node_positions",
-        "owned_nodes",
-        "positions",
-        "rigid_body",
-    )
-    _instead: ClassVar[Mapping[str, str]] = {
-        "law": f"{_NUMBERS}; for another law {_ANOTHER}",
-        "friction": _NUMBERS,
-        "obstacle": f"give Constants for what is to move, and change their values, or {_ANOTHER}",
-        "": _ANOTHER,
-    }
-
-    @collective("a contact surface", _check, compare=_compared, local=("facets",), where="name")
-    def __init__(
-        self,
-        u: fem.Function,
-        facets: GmshMesh | mesh.MeshTags | npt.NDArray[np.int32],
-        *,
-        obstacle: Obstacle,
-        law: Law,
-        tag: int | str | None = None,
-        method: Method | None = None,
-        multiplier_degree: int = 1,
-        quadrature_degree: int | None = None,
-        sliding: SlidingKind | None = None,
-        interference: bool | float | None = None,
-        remove_overlap: float | None = None,
-        axisymmetric: bool = False,
-        name: str = "contact",
-    ):
-        assert method is not None
-        assert quadrature_degree is not None
-        domain = self.domain
+    def __init__(self, contact: ContactSurface):
+        u = contact.u
+        domain = u.function_space.mesh
+        name = contact.name
         keep(domain)
+        self.description: Contact = contact
+        self.u = u
+        self.domain = domain
+        self.name = name
+        self.law = contact.law
+        self.obstacle = contact.obstacle
         self.dim = domain.geometry.dim
         self.comm = domain.comm
-        self.method: Method = method
-        self.degrees = (displacement_degree(u), multiplier_degree)
-        self.axisymmetric = axisymmetric
-        local = exterior_facets(domain, *tagged_facets(self.comm, facets, tag, name), name)
+        assert contact.method is not None
+        assert contact.quadrature_degree is not None
+        self.method: Method = contact.method
+        self.degrees = (displacement_degree(u), contact.multiplier_degree)
+        self.axisymmetric = contact.axisymmetric
+        with everywhere(self.comm, "a contact surface"):
+            self._bind()
+        same_everywhere(
+            self.comm,
+            name,
+            obstacle=lambda: (
+                f"{type(self.obstacle).__name__} {described(self.gap, domain)}{self.obstacle.mark}"
+            ),
+            normal=lambda: described(self.normal, domain),
+        )
+        tagged = tagged_facets(self.comm, contact.facets, contact.tag, name)
+        local = exterior_facets(domain, *tagged, name)
         if self.axisymmetric:
             check_section(domain, local, name)
-        self._create_points(local, quadrature_degree)
-        overlap = Overlap.of(name, interference, remove_overlap)
-        self._overlap = overlap
+        self._create_points(local, contact.quadrature_degree)
+        self._overlap = Overlap.of(name, contact.interference, contact.remove_overlap)
         self._settle_overlap(self.points.gaps, self.points.vertex_gaps, self.points.data.n)
-        self.sliding = sliding
+        self.sliding = contact.sliding
         self._displaced: DisplacedPoints | None = None
-        #: By what the problem is known that has it; see `take`.
-        self._user: object = None
-        #: What `slide` has found, by whether the body is linear.
-        self._ways: dict[bool, tuple[DisplacedPoints | None, TrueGaps]] = {}
-        self._true_gaps = TrueGaps(u, self.points, obstacle)
-        #: Of two bodies, how they have slid and turned.
+        self._slid = False
+        self._true_gaps = TrueGaps(u, self.points, self.obstacle)
+        #: Relative motion of two bodies since the reference configuration.
         self.motion: PairMotion | None = None
-        #: Of Functions and Constants that are given, where DOLFINx has them.
+        #: Arrays of the Functions and Constants in law and obstacle.
         self._values = [f.x.array for f in self._functions]
         self._values += [c.value for c in self.given.constants]
         self._mark = self._marked()
 
-    def _take_law_and_obstacle(
-        self, u: fem.Function, name: str, law: Law, obstacle: Obstacle
-    ) -> None:
-        """Bind them to the mesh, or ``ValueError`` if they do not fit. Not collective."""
-        domain = u.function_space.mesh
-        self.u = u
-        self.domain = domain
-        self.name = name
-        if not isinstance(law, Law):
-            raise ValueError(
-                f"{name}: the law must be Frictionless(), Coulomb(F), Tresca(g) or a Law"
-            )
-        if not isinstance(obstacle, Obstacle):
-            known = "HalfSpace, Sphere, Cylinder, LevelSet, RigidSurface or RigidBody"
-            raise ValueError(f"{name}: the obstacle must be a {known}")
-        self.law = law.bind(domain)
-        self.obstacle = obstacle
-        for given_object in (law, self.law, obstacle):
-            seal(given_object)
-        self.gap, self.normal = obstacle.on(domain)
+    def _bind(self) -> None:
+        """Evaluate obstacle and law as UFL on the mesh. Not collective.
+
+        Raises:
+            ValueError: if they depend on the displacement or belong to another mesh.
+        """
+        for part in (self.law, self.obstacle):
+            seal(part)
+        self.gap, self.normal = self.obstacle.on(self.domain)
         fields = self.law.given.values()
         self.given = Given(self.gap, self.normal, self.law.given)
         of_obstacle = [f for part in ("gap", "normal") for f in self.given.data[part][0]]
-        refuse_displacement(u, f"{name}: the obstacle", *of_obstacle)
-        refuse_displacement(u, f"{name}: the law", *self.given.functions)
+        refuse_displacement(self.u, f"{self.name}: the obstacle", *of_obstacle)
+        refuse_displacement(self.u, f"{self.name}: the law", *self.given.functions)
         for what, e in [("obstacle", self.gap), *(("law", e) for e in fields)]:
-            refuse_other_mesh(e, domain, f"{name}: the {what}")
-        self._uniform = fields_within(obstacle, domain, f"{name}: the obstacle")
+            refuse_other_mesh(e, self.domain, f"{self.name}: the {what}")
+        self._uniform = fields_within(self.obstacle, self.domain, f"{self.name}: the obstacle")
         #: Functions of the user in law and obstacle.
         functions = {f for f in self.given.functions if isinstance(f, fem.Function)}
         self._functions = sorted(functions, key=lambda f: f.count())
-
-    def _described_law(self) -> str:
-        fields = [f"{k} {described(e, self.domain)}" for k, e in self.law.given.items()]
-        return f"{self.law.name}({', '.join(fields)})"
 
     def _create_points(self, facets: npt.NDArray[np.int32], rule_degree: int) -> None:
         """Find the contact points on exterior facets of this rank. Collective."""
@@ -467,34 +341,25 @@ class ContactSurface(ReadOnly):
         """Whether gap and slip are linear in the displacement."""
         return self._displaced is None and isinstance(self.points.operator, ConstantOperator)
 
-    def take(self, user: object) -> bool:
-        """Let a problem have this surface, by what that is known by; whether another had it."""
-        another = self._user is not user
-        self._user = user
-        return another
-
     def slide(self, *, linear: bool) -> None:
-        """Store whether the body is linear; then sliding is small by default.
-
-        Collective the first time. Problems of both kinds may have the surface in turns.
+        """Choose small or large sliding for a linear or nonlinear body. Collective, once.
 
         Raises:
-            ValueError: if sliding cannot be large where it has to, or if points begin within what
-                holds them past the rim of an open surface.
+            ValueError: on every rank, if sliding must be large and cannot be, or if points start
+                inside the part of an open obstacle past its rim.
         """
-        if linear in self._ways:
-            self._displaced, self._true_gaps = self._ways[linear]
+        if self._slid:
             return
+        self._slid = True
         given = self.points, self.domain, self.obstacle, self.law_at_points, self.sliding
         self._displaced = displaced_points(*given, linear=linear, name=self.name)
         shape = None if self._displaced is None else self._displaced.shape
         if self._displaced is not None and self._displaced.ended:
-            # What begins below a rim, and within a facet past it, is held as what slid there.
+            # A point below a rim, and within a facet past it, is held like one that slid there.
             past = ", also past the rim, which holds a face that slides up to a facet"
             most = self._overlap.most if self._overlap.removed else 0.0
             self._settle_overlap(*self._displaced.starts(most), past)
         self._true_gaps = TrueGaps(self.u, self.points, self.obstacle, shape)
-        self._ways[linear] = self._displaced, self._true_gaps
 
     # -- nodes and points ------------------------------------------------------------------------
 

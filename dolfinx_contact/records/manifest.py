@@ -37,7 +37,7 @@ from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact.equations.given_data import Datum, placed_data
 
 if TYPE_CHECKING:
-    from dolfinx_contact.points.surface import ContactSurface
+    from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["data_restored", "difference", "manifest_of", "mesh_hash", "values_of"]
@@ -356,11 +356,11 @@ def _entities(domain: mesh.Mesh, dim: int, entities: npt.NDArray[np.int32]) -> s
     return _hash(domain.comm, np.sort(nodes[at], axis=1))
 
 
-def _facets(s: ContactSurface, facets: npt.NDArray[np.int32]) -> str:
+def _facets(s: DiscreteSurface, facets: npt.NDArray[np.int32]) -> str:
     return _entities(s.domain, s.dim - 1, facets)
 
 
-def _sliding(s: ContactSurface) -> list[Any]:
+def _sliding(s: DiscreteSurface) -> list[Any]:
     """Words and numbers for the kind of sliding of a surface. Collective.
 
     The numbers are the search distance, planes of symmetry and the removed overlap, and for

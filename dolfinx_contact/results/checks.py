@@ -27,7 +27,7 @@ from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.points.pair_motion import Moved
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_normals, rounded, simplex_normals
 
 __all__ = ["Sliding", "sliding_doubt", "slidings", "warn_of_inversion", "warn_of_obstacles"]
@@ -151,7 +151,7 @@ def slidings(eq: ContactEquations, state: Evaluation) -> dict[str, Sliding]:
 
 def _of_sliding(
     eq: ContactEquations,
-    s: ContactSurface,
+    s: DiscreteSurface,
     state: Evaluation,
     contact: ContactState,
 ) -> Sliding:
@@ -206,7 +206,7 @@ def _of_sliding(
     return Sliding(0.0, way_along, spin=spin, doubt="; ".join(reasons))
 
 
-def _behind_planes(eq: ContactEquations, s: ContactSurface, state: Evaluation) -> list[str]:
+def _behind_planes(eq: ContactEquations, s: DiscreteSurface, state: Evaluation) -> list[str]:
     """That nodes of the faces are behind planes of symmetry, in their own images. Collective."""
     opposite = s.obstacle.opposite
     n = eq.owned_sizes[0] // eq.dim
@@ -227,7 +227,7 @@ def _behind_planes(eq: ContactEquations, s: ContactSurface, state: Evaluation) -
     return reasons
 
 
-def _held_along(eq: ContactEquations, s: ContactSurface, contact: ContactState) -> list[str]:
+def _held_along(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> list[str]:
     """That friction is not unique where Dirichlet data hold both faces along it. Collective.
 
     So it is at nodes that lie, as those that they face, on a plane across which both are held, as
@@ -272,14 +272,14 @@ def sliding_doubt(eq: ContactEquations, state: Evaluation) -> str:
     return "; ".join(f"{name}: {s.doubt}" for name, s in found.items() if s.doubt)
 
 
-def _carrying(s: ContactSurface, traction: Array) -> Marks:
+def _carrying(s: DiscreteSurface, traction: Array) -> Marks:
     """Points that carry something, as bonds and given bounds do at open points. Collective."""
     size = np.linalg.norm(traction, axis=1)
     largest = s.comm.allreduce(float(size.max(initial=0.0)), op=max)
     return np.asarray(size > _CARRIES * largest, dtype=bool)
 
 
-def _width(s: ContactSurface) -> float:
+def _width(s: DiscreteSurface) -> float:
     """Of the whole face: the diagonal of the box around its points. Collective."""
     x = s.positions
     low = np.array(s.comm.allgather(x.min(axis=0, initial=np.inf))).min(axis=0)
@@ -288,7 +288,7 @@ def _width(s: ContactSurface) -> float:
 
 
 def _of_obstacle(
-    eq: ContactEquations, s: ContactSurface, law: Array, closed_points: Marks, held: Marks
+    eq: ContactEquations, s: DiscreteSurface, law: Array, closed_points: Marks, held: Marks
 ) -> Sliding:
     """By the distances of the displaced points from a curved obstacle. Collective."""
     true = s.true_gaps()
@@ -309,7 +309,7 @@ def _of_obstacle(
 
 
 def _with_edges(
-    s: ContactSurface, sliding: Sliding, state: Evaluation, contact: ContactState, held: Marks
+    s: DiscreteSurface, sliding: Sliding, state: Evaluation, contact: ContactState, held: Marks
 ) -> Sliding:
     """With what contact points do not see of the edges of a curved obstacle. Collective."""
     from dolfinx_contact.results.facets_of_obstacles import passed_of, pressed_across
@@ -323,7 +323,7 @@ def _with_edges(
 
 
 def _with_spin(
-    eq: ContactEquations, s: ContactSurface, sliding: Sliding, contact: ContactState
+    eq: ContactEquations, s: DiscreteSurface, sliding: Sliding, contact: ContactState
 ) -> Sliding:
     """With the spin of the face over a rigid obstacle, in space. Collective.
 
@@ -341,7 +341,7 @@ def _with_spin(
 
 
 def _with_side(
-    eq: ContactEquations, s: ContactSurface, sliding: Sliding, state: Evaluation
+    eq: ContactEquations, s: DiscreteSurface, sliding: Sliding, state: Evaluation
 ) -> Sliding:
     """With an obstacle on the wrong side of a face. Collective.
 
@@ -361,7 +361,7 @@ def _with_side(
     return replace(sliding, doubt="; ".join(reasons))
 
 
-def _through(s: ContactSurface, contact: ContactState) -> str:
+def _through(s: DiscreteSurface, contact: ContactState) -> str:
     """That points came through the obstacle in the last step, in words; "" if none. Collective."""
     from dolfinx_contact.results.through import way_through
 
@@ -380,7 +380,7 @@ def _through(s: ContactSurface, contact: ContactState) -> str:
 
 def _of_pair(
     eq: ContactEquations,
-    s: ContactSurface,
+    s: DiscreteSurface,
     moved: Moved,
     closed_points: Marks,
     acting: Marks,
@@ -435,7 +435,7 @@ def _of_pair(
 
 
 def _misfit(
-    s: ContactSurface, moved: Moved, closed_points: Marks, held: Marks
+    s: DiscreteSurface, moved: Moved, closed_points: Marks, held: Marks
 ) -> tuple[float, Array, float]:
     """By how much the gap of the law is off at worst, where, and the gap there. Collective.
 
@@ -452,7 +452,7 @@ def _misfit(
 
 
 def _turn(
-    s: ContactSurface, moved: Moved, closed_points: Marks, forces: Array
+    s: DiscreteSurface, moved: Moved, closed_points: Marks, forces: Array
 ) -> tuple[float, Array]:
     """By how many degrees normals have turned, weighted by forces, and where most. Collective."""
     degrees = np.where(closed_points, np.degrees(moved.turn), 0.0)
@@ -463,7 +463,7 @@ def _turn(
     return turn, turned
 
 
-def _worst(s: ContactSurface, values: Array, others: Array) -> tuple[float, Array, float]:
+def _worst(s: DiscreteSurface, values: Array, others: Array) -> tuple[float, Array, float]:
     """The largest value at the points of all ranks, its place, and another number there."""
     gathered = Gathered(s.comm, s.positions, s.points.ids)
     values = gathered(values)
@@ -504,7 +504,7 @@ def warn_of_obstacles(eq: ContactEquations) -> None:
 
 
 def _opposed(
-    eq: ContactEquations, s: ContactSurface, gaps: Array, normals: Array, moved: Array
+    eq: ContactEquations, s: DiscreteSurface, gaps: Array, normals: Array, moved: Array
 ) -> Array | None:
     """Where the body comes nearest to an obstacle whose normal points into the body there.
 
@@ -538,7 +538,7 @@ def _opposed(
     return x if np.isfinite(deepest) else None
 
 
-def _led_out(s: ContactSurface, marked: Marks, normals: Array, moved: Array) -> Marks:
+def _led_out(s: DiscreteSurface, marked: Marks, normals: Array, moved: Array) -> Marks:
     """At which vertices normals lead out of the body through a facet of its boundary. Collective.
 
     Args:
@@ -585,7 +585,7 @@ def _corner_nodes(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.ND
 
 
 def _facing(
-    s: ContactSurface, marked: npt.NDArray[np.bool_], normals: Array, moved: Array
+    s: DiscreteSurface, marked: npt.NDArray[np.bool_], normals: Array, moved: Array
 ) -> tuple[float, Array]:
     """Largest n.N over the facets around ``marked`` local vertices, N outward, and where.
 

@@ -19,7 +19,7 @@ from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_normals, simplex_normals
 from dolfinx_contact.rigid_surfaces import RigidSurface
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
@@ -53,7 +53,7 @@ class Passed:
     reasons: tuple[str, ...] = ()
 
 
-def passed_of(s: ContactSurface, u: Array) -> Passed:
+def passed_of(s: DiscreteSurface, u: Array) -> Passed:
     """Corners and edges in facets of the body, and points past a rim. Collective.
 
     Args:
@@ -83,7 +83,7 @@ def passed_of(s: ContactSurface, u: Array) -> Passed:
     return Passed(deepest, tuple(reasons))
 
 
-def pressed_across(s: ContactSurface, contact: ContactState, u: Array, held: Marks) -> str:
+def pressed_across(s: DiscreteSurface, contact: ContactState, u: Array, held: Marks) -> str:
     """That points are pressed across the face of the body, or "". Collective.
 
     Args:
@@ -117,13 +117,13 @@ def pressed_across(s: ContactSurface, contact: ContactState, u: Array, held: Mar
     )
 
 
-def _shape(s: ContactSurface) -> Obstacle:
+def _shape(s: DiscreteSurface) -> Obstacle:
     body = s.rigid_body
     shape: Obstacle = s.obstacle if body is None else body.shape
     return shape
 
 
-def _past(s: ContactSurface, shape: RigidSurface, u: Array) -> int:
+def _past(s: DiscreteSurface, shape: RigidSurface, u: Array) -> int:
     """Nodes that this rank owns past the rim of an open surface, where they have left it."""
     n = s.points.vertices.dofmap.index_map.size_local
     nodes = s.points.vertex_trace_dofs[:n]
@@ -142,7 +142,7 @@ def _shown(x: npt.ArrayLike) -> str:
     return f"({', '.join(f'{c:.4g}' for c in np.asarray(x))})"
 
 
-def _face(s: ContactSurface, u: Array) -> tuple[Array, Ints, Array]:
+def _face(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
     """Vertices of the face as they are now, simplices of facets of this rank by these, and their
     outward normals.
     """
@@ -160,14 +160,14 @@ def _face(s: ContactSurface, u: Array) -> tuple[Array, Ints, Array]:
     return now, cells, side[:, None] * simplex_normals(now[cells])
 
 
-def _outward(s: ContactSurface, u: Array) -> Array:
+def _outward(s: DiscreteSurface, u: Array) -> Array:
     """Outward normals at the local vertices, sums by the angles of facets (n, dim)."""
     now, cells, normals = _face(s, u)
     shares = angles_of(now[cells])[..., None] * normals[:, None]
     return SharedValues(s.points.vertices.dofmap.index_map).sums(cells, shares)
 
 
-def _deepest(s: ContactSurface, shape: RigidSurface, u: Array) -> tuple[float, float, Array]:
+def _deepest(s: DiscreteSurface, shape: RigidSurface, u: Array) -> tuple[float, float, Array]:
     """What of corners and edges is deepest in a facet of this rank, for its size.
 
     Returns:

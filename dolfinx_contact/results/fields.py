@@ -22,7 +22,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 from dolfinx_contact.points.evaluation import blocked_space, vertex_function
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 
 __all__ = ["STATUS_CODES", "contact_fields", "vertex_state"]
@@ -86,7 +86,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
 
     Returns:
         ``un``, ``ut``, ``n``, ``traction``, ``pressure``, ``shear``, ``bound`` as in
-        `ContactSurface.state_of`, but forces are divided by the whole areas of the vertices, of
+        `DiscreteSurface.state_of`, but forces are divided by the whole areas of the vertices, of
         which only a part may have something opposite; ``open`` and ``slip``, the shares of the area
         around a vertex with that status (0 or 1 where the vertices are the points); in 2D also
         ``plus`` and ``minus``, slip with u_t > 0 and < 0: neither where friction vanishes and
@@ -119,7 +119,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
 
 
 def _interpolated(
-    eq: ContactEquations, s: ContactSurface, evaluation: Evaluation, state: dict[str, Array]
+    eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, state: dict[str, Array]
 ) -> dict[str, Array]:
     """Values of the Functions at the vertices instead of means around them. Collective."""
     motion = None if s.rigid_body is None else eq.rigid.of_body(evaluation.q, s.rigid_body)
@@ -143,7 +143,7 @@ def _interpolated(
     }
 
 
-def _multiplier_at_vertices(s: ContactSurface) -> Array:
+def _multiplier_at_vertices(s: DiscreteSurface) -> Array:
     if s.degrees[1] == 1:
         return s.multiplier.x.array.reshape(-1, s.dim)
     f = fem.Function(blocked_space(s.points.vertices, s.dim))
@@ -152,7 +152,7 @@ def _multiplier_at_vertices(s: ContactSurface) -> Array:
     return f.x.array.reshape(-1, s.dim)
 
 
-def _at_vertices(s: ContactSurface, marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _at_vertices(s: DiscreteSurface, marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Local vertices among the ``marked`` multiplier nodes."""
     f = fem.Function(s.points.Q)
     f.x.array[:] = np.repeat(marked.astype(float), s.dim)

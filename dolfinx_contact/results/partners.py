@@ -19,7 +19,7 @@ from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["PairBalance", "RigidBodyResult", "pair_balance", "pair_forces", "rigid_body_results"]
 
@@ -92,7 +92,7 @@ def pair_balance(eq: ContactEquations, number: int, state: Evaluation) -> PairBa
     )
 
 
-def _apart(s: ContactSurface, x: npt.NDArray[np.float64]) -> float:
+def _apart(s: DiscreteSurface, x: npt.NDArray[np.float64]) -> float:
     """The largest distance of a node of the slave from the point opposite. Collective.
 
     Args:

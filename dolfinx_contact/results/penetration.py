@@ -19,7 +19,7 @@ from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.results.tables import ContactTable
 
 __all__ = ["Penetration", "penetrations", "warn_of_small_obstacles"]
@@ -96,7 +96,7 @@ def warn_of_small_obstacles(eq: ContactEquations, state: Evaluation) -> None:
             )
 
 
-def _placed(s: ContactSurface) -> tuple[Array, Array | None, float] | None:
+def _placed(s: DiscreteSurface) -> tuple[Array, Array | None, float] | None:
     """Centre, axis and radius of a round obstacle as it is now; None of any other."""
     body = s.rigid_body
     shape = s.obstacle if body is None else body.shape
@@ -125,7 +125,7 @@ def _value(given: Any) -> Array | None:
 
 
 def _deepest(
-    s: ContactSurface, u: Array, centre: Array, axis: Array | None, radius: float
+    s: DiscreteSurface, u: Array, centre: Array, axis: Array | None, radius: float
 ) -> tuple[float, float, Array]:
     """The facet of this rank that is deepest for its size: depth, size, and where it is.
 

@@ -27,7 +27,7 @@ from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.sliding.rays import area_vectors
 from dolfinx_contact.points.sliding.spins import spins
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_normals
 
 __all__ = ["LARGEST_SPIN", "spin_by_work", "spin_doubt", "spin_over_obstacle"]
@@ -43,7 +43,7 @@ _TURNED_ROUND = -0.9  # cosine of the normals before and now, below which a spin
 _NO_FACET = 1e-6  # of the mean area, below which means of points span no facet
 
 
-def spin_by_work(s: ContactSurface, contact: ContactState, apart: Array) -> float:
+def spin_by_work(s: DiscreteSurface, contact: ContactState, apart: Array) -> float:
     """The largest spin of a connected part of a face, in degrees. Collective.
 
     That of a part is the mean of the angles at its points, squared, by the work of friction. Parts
@@ -70,7 +70,7 @@ def spin_by_work(s: ContactSurface, contact: ContactState, apart: Array) -> floa
     return float(np.degrees(np.sqrt(means.max(initial=0.0))))
 
 
-def spin_over_obstacle(s: ContactSurface, contact: ContactState) -> float:
+def spin_over_obstacle(s: DiscreteSurface, contact: ContactState) -> float:
     """By how many degrees a face has turned over a rigid obstacle in the last step. Collective.
 
     Args:
@@ -86,7 +86,7 @@ def spin_over_obstacle(s: ContactSurface, contact: ContactState) -> float:
     return spin_by_work(s, contact, _at_points(s, start + before, start + at.path[0]))
 
 
-def spin_doubt(s: ContactSurface, spin: float) -> str:
+def spin_doubt(s: DiscreteSurface, spin: float) -> str:
     """Why a state is to be doubted that spins by so many degrees on an obstacle, or ""."""
     if not spin > _LARGEST_OVER_OBSTACLE:
         return ""
@@ -105,7 +105,7 @@ def spin_doubt(s: ContactSurface, spin: float) -> str:
     )
 
 
-def _at_points(s: ContactSurface, before: Array, now: Array) -> Array:
+def _at_points(s: DiscreteSurface, before: Array, now: Array) -> Array:
     """Angles at the points (n,) between two places of them (n, dim). Collective."""
     points = s.points
     vertices = points.vertices

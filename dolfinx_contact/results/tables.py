@@ -26,7 +26,7 @@ from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.laws import status
 from dolfinx_contact.laws.status import STICK, closed, without_damage
 from dolfinx_contact.points.memory import slid_after
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.results.balance import forces_at_vertices
 
 __all__ = ["ContactTable", "contact_table", "violation"]
@@ -251,7 +251,7 @@ def contact_table(
 
 
 def _of_memory(
-    s: ContactSurface,
+    s: DiscreteSurface,
     found: ContactState,
     area: npt.NDArray[np.float64],
     letters: npt.NDArray[np.str_],
@@ -306,7 +306,7 @@ def violation(eq: ContactEquations, state: Evaluation, force: float, length: flo
 
 
 def _letters(
-    s: ContactSurface, found: ContactState, known: dict[str, npt.NDArray[np.float64]]
+    s: DiscreteSurface, found: ContactState, known: dict[str, npt.NDArray[np.float64]]
 ) -> npt.NDArray[np.str_]:
     """Letters of the statuses; where a closed point has no friction the sense of its motion."""
     touching = closed(found.statuses)
@@ -325,7 +325,7 @@ def _letters(
 
 
 def _letters_of_bonds(
-    s: ContactSurface, found: ContactState, internal: dict[str, npt.NDArray[np.float64]]
+    s: DiscreteSurface, found: ContactState, internal: dict[str, npt.NDArray[np.float64]]
 ) -> npt.NDArray[np.str_]:
     """What a step does to bonds, a letter a point; see `ContactTable.bond`."""
     letters: npt.NDArray[np.str_] = np.full(s.points.number, "i")

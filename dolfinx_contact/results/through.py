@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.evaluation import ContactState
-from dolfinx_contact.points.surface import ContactSurface
+from dolfinx_contact.points.surface import DiscreteSurface
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.displaced import DisplacedPoints
@@ -40,7 +40,7 @@ _WITHIN = 1e-4  # of a facet, by which a point is within an obstacle
 _CHORD = 0.1  # of its length, by which a chord of an eighth of a turn is deep
 
 
-def way_through(s: ContactSurface, contact: ContactState) -> Array | None:
+def way_through(s: DiscreteSurface, contact: ContactState) -> Array | None:
     """By how much points were within a curved obstacle on their way through it (n,). Collective.
 
     None where it is not known, and of surfaces that are not displaced.
@@ -109,7 +109,7 @@ class _Way:
         longest: of the ways of this rank, a length.
     """
 
-    def __init__(self, s: ContactSurface, contact: ContactState):
+    def __init__(self, s: DiscreteSurface, contact: ContactState):
         at = contact.kinematics
         assert at.place is not None
         memory = at.memory

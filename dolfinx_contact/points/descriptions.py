@@ -1,0 +1,489 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Descriptions of contact: which facets may touch an obstacle, another face or themselves.
+
+A description holds its arguments and nothing else. `ContactProblem` discretises it; the contact
+points, the multiplier and all results belong to the problem, so that one description can serve
+several problems.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact._agreement import described
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._numbers import is_number
+from dolfinx_contact.laws import Law
+from dolfinx_contact.meshing import GmshMesh
+from dolfinx_contact.obstacles import Obstacle, has_ufl
+from dolfinx_contact.points.contact_points import Method
+from dolfinx_contact.points.displaced import SlidingKind, check_sliding
+from dolfinx_contact.points.elements import (
+    check_elements,
+    check_name,
+    check_quadrature,
+    displacement_degree,
+)
+from dolfinx_contact.points.opposite import Overlap
+from dolfinx_contact.points.revolution import check_revolution
+from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.trace import checked_planes
+
+__all__ = ["Contact", "ContactPair", "ContactSurface", "SelfContact", "is_axisymmetric"]
+
+Facets: TypeAlias = GmshMesh | mesh.MeshTags | npt.NDArray[np.int32]
+
+_ACROSS = 1e-9  # part of a unit direction across a plane of symmetry that counts as round-off
+
+
+# -- arguments -------------------------------------------------------------------------------------
+
+
+def _check_displacement(u: Any) -> None:
+    if not isinstance(u, fem.Function):
+        raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
+
+
+def _bound_law(a: Arguments) -> Law:
+    """The law with its numbers as Constants of the mesh."""
+    if not isinstance(a.law, Law):
+        raise ValueError(
+            f"{a.name}: the law must be Frictionless(), Coulomb(F), Tresca(g) or a Law"
+        )
+    return a.law.bind(a.u.function_space.mesh)
+
+
+def _check_surface(a: Arguments) -> None:
+    _check_displacement(a.u)
+    check_name(a.name, "surface")
+    check_sliding(a.name, a.sliding)
+    degree = displacement_degree(a.u)
+    degrees = (degree, a.multiplier_degree)
+    a.method = a.method or ("nodal" if degree == 1 else "integral")
+    a.law = _bound_law(a)
+    if not isinstance(a.obstacle, Obstacle):
+        known = "HalfSpace, Sphere, Cylinder, LevelSet, RigidSurface or RigidBody"
+        raise ValueError(f"{a.name}: the obstacle must be a {known}")
+    check_elements(a.name, a.method, degrees)
+    if a.interference is None:  # points inside a smooth obstacle are pushed out
+        a.interference = a.remove_overlap is None and a.obstacle.outline is None
+    removed = Overlap.of(a.name, a.interference, a.remove_overlap).removed
+    if a.method == "mixed" and (removed or a.obstacle.outline is not None):
+        what = "remove_overlap" if removed else "an obstacle of facets"
+        raise ValueError(
+            f"{a.name}: gaps of the mixed method are averages around nodes, which {what} does not "
+            'support; use method="nodal" or "integral"'
+        )
+    check_revolution(a.name, a.axisymmetric, a.obstacle, a.law)
+    a.axisymmetric = bool(a.axisymmetric)
+    a.quadrature_degree = check_quadrature(
+        a.name, degrees, a.quadrature_degree, weighted=a.axisymmetric
+    )
+
+
+def _check_pair(a: Arguments) -> None:
+    _check_displacement(a.u)
+    check_name(a.name, "pair")
+    displacement_degree(a.u)
+    if not isinstance(a.axisymmetric, bool | np.bool_):
+        raise ValueError(f"{a.name}: axisymmetric is True or False, got {a.axisymmetric!r}")
+    removed = Overlap.of(a.name, a.interference, a.remove_overlap).removed
+    if removed and (a.gap is not None or a.surface is not None):
+        raise ValueError(f"{a.name}: with a given gap or surface there is no overlap to remove")
+    check_sliding(a.name, a.sliding)
+    dim = a.u.function_space.mesh.geometry.dim
+    a.symmetry = checked_planes(a.symmetry, dim, a.name)
+    if a.sliding == "large":
+        _check_large(a)
+    elif a.search_distance is not None or a.symmetry:
+        what = "planes of symmetry are" if a.symmetry else "a search distance is"
+        raise ValueError(f"{a.name}: {what} for sliding='large'")
+    _check_sides(a)
+    _check_gap(a)
+    _check_shape(a)
+    a.normal = _unit_normal(a.normal, dim, a.name)
+    a.law = _bound_law(a)
+
+
+def _check_large(a: Arguments) -> None:
+    """Raise ``ValueError`` for arguments that large sliding does not support."""
+    given = {
+        "gap": a.gap is not None,
+        "surface": a.surface is not None,
+        "normal": a.normal is not None,
+        "choice of the method": a.method not in (None, "mixed"),
+        "choice of the quadrature": a.quadrature_degree is not None,
+        "displacement of degree 2": displacement_degree(a.u) != 1,
+        f"multiplier of degree {a.multiplier_degree}": a.multiplier_degree != 1,
+    }
+    for what, is_given in given.items():
+        if is_given:
+            raise ValueError(
+                f"{a.name}: sliding='large' does not support a {what}: it evaluates gaps and "
+                "normals of the displaced faces at nodes of degree 1"
+            )
+    _check_straight(a, "sliding='large'")
+
+
+def _check_straight(a: Arguments, what: str) -> None:
+    if a.u.function_space.mesh.ufl_domain().ufl_coordinate_element().degree != 1:
+        raise ValueError(f"{a.name}: {what} needs cells with straight edges")
+    distance = a.search_distance
+    if distance is not None and not (
+        is_number(distance) and np.isfinite(distance) and distance > 0
+    ):
+        raise ValueError(f"{a.name}: the search distance must be positive, got {distance!r}")
+
+
+def _check_sides(a: Arguments) -> None:
+    """Raise ``ValueError`` if the sides are not both given by tags, or both by indices."""
+    tagged = a.slave is not None or a.master is not None
+    if a.master_facets is not None and tagged:
+        raise ValueError(f"{a.name}: facets by their indices have no tags slave and master")
+    if a.master_facets is None and isinstance(a.facets, np.ndarray):
+        raise ValueError(f"{a.name}: facets of the slave by their indices need master_facets")
+
+
+def _check_gap(a: Arguments) -> None:
+    if a.gap is None:
+        return
+    if is_number(a.gap):
+        if not np.isfinite(a.gap):
+            raise ValueError(f"{a.name}: the gap must be finite, got {a.gap}")
+        a.gap = float(a.gap)
+    elif not isinstance(a.gap, ufl.core.expr.Expr) or a.gap.ufl_shape != ():
+        raise ValueError(f"{a.name}: the gap must be a number or a UFL scalar, got {a.gap!r}")
+
+
+def _check_shape(a: Arguments) -> None:
+    """Raise ``ValueError`` if the true shape of the master cannot be used."""
+    if a.surface is None:
+        return
+    if not isinstance(a.surface, Obstacle) or isinstance(a.surface, RigidBody):
+        raise ValueError(f"{a.name}: the surface must be a HalfSpace, Sphere, Cylinder, LevelSet")
+    if a.surface.outline is not None:
+        raise ValueError(f"{a.name}: the surface of a pair is given by a formula, not by facets")
+    if a.gap is not None or a.normal is not None:
+        raise ValueError(f"{a.name}: a given surface has a gap and a normal of its own")
+
+
+def _unit_normal(normal: Any, dim: int, name: str) -> npt.NDArray[np.float64] | None:
+    if normal is None:
+        return None
+    if isinstance(normal, ufl.core.expr.Expr) or has_ufl(normal):
+        raise ValueError(f"{name}: the normal is copied, and must be numbers, got {normal!r}")
+    return _unit(normal, dim, f"{name}: the normal")
+
+
+def _unit(vector: Any, dim: int, what: str) -> npt.NDArray[np.float64]:
+    try:
+        v = np.asarray(vector, dtype=np.float64)
+    except (TypeError, ValueError):
+        v = np.zeros(0)
+    if v.shape != (dim,) or not np.isfinite(v).all() or not v.any():
+        raise ValueError(f"{what} must be {dim} numbers, not all 0, got {vector!r}")
+    v = v / np.abs(v).max()  # the square of a tiny number is 0
+    return np.asarray(v / np.linalg.norm(v))
+
+
+def _check_self(a: Arguments) -> None:
+    _check_displacement(a.u)
+    check_name(a.name, "surface")
+    if displacement_degree(a.u) != 1:
+        raise ValueError(f"{a.name}: self-contact needs displacements of degree 1")
+    _check_straight(a, "self-contact")
+    dim = a.u.function_space.mesh.geometry.dim
+    a.symmetry = checked_planes(a.symmetry, dim, a.name)
+    Overlap.of(a.name, a.interference, a.remove_overlap)
+    last = np.eye(dim)[-1]
+    given = a.direction
+    a.direction = last if given is None else _unit(given, dim, f"{a.name}: the direction")
+    across = [axis for axis in a.symmetry if abs(a.direction[axis]) > _ACROSS]
+    if across:
+        raise ValueError(
+            f"{a.name}: the direction must be parallel to the planes of symmetry, and "
+            f"{a.direction.tolist()} has a component along {'xyz'[across[0]]}"
+        )
+    a.law = _bound_law(a)
+
+
+def _compared_surface(a: Arguments) -> dict[str, Any]:
+    fields = [f"{k} {described(e, a.u.function_space.mesh)}" for k, e in a.law.given.items()]
+    return {
+        "displacement": str(a.u.function_space.ufl_element()),
+        "kind_of_facets": isinstance(a.facets, mesh.MeshTags),
+        "law": lambda: f"{a.law.name}({', '.join(fields)})",
+    }
+
+
+def _compared_sides(a: Arguments) -> dict[str, Any]:
+    return {
+        "gap": a.gap is None,
+        "surface": a.surface is None,
+        "symmetry": repr(a.symmetry),
+        "kind_of_facets": isinstance(a.facets, mesh.MeshTags),
+    }
+
+
+def _compared_self(a: Arguments) -> dict[str, Any]:
+    return {
+        "direction": a.direction.tolist(),
+        "search_distance": a.search_distance,
+        "symmetry": repr(a.symmetry),
+    }
+
+
+T = TypeVar("T")
+
+
+def _declared(
+    what: str,
+    check: Callable[[Arguments], None],
+    compare: Callable[[Arguments], Mapping[str, Any]] | None,
+    local: Collection[str],
+) -> Callable[[type[T]], type[T]]:
+    """Return a class decorator that validates the arguments collectively; see `collective`."""
+
+    def decorate(cls: type[T]) -> type[T]:
+        validated = collective(what, check, compare=compare, local=local, where="name")
+        setattr(cls, "__init__", validated(getattr(cls, "__init__")))  # noqa: B009, B010
+        return cls
+
+    return decorate
+
+
+# -- descriptions ----------------------------------------------------------------------------------
+
+
+@_declared("a contact surface", _check_surface, _compared_surface, ("facets",))
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactSurface:
+    """A part of the boundary that may touch a rigid obstacle.
+
+    Numbers in the law become Constants in `law`. The values of Constants and Functions in the law
+    and the obstacle may be changed between two solves; use Constants for an obstacle that is to
+    move.
+
+    Args:
+        u: displacement of the body, a vector Lagrange Function of degree 1 or 2.
+        facets: mesh from `meshing.read_mesh`, or MeshTags of the facets, together with ``tag``; or
+            local indices of exterior facets.
+        obstacle: rigid foundation, or a `RigidBody` that moves.
+        law: law of contact and friction.
+        tag: tag of the facets; for a mesh from gmsh also the name of a physical group.
+        method: ``"nodal"``, ``"integral"`` or ``"mixed"`` (see `points.contact_points`); default:
+            nodal for degree 1, integral for degree 2.
+        multiplier_degree: degree of the multiplier, 1 or 2; 1 is stable for both displacement
+            degrees.
+        quadrature_degree: quadrature degree of the integral method; default: twice the degree of
+            the displacement.
+        sliding: ``"large"`` evaluates gap and normal of a curved obstacle at the displaced points
+            and slips along its surface, ``"small"`` evaluates them in the reference configuration
+            (`points.displaced`). Default: large for bodies that are not linear, unless the obstacle
+            is a rigid body that rotates.
+        interference: whether contact points may start inside the obstacle, from where they are
+            pushed out, or the largest allowed depth, a length. Without permission, an overlap of 5
+            % of a facet or more is an error. Default: allowed, unless the obstacle consists of
+            facets (`RigidSurface`, also as the shape of a `RigidBody`).
+        remove_overlap: length; an initial overlap up to this value is subtracted from the gap for
+            good, so that the points touch the obstacle at the start, without stress. A larger
+            overlap is an error, and so is one beyond the middle of the obstacle, where its normals
+            point the other way.
+        axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0
+            (`materials.Axisymmetric`). The problem then multiplies all integrals by 2 pi r, forces
+            are those of the whole circumference, and areas are swept areas (`points.revolution`).
+        name: name of the surface in messages and tables.
+
+    Raises:
+        ValueError: on every rank, if arguments do not fit together or differ between ranks.
+
+    Example:
+        One problem for many friction coefficients and positions of the floor::
+
+            at = fem.Constant(domain, (0.0, 0.0))
+            floor = ContactSurface(u, facets, obstacle=HalfSpace(at, (0, 1)), law=Coulomb(0.1))
+            problem = ContactProblem(energy, u, [floor], bcs=bcs)
+            for friction, height in product((0.1, 0.3), (0.0, 0.01)):
+                floor.law.friction.value = friction
+                at.value[1] = height
+                result = problem.solve()
+    """
+
+    u: fem.Function = field(kw_only=False)
+    facets: Facets = field(kw_only=False)
+    obstacle: Obstacle
+    law: Law
+    tag: int | str | None = None
+    method: Method | None = None
+    multiplier_degree: int = 1
+    quadrature_degree: int | None = None
+    sliding: SlidingKind | None = None
+    interference: bool | float | None = None
+    remove_overlap: float | None = None
+    axisymmetric: bool = False
+    name: str = "contact"
+
+
+@_declared("a contact pair", _check_pair, _compared_sides, ("facets", "master_facets"))
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactPair:
+    """Two faces of one mesh that may touch each other.
+
+    The mesh has several parts, or a crack (`meshing.crack`). Contact points, multiplier and all
+    results belong to the *slave*: n points from it to the master, tractions and forces act on it,
+    ``un`` and ``ut`` are the gap and the slip of the slave relative to the master. The slave should
+    be the finer face and must not be clamped everywhere; of two similar faces choose the smaller,
+    softer or more curved one, so that every point of it keeps an opposing point (the wheel, not the
+    rail).
+
+    Faces *match* if every node of the slave has a node of the master opposite to it, at the same
+    place or across a gap along the normal. At the end of a crack slave and master share nodes,
+    which carry no contact. Faces that do not match are coupled by a `mortar` at nodes, or, in the
+    integral method, at Gauss points of the common parts of slave and master facets; the mixed
+    method refuses them. Nodes of the slave without an opposing point carry no contact. A facet
+    counts with its covered part; facets covered by less than 5 % are dropped.
+
+    Pairs may meet, as the arms of crossing cracks or the joints between blocks do. Where the jumps
+    around such a crossing depend on each other (`points.crossings`) the crossing carries no contact
+    of its own (status d): its neighbours along each arm take its part, so that uniform tractions
+    are transmitted. Each arm needs two facets between a crossing and its end or the next crossing,
+    multipliers of degree 1, and matching faces.
+
+    **Small sliding** (default): a point keeps its opposing point along the reference normal. A
+    solve measures the resulting error and warns if it is not small.
+
+    **Large sliding**: at every state each slave facet is cut by the opposing master facets along
+    averaged normals of the displaced slave; gaps and slips at its nodes are weighted means
+    (`points.sliding.facing`). Slips are increments since the last accepted state of an evolution
+    along the surface at that time; under the static law they count from the mesh, so that long
+    slips need a history with steps of at most one master facet. Faces need not match and must not
+    share nodes. Nodes with nothing within ``search_distance`` are open, and their gap is NaN in
+    tables. Where a node is hardly covered, its traction is partly the mean of its neighbours, so
+    that gap and shear in a table need not satisfy the law there. The soft body should be the slave.
+    The master face should continue around the edges of a tool; a slave face has one normal per node
+    and must not have edges. Tractions are nominal, per area of the mesh.
+
+    Large sliding is limited to degree 1 and straight cells, and supports no given gap, surface or
+    normal, no laws with bonds, no nonlocal or Tresca friction, and no friction for bodies of
+    revolution. Velocities of motions (`NSCD`), reduced problems, proofs and classical algorithms
+    need a constant operator B and refuse it.
+
+    Args:
+        u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.
+        facets: facets as for `ContactSurface`; local indices are those of the slave.
+        law: law of contact and friction.
+        slave: tag of the slave, or name of a physical group of a mesh from gmsh.
+        master: tag or name of the master.
+        master_facets: local indices of the master facets if those of the slave are given by
+            indices.
+        gap: initial gap, a UFL scalar or a number; default: gap of the geometry. It must never be
+            negative, or below the amount that ``interference`` allows.
+        surface: true shape of the master, an obstacle, if its facets are chords of a curve; gap and
+            normal at the slave nodes are then exact.
+        normal: direction from the slave to the master, shape (dim,), along which faces oppose each
+            other; default: normals of the slave. Use it if both faces are curved and flatten each
+            other. Faces that do not match need degree 1 for it; areas are projected along it.
+        interference: whether the bodies may overlap in the mesh, as in a press fit, whose overlap
+            presses them, or the largest overlap, a length; default: an overlap is an error.
+        remove_overlap: length; an overlap up to this value at a slave node is subtracted from its
+            gap for good, so that the bodies touch there without stress. A larger one is an error.
+        method: see `ContactSurface`.
+        multiplier_degree: see `ContactSurface`.
+        quadrature_degree: see `ContactSurface`.
+        sliding: ``"small"`` or ``"large"``.
+        search_distance: for large sliding, distance before and behind the slave within which a
+            facet counts as opposing, a length; default: a quarter of the size of the smaller face.
+            It should exceed the approach of the bodies in one step and be less than their
+            thickness.
+        symmetry: for large sliding, planes of symmetry at which the slave ends, as axis and
+            position: ``{0: 0.0}`` is x = 0. Normals and slips there are averaged with their mirror
+            images, and the master continues behind them. Dirichlet conditions must fix the nodes of
+            both faces on such a plane across it.
+        axisymmetric: see `ContactSurface`.
+        name: name of the pair in messages and tables.
+
+    Raises:
+        ValueError: on every rank, if arguments do not fit together or differ between ranks.
+    """
+
+    u: fem.Function = field(kw_only=False)
+    facets: Facets = field(kw_only=False)
+    law: Law
+    slave: int | str | None = None
+    master: int | str | None = None
+    master_facets: npt.NDArray[np.int32] | None = None
+    gap: Any = None
+    surface: Obstacle | None = None
+    normal: npt.ArrayLike | None = None
+    interference: bool | float = False
+    remove_overlap: float | None = None
+    method: Method | None = None
+    multiplier_degree: int = 1
+    quadrature_degree: int | None = None
+    sliding: SlidingKind = "small"
+    search_distance: float | None = None
+    symmetry: Mapping[int, float] | None = None
+    axisymmetric: bool = False
+    name: str = "contact"
+
+
+@_declared("self-contact", _check_self, _compared_self, ("facets",))
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SelfContact:
+    """A face that may touch itself, wherever it moves.
+
+    It corresponds to a `ContactPair` with ``sliding="large"`` whose slave and master are one face,
+    and has the same limits. Of two facets that face each other, the one whose midpoint lies farther
+    along ``direction`` in the mesh is the slave, so that each place counts once. Choose the
+    direction so that parts that will meet lie apart along it: for a ring that is pressed flat from
+    above, the default makes its upper half the slave. A facet does not oppose itself, facets that
+    share a node with it, facets that look the same way, and facets behind it through the body.
+    Where the body is thinner than ``search_distance``, the initial overlap must be less than half
+    its thickness T, or less than (d + T)/2 at facets that start at a depth d inside the body.
+
+    Args:
+        u: displacement of the body, a vector Lagrange Function of degree 1.
+        facets: see `ContactSurface`.
+        law: law of contact and friction.
+        tag: tag of the facets, or name of a physical group of a mesh from gmsh.
+        direction: direction that selects the slave, shape (dim,), parallel to the planes of
+            symmetry; default: last axis.
+        search_distance: distance before and behind a facet within which another one counts as
+            opposing, a length; default: a quarter of the size of the face.
+        interference: see `ContactPair`.
+        remove_overlap: see `ContactPair`.
+        symmetry: see `ContactPair`. Facets meet the mirror images of others, as in the whole model.
+            Use a `HalfSpace` for parts that touch the plane of symmetry itself.
+        name: name of the surface in messages and tables.
+
+    Raises:
+        ValueError: on every rank, if arguments do not fit together or differ between ranks.
+    """
+
+    u: fem.Function = field(kw_only=False)
+    facets: Facets = field(kw_only=False)
+    law: Law
+    tag: int | str | None = None
+    direction: npt.ArrayLike | None = None
+    search_distance: float | None = None
+    interference: bool | float = False
+    remove_overlap: float | None = None
+    symmetry: Mapping[int, float] | None = None
+    name: str = "contact"
+
+
+#: Any description of contact.
+Contact: TypeAlias = ContactSurface | ContactPair | SelfContact
+
+
+def is_axisymmetric(contact: Contact) -> bool:
+    """Whether the mesh is half of a section of a body of revolution."""
+    return not isinstance(contact, SelfContact) and contact.axisymmetric
