@@ -35,7 +35,6 @@ from dolfinx_contact._progress import check_progress
 from dolfinx_contact._shared import anywhere
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
-from dolfinx_contact.body.quadrature import warn_of_rule
 from dolfinx_contact.body.weighting import weighted
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
@@ -236,8 +235,6 @@ class ContactProblem(ReadOnly):
         self.bcs = bcs
         self.petsc_options = dict(petsc_options or {})
         PETSc.garbage_cleanup(self.comm)  # what earlier problems on several ranks have left
-        finite = bool(np.isfinite(self.V.mesh.geometry.x).all())
-        require(self.comm, finite, "the mesh has a coordinate that is not finite")
         check_cells(self.V.mesh)
         given = ProblemOptions(petsc_options_prefix, self.petsc_options)
         axisymmetric = is_axisymmetric(surfaces[0])
@@ -264,7 +261,6 @@ class ContactProblem(ReadOnly):
         #: In a run, the surfaces of which a warning has been logged, each with its kind.
         self._warned: set[tuple[str, str]] | None = None
         warn_of_obstacles(self.equations)
-        warn_of_rule(body.estimated_rule, self.comm.rank)
 
     def moving(self, body: MovingBody) -> ContactProblem:
         """The contact problem of a step of time, on the same Functions and surfaces. Collective.

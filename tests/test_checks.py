@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from blocks import CELLS, KINDS, block, box, facets
+from blocks import KINDS, block, box, facets
 
 import basix.ufl
 import ufl
@@ -23,9 +23,9 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
-from dolfinx_contact.body.cells import check_cells, smallest_jacobian
+from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.laws import status
-from dolfinx_contact.materials import LinearElastic, StVenantKirchhoff
+from dolfinx_contact.materials import LinearElastic, NeoHookean, StVenantKirchhoff
 from dolfinx_contact.obstacles import Obstacle
 
 COMM = MPI.COMM_WORLD
@@ -258,61 +258,33 @@ def test_an_empty_cell_is_named(order):
         u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.3)
     )
     energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
-    with pytest.raises(ValueError, match="1 cell has no volume") as info:
+    with pytest.raises(ValueError, match="cells without volume: 1,") as info:
         ContactProblem(energy, u, [surface])
     assert f"cell {order.index(2)} (in the order of the input), at (0.5, 1)" in str(info.value)
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
-@pytest.mark.parametrize("ghost_mode", GHOSTS, ids=str)
-@pytest.mark.parametrize(("dim", "cell"), KINDS)
-def test_empty_and_inverted_cells(dim, cell, ghost_mode, log):
-    """A vertex moved on to its neighbours' face, and through it; good meshes are left in peace."""
-    n = 4
-    middle = np.full(dim, 0.5)
-    domain = box(COMM, n, cell, ghost_mode=ghost_mode)
-    check_cells(domain)
-    check_cells(with_vertex(domain, middle, middle + 0.05))
-    assert not log.records
-    through = middle + np.eye(dim)[0] * 0.35
-    check_cells(with_vertex(domain, middle + 0.05, through))
-    message = said(log, "folded" if cell in ("tri", "tet") else "inverted in part")
-    place = np.array([float(c) for c in message.split("at (")[1].split(")")[0].split(",")])
-    assert np.abs(place - through).max() < 0.4
-    # On the neighbour: what lies between is empty, of quadrilaterals only an edge.
-    check = with_vertex(domain, through, middle + np.eye(dim)[0] / n)
-    if cell in ("tri", "tet"):
-        with pytest.raises(ValueError, match=r"cells have no volume: cell \d+") as info:
-            check_cells(check)
-        assert len(set(COMM.allgather(str(info.value)))) == 1
-    else:
-        check_cells(check)
-    assert not said(log, "inverted in part")
-
-
-@pytest.mark.parametrize(("dim", "cell"), KINDS)
-def test_thin_cells_far_away_are_cells(dim, cell, log):
-    domain = box(COMM, 3, cell)
-    domain.geometry.x[:, 0] *= 1e-6
-    check_cells(domain)
-    domain.geometry.x[:, :dim] += 1e4
-    check_cells(domain)
-    # As thin as the coordinates there are exact.
-    domain.geometry.x[:, 0] = 1e4
-    with pytest.raises(ValueError, match="no volume"):
-        check_cells(domain)
-    assert not log.records
-
-
-@pytest.mark.parametrize("ghost_mode", GHOSTS, ids=str)
-def test_a_sheared_mesh_of_every_orientation(ghost_mode, log):
-    """Reflections turn all cells over, and fold nothing."""
-    for cell in CELLS:
-        domain = box(COMM, 3, cell, ghost_mode=ghost_mode)
-        domain.geometry.x[:, 0] *= -1
-        domain.geometry.x[:, 0] += 0.8 * domain.geometry.x[:, 1]
-        check_cells(domain)
-    assert not log.records
+@pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
+def test_a_body_on_a_submesh(cell):
+    """A hyperelastic body that is a part of a mesh is solved like one with a mesh of its own."""
+    found = []
+    for part in (False, True):
+        domain = box(COMM, 2, cell)
+        dim = domain.topology.dim
+        if part:
+            cells = mesh.locate_entities(domain, dim, lambda x: x[0] > -1.0)
+            domain = mesh.create_submesh(domain, dim, cells)[0]
+        V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+        u = fem.Function(V)
+        floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+        below = facets(domain, dim - 1, 0.0)
+        surface = ContactSurface(u, below, obstacle=floor, law=Coulomb(0.3))
+        top = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+        held = fem.dirichletbc(np.append(np.full(dim - 1, 0.05), -0.1), top, V)
+        energy = NeoHookean(1.0, 1.0).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
+        result = ContactProblem(energy, u, [surface], bcs=[held]).solve()
+        found.append((result.min_det_F, *result.resultants["contact"]))
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-8, atol=1e-10)
 
 
 # -- obstacles -----------------------------------------------------------------------------------

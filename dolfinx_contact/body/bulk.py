@@ -15,7 +15,7 @@ from __future__ import annotations
 import time
 import zlib
 from collections.abc import Callable, Hashable, Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, TypeVar
 
 from petsc4py import PETSc
@@ -32,7 +32,6 @@ from dolfinx_contact._forms import Content, content_of, derived_form
 from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
 from dolfinx_contact._shared import SharedValues, anywhere
-from dolfinx_contact.body.quadrature import EstimatedRule, estimated_rule
 from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk"]
@@ -142,14 +141,6 @@ class Bulk:
     @cached_property
     def _derivative(self) -> ufl.Form:
         return ufl.derivative(self.residual, self.displacement, ufl.TrialFunction(self._V))
-
-    @property
-    def estimated_rule(self) -> EstimatedRule | None:
-        """Of the Jacobian of a body that is not linear, over cells, where UFL estimates it."""
-        if self.linear:
-            return None
-        find = partial(estimated_rule, self._derivative, self._V)
-        return self._fact("the rule of the Jacobian", find)
 
     def _derived(self, what: str, make: Callable[[], ufl.Form], rank: int) -> fem.Form:
         """One of the forms of this body, compiled. Collective."""

@@ -1,18 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cells of a mesh that are no cells: empty ones, and ones that are turned inside out.
-
-The sign of the Jacobian determinant det J shows nothing for a simplex, whose vertices DOLFINx takes
-in any order. A mesh is folded there where two simplices lie on the same side of their common facet.
-In quadrilaterals, hexahedra and curved cells det J changes its sign within a cell. How cells are
-deformed by a displacement, and where they are turned inside out, is here too.
-"""
+"""Geometry of cells: volumes, and how a displacement deforms them."""
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from functools import lru_cache
-from itertools import combinations
 from typing import Any
 
 from mpi4py import MPI
@@ -21,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 import basix
-from dolfinx import fem, geometry, la, mesh
+from dolfinx import fem, geometry, mesh
 
 from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact._errors import require
@@ -39,8 +31,6 @@ __all__ = [
     "vertex_moments",
 ]
 
-logger = logging.getLogger(__name__)
-
 Array = npt.NDArray[np.float64]
 
 _CHUNK = 8192  # cells at once, so that what is at hand stays in the processor's cache
@@ -49,73 +39,45 @@ _OFF_AXIS = 1e-6  # of the way to the middle of a cell
 
 
 def check_cells(domain: mesh.Mesh) -> None:
-    """Refuse empty cells and warn of inverted ones. Collective.
-
-    A quadrilateral or hexahedron that is turned inside out as a whole is not found.
+    """Validate coordinates and volumes of cells. Collective.
 
     Raises:
-        ValueError: on every rank, if a cell has no volume to round-off.
+        ValueError: on every rank, if a coordinate is not finite, or a cell has no volume up to
+            round-off.
     """
-    n = domain.topology.index_map(domain.topology.dim).size_local
-    low = np.empty(n)
-    high = np.empty(n)
-    size = np.empty(n)
-    for part, J, volume in _jacobians(domain):
-        det = determinants(J)
-        low[part] = det.min(axis=1)
-        high[part] = det.max(axis=1)
-        size[part] = volume
-    empty = np.maximum(np.abs(low), np.abs(high)) <= _ROUND_OFF * size
-    number, first = _first(domain, empty, np.ones(n))
-    require(
-        domain.comm,
-        number == 0,
-        f"{_some(number, 'cell has', 'cells have')} no volume: {first}; mesh the body anew",
-    )
-    crossed = (low < -_ROUND_OFF * size) & (high > _ROUND_OFF * size)
-    number, first = _first(domain, crossed, np.ones(n))
-    if number > 0 and domain.comm.rank == 0:
-        logger.warning(
-            "%s inverted in part (its Jacobian determinant changes sign): %s",
-            _some(number, "cell is", "cells are"),
-            first,
+    finite = bool(np.isfinite(domain.geometry.x).all())
+    require(domain.comm, finite, "the mesh has a coordinate that is not finite")
+    number = domain.topology.index_map(domain.topology.dim).size_local
+    empty = np.zeros(number, dtype=bool)
+    for part, J, size in _jacobians(domain):
+        empty[part] = np.abs(determinants(J)).max(axis=1) <= _ROUND_OFF * size
+    cells = np.flatnonzero(empty)
+    counts = domain.comm.allgather(len(cells))
+    if sum(counts):
+        index, x = _first(domain, cells)
+        place = ", ".join(f"{c:.6g}" for c in x)
+        raise ValueError(
+            f"cells without volume: {sum(counts)}, the first is cell {index} (in the order of the "
+            f"input), at ({place}); mesh the body again"
         )
-    if _is_simplex(domain):
-        folds = _folds(domain, np.sign(low + high))
-        number, first = _first(domain, folds > 0, folds)
-        if number > 0 and domain.comm.rank == 0:
-            logger.warning(
-                "the mesh is folded: %s on the same side of a facet as the neighbour, so that some "
-                "are inverted: %s has most such facets",
-                _some(number, "cell lies", "cells lie"),
-                first,
-            )
 
 
-def _some(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"
+def _first(domain: mesh.Mesh, cells: npt.NDArray[np.int64]) -> tuple[int, Array]:
+    """The first of some local cells of all ranks in the order of the input. Collective.
 
-
-def _first(domain: mesh.Mesh, marked: npt.NDArray[np.bool_], weights: Array) -> tuple[int, str]:
-    """How many owned cells are marked on all ranks, and which and where the worst is. Collective.
-
-    Of cells with the same weight it is the first in the order of the input.
+    Returns:
+        Its number in the input, and its midpoint.
     """
-    cells = np.flatnonzero(marked)
-    mine: list[tuple[float, int, list[float]]] = []
+    topology = domain.topology
+    try:
+        numbers = np.asarray(topology.original_cell_index)[cells]
+    except RuntimeError:  # DOLFINx knows no input of a submesh
+        numbers = topology.index_map(topology.dim).local_to_global(cells.astype(np.int32))
+    mine = []
     if len(cells):
-        original = np.asarray(domain.topology.original_cell_index)[cells]
-        i = int(np.lexsort((original, -weights[cells]))[0])
-        x = midpoints(domain, cells[i : i + 1])[0]
-        mine = [(-float(weights[cells[i]]), int(original[i]), x.tolist())]
-    parts = domain.comm.allgather((len(cells), mine))
-    number = sum(p[0] for p in parts)
-    found = sorted(c for p in parts for c in p[1])
-    if not found:
-        return number, ""
-    _, index, x = found[0]
-    place = ", ".join(f"{c:.6g}" for c in x)
-    return number, f"cell {index} (in the order of the input), at ({place})"
+        i = int(np.argmin(numbers))
+        mine = [(int(numbers[i]), midpoints(domain, cells[i : i + 1])[0])]
+    return min((c for part in domain.comm.allgather(mine) for c in part), key=lambda c: c[0])
 
 
 # -- geometry ------------------------------------------------------------------------------------
@@ -237,49 +199,7 @@ def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
         yield part, J, length ** (dim - 1) * (length + np.abs(corners).max(axis=(1, 2)))
 
 
-# -- folds ---------------------------------------------------------------------------------------
-
-
-def _folds(domain: mesh.Mesh, sign: Array) -> Array:
-    """At how many facets each owned simplex lies on the side of its neighbour. Collective.
-
-    A simplex with its vertices in an order induces one on its facets, which is opposite to that of
-    the neighbour across the facet. The order is that of the global vertices, so that neighbours
-    may be on other ranks, with and without ghosts.
-
-    Args:
-        domain: mesh.
-        sign: of det J of the owned cells.
-    """
-    topology = domain.topology
-    tdim = domain.topology.dim
-    n = len(sign)
-    topology.create_connectivity(tdim, tdim - 1)
-    vertices = topology.index_map(0)
-    names = vertices.local_to_global(
-        np.arange(vertices.size_local + vertices.num_ghosts, dtype=np.int32)
-    )
-    corners = names[topology.connectivity(tdim, 0).array[: n * (tdim + 1)].reshape(n, tdim + 1)]
-    #: Parity of the order of the cell, and of the place of each vertex in it: facets are numbered
-    #: as the vertices opposite to them.
-    odd = np.zeros((n, tdim + 1), dtype=bool)
-    whole = np.zeros(n, dtype=bool)
-    for i, j in combinations(range(tdim + 1), 2):
-        after = corners[:, i] > corners[:, j]
-        whole ^= after
-        odd[:, i] ^= after
-        odd[:, j] ^= ~after
-    side = np.where(odd ^ whole[:, None], -sign[:, None], sign[:, None])
-    facets = topology.connectivity(tdim, tdim - 1).array[: n * (tdim + 1)]
-    sums = la.vector(topology.index_map(tdim - 1), 2)
-    size = len(sums.array) // 2
-    pairs = sums.array.reshape(-1, 2)
-    pairs[:, 0] = np.bincount(facets, weights=side.reshape(-1), minlength=size)
-    pairs[:, 1] = np.bincount(facets, minlength=size)
-    sums.scatter_reverse(la.InsertMode.add)
-    sums.scatter_forward()
-    folded = (pairs[:, 1] == 2) & (np.abs(pairs[:, 0]) == 2)
-    return np.asarray(folded[facets].reshape(n, tdim + 1).sum(axis=1), dtype=np.float64)
+# -- deformed cells --------------------------------------------------------------------------------
 
 
 def smallest_jacobian(
@@ -337,18 +257,12 @@ def smallest_jacobian(
 
 
 def _least(domain: mesh.Mesh, values: Array) -> tuple[float, Array]:
-    """The least of the values of all cells, and the midpoint of its cell. Collective."""
+    """The smallest of the values of all cells, and the midpoint of its cell. Collective."""
     smallest = domain.comm.allreduce(float(values.min(initial=np.inf)), op=np.minimum)
     # Of cells with the same value, up to round-off, the first in the order of the input.
     tolerance = 1e-9 * abs(smallest) if np.isfinite(smallest) else 0.0
     cells = np.flatnonzero((values <= smallest + tolerance) | np.isnan(values))
-    original = np.asarray(domain.topology.original_cell_index)[cells]
-    mine = [
-        (int(original[i]), midpoints(domain, cells[i : i + 1])[0])
-        for i in ([int(np.argmin(original))] if len(cells) else [])
-    ]
-    found = [c for part in domain.comm.allgather(mine) for c in part]
-    return float(smallest), min(found, key=lambda c: c[0])[1]
+    return float(smallest), _first(domain, cells)[1]
 
 
 def _values(element: Any, points: Array) -> Array:
