@@ -37,13 +37,16 @@ def box(*, groups=("body", "contact", "top"), order=1, quads=False, dim=3):
     model.mesh.setOrder(order)
 
 
-def saved(folder, **options):
+def saved(folder, *, version=4.1, parts=0, **options):
     """A file with the box, written on rank 0."""
     file = folder / "box.msh"
     if COMM.rank == 0:
         gmsh.initialize(interruptible=False)
         gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
         box(**options)
+        if parts:
+            gmsh.model.mesh.partition(parts)
         gmsh.write(str(file))
         gmsh.finalize()
     COMM.barrier()
@@ -82,6 +85,24 @@ def surface(body, facets, tag):
     floor = HalfSpace(np.zeros(len(up)), up)
     contact = ContactSurface(u, facets, tag=tag, obstacle=floor, law=Coulomb(0.3), name="below")
     return discretise(contact)
+
+
+@pytest.mark.parametrize("version", [4.1, 2.2])
+def test_a_partitioned_file(folder, version):
+    """The partition is dropped: cells, groups and their sizes are those of the whole."""
+    body = read_mesh(COMM, saved(folder, version=version, parts=3), groups=("top",))
+    sizes = [measure(body, name) for name in (None, "contact", "top")]
+    assert sizes == pytest.approx([2.0, 2.0, 2.0])
+    assert sorted(body.names) == ["body", "contact", "top"]
+
+
+def without_elements():
+    """A body with a part that has not been meshed, in the same group."""
+    box()
+    point = gmsh.model.addDiscreteEntity(3)
+    body = gmsh.model.getEntitiesForPhysicalGroup(3, 1)
+    gmsh.model.removePhysicalGroups([(3, 1)])
+    gmsh.model.addPhysicalGroup(3, [*body, point], name="body")
 
 
 def test_surface_by_name():
@@ -381,6 +402,7 @@ def broken():
     [
         (overlapping, "groups of dimension 2 overlap"),
         (two_bodies_one_named, "some cells are in no physical group"),
+        (without_elements, "dimension 3 has a part without elements"),
         (two_kinds_of_cells, "cells must be of one kind.*Triangle"),
         (broken, "gmsh made no mesh: the caller's own mistake"),
         (lambda: None, "has no mesh"),

@@ -389,11 +389,13 @@ def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str
     """Draw, or ``ValueError``. On rank 0."""
     try:
         draw()
-        objection = _objection(model, dim, wanted)
+        if model.getNumberOfPartitions():  # DOLFINx makes a partition of its own
+            model.mesh.unpartition()
+        objection = next(_objections(model, dim, wanted), "")
     except Exception as error:
         raise ValueError(f"gmsh made no mesh: {error}") from error
-    if objection is not None:
-        raise ValueError(objection)
+    if objection:
+        raise ValueError(f"the gmsh model cannot be used: {objection}")
 
 
 def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
@@ -428,47 +430,47 @@ def _names_of(model: Any, dim: int) -> dict[str, int]:
     return names
 
 
-def _objection(model: Any, dim: int | None, wanted: list[str]) -> str | None:
-    """Why a model cannot be the mesh of a body, or None. On rank 0."""
-    if len(model.mesh.getNodes()[0]) == 0:
-        return "the gmsh model has no mesh: gmsh.model.mesh.generate() makes it, .msh files hold it"
+def _objections(model: Any, dim: int | None, wanted: list[str]) -> Iterator[str]:
+    """Reasons why a model cannot be the mesh of a body, the most basic one first. On rank 0."""
+    x = model.mesh.getNodes()[1].reshape(-1, 3)
     groups = model.getPhysicalGroups()
+    if not len(x):
+        yield "it has no mesh: gmsh.model.mesh.generate() makes it, .msh files hold it"
     if not groups:
-        return (
-            "the gmsh model has no physical groups: name the body and the parts of its boundary, "
-            "in gmsh by gmsh.model.addPhysicalGroup or Physical Volume / Surface / Curve"
+        yield (
+            "it has no physical groups: name the body and the parts of its boundary, in gmsh by "
+            "gmsh.model.addPhysicalGroup or Physical Volume / Surface / Curve"
         )
     body = max(d for d, _ in groups)
     cells = max(d for d in range(4) if len(model.mesh.getElements(d)[0]))
-    if body < cells or body < 2:
-        return (
+    if body < max(cells, 2):
+        yield (
             f"no physical group holds the body: cells are of dimension {cells}, groups of "
             f"dimension {sorted({d for d, _ in groups})}"
         )
-    z = model.mesh.getNodes()[1].reshape(-1, 3)[:, 2]
-    if body == 2 and np.ptp(z) > 1e-10 * np.abs(model.mesh.getNodes()[1]).max():
-        return (
+    if body == 2 and np.ptp(x[:, 2]) > 1e-10 * np.abs(x).max():
+        yield (
             "the body is a surface that is not in a plane of constant z; if it has a volume, the "
             "volume needs a physical group (gmsh saves only what is in one)"
         )
-    if dim is not None and body != dim:
-        return f"the mesh is of dimension {body}, wanted is {dim}"
+    if dim not in (None, body):
+        yield f"the mesh is of dimension {body}, wanted is {dim}"
     for d in (body, body - 1):
-        tags = [tag for k, tag in groups if k == d]
-        named = [e for tag in tags for e in model.getEntitiesForPhysicalGroup(d, tag)]
-        if len(set(named)) < len(named):
-            return f"physical groups of dimension {d} overlap; a cell or facet can have one tag"
+        named = [e for k, g in groups if k == d for e in model.getEntitiesForPhysicalGroup(d, g)]
         meshed = {e for _, e in model.getEntities(d) if len(model.mesh.getElements(d, e)[0])}
+        if len(set(named)) < len(named):
+            yield f"physical groups of dimension {d} overlap; a cell or facet can have one tag"
+        if set(named) - meshed:
+            yield f"a physical group of dimension {d} has a part without elements"
         if d == body and meshed - set(named):
-            return "some cells are in no physical group; the whole body must be in one or more"
+            yield "some cells are in no physical group; the whole body must be in one or more"
     kinds = [model.mesh.getElementProperties(k)[0] for k in model.mesh.getElements(body)[0]]
     if len(kinds) > 1 or kinds[0].startswith(("Prism", "Pyramid")):
-        return f"the cells must be of one kind, without prisms and pyramids; got {', '.join(kinds)}"
-    facets = [model.getPhysicalName(d, tag) for d, tag in groups if d == body - 1]
+        yield f"the cells must be of one kind, without prisms and pyramids; got {', '.join(kinds)}"
+    facets = sorted(_names_of(model, body - 1))
     missing = [name for name in wanted if name not in facets]
     if missing:
-        return (
-            f"no physical group of dimension {body - 1} is named {', '.join(missing)}; "
-            f"there are: {', '.join(sorted(filter(None, facets))) or 'none'}"
+        yield (
+            f"no physical group of dimension {body - 1} is named {', '.join(missing)}; there are: "
+            f"{', '.join(facets) or 'none'}"
         )
-    return None
