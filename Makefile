@@ -10,7 +10,6 @@ WHEEL_TESTS = tests/test_checkpoint_files.py tests/test_blocks.py tests/test_lin
 WHEEL_PYTEST = python3 -m pytest --color=no -rs $(WHEEL_TESTS)
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no --durations=40 --durations-min=1 tests
-ATTACKS = python3 tests/attacks/run.py
 # Archives of a release are built where Debian packages are.
 PACKAGES = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=debian $(RUN)
 # The site is built in a small environment without DOLFINx, the same beside every DOLFINx.
@@ -18,7 +17,7 @@ DOCS = DEBIAN=trixie DOLFINX_CONTACT_PACKAGES=docs $(RUN)
 # All pages anew: each has the titles of others in its margins.
 SPHINX = python3 -m sphinx -q -W --keep-going -E -a -j auto
 
-.PHONY: help demo test test-pip test-long test-paraview test-browser attacks attacks-sample mutants \
+.PHONY: help demo test test-pip test-long test-paraview test-browser attacks mutants \
 	packages docs docs-check docs-questions docs-links lint style types clean
 
 help:
@@ -32,8 +31,8 @@ help:
 	@echo "                pictures in OUTPUT=$$OUTPUT/paraview"
 	@echo "make test-browser   pages of records, and those of the site, opened in Chromium (an"
 	@echo "                environment of its own, 1 GB more); pictures in OUTPUT=$$OUTPUT/browser"
-	@echo "make attacks    data for which an assumption may not hold: is every answer right, refused, or"
-	@echo "                doubted in words? on one and two ranks"
+	@echo "make attacks    all adversarial tests on one and two ranks: each ends in the right answer, an error"
+	@echo "                or a warning with a number (make test runs a sample)"
 	@echo "make mutants    the core with a token changed: do the tests see it? hours, and goes on where it was"
 	@echo "                left; scores and what survived in OUTPUT=$$OUTPUT/mutants"
 	@echo "make docs       the site, in docs/_build/html: demos, recipes and tutorials are run, unless the"
@@ -50,10 +49,10 @@ demo:
 	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output "$$OUTPUT/linear_triangle"
 	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output "$$OUTPUT/dragged_body"
 
-# Two at a time, in this order: attacks, which are bounded in time, and types have a core each, and
-# what is left at the end, the two ranks of test-pip, has both.
+# Two at a time, in this order: types and docs-check have a core each, and what is left at the end,
+# the two ranks of test-pip, has both.
 test: style
-	$(MAKE) --jobs=2 --output-sync=target attacks-sample types docs-check test-pip
+	$(MAKE) --jobs=2 --output-sync=target types docs-check test-pip
 	$(RUN) $(PYTEST) --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST)
 	$(RUN) mpirun -n 3 $(PYTEST)
@@ -71,13 +70,7 @@ mutants:
 packages:
 	$(PACKAGES) packaging/check "$$OUTPUT/packages"
 
-attacks-sample:
-	$(RUN) $(ATTACKS) --sample
-
-# A sample of these tests is among those of `make test`.
 attacks:
-	$(RUN) $(ATTACKS)
-	$(RUN) mpirun -n 2 $(ATTACKS)
 	$(RUN) $(PYTEST)/adversarial --adversarial --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST)/adversarial --adversarial
 
