@@ -53,7 +53,6 @@ ON_TWO = {
     ),
     "test_checks": (
         *("misfit_of_other_obstacles", "smallest_jacobian", "an_empty_cell_is_named"),
-        *("empty_and_inverted_cells", "thin_cells_far_away_are_cells"),
         *("obstacle_on_the_wrong_side",),
     ),
     "test_classical": (

@@ -64,21 +64,22 @@ class Case:
         self.reference = reference
 
         floor = HalfSpace(self.point, self.normal)
-        self.surface = ContactSurface(self.u, self.bottom, obstacle=floor, law=Coulomb(FRICTION))
+        surface = ContactSurface(self.u, self.bottom, obstacle=floor, law=Coulomb(FRICTION))
         self.problem = ContactProblem(
             self.energy,
             self.u,
-            [self.surface],
+            [surface],
             bcs=self.bcs,
             r=R,
             petsc_options={"snes_rtol": 1e-14},
         )
         self.prescribe(0.0)
         discrete = self.discrete
-        Q = self.surface.multiplier.function_space
+        self.positions = ParametricContact(self.problem, self.gamma).positions
+        Q = self.problem.fields[1].function_space
         places = V.tabulate_dof_coordinates()[discrete.nodes, :dim]
         self.dofs = rows_of(places, Q.tabulate_dof_coordinates()[:, :dim])
-        self.points = rows_of(places, self.surface.positions)
+        self.points = rows_of(places, self.positions)
 
     def prescribe(self, aside):
         """Move the top, and discretise again for the reference."""
@@ -93,7 +94,7 @@ class Case:
 
     @property
     def multipliers(self):
-        return self.surface.multiplier.x.array.reshape(-1, self.domain.geometry.dim)
+        return self.problem.fields[1].x.array.reshape(-1, self.domain.geometry.dim)
 
     def vector(self, u, t):
         """Unknowns of the package for displacements and tractions of the reference."""
@@ -175,7 +176,7 @@ def check_solution(case, result, u, t, statuses):
     assert_close(case.u.x.array, u)
     assert_close(case.multipliers[case.dofs], t)
     table = result.tables["contact"]
-    points = rows_of(case.surface.positions[case.points], table.x)
+    points = rows_of(case.positions[case.points], table.x)
     letters = "ok+-" if table.dim == 2 else "oks"
     assert "".join(table.letters[points]) == "".join(letters[k] for k in statuses)
     assert len(set(statuses)) > 1
