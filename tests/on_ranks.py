@@ -301,7 +301,6 @@ ON_TWO = {
     "test_record": (
         *("journal_says_what_was_followed", "fields_come_back_exactly"),
         *("a_torn_last_line_is_dropped", "the_journal_of_another_problem_is_refused"),
-        *(),
         *("progress", "a_mesh_has_one_hash"),
     ),
     "test_record_surfaces": (
