@@ -13,7 +13,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact.io.fields import body_fields, check_stress
+from dolfinx_contact.io.fields import body_fields
 from dolfinx_contact.materials import (
     Axisymmetric,
     CiarletGeymonat,
@@ -505,62 +505,6 @@ def test_stress_in_pictures():
     assert [mean.min(), mean.max()] == pytest.approx((5000 + 2 / 3) * 2 * middle**2, rel=1e-12)
     seen = stressed["colours"]["von Mises stress"]
     assert (seen.max(), seen.min()) == pytest.approx(ends, rel=1e-12)
-
-
-@pytest.mark.parametrize(("tags", "mean"), [(1, True), (1, False), (2, True)])
-def test_a_stress_of_another_pressure(tags, mean, caplog):
-    """That of every point beside a mean dilatation, or the other way round, is warned of."""
-    domain = box(COMM, 2, "quad")
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    material = LinearElastic.from_young(1.0, 0.4999)
-    cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
-    numbers = np.arange(len(cells), dtype=np.int32) % tags
-    dx = ufl.Measure("dx", domain, subdomain_data=mesh.meshtags(domain, 2, cells, numbers))
-    whole = material.energy(u) * dx
-    bulk = material.mean_dilatation_energy(u, dx) if mean else whole
-    if tags == 2:  # of which the second is that of every point
-        bulk = material.mean_dilatation_energy(u, dx(0)) + material.energy(u) * dx(1)
-    floor = HalfSpace((0.0, -1.0), (0.0, 1.0))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    problem = ContactProblem(bulk, u, [surface])
-    points, cellwise = material.full_stress(u), material.mean_dilatation_stress(u)
-    right, wrong = (cellwise, points) if mean else (points, cellwise)
-    if tags == 2:
-        right, wrong = {0: cellwise, 1: points}, {0: points, 1: cellwise}
-    check_stress(problem, right)
-    assert not caplog.records
-    check_stress(problem, wrong)
-    assert len(caplog.records) == (tags if COMM.rank == 0 else 0)
-    for record in caplog.records:
-        assert "give material.mean_dilatation_stress(u)" in record.message or (
-            "give material.full_stress(u)" in record.message
-        )
-
-
-@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
-def test_one_stress_of_two_materials(cell, caplog):
-    """A modulus of each cell is seen to be that of the bulk, or not, where cells are distorted."""
-    domain = box(COMM, 2, cell)
-    dim = domain.geometry.dim
-    below = facets(domain, dim - 1, 0.0)
-    domain.geometry.x[:, :dim] += 0.06 * np.sin(7.0 * domain.geometry.x[:, :dim][:, ::-1])
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
-    here = domain.topology.index_map(dim)
-    cells = np.arange(here.size_local + here.num_ghosts, dtype=np.int32)
-    parts = np.where(mesh.compute_midpoints(domain, dim, cells)[:, 0] < 0.5, 1, 2).astype(np.int32)
-    young = fem.Function(fem.functionspace(domain, ("DG", 0)))
-    young.x.array[:] = parts
-    dx = ufl.Measure("dx", domain, subdomain_data=mesh.meshtags(domain, dim, cells, parts))
-    bulk = sum(LinearElastic.from_young(E, 0.499).mean_dilatation_energy(u, dx(E)) for E in (1, 2))
-    floor = HalfSpace(np.full(dim, -1.0), np.eye(dim)[-1])
-    surface = ContactSurface(u, below, obstacle=floor, law=Coulomb(0.3))
-    problem = ContactProblem(bulk, u, [surface])
-    stress = LinearElastic.from_young(young, 0.499).mean_dilatation_stress(u)
-    check_stress(problem, stress)
-    assert not caplog.records
-    young.x.array[:] = 1.0
-    check_stress(problem, stress)
-    assert len(caplog.records) == (COMM.rank == 0)
 
 
 def test_what_it_is_not_for():

@@ -9,7 +9,6 @@ these on the slave, and what is known of the master (`master`) in another file.
 
 from __future__ import annotations
 
-import logging
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -24,15 +23,14 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem, la, mesh
-from ufl.algorithms import expand_derivatives, extract_coefficients
+from dolfinx import fem, mesh
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._collective import collective
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact._forms import compiled_expression, compiled_form, is_of_cells
+from dolfinx_contact._forms import compiled_expression, is_of_cells
 from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.master import MasterFace
@@ -56,11 +54,6 @@ __all__ = [
 
 # Of the way from a corner of a cell to its middle; FFCx takes 1 - 1e-6 in its tables for 1.
 _INSIDE = 1e-5
-_OFF = 0.01  # by which forces of a stress may be off, relative
-_ALL_STRAINS = np.array([[1.0, 0.4, -0.3], [-0.6, 0.8, 0.5], [0.2, -0.7, 0.9]])  # a gradient
-_BY_TAG = "stress={1: steel.full_stress(u), 2: rubber.full_stress(u)}"
-
-logger = logging.getLogger(__name__)
 
 
 @collective("write_fields")
@@ -86,9 +79,8 @@ def write_fields(
         problem: a contact problem, usually solved.
         stress: 3 x 3 UFL stress, in 2D too: ``material.full_stress(u)``. Of several materials, in
             a bulk of integrals over cell tags, one of each tag: ``{1: steel.full_stress(u), 2:
-            rubber.full_stress(u)}``; one for all is refused there, but for one with a Function
-            that is constant in each cell, of which there is a warning where its forces are not
-            those of a linear bulk. Without it no stresses are written.
+            rubber.full_stress(u)}``. It is evaluated as given; whether it is the stress of the bulk
+            is not checked. Without it no stresses are written.
         format: "vtx" (``.bp``) or "vtk" (``.vtu``, which PyVista and every ParaView read); by
             default "vtx" unless DOLFINx was built without ADIOS2.
 
@@ -98,9 +90,9 @@ def write_fields(
     Raises:
         OSError: on every rank, with the path and the reason, if the folder cannot be written to,
             or has no room. It is then as it was.
-        ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, is that of one
-            material where the bulk has several, or has not its cell tags, two surfaces would have
-            one file, the format cannot be written, or arguments differ between ranks.
+        ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, or does not have
+            the cell tags of the bulk, two surfaces would have one file, the format cannot be
+            written, or arguments differ between ranks.
     """
     tags = check_stress(problem, stress)
     comm = problem.comm
@@ -206,202 +198,44 @@ def von_mises(stress: Any) -> Any:
 
 
 def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
-    """See that a stress, if there is one, can be that of a problem. Collective.
+    """Validate a stress. Collective.
 
     Returns:
-        The cell tags of the bulk if the stress is given tag by tag.
+        The cell tags of the bulk if the stress is given by cell tags.
 
     Raises:
-        ValueError: on every rank, if it is not 3 x 3, of another mesh, of one material of several,
-            does not have the cell tags of the bulk, or differs between ranks.
+        ValueError: on every rank, if it is not 3 x 3, of another mesh, does not have the cell tags
+            of the bulk, or differs between ranks.
     """
-    compared: Any = None
-    tags = None
-    names = ""
     domain = problem.u.function_space.mesh
-    with everywhere(problem.comm, "the stress"):
-        if isinstance(stress, Mapping):
-            tags = _cell_tags(problem)
-        for e in _expressions(stress):
-            von_mises(e)
-            refuse_other_mesh(e, domain, "the stress")
-        if tags is not None:
-            wrong = [tag for tag in stress if not isinstance(tag, int | np.integer)]
-            if wrong:
-                raise ValueError(f"cell tags of a stress are whole numbers, not {wrong[0]!r}")
-            compared = [(int(tag), described(stress[tag], domain)) for tag in sorted(stress)]
-        elif stress is not None:
-            names = _refuse_one_of_several(problem, stress)
-            compared = described(stress, domain)
-    same_everywhere(problem.comm, stress=compared)
-    _doubt_pressures(problem, stress)
-    if names:
-        _doubt_forces(problem, stress, names)
-    if tags is not None:
-        _require_tags(domain, tags, {int(tag) for tag in stress})
-    return tags
-
-
-def _expressions(stress: Any) -> list[Any]:
-    """One expression, or those of all tags."""
-    if isinstance(stress, Mapping):
-        return list(stress.values())
-    return [] if stress is None else [stress]
-
-
-def _cell_integrals(problem: ContactProblem) -> list[ufl.Integral]:
-    return list(problem.equations.bulk.residual.integrals_by_type("cell"))
-
-
-def _cell_tags(problem: ContactProblem) -> mesh.MeshTags:
-    """The tags of the cells over whose parts the bulk is integrated, or ``ValueError``."""
-    for integral in _cell_integrals(problem):
-        tags = integral.subdomain_data()
-        if isinstance(tags, mesh.MeshTags):
-            return tags
-    raise ValueError(
-        "a stress by cell tags needs a bulk with cell tags, ufl.Measure('dx', "
-        "subdomain_data=cell_tags); of a bulk without them give one expression"
-    )
-
-
-def _require_tags(domain: mesh.Mesh, tags: mesh.MeshTags, given: set[int]) -> None:
-    """``ValueError`` on every rank if cells have no stress, or a stress no cells. Collective."""
-    comm = domain.comm
-    n = domain.topology.index_map(domain.topology.dim).size_local
-    parts = comm.allgather((set(np.unique(tags.values).tolist()), int(np.sum(tags.indices < n))))
-    known = set().union(*(found for found, _ in parts))
-    if known != given:
-        raise ValueError(f"the stress has the cell tags {sorted(given)}, the bulk {sorted(known)}")
-    size = domain.topology.index_map(domain.topology.dim).size_global
-    if sum(count for _, count in parts) < size:
-        raise ValueError("the stress is given by cell tags, but some cells have none")
-
-
-def _refuse_one_of_several(problem: ContactProblem, stress: Any) -> str:
-    """``ValueError`` if a stress without parts is given for a bulk of several materials.
-
-    Returns:
-        The tags of these if the stress may be that of all of them, by a Function that is constant
-        in each cell; else "".
-    """
-    materials: dict[Any, list[str]] = {}
-    beside = False
-    for integral in _strained(problem):
-        names = integral.subdomain_id()
-        for name in names if isinstance(names, tuple) else (names,):
-            if name in ("everywhere", "otherwise"):
-                beside = True
-            else:
-                materials.setdefault(name, []).append(_described(integral))
-    different = {repr(sorted(forms)) for forms in materials.values()}
-    if len(different) < 2 and not (beside and different):
-        return ""
-    tags = ", ".join(map(str, sorted(materials)))
-    if any(f is not problem.u and _is_cellwise(f) for f in extract_coefficients(stress)):
-        return tags
-    raise ValueError(
-        "the stress is that of one material, but the bulk has different integrals over cell "
-        f"tags ({tags}): give one of each tag, {_BY_TAG}"
-    )
-
-
-def _doubt_pressures(problem: ContactProblem, stress: Any) -> None:
-    """Warn if pressures are not those of the bulk, that of a mean dilatation or not. Collective."""
     by_tag = stress if isinstance(stress, Mapping) else {None: stress}
-    for tag, e in by_tag.items():
-        if e is None or problem.comm.rank > 0:
-            continue
-        bulk = [is_of_cells(i.integrand()) for i in _strained(problem) if _is_over(i, tag)]
-        where = "" if tag is None else f" of the cell tag {tag}"
-        if any(bulk) and not is_of_cells(e):
-            logger.warning(
-                "the pressure in the stress%s is that of every point, of which the body has the "
-                "mean over each cell alone: it may be wrong by orders of magnitude where lambda is "
-                "large, and shear is not; give material.mean_dilatation_stress(u)",
-                where,
-            )
-        elif is_of_cells(e) and not any(bulk):
-            logger.warning(
-                "the stress%s is that of a mean dilatation, which the bulk has not: give "
-                "material.full_stress(u)",
-                where,
-            )
-
-
-def _is_over(integral: ufl.Integral, tag: int | None) -> bool:
-    """Whether an integral is over the cells of a tag, or over all."""
-    names = integral.subdomain_id()
-    names = names if isinstance(names, tuple) else (names,)
-    return tag is None or tag in names or bool({"everywhere", "otherwise"} & set(names))
-
-
-def _doubt_forces(problem: ContactProblem, stress: Any, names: str) -> None:
-    """Warn if the forces of a stress are not those of a linear bulk. Collective.
-
-    Both are taken by their change with a displacement that has all strains, so that loads and the
-    present state do not matter. Bodies of revolution are not checked.
-    """
-    bulk = problem.equations.bulk
-    if not bulk.linear or problem.equations.axisymmetric:
-        return
-    V = problem.u.function_space
-    v = ufl.TestFunction(V)
-    dim = V.mesh.geometry.dim
-    w = fem.Function(V)
-    w.interpolate(lambda x: _ALL_STRAINS[:dim, :dim] @ x[:dim])
-    strain = ufl.grad(v)
-
-    def work(stress: Any) -> ufl.Form:
-        parts = (stress[i, j] * strain[i, j] for i in range(dim) for j in range(dim))
-        return sum(parts) * ufl.dx(domain=V.mesh)
-
-    if is_of_cells(stress):
-        there, at_rest = (ufl.replace(stress, {problem.u: f}) for f in (w, fem.Function(V)))
-        of_stress = work(of_cells(there, V.mesh) - of_cells(at_rest, V.mesh))
-    else:
-        of_stress = ufl.derivative(work(stress), problem.u, w)
-    of_bulk = ufl.derivative(ufl.Form(_strained(problem)), bulk.displacement, w)
-    forces = []
-    for form in (of_stress, of_bulk):
-        b = fem.assemble_vector(compiled_form(expand_derivatives(form)))
-        b.scatter_reverse(la.InsertMode.add)
-        forces.append(b.array[: V.dofmap.index_map.size_local * V.dofmap.index_map_bs])
-    squares = [np.sum((forces[0] - forces[1]) ** 2), np.sum(forces[1] ** 2)]
-    off, size = problem.comm.allreduce(np.array(squares))
-    if off > _OFF**2 * size and problem.comm.rank == 0:
-        logger.warning(
-            "the forces of the stress are not those of the bulk, of which they are off by %.2g: a "
-            "Function that is constant in each cell is to tell the materials of the cell tags (%s) "
-            "apart; or give one of each tag, %s",
-            np.sqrt(off / size) if size else np.inf,
-            names,
-            _BY_TAG,
+    with everywhere(problem.comm, "the stress"):
+        for e in by_tag.values():
+            if e is not None:
+                von_mises(e)
+                refuse_other_mesh(e, domain, "the stress")
+    given = {tag: e if e is None else described(e, domain) for tag, e in by_tag.items()}
+    same_everywhere(problem.comm, stress=sorted(given.items(), key=str))
+    if not isinstance(stress, Mapping):
+        return None
+    integrals = problem.equations.bulk.residual.integrals_by_type("cell")
+    data = [i.subdomain_data() for i in integrals]
+    tags = next((d for d in data if isinstance(d, mesh.MeshTags)), None)
+    if tags is None:
+        raise ValueError(
+            "a stress by cell tags needs a bulk with cell tags, ufl.Measure('dx', "
+            "subdomain_data=cell_tags); for a bulk without them give one expression"
         )
-
-
-def _strained(problem: ContactProblem) -> list[ufl.Integral]:
-    """Integrals over cells that resist strains."""
-    return [i for i in _cell_integrals(problem) if _has_strain(problem, i)]
-
-
-def _is_cellwise(f: Any) -> bool:
-    return bool(f.ufl_element().embedded_superdegree == 0)
-
-
-def _has_strain(problem: ContactProblem, integral: ufl.Integral) -> bool:
-    """Whether an integral resists a strain, as no load does."""
-    u = problem.equations.bulk.displacement
-    rate = expand_derivatives(ufl.derivative(ufl.Form([integral]), u))
-    nodes = (n for i in rate.integrals() for n in unique_pre_traversal(i.integrand()))
-    return any(isinstance(n, ufl.classes.Grad) for n in nodes)
-
-
-def _described(integral: ufl.Integral) -> str:
-    """An integrand with the values of its Constants and the Functions in it."""
-    form = ufl.Form([integral.reconstruct(subdomain_id="everywhere", metadata={})])
-    values = [np.asarray(c.value).tolist() for c in form.constants()]
-    return f"{form.signature()} {values} {[id(f) for f in form.coefficients()]}"
+    cells = domain.topology.index_map(domain.topology.dim)
+    tagged = (set(tags.values.tolist()), int(np.sum(tags.indices < cells.size_local)))
+    parts = problem.comm.allgather(tagged)
+    known = set[int]().union(*(values for values, _ in parts))
+    if known != set(stress) or sum(count for _, count in parts) < cells.size_global:
+        raise ValueError(
+            f"the stress has the cell tags {sorted(stress, key=str)}, the bulk {sorted(known)}; "
+            "every cell needs one of them"
+        )
+    return tags
 
 
 def body_fields(
