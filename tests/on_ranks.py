@@ -294,9 +294,6 @@ ON_TWO = {
     "test_proofs": ("several_surfaces", "a_proof_by_search", "data_that_have_changed"),
     "test_proved_rays": ("a_hyperelastic_block",),
     "test_rays": ("neighbours_are_brought_up_to_date",),
-    "test_read_only": (
-        *("loads_of_a_rigid_body", "arrays_are_copied", "what_an_obstacle_is_made_of_moves_it"),
-    ),
     "test_readme": ("readme_example", "all_solutions"),
     "test_record": (
         *("journal_says_what_was_followed", "fields_come_back_exactly"),

@@ -911,7 +911,7 @@ def test_refused():
             {"law": NonlocalCoulomb(0.3, radius=0.3)},
             "no friction with the law .*, which averages the pressure around points",
         ),
-        ({"law": Coulomb(0.3), "method": "mixed"}, "gaps of the mixed method are averages"),
+        ({"law": Coulomb(0.3), "method": "mixed"}, "gaps of mixed contact are averages"),
     ):
         with pytest.raises(ValueError, match=message):
             OnBody(2, disc, sliding="large", **given)

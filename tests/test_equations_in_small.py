@@ -433,7 +433,7 @@ def test_conditions_that_contradict_each_other_are_said_once(off, times, caplog)
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     problem = ContactProblem(energy, u, [surface], bcs=bcs)
     for _ in range(2):
-        problem.equations.constraints.check_values([surface], 1.0)
+        problem.equations.constraints.check_values(problem.surfaces, 1.0)
     said = [r.message for r in caplog.records if "contradict" in r.message]
     assert len(said) == (times if COMM.rank == 0 else 0)
     for message in said:

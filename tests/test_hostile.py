@@ -359,7 +359,7 @@ MISUSE = {
         lambda w: problem(w, bcs=[fem.dirichletbc(w.v_other, two_spaces(w), w.V)]),
         "the value of a Dirichlet condition is a Function of another mesh",
     ),
-    "surfaces of words": (lambda w: problem(w, surfaces=["floor"]), "a list of ContactSurfaces"),
+    "surfaces of words": (lambda w: problem(w, surfaces=["floor"]), "a list of ContactSurface"),
     "conditions of words": (lambda w: problem(w, bcs=["top"]), "a list of Dirichlet conditions"),
     "conditions None": (lambda w: problem(w, bcs=None), "must be lists"),
     "displacement number": (
@@ -872,7 +872,7 @@ DISAGREEMENT = {
     ),
     "surfaces of one rank": (
         lambda w: problem(w, surfaces=differs([w.surface], ["floor"])),
-        "a list of ContactSurfaces",
+        "a list of ContactSurface",
     ),
     "conditions": (
         lambda w: problem(w, bcs=differs([clamp(w.u)], [])),

@@ -83,8 +83,7 @@ def surface(body, facets, tag):
     u = fem.Function(V)
     up = np.eye(V.mesh.geometry.dim)[-1]
     floor = HalfSpace(np.zeros(len(up)), up)
-    contact = ContactSurface(u, facets, tag=tag, obstacle=floor, law=Coulomb(0.3), name="below")
-    return discretise(contact)
+    return ContactSurface(u, facets, tag=tag, obstacle=floor, law=Coulomb(0.3), name="below")
 
 
 @pytest.mark.parametrize("version", [4.1, 2.2])
@@ -108,10 +107,11 @@ def without_elements():
 def test_surface_by_name():
     """A name and its number are the same facets, of the mesh and of its MeshTags."""
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
-    facets = surface(body, body.facet_tags, 5).submesh.parent_facets
+    facets = discretise(surface(body, body.facet_tags, 5)).submesh.parent_facets
     assert COMM.allreduce(len(facets)) > 0
     for given, tag in [(body, "contact"), (body, 5), (body.facet_tags, "contact")]:
-        np.testing.assert_array_equal(surface(body, given, tag).submesh.parent_facets, facets)
+        found = discretise(surface(body, given, tag)).submesh.parent_facets
+        np.testing.assert_array_equal(found, facets)
 
 
 def test_solve_with_names():
@@ -262,18 +262,28 @@ def test_unknown_names():
         for do in (body.facets, body.ds, lambda name: body.dofs(V, name), body.facet_tags.tag):
             refused(match, lambda do=do, name=name: do(name))
         for facets in (body, body.facet_tags):
-            refused(f"below: {match}", lambda f=facets, name=name: surface(body, f, name))
-    refused(r"below: .* need a tag; names: \['contact', 'top'\]", lambda: surface(body, body, None))
+            contact = surface(body, facets, name)
+            refused(f"below: {match}", lambda contact=contact: discretise(contact))
+    refused(
+        r"below: .* need a tag; names: \['contact', 'top'\]",
+        lambda: discretise(surface(body, body, None)),
+    )
     plain = mesh.MeshTags(body.facet_tags._cpp_object)
     assert not isinstance(plain, NamedTags)
-    refused("only a GmshMesh and its facet_tags have", lambda: surface(body, plain, "contact"))
+    refused(
+        "only a GmshMesh and its facet_tags have",
+        lambda: discretise(surface(body, plain, "contact")),
+    )
 
 
 @pytest.mark.skipif(COMM.size == 1, reason="needs another rank")
 def test_names_that_differ():
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
     tag = "contact" if COMM.rank == 0 else "top"
-    refused("tag differs between ranks: 'contact' on rank 0", lambda: surface(body, body, tag))
+    refused(
+        "tag differs between ranks: 'contact' on rank 0",
+        lambda: discretise(surface(body, body, tag)),
+    )
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
     unknown = "top" if COMM.rank == 0 else "side"
     for do in (body.facets, body.ds, lambda name: body.dofs(V, name)):

@@ -737,7 +737,7 @@ def test_arguments_of_problems():
         ([one], bc, "surfaces and bcs must be lists"),
         (3, [bc], "surfaces and bcs must be lists"),
         ([one], 3, "surfaces and bcs must be lists"),
-        ([one, "b"], [bc], "must be a list of ContactSurfaces"),
+        ([one, "b"], [bc], "must be a list of ContactSurface"),
         ([one], [bc, "b"], "must be a list of Dirichlet conditions"),
     ):
         with pytest.raises(ValueError, match=words):

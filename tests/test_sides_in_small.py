@@ -17,7 +17,6 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
 from dolfinx_contact import (
     ContactPair,
-    ContactSurface,
     Coulomb,
     HalfSpace,
     LevelSet,
@@ -1103,30 +1102,6 @@ def test_overlaps_that_are_taken_from_gaps(method):
         np.testing.assert_allclose(points.data.gap, gap + 1.25, rtol=1e-13)
         np.testing.assert_allclose(points.vertex_gaps, gap + 1.5, rtol=1e-13)
     assert points.choices == [1.25]
-
-
-def test_functions_that_are_given_follow_their_owners():
-    """All of them where gaps are evaluated anew; that they have changed is known by values."""
-    told, values = [], np.array([1.0, 2.0])
-    functions = [
-        SimpleNamespace(x=SimpleNamespace(scatter_forward=lambda i=i: told.append(i)))
-        for i in range(2)
-    ]
-    s = SimpleNamespace(
-        _functions=functions,
-        points=SimpleNamespace(update=lambda: told.append("points")),
-        domain=box(COMM, 1, "tri"),
-        _values=[values, np.array(3.0)],
-    )
-    s._scatter = lambda: ContactSurface._scatter(s)
-    s._marked = lambda: ContactSurface._marked(s)
-    DiscreteSurface.update_geometry(s)
-    assert told == [0, 1, "points"]
-    assert not ContactSurface.has_changed.fget(s)
-    values[1] = -2.0
-    assert ContactSurface.has_changed.fget(s)
-    DiscreteSurface.update_geometry(s)
-    assert not ContactSurface.has_changed.fget(s)
 
 
 def test_parts_of_a_face():

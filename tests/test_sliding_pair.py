@@ -284,7 +284,7 @@ def test_patch(cell, slave, part):
     energy = NeoHookean(0.0, STIFF).energy(u) * ufl.dx - part_of_load * ufl.dot(load, u) * ds
     options = {"snes_rtol": 1e-11}
     problem = ContactProblem(
-        energy, u, [bodies.pair], bcs=bodies.problem.bcs, petsc_options=options
+        energy, u, bodies.problem.contacts, bcs=bodies.problem.bcs, petsc_options=options
     )
     bodies.move(lambda X: np.tile([shift, 0.0], (len(X), 1)))
     problem.solve()
@@ -626,7 +626,7 @@ def test_a_record_of_another_sliding(folder):
     with records.EvolutionRecord(folder / "small", evolution) as record:
         evolution.run([0.0, 0.5, 1.0], record=record)
     evolution = made(sliding="large", method=None)
-    with pytest.raises(ValueError, match="another kind of sliding"):
+    with pytest.raises(ValueError, match="the kind of sliding of 'contact'"):
         records.EvolutionRecord(folder / "small", evolution, resume=True)
 
 
@@ -696,9 +696,9 @@ def test_ironing(folder):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"gap": 0.1}, "there is no gap"),
-        ({"normal": (0.0, 1.0)}, "there is no normal"),
-        ({"method": "nodal"}, "no choice of the method"),
+        ({"gap": 0.1}, "does not support a gap"),
+        ({"normal": (0.0, 1.0)}, "does not support a normal"),
+        ({"method": "nodal"}, "does not support a choice of the method"),
         ({"search_distance": -1.0}, "search distance must be positive"),
         ({"sliding": "huge"}, "sliding must be"),
         ({"law": Tresca(1.0)}, "bounds the shear of open points"),

@@ -64,6 +64,7 @@ def test_jacobian(cell, slave, monkeypatch):
     pair = ContactPair(u, both, slave=slave, master=5 - slave, interference=True, **LARGE)
     bcs = held(V, both.facet_tags, [(1, 0, 0.0), (1, 1, 0.0), (4, 1, 0.0)])
     problem = ContactProblem(energy_of(RUBBER, u), u, [pair], bcs=bcs)
+    (pair,) = problem.surfaces
     eq = problem.equations
     n = eq.owned_sizes[0]
     X = V.tabulate_dof_coordinates()[: n // 2, :2]
@@ -71,7 +72,7 @@ def test_jacobian(cell, slave, monkeypatch):
     upper = of_upper(both, V)
     r = X[upper, 0]
     moved[upper] += np.stack([0.1 * r, -0.04 + 0.25 * r - 0.2 * r**2], axis=1)
-    ids = problem.discrete(pair).points.ids[:, 0]
+    ids = pair.points.ids[:, 0]
     waves = np.outer(ids, [1.0, 2.0])
     x = problem.create_vector()
     v = x.duplicate()
@@ -89,9 +90,7 @@ def test_jacobian(cell, slave, monkeypatch):
     # opposite to a face that leans and is in the other lies beyond the axis.
     nodal = state.surfaces[0].kinematics.operator.facing.nodal
     on_axis = np.abs(X[:, 0]) < 1e-12
-    mine = on_axis[
-        problem.discrete(pair).points.vertex_trace_dofs[: problem.discrete(pair).points.number]
-    ]
+    mine = on_axis[pair.points.vertex_trace_dofs[: pair.points.number]]
     assert COMM.allreduce(int(mine.sum())) == 1
     assert np.abs(nodal.normal[: len(mine)][mine, 0]).max(initial=0.0) == 0.0
     if slave == 3:
