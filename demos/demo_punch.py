@@ -12,7 +12,7 @@
 # facets of a curved tool are chords of it: what they are off falls with the square of their size.
 # Those of the flat punch are the punch itself, which `LevelSet` describes by its distance. Its
 # edges stay between nodes of the slab: a node beside a sharp edge would be pushed ahead by its
-# side, of which there is a doubt in `last.doubts`.
+# side, which `last.warnings` reports (`across`).
 
 from mpi4py import MPI
 

@@ -44,7 +44,11 @@ from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.proofs import obstacle_to_proof, proved, proved_rays
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense, obstacle_in_space
-from dolfinx_contact.results.checks import sliding_doubt, slidings
+from dolfinx_contact.results.indicators import (
+    Indicators,
+    small_sliding_violated,
+    surface_indicators,
+)
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.uniqueness import checked_seconds
 from dolfinx_contact.solvers.history import Attempt, ConvergenceError
@@ -168,8 +172,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Put a point of a branch into the Functions of the problem, its statuses included.
 
-        Gamma and what it drives follow, obstacles too. A warning is logged where the sliding is
-        not small, once a surface. Collective.
+        Gamma and what it drives follow, obstacles too. Indicators of surfaces above their
+        thresholds are logged once each. Collective.
         """
         self._set(gamma)
         statuses = self.statuses_of(piece)
@@ -177,14 +181,15 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.problem.put(x, statuses)
         note_put(*self.problem.fields, *self.problem.rigid_bodies)
         self.equations.refresh()
-        if all(s.motion is None and s.obstacle.flat for s in self.problem.surfaces):
+        if all(not s.between_bodies and s.obstacle.flat for s in self.problem.surfaces):
             return
-        state = self.equations.contact(x, statuses)
-        for name, sliding in slidings(self.equations, state).items():
-            if sliding.doubt and name not in self._warned and self.comm.rank == 0:
-                logger.warning("%s: at gamma = %.6g %s", name, gamma, sliding.doubt)
-            if sliding.doubt:
-                self._warned.add(name)
+        found = Indicators(
+            surface_indicators(self.equations, self.equations.contact(x, statuses))
+        ).warnings
+        for name, text in found.items():
+            if name not in self._warned and self.comm.rank == 0:
+                logger.warning("%s: at gamma = %.6g %s", name, gamma, text)
+        self._warned.update(found)
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
         """What `ContactProblem.solve` finds at gamma from x; see `System`. Collective."""
@@ -201,13 +206,13 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return found, f"solve() by {result.reason}"
 
     def doubt(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
-        """Where the sliding of a solution is not small, and by how much. Collective."""
+        """Reason why small sliding does not describe a solution; "" if it does. Collective."""
         with self.restored(always=True):
             self._set(gamma)
             statuses = self.statuses_of(piece)
             assert statuses is not None
             self.problem.put(x, statuses)
-            return sliding_doubt(self.equations, self.equations.contact(x, statuses))
+            return small_sliding_violated(self.equations, self.equations.contact(x, statuses))
 
     def result_at(self, point: BranchPoint) -> Result:
         """The tables of a point of a branch, which is left in the Functions. Collective.
@@ -219,7 +224,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._set(point.gamma)
         done = Attempt("continuation", "a point of a branch", converged=True)
         result = self.problem.collect(x, [done], self.statuses_of(point.piece))
-        self.problem.warn_of_doubts(result)
+        self.problem.log_warnings(result)
         x.destroy()
         return result
 

@@ -49,8 +49,7 @@ from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.proofs import theory_of, uniqueness
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
-from dolfinx_contact.results.checks import warn_of_obstacles
-from dolfinx_contact.results.result import Result, collect, warn_of_doubts
+from dolfinx_contact.results.result import Result, collect, log_warnings
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import OTHER_DATA, Theory, Uniqueness, checked_seconds
 from dolfinx_contact.solvers.choice import LinearSolverChoice
@@ -258,9 +257,9 @@ class ContactProblem(ReadOnly):
         self._linear = LinearSolverChoice(self.equations)
         #: Shared by the problems of steps, which write the same Functions.
         self._written = LastWrite(self.comm)
-        #: In a run, the surfaces of which a warning has been logged, each with its kind.
-        self._warned: set[tuple[str, str]] | None = None
-        warn_of_obstacles(self.equations)
+        #: Names of the warnings that a run has logged; None outside of runs.
+        self._warned: set[str] | None = None
+        self.equations.check_obstacles()
 
     def moving(self, body: MovingBody) -> ContactProblem:
         """The contact problem of a step of time, on the same Functions and surfaces. Collective.
@@ -711,7 +710,7 @@ class ContactProblem(ReadOnly):
             x.destroy()
             shown.end(result.iterations)
             if self._warned is None:
-                self.warn_of_doubts(result)
+                self.log_warnings(result)
             return result, state
         finally:
             shown.end()
@@ -811,10 +810,7 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def warning_once(self) -> Iterator[None]:
-        """Within a run: solves do not warn of what `warn_of_doubts` warns of, once a surface.
-
-        A run warns of accepted steps only.
-        """
+        """Within a run: log each warning of indicators once, of accepted steps alone."""
         before = self._warned
         self._warned = set()
         try:
@@ -822,10 +818,10 @@ class ContactProblem(ReadOnly):
         finally:
             self._warned = before
 
-    def warn_of_doubts(self, result: Result) -> None:
-        """Warn of surfaces that slide or give way by much, in a run once each. Not collective."""
+    def log_warnings(self, result: Result) -> None:
+        """Log the warnings of a result on rank 0, in a run each of them once. Not collective."""
         if self.comm.rank == 0:
-            warn_of_doubts(result, self._warned)
+            log_warnings(result, self._warned)
 
     def destroy(self) -> None:
         """Free matrices and solvers now. Collective.

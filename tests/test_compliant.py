@@ -95,9 +95,9 @@ def test_uniform_compression(dim, cell, exponent):
         table = result.tables["contact"]
         np.testing.assert_allclose(-table.un, depth, rtol=1e-10)
         np.testing.assert_allclose(table.pressure, MODULUS * (pressed - depth), rtol=1e-10)
-        penetration = result.penetrations["contact"]
-        assert penetration.largest == pytest.approx(depth, rel=1e-10)
-        assert penetration.mean == pytest.approx(depth, rel=1e-10)
+        penetration = result.indicators.surfaces["contact"].penetration
+        assert penetration == pytest.approx(depth, rel=1e-10)
+        assert result.summary()["penetration_contact"] == penetration
 
 
 def sheared_block(law, dim, cell, s, pressed, shear):

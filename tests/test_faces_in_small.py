@@ -13,13 +13,6 @@ from dolfinx_contact import Coulomb, HalfSpace, NonlocalCoulomb, RigidBody
 from dolfinx_contact.points.clipping import Faces, basis, cover, nodal_points
 from dolfinx_contact.points.crossings import _in_loops
 from dolfinx_contact.points.opposite import Overlap
-from dolfinx_contact.points.pair_motion import (
-    _angle,
-    _area_vectors,
-    _places,
-    _Search,
-    _simplices,
-)
 from dolfinx_contact.points.revolution import check_revolution
 from dolfinx_contact.points.search import nearest, within
 from dolfinx_contact.points.sliding.facing import Facing, Nodal
@@ -307,7 +300,6 @@ def test_area_vectors_and_their_rates(k, dim):
             vectors = area_vectors(x)
         share = 0.5 if k == 3 else 1.0
         np.testing.assert_allclose(vectors, share * np.cross(a, b), atol=1e-12)
-    np.testing.assert_allclose(_area_vectors(x), vectors, atol=1e-12)
     change = rng.normal(size=x.shape)
     h = 1e-6
     difference = (area_vectors(x + h * change) - area_vectors(x - h * change)) / (2 * h)
@@ -364,102 +356,6 @@ def test_jumps_of_nodes_of_faces(dim):
 
 
 # -- how pairs have moved -------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("now", [False, True])
-def test_nearest_places_of_several_simplices(now):
-    """Over the inside, beyond an end, and at a corner: that which is most opposite."""
-    # Two segments on y = 0 and one that rises from (2, 0); they have moved by (0, 1), (0, 1), 0.
-    ends = np.array([[[0.0, 0], [1, 0]], [[2.0, 0], [1, 0]], [[2.0, 0], [2.0, 3.0]]])
-    moved = np.zeros((3, 2, 2))
-    moved[:2, :, 1] = 1.0
-    means = np.zeros((3, 2, 4))
-    means[:, 0], means[:, 1] = [0.0, 2.0, 0.6, 0.8], [0.0, 2.0, -0.6, 0.8]
-    values = np.concatenate([ends, moved, means], axis=2).reshape(3, 16)
-    sense = np.array([-1.0, 1.0, -1.0])  # upwards, upwards, and to the left
-    rows = np.column_stack([values, [1.0, 1.5, 3.0], sense])
-    height = 1.0 if now else 0.0
-    wanted = np.array(
-        [[0.25, 0.5 + height], [-3.0, 4.0 + height], [1.75, -0.5 + height], [1.0, 2.0 + height]]
-    )
-    point = np.repeat(np.arange(4), 2)
-    chosen = rows[np.tile([0, 1], 4)]
-    found = _places(wanted, point, chosen, now=now)
-    np.testing.assert_allclose(found.gap, [0.5, 4.0, -0.5, 2.0], atol=1e-12)
-    np.testing.assert_allclose(found.aside, [0.0, 3.0, 0.0, 0.0], atol=1e-12)
-    np.testing.assert_array_equal(found.normal, np.tile([0.0, 1.0], (4, 1)))
-    np.testing.assert_allclose(found.moved, np.tile([0.0, 1.0], (4, 1)))
-    np.testing.assert_array_equal(found.facet[:3], [1.0, 1.0, 1.5])
-    mean = [[0.3, 0.8], [0.6, 0.8], [-0.45 + 0.15 * 0.0, 0.8]] if now else None
-    if now:
-        weights = (0.25, 0.0, 0.25)
-        first = [0.6 - 1.2 * w for w in weights]
-        mean = np.array([[f, 0.8] for f in first])
-        mean /= np.linalg.norm(mean, axis=1)[:, None]
-        np.testing.assert_allclose(found.mean[:3], mean, atol=1e-12)
-    else:
-        np.testing.assert_allclose(found.mean, np.tile([0.0, 1.0], (4, 1)), atol=1e-12)
-    # At a corner of two facets it is that whose normal points there.
-    if not now:
-        corner = np.array([[1.5, 0.4], [1.6, 0.5]])
-        both = _places(corner, np.array([0, 0, 1, 1]), rows[[1, 2, 2, 1]], now=False)
-        np.testing.assert_allclose(both.gap, [0.4, 0.4])
-        np.testing.assert_allclose(both.normal, [[0.0, 1.0], [-1.0, 0.0]], atol=1e-12)
-        tie = _places(np.array([[3.0, -1.0]]), np.zeros(2, dtype=int), rows[[2, 1]], now=False)
-        assert tie.gap[0] == pytest.approx(-1.0)
-        assert tie.aside[0] == pytest.approx(1.0)
-
-
-def test_which_simplices_may_be_nearest():
-    """Those whose middles are within reach and their own size, small and large ones."""
-    rng = np.random.default_rng(8)
-    middles, radius = (
-        rng.normal(size=(50, 2)),
-        2.0 ** rng.integers(-4, 2, 50) * rng.uniform(0.5, 1, 50),
-    )
-    x, reach = rng.normal(size=(9, 2)), rng.uniform(0.1, 0.5, 9)
-    points, simplices = _Search(middles, radius)(x, reach)
-    found = set(zip(points.tolist(), simplices.tolist(), strict=True))
-    distance = np.linalg.norm(x[:, None] - middles, axis=2)
-    needed = set(
-        zip(*(v.tolist() for v in np.nonzero(distance <= reach[:, None] + radius)), strict=True)
-    )
-    allowed = set(
-        zip(*(v.tolist() for v in np.nonzero(distance <= reach[:, None] + 2 * radius)), strict=True)
-    )
-    assert needed <= found <= allowed
-    none = _Search(middles[:0], radius[:0])(x, reach)
-    assert [len(v) for v in none] == [0, 0]
-    assert [len(v) for v in _Search(middles, radius)(x[:0], reach[:0])] == [0, 0]
-
-
-@pytest.mark.parametrize(
-    ("corners", "degree", "samples", "simplices"),
-    [(2, 1, 2, 1), (2, 2, 3, 2), (3, 1, 3, 1), (3, 2, 7, 6), (4, 1, 5, 4), (4, 2, 9, 8)],
-)
-def test_simplices_of_facets(corners, degree, samples, simplices):
-    """They cover the facet once, from sample to sample."""
-    weights, found = _simplices(corners, degree)
-    assert (weights.shape, len(found)) == ((samples, len(nodal_points(corners, degree))), simplices)
-    np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-12)
-    x = (weights @ nodal_points(corners, degree))[found]
-    if corners == 2:
-        np.testing.assert_allclose(
-            np.sort(x[:, :, 0].mean(axis=1)), (np.arange(simplices) + 0.5) / simplices
-        )
-        np.testing.assert_allclose(np.ptp(x[:, :, 0], axis=1), 1.0 / simplices)
-        return
-    areas = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 2
-    assert areas.sum() == pytest.approx(0.5 if corners == 3 else 1.0)
-    centre = (areas[:, None] * x.mean(axis=1)).sum(axis=0) / areas.sum()
-    np.testing.assert_allclose(centre, 1 / 3 if corners == 3 else 1 / 2)
-
-
-def test_angles_of_unit_vectors():
-    t = np.linspace(0.0, np.pi, 7)
-    a = np.tile([1.0, 0.0], (7, 1))
-    b = 3.0 * np.column_stack([np.cos(t), np.sin(t)])
-    np.testing.assert_allclose(_angle(a, b), t, atol=1e-7)
 
 
 # -- others ---------------------------------------------------------------------------------------

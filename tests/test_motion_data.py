@@ -310,4 +310,4 @@ def test_a_linear_body_that_turns_is_said(dim, speed, said, caplog):
     motion = NSCD(ContactProblem(energy, u, [surface]), 1.0, dt=0.05, velocity=velocity)
     motion.run([0.0, 0.15])
     assert largest_turn(V, u.x.array, parts(V)) == pytest.approx(0.15 * speed, rel=1e-9)
-    assert ("a linear body has turned by 0.3 rad" in warnings_of(caplog)) == said
+    assert ("a linear body has rotated by 17.2 degrees" in warnings_of(caplog)) == said

@@ -236,7 +236,7 @@ def test_an_overlap_with_a_tool_is_removed(dim, method, sliding):
         np.testing.assert_allclose(getattr(found, name), there, atol=1e-8 * size, err_msg=name)
     assert found.pressure.max() > 50.0
     assert removed.misfit < 1e-9
-    assert removed.slidings["contact"].entered < 1e-9
+    assert removed.indicators.surfaces["contact"].between_points < 1e-9
 
 
 @pytest.mark.refuses("surfaces of facets", aspects=("2D",))

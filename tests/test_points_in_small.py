@@ -21,11 +21,10 @@ from dolfinx_contact.obstacles import Start, has_ufl
 from dolfinx_contact.points.arcs import _SERIES, _SMALL
 from dolfinx_contact.points.displaced import DisplacedPoints
 from dolfinx_contact.points.elements import displacement_degree
-from dolfinx_contact.points.pair_motion import PairMotion, _closest
 from dolfinx_contact.points.sliding.candidates import Candidates
 from dolfinx_contact.points.sliding.faces import SlidingFaces
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.points.trace import facet_closures, facet_normals, rounded
+from dolfinx_contact.points.trace import facet_normals, rounded
 from dolfinx_contact.reduced.gathered import _tangents
 from dolfinx_contact.results.tables import violation
 
@@ -70,46 +69,6 @@ def test_the_size_of_facets_in_space(cell, caplog):
         assert len(said) == (times if COMM.rank == 0 else 0)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_the_nearest_place_of_a_simplex(dim):
-    """Inside, on each edge and at each corner, by the angles at that place."""
-    rng = np.random.default_rng(4)
-    n = 40
-    corners = rng.normal(size=(n, dim, dim))
-    y = 1.5 * rng.normal(size=(n, dim)) + corners.mean(axis=1)
-    weights = _closest(corners, y)
-    assert weights.min() >= 0.0
-    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-13)
-    kinds = {tuple(w > 1e-9) for w in weights}
-    assert len(kinds) == 2**dim - 1  # all corners, edges, and the inside
-    for C, p, w in zip(corners, y, weights, strict=True):
-        # Of a convex set the nearest place is where no corner is on the side of the point.
-        off = p - w @ C
-        assert ((C - w @ C) @ off).max() <= 1e-12
-
-
-def test_the_nearest_of_simplices_on_any_rank():
-    """Of segments of all ranks that of the least distance, wherever the points are."""
-    rng = np.random.default_rng(6)
-    n = 7
-    ends = rng.normal(size=(COMM.size, n, 2, 2)) + np.arange(COMM.size)[:, None, None, None]
-    values = np.zeros((COMM.size, n, 2, 8))
-    values[..., :2] = ends
-    moved = values[..., 2:4] = rng.normal(size=(COMM.size, n, 2, 2))
-    rows = np.column_stack([values[COMM.rank].reshape(n, -1), np.ones((n, 2))])
-    pair = SimpleNamespace(_comm=COMM, _dim=2)
-    for now in (False, True):
-        every = (ends + now * moved).reshape(-1, 2, 2)
-        own = every.reshape(COMM.size, n, 2, 2)[COMM.rank]
-        away = 3.0 * rng.normal(size=(9, 2))
-        wanted = np.vstack([own.mean(axis=1), own[:, 0], away, [[30.0, 4.0]]])
-        found = PairMotion._nearest(pair, wanted, rows, now=now)
-        t = np.linspace(0.0, 1.0, 2001)[:, None, None]
-        line = every[:, 0] + t * (every[:, 1] - every[:, 0])
-        least = np.linalg.norm(line[:, None] - wanted[:, None], axis=3).min(axis=(0, 2))
-        np.testing.assert_allclose(np.hypot(found.gap, found.aside), least, atol=5e-3)
-
-
 def test_components_in_ufl():
     """Of tuples, lists and arrays with one axis, one is enough; it is a scalar."""
     x = ufl.SpatialCoordinate(box(COMM, 1, "tri"))
@@ -130,38 +89,6 @@ def test_what_is_for_large_sliding_alone(sliding):
         ("planes of symmetry are", {"symmetry": {0: 0.0}}),
     ):
         refused(f"{what} for sliding='large'", u, both, sliding=sliding, **given)
-
-
-def test_normals_at_nodes_of_a_face_on_any_rank():
-    """Before and after a displacement: of the sum of the area vectors of the facets around each."""
-    domain = box(COMM, 5, "tri")
-    x = domain.geometry.x
-    x[:, :2] += 0.2 * x[:, 1::-1] ** 2
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    X = V.tabulate_dof_coordinates()[:, :2]
-    u = np.stack([np.sin(3.0 * X[:, 1]), X[:, 0] ** 2], axis=1) / 5.0
-    domain.topology.create_connectivity(1, 2)
-    every = mesh.exterior_facet_indices(domain.topology)
-    pair = SimpleNamespace(_V=V, _dim=2, _corners=2)
-    found = PairMotion._turning(pair, every, u)
-
-    owned = every[every < domain.topology.index_map(1).size_local]
-    ends = facet_closures(V, owned)
-    outward = facet_normals(domain, owned)
-    parts = []
-    for places in (X, X + u):
-        along = places[ends[:, 1]] - places[ends[:, 0]]
-        parts.append(np.stack([along[:, 1], -along[:, 0]], axis=1))
-    parts = np.hstack(parts) * np.sign(np.sum(parts[0] * outward, axis=1))[:, None]
-    ends, parts = (np.concatenate(COMM.allgather(v)) for v in (X[ends], parts))
-    here = np.linalg.norm(X[:, None, None] - ends, axis=3).min(axis=2) < 1e-9
-    sums = np.where(here[:, :, None], parts, 0.0).sum(axis=1)
-    on_face = here.any(axis=1)
-    for expected, normals in zip(np.hsplit(sums, 2), np.hsplit(found, 2), strict=True):
-        expected = expected[on_face]
-        expected /= np.linalg.norm(expected, axis=1)[:, None]
-        np.testing.assert_allclose(normals[on_face], expected, atol=1e-12)
-        np.testing.assert_array_equal(normals[~on_face], 0.0)
 
 
 @pytest.mark.parametrize("method", ["nodal", "mixed"])

@@ -22,7 +22,6 @@ from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.points.facing import candidates as facing_candidates
 from dolfinx_contact.points.mortar import coupling
 from dolfinx_contact.points.opposite import Overlap
-from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.sliding import faces as sliding_faces
 from dolfinx_contact.points.sliding.candidates import Candidates, _found, from_rows, marks_of
 from dolfinx_contact.points.sliding.faces import SlidingFaces, _mirrors
@@ -796,76 +795,6 @@ def test_what_else_says_what_points_meet():
 
 
 # -- how pairs have moved, and laws among points --------------------------------------------------
-
-
-def moved_pair(n, x, y, mine, places):
-    """A stand-in of two faces that have moved, by what is nearest before and now."""
-    return SimpleNamespace(
-        _u=SimpleNamespace(x=SimpleNamespace(array=np.zeros(2 * len(n)))),
-        _dim=2,
-        _slave=None,
-        _master=None,
-        _points=SimpleNamespace(data=SimpleNamespace(n=n)),
-        _turning=lambda facets, u: None,
-        _points_at=lambda u, normals: (x, y, mine),
-        _rows=lambda u, normals: None,
-        _nearest=lambda _places, _rows, now: places[int(now)],
-    )
-
-
-@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
-def test_what_is_opposite_in_any_unit(unit):
-    """By the normals within 60 degrees, and not beyond the edge by a hundredth of a facet."""
-    turned = np.deg2rad([180.0, 180.0, 180.0, 121.0, 119.0])
-    sides = np.stack([np.sin(turned), np.cos(turned)], axis=1)
-    x = np.zeros((5, 2))
-    n = np.broadcast_to([0.0, 1.0], (5, 2))
-    place = SimpleNamespace(
-        aside=unit * np.array([0.0, 0.01, 1.0, 0.0, 0.0]),
-        normal=sides,
-        mean=sides,
-        moved=x,
-        gap=np.zeros(5),
-        facet=np.full(5, unit),
-    )
-    found = PairMotion.__call__(moved_pair(n, x, x, np.hstack([n, n]), (place, place))).facing
-    np.testing.assert_array_equal(found, [True, False, False, True, False])
-
-
-def test_what_has_happened_to_a_pair():
-    """Slips across the normal of the law, turns that have grown, gaps in the sense of both."""
-    n = np.tile([0.0, 1.0], (4, 1))
-    x = np.zeros((4, 2))
-    y = np.array([[0.3, 0.1], [0.0, -0.2], [0.1, 0.0], [0.0, 0.0]])
-
-    def at(*degrees, down=False):
-        a = np.deg2rad(degrees)
-        v = np.stack([np.sin(a), np.cos(a)], axis=1)
-        return -v if down else v
-
-    before = SimpleNamespace(
-        gap=np.array([0.1, 0.2, 0.0, 0.0]),
-        aside=np.array([0.0, 0.5, 0.0, 0.2]),
-        normal=at(0.0, 60.0, 30.0, 80.0, down=True),
-        mean=at(0.0, 10.0, 0.0, 5.0, down=True),
-        moved=np.array([[0.1, 0.0], [0.0, 0.3], [0.0, 0.0], [0.0, 0.0]]),
-        facet=np.array([1.0, 2.0, 3.0, 4.0]),
-    )
-    after = SimpleNamespace(
-        gap=np.array([0.4, 0.1, 0.3, 0.25]),
-        aside=np.array([0.0, 0.3, 0.6, 0.5]),
-        normal=before.normal,
-        mean=at(3.0, 4.0, 0.0, 25.0, down=True),
-    )
-    mine = np.hstack([at(0.0, 5.0, 0.0, 0.0), at(2.0, 9.0, 0.0, -1.0)])
-    found = PairMotion.__call__(moved_pair(n, x, y, mine, (before, after)))
-    np.testing.assert_allclose(found.distance, [0.2, 0.0, 0.1, 0.0], atol=1e-15)
-    np.testing.assert_allclose(found.linear, [-0.1, 0.5, 0.0, 0.0], atol=1e-15)
-    np.testing.assert_allclose(np.degrees(found.turn), [3.0, 4.0, 0.0, 20.0], atol=1e-9)
-    np.testing.assert_allclose(found.beyond, [0.0, 0.0, 0.6, 0.3], atol=1e-15)
-    cosines = [1.0, 0.5, np.sqrt(0.75), 0.5]
-    np.testing.assert_allclose(found.opened, np.array([0.3, -0.1, 0.3, 0.25]) / cosines)
-    assert found.facet is before.facet
 
 
 @pytest.mark.parametrize("kernel", ["biweight", "mollifier"])

@@ -145,7 +145,7 @@ def test_facets_that_a_step_passes(caplog):
     history = QuasiStatic(bodies.problem, load).run(
         [0.0, 1.0, 2.0, 4.0, 6.0], rays=False, sudden=np.inf
     )
-    ways = [s.result.slidings["contact"].distance for s in history.steps]
+    ways = [s.result.indicators.surfaces["contact"].slip_in_step for s in history.steps]
     facet = 3.0 / 40
     expected = np.array([0.0, 0.15, 0.3, 0.3]) / facet
     np.testing.assert_allclose(ways, expected, atol=0.03)
@@ -173,7 +173,11 @@ def steps_of(times, **given):
 
 def taken(before, after):
     return SolvedStep(
-        before, after, SimpleNamespace(slidings={"pair": SimpleNamespace(distance=0)})
+        before,
+        after,
+        SimpleNamespace(
+            indicators=SimpleNamespace(surfaces={"pair": SimpleNamespace(slip_in_step=0)})
+        ),
     )
 
 

@@ -51,7 +51,7 @@ from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
-from dolfinx_contact.results.checks import sliding_doubt
+from dolfinx_contact.results.indicators import small_sliding_violated
 
 __all__ = ["Renard", "criterion_at", "renard_criterion"]
 
@@ -132,7 +132,9 @@ def renard_criterion(
         eq, state, directions=directions, dense=dense or (weights or None), effort=effort
     )
     # Directions that are given are those of no state.
-    return found if directions is not None else replace(found, doubt=sliding_doubt(eq, state))
+    if directions is not None:
+        return found
+    return replace(found, doubt=small_sliding_violated(eq, state))
 
 
 def criterion_at(

@@ -65,7 +65,7 @@ from dolfinx_contact.reduced.held_body import (
     is_positive_definite,
     with_dirichlet_rows,
 )
-from dolfinx_contact.results.checks import sliding_doubt
+from dolfinx_contact.results.indicators import small_sliding_violated
 
 __all__ = ["Stability", "stability_at_rest"]
 
@@ -123,7 +123,7 @@ def stability_at_rest(
     The stiffness counts too: a column that is pressed beyond its buckling load is unstable with all
     its contact points stuck. The reason of "not decided" names the bound that was reached: a motion
     without resistance, points at a border, with loads that follow the body, size; or that the
-    sliding is not small (`Result.doubts`), so that the state is not that of the bodies where they
+    sliding is not small (`Result.warnings`), so that the state is not that of the bodies where they
     are now.
 
     Args:
@@ -146,7 +146,7 @@ def stability_at_rest(
         message = f"{s.name}: stability at rest is for Coulomb's friction or none, not {s.law.name}"
         require(eq.comm, known, message)
     state = problem.evaluate()
-    doubt = sliding_doubt(eq, state)
+    doubt = small_sliding_violated(eq, state)
     if doubt:
         return Stability("not decided", 0.0, 0, 0, doubt)
     body = body_of(eq, state.u, density, damping)

@@ -38,6 +38,7 @@ from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.constraints import Constraints, PrescribedDisplacement, check_overlap
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation, Statuses
+from dolfinx_contact.equations.obstacle_sides import warn_of_obstacle
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.scaling import Scaling
 from dolfinx_contact.laws.symbols import SLID
@@ -118,6 +119,8 @@ class ContactEquations:
         self.scaling = Scaling(bulk, V, self.surfaces, self.constraints.fixed, self.rigid, r)
         per_area = [self.stiffness_scale / s.points.mean_vertex_area for s in self.surfaces]
         self.units = [1.0, *per_area, 1.0]
+        #: Names of the surfaces whose obstacle is known to be on the wrong side.
+        self._wrong_sides: set[str] = set()
         if not bulk.linear:
             bulk.destroy()
 
@@ -125,6 +128,11 @@ class ContactEquations:
     def stiffness_scale(self) -> float:
         """Typical stiffness, of the Dirichlet rows; it may follow the data (`scaling`)."""
         return self.scaling.stiffness
+
+    def check_obstacles(self) -> None:
+        """Warn of obstacles on the wrong side. Collective."""
+        for s in self.surfaces:
+            warn_of_obstacle(s, self.body_size, self._wrong_sides)
 
     # -- unknowns --------------------------------------------------------------------------------
 
@@ -200,9 +208,11 @@ class ContactEquations:
         changed = anywhere(self.comm, *(part.has_changed for part in parts))
         if changed[0]:
             self.bulk.update_ghosts()
-        for s, other in zip(self.surfaces, changed[1:], strict=True):
+        for s, memory, other in zip(self.surfaces, self.memory, changed[1:], strict=True):
             if other:
                 s.update_geometry()
+            if other and (memory is None or s.displaced is None):
+                warn_of_obstacle(s, self.body_size, self._wrong_sides)
 
     def _contact(
         self, x: PETSc.Vec, u: Array, q: Array, statuses: Statuses | None

@@ -87,8 +87,9 @@ class Scaling:
         self._surfaces = surfaces
         self._comm = V.mesh.comm
         self._given = fixed, rigid
-        self._part = parts(V)
-        self._extents = extents(V, self._part)[self._part]
+        #: Number of the connected part of each local node of the displacement.
+        self.part = parts(V)
+        self._extents = extents(V, self.part)[self.part]
         self._forced = forced_r
         self.stiffness = 0.0
         self.softness = 1.0
@@ -120,14 +121,14 @@ class Scaling:
         around = surfaces[0].axisymmetric
         if around:
             require_hoop_stiffness(K)
-        soft = softness(K, self._V, self._part, axisymmetric=around)
+        soft = softness(K, self._V, self.part, axisymmetric=around)
         self.softness = float(soft.min())
         self.stiffness, self.automatic_r, self.at_vertices = automatic_augmentation(
-            K, soft[self._part], self._V, surfaces, self._extents
+            K, soft[self.part], self._V, surfaces, self._extents
         )
         moves = None if self._bulk.has_mass else K
         self.loose = LooseMotions(
-            moves, self._V, self._part, surfaces, fixed, rigid, axisymmetric=around
+            moves, self._V, self.part, surfaces, fixed, rigid, axisymmetric=around
         )
         self._mark = self._bulk.stiffness_mark
 

@@ -31,7 +31,6 @@ from dolfinx import fem
 from dolfinx_contact._errors import require
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
-from dolfinx_contact.body.rigid import largest_turn, parts
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.given_data import (
     Constancy,
@@ -50,8 +49,8 @@ from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, acco
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.balance import support_at_nodes
-from dolfinx_contact.results.checks import slidings
-from dolfinx_contact.results.result import Named, Result
+from dolfinx_contact.results.indicators import indicators_of
+from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.tables import contact_table
 from dolfinx_contact.solvers.strategies import Trial
 
@@ -70,7 +69,6 @@ _AGAINST = 1e-6  # of the largest displacement or velocity, off what is prescrib
 _LASTING = 0.51  # theta, below which velocities that turn keep their size
 _TURNS = 0.1  # of what is off, by which it is not the same with the other sign
 _PERCENT = 0.01  # of the velocities, what is off and matters
-_LARGEST_TURN = 0.2  # radians of a linear body, by which it has grown by 2 per cent
 _MOST_TURNS = 3  # changes of sign, after which the log warns
 
 
@@ -150,8 +148,6 @@ class MotionStepper(Stepper):
         self._constancy = constancy
         self._warned = False
         #: Whether it is to be said that a part of the body has turned, and the parts, once found.
-        self._asks_turn = body.linear and not problem.equations.axisymmetric
-        self._parts: npt.NDArray[np.int32] | None = None
 
     def start(self, time: float) -> AcceptedState:
         """The state in the Functions. Collective.
@@ -248,7 +244,6 @@ class MotionStepper(Stepper):
         finally:
             eq.prescribed.unknowns = None
         turns = self._turns(accepted, b, step)
-        self._warn_of_turning(u, time)
         after = self._moving(time, state.statuses, memory, energies, b, turns)
         return SolvedStep(accepted, after, result)
 
@@ -330,8 +325,9 @@ class MotionStepper(Stepper):
         supports = support_at_nodes(eq, shown)
         tables = {s.name: contact_table(eq, i, shown, supports) for i, s in enumerate(eq.surfaces)}
         energies = result.energies | {"friction": lost}
-        found = Named(slidings(eq, shown))
-        return replace(result, tables=tables, energies=energies, slidings=found)
+        return replace(
+            result, tables=tables, energies=energies, indicators=indicators_of(eq, shown)
+        )
 
     # -- moments ---------------------------------------------------------------------------------
 
@@ -458,27 +454,6 @@ class MotionStepper(Stepper):
                     words,
                 )
         return off, times
-
-    def _warn_of_turning(self, u: Array, time: float) -> None:
-        """Warn once of a linear body that has turned by more than a small angle. Collective."""
-        if not self._asks_turn:
-            return
-        V = self.problem.V
-        if self._parts is None:
-            self._parts = parts(V)
-        turn = largest_turn(V, u, self._parts)
-        if not turn > _LARGEST_TURN:
-            return
-        self._asks_turn = False
-        if self.problem.comm.rank == 0:
-            logger.warning(
-                "at the time %g a linear body has turned by %.2g rad: it grows as it turns, by "
-                "half the square of that, and its faces are not where those of a body are that "
-                "turns; take an energy that knows rotations, as materials.StVenantKirchhoff or "
-                "materials.NeoHookean",
-                time,
-                turn,
-            )
 
     def _require_finite(self) -> None:
         super()._require_finite()

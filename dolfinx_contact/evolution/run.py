@@ -109,7 +109,7 @@ class Run(Generic[T, S, H]):
         self._record.step(step, self._rule.run_state)
         self._observer.step(step, self._rule.run_state)
         self._put()
-        self._stepper.problem.warn_of_doubts(step.result)
+        self._stepper.problem.log_warnings(step.result)
         self._progress.step(step, self._rule.run_state)
 
     def _ask_for_the_end(self, step: EvolutionStep) -> None:

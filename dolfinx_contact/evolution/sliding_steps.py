@@ -11,7 +11,6 @@ is folded together: there the smallest det F falls at once, however short the st
 from __future__ import annotations
 
 import bisect
-import logging
 
 import numpy as np
 import numpy.typing as npt
@@ -24,10 +23,8 @@ from dolfinx_contact.solvers.strategies import Trial
 
 __all__ = ["SlidingSteps"]
 
-logger = logging.getLogger(__name__)
 
 _PARTS = 16  # of a step of the user, down to which Newton's method alone is tried
-_FACETS = 2.0  # of the master, slipped over in a step, that are worth a word in the log
 _FOLDS = 0.5  # of the smallest det F before, or of 1: less is no continuation
 
 
@@ -62,7 +59,6 @@ class SlidingSteps:
         self._folds = self._slide and not problem.equations.bulk.linear
         self._known: tuple[AcceptedState, float] | None = None
         self._last: SolvedStep | None = None
-        self._told = False
 
     def trial(self, accepted: AcceptedState, time: float, end: float) -> Trial:
         """How a step to a time is tried. Not collective.
@@ -89,26 +85,11 @@ class SlidingSteps:
         return accepted.unknowns + part * (accepted.unknowns - last.before.unknowns)
 
     def accept(self, solved: SolvedStep, *, jump: bool) -> None:
-        """Remember a step, and say once if it is too long. Not collective."""
+        """Remember a step. Not collective."""
         if not self._slide:
             return
         continues = solved.before.solved and not jump
         self._last = solved if self._extrapolate and continues else None
-        ways = {name: s.distance for name, s in solved.result.slidings.items()}
-        name = max(ways, key=lambda name: ways[name])
-        if self._told or ways[name] <= _FACETS:
-            return
-        self._told = True
-        if self._problem.comm.rank == 0:
-            logger.warning(
-                "%s: in the step from %.6g to %.6g points that touch slip over %.2g facets of the "
-                "other face. Newton's method works best up to one, and beyond two to four it may "
-                "fail or come to states that are folded: shorter steps cost less",
-                name,
-                solved.before.time,
-                solved.after.time,
-                ways[name],
-            )
 
     def require_unfolded(self, solved: SolvedStep) -> None:
         """Raise `ConvergenceError` if the smallest det F falls suddenly in a step. Collective."""

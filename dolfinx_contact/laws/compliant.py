@@ -125,8 +125,8 @@ class _AroundFriction(FrictionLaw):
 class NormalCompliance(_AroundFriction):
     """The pressure of a surface that gives way: C (u_n)_+^m, with friction.
 
-    Points that touch penetrate: ``un`` is negative. `Result.penetrations` is how far, and there
-    is a warning where it is no longer small beside the mesh.
+    Points that touch penetrate: ``un`` is negative. The indicator ``penetration`` of the surface
+    (`Result.indicators`) is the largest depth, with a warning above a tenth of a facet.
 
     Attributes:
         stiffness: C > 0, in units of traction per length to the power m; a number, a Constant, a

@@ -13,7 +13,7 @@ x_o of the last accepted state, or of the reference configuration where nothing 
     y = x + g(x) n(x),    y_o = x_o + g(x_o) n(x_o),
 
 turned with the normal (`arcs`), and not about it: where a face spins about the normal it is the
-chord of the step, of which `results.spins` measures the angle. Points that stay where they are on
+chord of the step, whose angle is the indicator `spin`. Points that stay where they are on
 the obstacle do not slip. Of a law without friction it is the whole (I - n n^T) d.
 
 What a rigid body sees are points in its own frame: with its displacement d_0 and its rotation Q

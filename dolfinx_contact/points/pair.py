@@ -16,7 +16,6 @@ from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.descriptions import ContactPair, ContactSurface
 from dolfinx_contact.points.held_ends import held_in_place, in_place, resting
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets, Overlap
-from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import exterior_facets
@@ -96,7 +95,6 @@ class DiscretePair(DiscreteSurface):
                 axisymmetric=pair.axisymmetric,
             )
             return
-        self.motion = PairMotion(pair.u, self.points, sides[0], sides[1])
         #: Opposing points while no basis function of a node is given away.
         self._apart: Opposite = self.obstacle.opposite
         self._overlap = overlap

@@ -27,7 +27,7 @@ from dolfinx_contact.laws import Answers, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.meshing import tagged_facets
 from dolfinx_contact.obstacles import fields_within, require_uniform
-from dolfinx_contact.points.contact_points import ContactPoints, Given, Method
+from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given, Method
 from dolfinx_contact.points.descriptions import Contact, ContactSurface
 from dolfinx_contact.points.displaced import (
     DisplacedPoints,
@@ -44,7 +44,6 @@ from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.node_points import AveragedPoints, NodePoints
 from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite, Overlap
-from dolfinx_contact.points.pair_motion import PairMotion
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody, number
 from dolfinx_contact.points.trace import exterior_facets, rounded, simplex_normals
@@ -117,8 +116,6 @@ class DiscreteSurface:
         self._displaced: DisplacedPoints | None = None
         self._slid = False
         self._true_gaps = TrueGaps(u, self.points, self.obstacle)
-        #: Relative motion of two bodies since the reference configuration.
-        self.motion: PairMotion | None = None
         #: Arrays of the Functions and Constants in law and obstacle.
         self._values = [f.x.array for f in self._functions]
         self._values += [c.value for c in self.given.constants]
@@ -478,6 +475,20 @@ class DiscreteSurface:
         number = self.comm.allreduce(int(at_vertices.max(initial=-1)), op=MPI.MAX) + 1
         at_points = self.points.from_vertices(at_vertices.astype(np.float64))
         return np.rint(at_points).astype(np.int64), number
+
+    def displacements(self, u: Array) -> Array:
+        """Displacements (n, dim) of the contact points of this rank. Collective.
+
+        Args:
+            u: displacement of the local nodes (nodes, dim), the same as in the Function.
+        """
+        if self.method != "integral":
+            return u[self.points.vertex_trace_dofs[: self.points.number]]
+        return self._displacement_at_points()["u"][: self.points.number]
+
+    @cached_property
+    def _displacement_at_points(self) -> Evaluator:
+        return self.points.evaluator({"u": self.u})
 
     @property
     def owned_nodes(self) -> int:

@@ -21,20 +21,19 @@ from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import held_back, least_scales
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import balance, support_at_nodes
-from dolfinx_contact.results.checks import Sliding, slidings, warn_of_inversion
+from dolfinx_contact.results.indicators import Indicators, indicators_of
 from dolfinx_contact.results.partners import (
     PairBalance,
     RigidBodyResult,
     pair_balance,
     rigid_body_results,
 )
-from dolfinx_contact.results.penetration import Penetration, penetrations, warn_of_small_obstacles
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.states import held_across, without_normal
 
-__all__ = ["Named", "Result", "collect", "warn_of_doubts"]
+__all__ = ["Named", "Result", "collect", "log_warnings"]
 
 logger = logging.getLogger(__name__)
 
@@ -67,11 +66,7 @@ class Result:
         imbalance: |contact + support + external| over the sum of the sizes of all forces, each
             taken from a source of its own (`balance`). Moments are not compared.
         pairs: by name, the forces on both faces of every pair of bodies (`pairs.PairBalance`).
-        slidings: by surface name, whether the sliding is small, and what contact points do not see
-            of edges, in numbers and in words (`checks.Sliding`).
-        min_det_F: the smallest det(I + grad u) of a body that is not linear in u, else None; of a
-            body of revolution with the stretch around.
-        penetrations: of surfaces with a compliant law, by name.
+        indicators: indicators of model validity, of the body and by surface name.
         rigid_bodies: by name, how they move and what acts on them.
         prove: looks for a proof that there is no other solution, in so many seconds; see
             `uniqueness`.
@@ -87,9 +82,7 @@ class Result:
     external: npt.NDArray[np.float64]
     imbalance: float
     pairs: dict[str, PairBalance]
-    slidings: dict[str, Sliding]
-    min_det_F: float | None
-    penetrations: dict[str, Penetration]
+    indicators: Indicators
     rigid_bodies: dict[str, RigidBodyResult]
     prove: Callable[[float], Uniqueness] | None = field(default=None, repr=False, compare=False)
     theorems: Callable[[], Theory] | None = field(default=None, repr=False, compare=False)
@@ -104,7 +97,7 @@ class Result:
             f"reactions of Dirichlet data: {_shown(self.support)}; "
             f"loads and springs: {_shown(self.external)}",
             f"violation of the law {self.kkt_violation:.1e}, imbalance {self.imbalance:.1e}",
-            *(f"{name}: {doubt}" for name, doubt in self.doubts.items()),
+            *(f"{name}: {text}" for name, text in self.warnings.items()),
         ]
         return "\n".join(lines)
 
@@ -147,19 +140,20 @@ class Result:
         return Named({name: t.resultant(t.force) for name, t in self.tables.items()})
 
     @property
-    def misfits(self) -> dict[str, float | None]:
-        """By surface name, the length by which the gap of the law is off; see `checks.Sliding`."""
-        return Named({name: sliding.misfit for name, sliding in self.slidings.items()})
-
-    @property
-    def doubts(self) -> dict[str, str]:
-        """By name of the surfaces what is to be doubted of their sliding; see `checks.Sliding`."""
-        return {name: s.doubt for name, s in self.slidings.items() if s.doubt}
+    def warnings(self) -> dict[str, str]:
+        """Indicators above their thresholds, in words, by indicator and surface."""
+        return self.indicators.warnings
 
     @property
     def misfit(self) -> float | None:
-        """The largest of `misfits`, a length; None if no obstacle gives one."""
-        return max((v for v in self.misfits.values() if v is not None), default=None)
+        """Largest misfit of small sliding over all surfaces, a length; None if none is known."""
+        misfits = (s.misfit for s in self.indicators.surfaces.values())
+        return max((v for v in misfits if v is not None), default=None)
+
+    @property
+    def min_det_F(self) -> float | None:
+        """Smallest det(I + grad u) of a nonlinear body; None of a linear one."""
+        return self.indicators.min_det_F
 
     def uniqueness(self, *, proof_seconds: float = 0.0) -> Uniqueness:
         """Whether this is the only solution of the problem that was solved. Collective.
@@ -170,9 +164,8 @@ class Result:
         holds but for round-off. Where it fails, and another solution is found quickly, that comes
         with it, and a warning. So it is in 3D with friction, up to 128 points; else, up to some
         hundred, there is Renard's criterion (`analysis.renard_criterion`), which is weaker, and
-        beyond these certificates, without Coulomb's friction, the theorems of `theory`. Where the
-        sliding is not small (`doubts`) nothing is proved: the problem that was solved is not that
-        of the bodies where they are now.
+        beyond these certificates, without Coulomb's friction, the theorems of `theory`. Where small
+        sliding does not describe the bodies (`warnings`: misfit, slip, turn) nothing is proved.
 
         Args:
             proof_seconds: for more effort and a proof by branch and bound, where the certificate
@@ -186,10 +179,10 @@ class Result:
         if self.prove is None:
             raise ValueError("uniqueness is examined for results of ContactProblem.solve")
         found = self.prove(proof_seconds)
-        if self.doubts and found.verdict == "proved":
-            # Of another problem than that of the bodies where they are now.
-            reasons = "; ".join(f"{name}: {doubt}" for name, doubt in self.doubts.items())
-            found = Uniqueness("not proved", reasons)
+        violated = self.indicators.small_sliding_violated
+        if violated and found.verdict == "proved":
+            # The problem that was solved is not that of the bodies where they are.
+            found = Uniqueness("not proved", violated)
         self._proofs[proof_seconds] = found
         return found
 
@@ -232,7 +225,11 @@ class Result:
             "kkt_violation": self.kkt_violation,
             "misfit": self.misfit,
             "min_det_F": self.min_det_F,
-            **{f"penetration_{k}": p.largest for k, p in self.penetrations.items()},
+            **{
+                f"penetration_{name}": s.penetration
+                for name, s in self.indicators.surfaces.items()
+                if s.penetration is not None
+            },
             **self._rigid_summary(),
             **self._proof_summary(),
         }
@@ -252,8 +249,7 @@ def _shown(vector: npt.NDArray[np.float64]) -> str:
 def collect(eq: ContactEquations, state: Evaluation, attempts: Sequence[Attempt]) -> Result:
     """The result at a solution, which is in the user's Functions. Collective.
 
-    What is to be doubted in it is logged as warnings, on rank 0 only, but for what `warn_of_doubts`
-    logs.
+    A violated law is logged as a warning on rank 0; `log_warnings` logs the indicators.
 
     Args:
         eq: the contact problem.
@@ -267,7 +263,6 @@ def collect(eq: ContactEquations, state: Evaluation, attempts: Sequence[Attempt]
     lost = without_normal(eq, state) or held_across(eq, state)
     require(eq.comm, not lost, lost)
     supports = support_at_nodes(eq, state)
-    warn_of_small_obstacles(eq, state)
     tables = {
         s.name: contact_table(eq, number, state, supports) for number, s in enumerate(eq.surfaces)
     }
@@ -300,9 +295,7 @@ def collect(eq: ContactEquations, state: Evaluation, attempts: Sequence[Attempt]
                 if s.between_bodies
             }
         ),
-        slidings(eq, state),
-        warn_of_inversion(eq, state.u),
-        Named(penetrations(eq, tables)),
+        indicators_of(eq, state),
         Named(rigid_body_results(eq, state)),
     )
 
@@ -323,17 +316,15 @@ def _scales(
     return max(force, eq.round_off_force(u), none[0]), max(u, none[1])
 
 
-def warn_of_doubts(result: Result, known: set[tuple[str, str]] | None = None) -> None:
-    """Log a warning of surfaces that slide, or give way, by what is not small. For rank 0.
+def log_warnings(result: Result, known: set[str] | None = None) -> None:
+    """Log the indicators above their thresholds, on rank 0.
 
     Args:
-        result: of a solve.
-        known: names of surfaces, each with what has been warned of; this call adds its own.
+        result: result of a solve.
+        known: names of warnings that have been logged, in a run; this call adds its own.
     """
-    gives_way = {name: p.doubt for name, p in result.penetrations.items() if p.doubt}
-    for kind, doubts in (("sliding", result.doubts), ("penetration", gives_way)):
-        for name, doubt in doubts.items():
-            if known is None or (name, kind) not in known:
-                logger.warning("%s: %s", name, doubt)
-            if known is not None:
-                known.add((name, kind))
+    for name, text in result.warnings.items():
+        if known is None or name not in known:
+            logger.warning("%s: %s", name, text)
+        if known is not None:
+            known.add(name)

@@ -64,11 +64,11 @@ class RigidSurface(Obstacle):
     with a larger ``rounding`` around that.
 
     The law holds at contact points. A corner or edge of the surface between them enters the facet
-    of the body (`Sliding.entered` of `Result.slidings`), and nodes beside a sharp edge are pushed
-    by its side: an edge that slides ploughs, by several times the friction, however fine the face
-    of the body is. `Result.doubts` has both, and a solve warns. By the integral method nodes pass
-    under edges. Each rank has the whole surface (about 1 kB a facet). Closed parts of which one has
-    a point within another are refused; other parts that intersect are not looked for.
+    of the body (indicator ``between_points``), and nodes beside a sharp edge are pushed by its
+    side: an edge that slides ploughs, by several times the friction, however fine the face of the
+    body is (indicator ``across``). By the integral method nodes pass under edges. Each rank has the
+    whole surface (about 1 kB a facet). Closed parts of which one has a point within another are
+    refused; other parts that intersect are not looked for.
 
     Args:
         points: (m, dim), a length.

@@ -63,4 +63,4 @@ def verdict(problem: Any, result: Any) -> str:
 
 def warnings_in(result: Any) -> Any:
     """Return the warnings that a result keeps."""
-    return result.doubts
+    return result.warnings

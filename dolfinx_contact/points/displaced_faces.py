@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Faces of bodies at a displacement: their simplices, outward normals and closest points.
+
+Facets of degree 2 and quadrilaterals of a master are divided into simplices. A master is gathered
+on every rank, as rigid surfaces are, so that one search serves both.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+import basix
+from dolfinx import fem
+
+from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._shared import SharedValues
+from dolfinx_contact.points.clipping import basis, nodal_points
+from dolfinx_contact.points.sliding.rays import area_vectors
+from dolfinx_contact.points.surface import DiscreteSurface
+from dolfinx_contact.points.trace import facet_closures, facet_normals
+from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
+
+__all__ = ["Closest", "closest_on_face", "master_simplices", "outward_at_points", "slave_triangles"]
+
+Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+
+class Closest(NamedTuple):
+    """The closest points of a face to given points.
+
+    Attributes:
+        gap: signed distances along the normals of the face, positive outside (n,).
+        beyond: distances beyond the edge of the face (n,).
+        normal: outward unit normals of the face (n, dim).
+        feet: the closest points (n, dim).
+    """
+
+    gap: Array
+    beyond: Array
+    normal: Array
+    feet: Array
+
+
+def master_simplices(
+    V: fem.FunctionSpace, facets: npt.NDArray[np.int32], u: Array
+) -> tuple[Array, float]:
+    """Simplices of a face in the mesh and displaced, the same on every rank. Collective.
+
+    Args:
+        V: displacement space.
+        facets: local facets of the face.
+        u: displacement of the local nodes (nodes, dim).
+
+    Returns:
+        Corners (2, n, dim, dim) in the mesh and displaced, ordered so that `area_vectors` of the
+        mesh point outward; and the mean size of a facet.
+    """
+    domain = V.mesh
+    dim = domain.geometry.dim
+    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
+    closures = facet_closures(V, owned)
+    X = node_positions(V)[:, :dim]
+    corners = len(basix.topology(domain.basix_cell())[dim - 1][0])
+    samples, simplices = _divided(corners, V.ufl_element().degree)
+    both = np.stack([X[closures], (X + u)[closures]])
+    both = np.einsum("sn,cfnd->cfsd", samples, both)[:, :, simplices].reshape(2, -1, dim, dim)
+    outward = np.repeat(facet_normals(domain, owned), len(simplices), axis=0)
+    inward = np.sum(area_vectors(both[0]) * outward, axis=1) < 0.0
+    both[:, inward] = both[:, inward, ::-1]
+    both = np.concatenate(domain.comm.allgather(both), axis=1)
+    area = np.linalg.norm(area_vectors(both[0]), axis=1).mean() * len(simplices)
+    return both, float(area) ** (1 / (dim - 1))
+
+
+def _divided(corners: int, degree: int) -> tuple[Array, Ints]:
+    """Samples of a facet, as weights of its nodes (samples, nodes), and simplices of them."""
+    points = nodal_points(corners, degree)
+    samples = np.eye(len(points))
+    if corners == 2:
+        order = np.argsort(points[:, 0])
+        return samples, np.stack([order[:-1], order[1:]], axis=1).astype(np.int64)
+    if corners == 3 and degree == 1:
+        return samples, np.array([[0, 1, 2]], dtype=np.int64)
+    # a fan of triangles around the middle
+    middle = points[:corners].mean(axis=0)
+    direction = points - middle
+    around = np.flatnonzero(np.linalg.norm(direction, axis=1) > 1e-9)
+    samples = np.vstack([samples, basis(middle, corners, degree)])
+    loop = around[np.argsort(np.arctan2(direction[around, 1], direction[around, 0]))]
+    fan = [np.full(len(loop), len(points)), loop, np.roll(loop, -1)]
+    return samples, np.stack(fan, axis=1).astype(np.int64)
+
+
+def closest_on_face(corners: Array, x: Array) -> Closest:
+    """The closest points of simplices (n, dim, dim) to points (m, dim). Not collective."""
+    cells = np.arange(corners.shape[0] * corners.shape[1]).reshape(corners.shape[:2])
+    found, parts = ClosestFacets(corners.reshape(-1, corners.shape[2]), cells)(x)
+    normal = _unit(area_vectors(corners[found]))
+    feet = np.einsum("nk,nkd->nd", parts, corners[found])
+    gap = np.sum((x - feet) * normal, axis=1)
+    beyond = np.linalg.norm(x - feet - gap[:, None] * normal, axis=1)
+    return Closest(gap, beyond, normal, feet)
+
+
+def slave_triangles(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
+    """The face of a surface at a displacement of the local nodes (nodes, dim).
+
+    Returns:
+        Positions of its local vertices (n, dim), simplices of the facets that this rank owns by
+        these (m, dim), and their outward unit normals (m, dim).
+    """
+    now, cells, vectors = _slave_facets(s, u)
+    triangles = cells
+    if cells.shape[1] == 4:  # corners of quadrilaterals are in tensor order
+        triangles = cells[:, [0, 1, 2, 1, 3, 2]].reshape(-1, 3)
+        corners = now[triangles]
+        sense = np.repeat(_unit(vectors), 2, axis=0)
+        normals = _unit(area_vectors(corners))
+        return now, triangles, normals * np.sign(np.sum(normals * sense, axis=1))[:, None]
+    return now, triangles, _unit(vectors)
+
+
+def _slave_facets(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
+    """Positions of the local vertices, vertices of the owned facets, outward area vectors."""
+    vertices = s.points.vertices
+    owned = s.submesh.mesh.topology.index_map(s.dim - 1).size_local
+    corners, _, side = s.facet_sides
+    cells = corners[:owned].astype(np.int64)
+    now = node_positions(vertices)[:, : s.dim] + u[s.points.vertex_trace_dofs]
+    return now, cells, side[:owned, None] * area_vectors(now[cells])
+
+
+def outward_at_points(s: DiscreteSurface, u: Array) -> Array:
+    """Outward unit normals of a face at its contact points (n, dim). Collective.
+
+    They are means of the area vectors around the vertices.
+
+    Args:
+        s: contact surface.
+        u: displacement of the local nodes (nodes, dim).
+    """
+    _, cells, vectors = _slave_facets(s, u)
+    parts = np.repeat(vectors[:, None], cells.shape[1], axis=1)
+    at_vertices = SharedValues(s.points.vertices.dofmap.index_map).sums(cells, parts)
+    return _unit(np.stack([s.points.from_vertices(v) for v in at_vertices.T], axis=1))
+
+
+def _unit(v: Array) -> Array:
+    """Vectors (n, dim) of length one; zero vectors remain zero."""
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=1), 1e-300)[:, None])

@@ -1,0 +1,598 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Indicators of model validity: numbers that show where a solution does not describe the bodies.
+
+A solution satisfies the discrete equations; an indicator measures an assumption behind these. Each
+has one definition, one threshold (`LIMITS`) and one warning (`Result.warnings`). "Facet" is the mean
+facet size of the contact surface, x, g, n, j are position, gap, normal and jump at contact points.
+
+| indicator | definition | threshold |
+|---|---|---|
+| `misfit` | small sliding: abs(true gap of the displaced point - gap of the law) of closed points; of open points the depth that the law does not see | 0.01 facets |
+| `slip` | small sliding of a pair: slip since the mesh over the facet size of the other face | 0.5 |
+| `turn` | small sliding of a pair: angle between the displaced normal and the normal of the law, root mean square weighted by the normal forces | 3 degrees |
+| `slip_in_step` | slip in a step over the facet size of the other face (large sliding, surfaces of facets) | 2 |
+| `passing` | change of the contact normal in a step at a point whose way leads through the obstacle | 90 degrees |
+| `approach` | large sliding of a pair: approach in a step of points that face nothing, over the search distance | 1 |
+| `behind_plane` | large sliding of a pair: depth of nodes behind a plane of symmetry, in their own images | 0.01 facets |
+| `spin` | rotation of a face over the other one about the contact normal in a step, weighted by the frictional work | 21 degrees |
+| `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
+| `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
+| `penetration` | compliant laws: largest -g | 0.1 facets |
+| `min_det_F` | smallest det(I + grad u) of a nonlinear body | 0 (below) |
+| `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
+
+An evolution defines "in a step" as since its last accepted state; the static law as since the mesh.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import fem
+
+from dolfinx_contact.body.cells import smallest_jacobian
+from dolfinx_contact.body.rigid import largest_turn, sums_of_parts
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import ContactState, Evaluation
+from dolfinx_contact.laws.status import closed
+from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
+from dolfinx_contact.points.displaced_faces import (
+    closest_on_face,
+    master_simplices,
+    outward_at_points,
+    slave_triangles,
+)
+from dolfinx_contact.points.sliding.rays import area_vectors
+from dolfinx_contact.points.surface import DiscreteSurface
+from dolfinx_contact.rigid_surfaces import RigidSurface
+from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
+
+__all__ = [
+    "LIMITS",
+    "Indicators",
+    "SurfaceIndicators",
+    "indicators_of",
+    "small_sliding_violated",
+    "surface_indicators",
+]
+
+Array = npt.NDArray[np.float64]
+Marks = npt.NDArray[np.bool_]
+
+#: Thresholds of the indicators; a warning is issued above them (of `min_det_F` at or below).
+LIMITS = {
+    "misfit": 0.01,
+    "slip": 0.5,
+    "turn": 3.0,
+    "slip_in_step": 2.0,
+    "passing": 90.0,
+    "approach": 1.0,
+    "behind_plane": 0.01,
+    "spin": 21.0,
+    "between_points": 0.2,
+    "across": 0.02,
+    "penetration": 0.1,
+    "min_det_F": 0.0,
+    "rotation": np.degrees(0.2),
+}
+_MESSAGES = {
+    "misfit": "the gap at the displaced contact points differs by {:.2g} facet sizes from the gap "
+    "of small sliding; use sliding='large'",
+    "slip": "contact points have slid over {:.2g} facets of the other face, and small sliding "
+    "keeps the opposing points of the mesh; use sliding='large'",
+    "turn": "the contact normals have turned by {:.2g} degrees, and small sliding keeps the "
+    "normals of the mesh; use sliding='large'",
+    "slip_in_step": "contact points slip over {:.2g} facets of the other face in one step, where "
+    "Newton's method may fail or find a folded state; take steps of about one facet",
+    "passing": "the contact normal changes by {:.3g} degrees in one step where points come through "
+    "the obstacle: the body may have passed through it; take shorter steps",
+    "approach": "points that face nothing approach the other face by {:.3g} search distances in "
+    "one step: the bodies may have passed through each other; take shorter steps or a larger "
+    "search_distance",
+    "behind_plane": "nodes are {:.2g} facet sizes behind a plane of symmetry, in their own images; "
+    "let what comes there touch a HalfSpace in that plane too",
+    "spin": "the face turns over the other one by {:.3g} degrees in one step, and friction acts "
+    "along the chord; take shorter steps",
+    "between_points": "the obstacle is deep in a facet, between contact points, where no law acts, "
+    "by {:.2g} of the facet size or the radius; refine the face there",
+    "across": "a fraction of {:.2g} of the normal forces acts across the face: an edge of the "
+    "obstacle ploughs, or the obstacle is on the wrong side; take method='integral', round the "
+    "edge, or reverse the obstacle",
+    "penetration": "the surface gives way by {:.2g} facet sizes; increase the stiffness of the law",
+    "min_det_F": "the body is turned inside out: the smallest det F is {:.3g}; take smaller steps "
+    "or an energy that grows without bound at det F = 0",
+    "rotation": "a linear body has rotated by {:.3g} degrees, and linear strains are not invariant "
+    "under rotations; take materials.StVenantKirchhoff or materials.NeoHookean",
+}
+_LENGTHS = ("misfit", "penetration")  # compared with the facet size
+_SMALL_SLIDING = ("misfit", "slip", "turn")
+_LEFT = 0.5  # facets beyond the edge of a master, from which a point has left it
+_FACING = 0.5  # smallest cosine between normals of faces that face each other
+_CARRYING = 1e-3  # of the largest traction, above which an open point counts as carrying
+_ACROSS = 0.4  # cosine of the normals of body and obstacle, below which a force is across
+_ROUND_OFF = 1e-9  # of forces times facets, a work of friction that is round-off
+_SAMPLES = 4  # samples of an edge of the obstacle per facet of the body
+_STRAIGHT = 0.9  # cosine with the normal of a facet, above which a corner lies below the facet
+_TINY = float(np.finfo(np.float64).tiny)
+
+
+@dataclass(frozen=True)
+class SurfaceIndicators:
+    """Indicators of a contact surface; see the table at the top of the module.
+
+    Attributes:
+        facet: mean facet size, a length.
+        misfit: a length; None if the obstacle is not known at displaced points.
+        slip: number of facets.
+        turn: angle in degrees.
+        slip_in_step: number of facets.
+        passing: angle in degrees.
+        approach: ratio to the search distance.
+        behind_plane: number of facets.
+        spin: angle in degrees.
+        between_points: ratio to the size of the facet, or to the radius if that is smaller.
+        across: fraction of the normal forces.
+        penetration: a length; None if the law is not compliant.
+    """
+
+    facet: float
+    misfit: float | None = None
+    slip: float = 0.0
+    turn: float = 0.0
+    slip_in_step: float = 0.0
+    passing: float = 0.0
+    approach: float = 0.0
+    behind_plane: float = 0.0
+    spin: float = 0.0
+    between_points: float = 0.0
+    across: float = 0.0
+    penetration: float | None = None
+
+    @property
+    def warnings(self) -> dict[str, str]:
+        """Messages by the names of the indicators above their thresholds."""
+        found = {}
+        for name, limit in LIMITS.items():
+            value = getattr(self, name, None)
+            if value is not None and name in _LENGTHS:
+                value /= self.facet
+            if value is not None and value > limit:
+                found[name] = _MESSAGES[name].format(value)
+        return found
+
+
+@dataclass(frozen=True)
+class Indicators:
+    """Indicators of model validity at a solution.
+
+    Attributes:
+        surfaces: indicators by surface name.
+        min_det_F: smallest det(I + grad u), with the hoop stretch of a body of revolution; None of
+            linear bodies.
+        rotation: largest mean rotation of a part of a linear body in degrees; None of others.
+    """
+
+    surfaces: dict[str, SurfaceIndicators]
+    min_det_F: float | None = None
+    rotation: float | None = None
+
+    @property
+    def warnings(self) -> dict[str, str]:
+        """Messages by indicator and surface, as ``"misfit of 'floor'"`` or ``"rotation"``."""
+        found = {}
+        if self.min_det_F is not None and not self.min_det_F > LIMITS["min_det_F"]:
+            found["min_det_F"] = _MESSAGES["min_det_F"].format(self.min_det_F)
+        if self.rotation is not None and self.rotation > LIMITS["rotation"]:
+            found["rotation"] = _MESSAGES["rotation"].format(self.rotation)
+        for surface, s in self.surfaces.items():
+            found |= {f"{name} of {surface!r}": text for name, text in s.warnings.items()}
+        return found
+
+    @property
+    def small_sliding_violated(self) -> str:
+        """Warnings of small sliding, where nothing is proved; "" if it is valid."""
+        found = self.warnings.items()
+        reasons = [f"{k}: {text}" for k, text in found if k.startswith(_SMALL_SLIDING)]
+        return "; ".join(reasons)
+
+
+def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
+    """The indicators of a state in the Functions. Collective."""
+    surfaces = surface_indicators(eq, state)
+    if eq.bulk.linear:
+        if eq.axisymmetric:
+            return Indicators(surfaces)
+        turn = largest_turn(eq.V, state.u, eq.scaling.part)
+        return Indicators(surfaces, rotation=float(np.degrees(turn)))
+    smallest, _ = smallest_jacobian(eq.V, state.u, axisymmetric=eq.axisymmetric)
+    return Indicators(surfaces, min_det_F=smallest)
+
+
+def small_sliding_violated(eq: ContactEquations, state: Evaluation) -> str:
+    """Reason why small sliding does not describe a state in the Functions; "" if it does.
+
+    Proofs refuse such a state: the problem is not that of the bodies where they are. Collective.
+    """
+    found = {
+        s.name: _of_small_sliding(eq, s, state, contact, held)
+        for s, contact, held in _contacts(eq, state)
+    }
+    return Indicators(found).small_sliding_violated
+
+
+def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, SurfaceIndicators]:
+    """The indicators of every contact surface by its name. Collective."""
+    found = {}
+    for s, contact, held in _contacts(eq, state):
+        small = _of_small_sliding(eq, s, state, contact, held)
+        depth = _most(s, -contact.kinematics.gap) if s.law.compliant else None
+        small = replace(small, spin=_spin(eq, s, contact), penetration=depth)
+        if s.slides:
+            step = _most(s, _touching(contact, contact.kinematics.operator.facets_passed))  # type: ignore[attr-defined]
+            small = replace(
+                small,
+                slip_in_step=step,
+                approach=_approach(eq, s, state, contact),
+                behind_plane=_behind_plane(eq, s, state) / small.facet,
+            )
+        elif not s.between_bodies:
+            small = replace(
+                small,
+                slip_in_step=_slip_over_facets(s, contact),
+                passing=_passing(s, contact),
+                between_points=_between_points(s, state),
+                across=_across(eq, s, state, contact, held),
+            )
+        found[s.name] = small
+    return found
+
+
+def _contacts(
+    eq: ContactEquations, state: Evaluation
+) -> list[tuple[DiscreteSurface, ContactState, Marks]]:
+    """Surfaces, their contact, and the points that Dirichlet data hold (n,)."""
+    found = []
+    parts = zip(eq.surfaces, eq.constraints.clamped, state.surfaces, strict=True)
+    for s, clamped, contact in parts:
+        number = len(contact.statuses)
+        none = np.zeros(number, dtype=bool)
+        found.append((s, contact, none if s.method == "integral" else clamped[:number]))
+    return found
+
+
+def _most(s: DiscreteSurface, values: Array) -> float:
+    """The largest of some values on all ranks, at least 0. Collective."""
+    return s.comm.allreduce(float(np.max(values, initial=0.0)), op=max)
+
+
+def _touching(contact: ContactState, values: Array) -> Array:
+    """Values at closed points, 0 at open ones."""
+    return np.where(closed(contact.statuses), values, 0.0)
+
+
+def _angles(a: Array, b: Array) -> Array:
+    """Angles between unit vectors (n, dim) in degrees."""
+    return np.degrees(2.0 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=1) / 2.0, 1.0)))
+
+
+# -- small sliding -------------------------------------------------------------------------------
+
+
+def _of_small_sliding(
+    eq: ContactEquations,
+    s: DiscreteSurface,
+    state: Evaluation,
+    contact: ContactState,
+    held: Marks,
+) -> SurfaceIndicators:
+    """Misfit, slip and turn of a surface. Collective."""
+    found = SurfaceIndicators(s.points.mean_width, 0.0)
+    if s.between_bodies and not s.slides:
+        return _of_pair(s, state, contact, held, found)
+    if s.obstacle.flat:
+        return found
+    true = s.true_gaps()
+    if true is None:
+        return replace(found, misfit=None)
+    off = _off(eq.gaps(s, state), true, closed(contact.statuses))
+    return replace(found, misfit=_most(s, np.where(held, 0.0, off)))
+
+
+def _off(law: Array, true: Array, is_closed: Marks) -> Array:
+    """Difference of gaps at closed points; at open ones the depth that the law does not see."""
+    depth = np.maximum(np.maximum(-true, 0.0) - np.maximum(-law, 0.0), 0.0)
+    return np.where(is_closed, np.abs(true - law), depth)
+
+
+def _of_pair(
+    s: DiscreteSurface,
+    state: Evaluation,
+    contact: ContactState,
+    held: Marks,
+    found: SurfaceIndicators,
+) -> SurfaceIndicators:
+    """The indicators of a pair that keeps the opposing points of the mesh. Collective."""
+    at = contact.kinematics
+    n = s.points.data.n
+    jump = at.jump + at.reference
+    u = state.u.reshape(-1, s.dim)
+    touching = closed(contact.statuses) & ~held
+    # compare the master where it is with the master of the mesh, whose facets may be chords
+    facets = s.obstacle.opposite.master_facets
+    master, width = master_simplices(s.u.function_space, facets, u)
+    x = s.positions
+    before = closest_on_face(master[0], x)
+    after = closest_on_face(master[1], x + s.displacements(u))
+    cosine = np.clip(-np.sum(n * before.normal, axis=1), _FACING, 1.0)
+    law = s.points.data.gap - np.sum(jump * n, axis=1)
+    true = s.points.data.gap + (after.gap - before.gap) / cosine
+    off = _off(law, true, touching)
+    faces = (np.sum(n * after.normal, axis=1) < -_FACING) & (after.beyond <= 1e-9 * found.facet)
+    beyond = after.beyond - before.beyond
+    off = np.where(touching | (faces & ~held), off, 0.0)
+    off = np.where(touching & (beyond > _LEFT * found.facet), np.hypot(beyond, true), off)
+    # slips of points that are closed or carry something across a gap, as bonds do
+    size = np.linalg.norm(contact.traction, axis=1)
+    acting = touching | ((size > _CARRYING * _most(s, size)) & ~held)
+    along = np.linalg.norm(jump - np.sum(jump * n, axis=1)[:, None] * n, axis=1)
+    low, high = (
+        s.comm.allreduce(v, op=np.minimum)
+        for v in (x.min(axis=0, initial=np.inf), (-x).min(axis=0, initial=np.inf))
+    )
+    width = min(width, max(float(np.linalg.norm(-high - low)), found.facet))
+    # normals
+    outward = [outward_at_points(s, v) for v in (u, np.zeros_like(u))]
+    turn = np.maximum(_angles(n, outward[0]) - _angles(n, outward[1]), 0.0)
+    forces = np.where(touching, np.maximum(-np.sum(contact.traction * n, axis=1), 0.0), 0.0)
+    forces = forces * s.points.areas
+    squares = s.comm.allreduce(np.array([forces @ turn**2, forces.sum()]))
+    return replace(
+        found,
+        misfit=_most(s, off),
+        slip=_most(s, np.where(acting, along, 0.0)) / width,
+        turn=float(np.sqrt(squares[0] / squares[1])) if squares[1] > 0 else 0.0,
+    )
+
+
+# -- steps ---------------------------------------------------------------------------------------
+
+
+def _slip_over_facets(s: DiscreteSurface, contact: ContactState) -> float:
+    """Slip in a step over the larger facet size of body and obstacle; 0 without facets."""
+    shape = _shape(s)
+    if not isinstance(shape, RigidSurface):
+        return 0.0
+    areas = np.linalg.norm(area_vectors(shape.points[shape.cells]), axis=1)
+    width = max(s.points.mean_width, float(areas.mean()) ** (1 / (s.dim - 1)))
+    slips = np.linalg.norm(contact.kinematics.increment, axis=1)
+    return _most(s, _touching(contact, slips)) / width
+
+
+def _passing(s: DiscreteSurface, contact: ContactState) -> float:
+    """Largest change of the normal of points that came through the obstacle. Collective.
+
+    A point comes through if the normal changes by more than a right angle and the place that
+    divides its way as the gaps at both ends lies in the obstacle.
+    """
+    at = contact.kinematics
+    shape = s.displaced
+    memory = at.memory
+    if shape is None or at.place is None or (memory is not None and memory.place is None):
+        return 0.0
+    start = np.zeros_like(at.place) if memory is None or memory.place is None else memory.place
+    gap, normal = shape.gaps_and_normals(start)
+    body, motion = s.rigid_body, at.motion
+    before = None
+    if body is not None and motion is not None:
+        before = np.zeros_like(motion)
+        if memory is not None and memory.motion is not None:
+            before = memory.motion
+        normal = normal @ body.frame(before).T
+    turned = np.sum(normal * at.data.n, axis=1) < 0.0
+    if not s.comm.allreduce(int(turned.any())):
+        return 0.0
+    first, last = np.maximum(gap, 0.0), np.maximum(at.gap, 0.0)
+    part = np.divide(first, first + last, out=np.full_like(first, 0.5), where=first + last > 0)
+    part = part[:, None]
+    place = start + part * (at.place - start)
+    if body is not None and motion is not None and before is not None:
+        x = s.positions
+        ends = [x + d + body.carried(x + d, m) for d, m in ((start, before), (at.place, motion))]
+        way = ends[0] + part * (ends[1] - ends[0])
+        place = body.seen(way, before + part * (motion - before)) - x
+    turned &= shape.gaps_and_normals(place)[0] < 0.0
+    return _most(s, np.where(turned, _angles(normal, at.data.n), 0.0))
+
+
+def _approach(
+    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: ContactState
+) -> float:
+    """Approach in a step of points that face nothing over the search distance. Collective."""
+    opposite = s.obstacle.opposite
+    n = eq.owned_sizes[0] // eq.dim
+    moved: Array = state.u[: n * eq.dim].reshape(-1, eq.dim)
+    memory = contact.kinematics.memory
+    if memory is not None and memory.displacement is not None:
+        moved = moved - memory.displacement
+    master = moved[opposite.sides[1][:n]]
+    sums = s.comm.allreduce(np.append(master.sum(axis=0), len(master)))
+    nodes = s.points.vertex_trace_dofs[: s.points.number]
+    absent = contact.kinematics.operator.absent
+    assert absent is not None
+    alone = absent & (nodes < n)
+    way = (moved[nodes[alone]] - sums[:-1] / sums[-1]) * contact.data.n[alone]
+    return _most(s, way.sum(axis=1)) / opposite.depth
+
+
+def _behind_plane(eq: ContactEquations, s: DiscreteSurface, state: Evaluation) -> float:
+    """Largest depth of nodes of both faces behind planes of symmetry, a length. Collective."""
+    opposite = s.obstacle.opposite
+    n = eq.owned_sizes[0] // eq.dim
+    faces = np.logical_or(*opposite.sides)[:n]
+    X = s.node_positions[:n][faces]
+    x = X + state.u[: n * eq.dim].reshape(-1, eq.dim)[faces]
+    depth = 0.0
+    for axis, place in opposite.planes.items():
+        side = np.sign(s.comm.allreduce(float(np.sum(X[:, axis] - place))))
+        depth = max(depth, _most(s, side * (place - x[:, axis])))
+    return depth
+
+
+def _spin(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
+    """Largest rotation of a connected part of the face over the other one in a step. Collective.
+
+    Between bodies it is the root mean square of the angles at the points. On obstacles it is the
+    rotation of the points about their mean normal, by least squares. The displacements of linear
+    bodies in small sliding are small by assumption, at any scale.
+    """
+    turns = s.rigid_body is not None and s.rigid_body.turns
+    small = eq.bulk.linear and s.displaced is None and not turns
+    if s.dim == 2 or (small and not s.slides) or (s.between_bodies and not s.slides):
+        return 0.0
+    at = contact.kinematics
+    n = at.data.n
+    along = contact.traction - np.sum(contact.traction * n, axis=1)[:, None] * n
+    areas = _touching(contact, at.operator.areas)
+    work = np.abs(np.sum(along * at.increment, axis=1)) * areas
+    force = np.linalg.norm(contact.traction, axis=1) * areas
+    part, number = s.parts[0].astype(np.int32), s.parts[1]
+
+    def sums(values: Array) -> Array:
+        return sums_of_parts(s.comm, number, part, values)
+
+    weights = sums(work)
+    rubs = weights > _ROUND_OFF * sums(force) * s.points.mean_width
+
+    def means(values: Array) -> Array:
+        return np.asarray(sums(work[:, None] * values) / np.maximum(weights, _TINY)[:, None])
+
+    if s.slides:
+        apart = at.operator.facing.nodal.apart[: s.points.number]  # type: ignore[attr-defined]
+        angles = np.sqrt(means(apart[:, None] ** 2)[:, 0])
+    else:
+        # the start and the end of the step in the frame of the obstacle, about their means
+        memory = at.memory
+        before = np.zeros_like(n)
+        if memory is not None:
+            before = memory.jump if memory.place is None else memory.place
+        x = at.operator.apply(s.node_positions[: s.owned_nodes])
+        x, y = (v - means(v)[part] for v in (x + before, x + at.path[0]))
+        axis = means(at.path[1])
+        axis = (axis / np.maximum(np.linalg.norm(axis, axis=1), _TINY)[:, None])[part]
+        sine = np.sum(axis * np.cross(x, y), axis=1)
+        cosine = np.sum(x * y, axis=1) - np.sum(axis * x, axis=1) * np.sum(axis * y, axis=1)
+        angles = np.abs(np.arctan2(*means(np.stack([sine, cosine], axis=1)).T))
+    return float(np.degrees(np.max(angles[rubs], initial=0.0)))
+
+
+# -- edges of the obstacle -----------------------------------------------------------------------
+
+
+def _shape(s: DiscreteSurface) -> Any:
+    """The obstacle, or the shape of the rigid body."""
+    return s.obstacle if s.rigid_body is None else s.rigid_body.shape
+
+
+def _between_points(s: DiscreteSurface, state: Evaluation) -> float:
+    """Depth of the obstacle in a facet, between contact points, over the facet size. Collective."""
+    depth = _deepest(s, state.u.reshape(-1, s.dim))
+    return s.comm.allreduce(depth, op=max)
+
+
+def _deepest(s: DiscreteSurface, u: Array) -> float:
+    """The same on this rank: depths of corners, edges, centres and axes in the nearest facets."""
+    now, cells, normals = slave_triangles(s, u)
+    if not len(cells):
+        return 0.0
+    corners = now[cells]
+    sizes = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    probes, radius = _probes(s, (low, high), float(np.median(sizes)) / _SAMPLES)
+    reach = sizes.max() + radius
+    probes = probes[((probes > low - reach) & (probes < high + reach)).all(axis=1)]
+    if not len(probes):
+        return 0.0
+    found, parts = ClosestFacets(now, cells)(probes)
+    off = probes - np.einsum("nk,nkd->nd", parts, corners[found])
+    height = np.sum(off * normals[found], axis=1)
+    distance = np.linalg.norm(off, axis=1)
+    depth = radius - np.where(height < 0.0, -distance, distance)
+    # subtract the depth of the nearest contact point and a removed overlap
+    away = np.linalg.norm(corners[found] - probes[:, None], axis=2).min(axis=1)
+    depth = depth - np.maximum(radius - away, 0.0)
+    taken = s.points.removed_at_vertices
+    if taken is not None:
+        depth = depth - np.sum(parts * taken.x.array[cells[found]], axis=1)
+    if radius == 0.0:  # corners beside the face, or on the far side of the body
+        below = (height < -_STRAIGHT * distance) & (depth < sizes[found])
+        depth = np.where(below, depth, 0.0)
+    scale = np.minimum(sizes[found], radius if radius > 0.0 else np.inf)
+    return float(np.max(depth / scale, initial=0.0))
+
+
+def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tuple[Array, float]:
+    """Points (n, dim) of an obstacle in space, and the radius of a ball around each of them."""
+    shape = _shape(s)
+    if isinstance(shape, RigidSurface):
+        points = shape.points + s.dragged(shape.points)
+        return np.concatenate(
+            [points, *(_between(points[i], points[j], spacing) for i, j in shape.edges)]
+        ), 0.0
+    given: tuple[Any, ...] = ()
+    if isinstance(shape, Sphere):
+        given = shape.radius, shape.centre
+    elif isinstance(shape, Cylinder):
+        given = shape.radius, shape.point, shape.axis
+    known = [v for v in map(_numbers, given) if v is not None]
+    if not known or len(known) < len(given):
+        return np.zeros((0, s.dim)), 0.0
+    radius, place = float(known[0]), known[1] + s.dragged(known[1][None])[0]
+    if len(known) == 2:
+        return place[None], radius
+    # points along the axis as far as the face reaches
+    axis = known[2] / np.linalg.norm(known[2])
+    middle = place + ((box[0] + box[1]) / 2 - place) @ axis * axis
+    half = np.linalg.norm(box[1] - box[0]) * axis
+    return _between(middle - half, middle + half, spacing), radius
+
+
+def _between(a: Array, b: Array, spacing: float) -> Array:
+    """Points (n, dim) from a to b at most a spacing apart."""
+    number = int(np.ceil(np.linalg.norm(b - a) / spacing)) + 1
+    return np.asarray(np.linspace(a, b, number))
+
+
+def _numbers(given: Any) -> Array | None:
+    """Values of numbers and Constants as they are now; None of other UFL."""
+    if isinstance(given, fem.Constant):
+        return np.asarray(given.value, dtype=np.float64)
+    try:
+        return np.asarray(given, dtype=np.float64) if is_uniform(given) else None
+    except (TypeError, ValueError):
+        return None
+
+
+# -- sides of the obstacle -----------------------------------------------------------------------
+
+
+def _across(
+    eq: ContactEquations,
+    s: DiscreteSurface,
+    state: Evaluation,
+    contact: ContactState,
+    held: Marks,
+) -> float:
+    """Fraction of the normal forces that act across the face of the body. Collective."""
+    u = state.u.reshape(-1, s.dim)
+    follows = s.displaced is not None or (s.obstacle.flat and not eq.bulk.linear)
+    outward = outward_at_points(s, u if follows else np.zeros_like(u))
+    n = contact.data.n
+    force = np.maximum(-np.sum(contact.traction * n, axis=1), 0.0) * s.points.areas
+    force = np.where(held, 0.0, force)
+    aside = np.sum(n * outward, axis=1) < _ACROSS
+    sums = s.comm.allreduce(np.array([force[aside].sum(), force.sum()]))
+    return float(sums[0] / sums[1]) if sums[1] > 0 else 0.0
