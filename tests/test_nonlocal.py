@@ -33,7 +33,7 @@ from dolfinx_contact import (
 from dolfinx_contact.analysis import critical_friction
 from dolfinx_contact.continuation import explore, follow
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.records.identity import identity
+from dolfinx_contact.records.manifest import manifest_of
 from dolfinx_contact.reduced.scope import can_condense
 
 COMM = MPI.COMM_WORLD
@@ -374,7 +374,7 @@ def test_a_branch():
     x = system.create_vector()
     problem.write(x)
     other = block(**options, domain=domain, law=NonlocalCoulomb(gamma, 0.31))
-    assert identity(other)["forms"] != identity(system.problem)["forms"]
+    assert manifest_of(other)["forms"] != manifest_of(system.problem)["forms"]
     branch = follow(system, x, 0.6, gamma_range=(0.3, 0.6), direction="decreasing")
     assert branch.reason == "gamma reached the end of its range"
     assert any(s.changes for s in branch.special)
