@@ -39,11 +39,14 @@ from support.record_bodies import (
     box,
     cracked,
     disc,
+    displacement,
     elastic,
+    facets,
     globe,
     hairpin,
     pair,
     polygon,
+    prescribed,
     rubber,
     stack,
     triangle,
@@ -56,6 +59,8 @@ from dolfinx import fem
 from dolfinx_contact import (
     RCCM,
     BilinearCohesive,
+    ContactProblem,
+    ContactSurface,
     Coulomb,
     Cylinder,
     Frictionless,
@@ -70,6 +75,7 @@ from dolfinx_contact import (
     RigidSurface,
     Sphere,
     Tresca,
+    solve_nested,
 )
 from dolfinx_contact.algorithms import ALGORITHMS
 from dolfinx_contact.analysis import (
@@ -92,7 +98,7 @@ from dolfinx_contact.analysis import (
 from dolfinx_contact.continuation import StepControl, explore, find_solutions, follow
 from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
 from dolfinx_contact.laws import OPEN, PLUS, STICK, Border, FrictionLaw, Law, StatusPiece
-from dolfinx_contact.materials import LinearElastic, NeoHookean
+from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
 from dolfinx_contact.records import (
     BranchRecord,
     EvolutionRecord,
@@ -185,7 +191,7 @@ def numbers_of(V, values):
     phases = np.arange(block_size)
     sums = [np.sum(values**2)]
     sums += [np.sum(values * np.cos((x @ k)[:, None] + phases)) for k in _WAVES]
-    found = COMM.allreduce(np.array(sums))
+    found = V.mesh.comm.allreduce(np.array(sums))
     return [float(np.sqrt(found[0])), *found[1:].tolist()]
 
 
@@ -250,9 +256,12 @@ def more_of_tables(result):
                 numbers[f"{name} {key}"] = np.asarray(values).ravel().tolist()
     # One list, since some of these forces vanish but for round-off.
     forces = [*result.resultants.values(), result.support, result.external]
+    forces += [force for p in result.pairs.values() for force in (p.slave, p.master)]
     return numbers | {
         "resultants": np.concatenate(forces).tolist(),
-        "rigid bodies": {k: list(b.contact) for k, b in result.rigid_bodies.items()},
+        "rigid bodies": {
+            k: [*b.contact, *b.load, *b.support] for k, b in result.rigid_bodies.items()
+        },
     }
 
 
@@ -316,6 +325,7 @@ def branch(system, followed):
         "exact": {
             "statuses": [system.letters(p.piece) for p in points],
             "kinds": [s.kind for s in followed.special],
+            "special": [of_special(s) for s in followed.special],
             "ending": followed.ending.name,
         },
         "counts": {
@@ -323,6 +333,15 @@ def branch(system, followed):
             "solves": followed.solves,
             "corrections": [p.corrections for p in points],
         },
+    }
+
+
+def of_special(special):
+    """Kind of a special point, with the changes of status there."""
+    changes = COMM.bcast(sorted([c.before, c.after] for c in special.changes))
+    flags = [special.smooth, special.located, special.complete]
+    return {"parity": special.parity, "others": len(special.others), "changes": changes} | {
+        "flags": list(map(bool, flags))
     }
 
 
@@ -476,8 +495,132 @@ def multigrid():
     return static(block(5, "tet", motion=oblique(3), options=given).problem)
 
 
+def pair_by_multigrid():
+    given = {"linear_solver": "amg", "snes_rtol": 1e-12, "amg_pc_gamg_coarse_eq_limit": 50}
+    return pressed_pair(2, "quad", 8, options=given)
+
+
 def by_algorithm(name):
     return static(block(4, motion=oblique(2)).problem, algorithm=ALGORITHMS[name])
+
+
+def held_at_contact():
+    """A block on a disc, with contact nodes that Dirichlet data hold."""
+    domain = box(4, "quad")
+    u = displacement(domain)
+    V = u.function_space
+    side = fem.Function(V)
+    top = fem.Function(V)
+    side.interpolate(lambda x: np.stack([0.01 + 0 * x[0], -0.02 * x[1]]))
+    top.interpolate(lambda x: np.stack([0.01 + 0 * x[0], -0.1 + 0.08 * (1 - x[0])]))
+    shape = Sphere((0.45, -1.0), 1.0)
+    contact = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=shape, law=Coulomb(0.3), sliding="large"
+    )
+    bcs = [prescribed(u, facets(domain, 0, 0.0), side), prescribed(u, facets(domain, 1, 1.0), top)]
+    return static(ContactProblem(rubber(u), u, [contact], bcs=bcs, petsc_options=TIGHT))
+
+
+def press_fit():
+    """Two blocks that overlap, and rub."""
+    both = stack("quad", (3, 2, UNIT), (3, 2, UNIT), overlap=0.02)
+    return static(
+        pair(both, law=Coulomb(0.2), motion=(0.004, 0.0), interference=True, options=TIGHT).problem
+    )
+
+
+def with_a_gap():
+    """Two blocks at a given distance."""
+    both = stack("quad", (3, 2, UNIT), (3, 2, UNIT))
+    given = {"gap": 0.004, "motion": oblique(2), "options": TIGHT}
+    return static(pair(both, law=Coulomb(0.2), **given).problem)
+
+
+def all_algorithms():
+    """The solutions of all algorithms on the contact points, in 2D and 3D, on every rank alone."""
+    found = {"solved": {}, "counts": {}}
+    for cell, n in (("quad", 3), ("tet", 2)):
+        for name, algorithm in ALGORITHMS.items():
+            if cell == "tet" and name == "lemke":
+                continue  # an approximation by polygons
+            domain = box(n, cell, MPI.COMM_SELF)
+            problem = block(domain=domain, motion=oblique(domain.geometry.dim)).problem
+            result = problem.solve(algorithm=algorithm)
+            found["solved"][f"{cell} {name}"] = state(problem)
+            found["counts"][f"{cell} {name}"] = [result.reason, result.iterations]
+    return found
+
+
+def materials_and_shapes():
+    """H and J of all materials, in 2D and 3D."""
+    found = {}
+    materials = {
+        "linear": LinearElastic.from_young(1000.0, 0.3),
+        "plane stress": LinearElastic.from_young(1000.0, 0.3, plane_stress=True),
+        "St. Venant-Kirchhoff": StVenantKirchhoff(600.0, 400.0),
+        "Ciarlet-Geymonat": CiarletGeymonat(600.0, 400.0, 50.0),
+        "neo-Hookean": NeoHookean(600.0, 400.0),
+    }
+    for name, material in materials.items():
+        for cell in ("quad", "tet")[: 1 if name == "plane stress" else 2]:
+
+            def energy(u, material=material):
+                return material.energy(u) * ufl.dx(metadata={"quadrature_degree": 2})
+
+            problem = block(2, cell, energy=energy).problem
+            found[f"{name}, {cell}"] = evaluated(problem)
+    return {"evaluated": found}
+
+
+def laws_in_space():
+    """Solutions of further laws in space."""
+    laws = {
+        "Tresca": Tresca(2.0),
+        "compliance": NormalCompliance(1e5, 1.0, Coulomb(0.3)),
+        "tanh": Regularised(Coulomb(0.3), 1e-4),
+        "linear": Regularised(Coulomb(0.3), 1e-4, "linear"),
+        "nonlocal": NonlocalCoulomb(0.3, radius=0.3),
+        "slip weakening": SlipWeakening(0.5, 0.2, 0.01),
+    }
+    found = {"evaluated": {}, "solved": {}, "exact": {}, "counts": {}}
+    for name, law in laws.items():
+        case = static(block(2, "hex", law=law, motion=oblique(3), options=TIGHT).problem)
+        for kind, values in case.items():
+            found[kind][name] = values
+    return found
+
+
+def questions():
+    """What theorems and proofs say of some problems."""
+    found = {}
+    bodies = {
+        "slight friction": block(2, "quad", law=Coulomb(0.1), motion=oblique(2)),
+        "friction": block(2, "quad", law=Coulomb(0.9), motion=oblique(2)),
+        "no friction": block(2, "tet", law=Frictionless(), motion=oblique(3)),
+        "given bound": block(2, "quad", law=Tresca(2.0), motion=oblique(2)),
+    }
+    for name, body in bodies.items():
+        result = body.problem.solve()
+        asked = body.problem if hasattr(body.problem, "uniqueness") else result
+        theory = asked.theory()
+        verdicts = [asked.uniqueness(proof_seconds=s).verdict for s in (0.0, 30.0)]
+        found[name] = [theory.exists, theory.unique, *verdicts]
+    triangle_ = triangle(2)
+    triangle_.set_parameter(1.0)
+    result = triangle_.problem.solve()
+    asked = triangle_.problem if hasattr(triangle_.problem, "uniqueness") else result
+    found["several solutions"] = [asked.uniqueness(proof_seconds=30.0).verdict]
+    return {"exact": found}
+
+
+def nested():
+    """A problem solved on a coarse and on a fine mesh."""
+    bodies = [block(n, "tri", motion=oblique(2), options=TIGHT) for n in (2, 4)]
+    results = solve_nested([b.problem for b in bodies])
+    return {
+        "solved": {f"level {i}": state(b.problem) for i, b in enumerate(bodies)},
+        "counts": {f"level {i}": counts(r) for i, r in enumerate(results)},
+    }
 
 
 # -- histories, paths and motions ------------------------------------------------------------------
@@ -536,6 +679,16 @@ def recorded(make, times, interrupted=0, **how):
         found = with_journal(steps(history), read_journal(folder).rows())
     if interrupted:
         found["solved"]["shown"] = shown
+    return with_end(found, history)
+
+
+def with_end(found, history):
+    """A case with the contact points at the end of a history."""
+    result = history.steps[-1].result
+    numbers, statuses = tables(result)
+    found["solved"]["tables"] = numbers
+    found["solved"]["more"] = more_of_tables(result)
+    found["exact"]["statuses"] = statuses
     return found
 
 
@@ -559,7 +712,8 @@ def bonded_block(law):
     evolution = QuasiStatic(body.problem, load)
     history = evolution.run([0.0, 1.0, 1.8], longest=0.25, progress=False)
     now = evaluated(after(evolution, history), 0.05, 1.0)
-    return steps(history) | {"evaluated": now | {"at the start": before}}
+    found = steps(history) | {"evaluated": now | {"at the start": before}}
+    return with_end(found, history)
 
 
 def glued_path(law):
@@ -612,10 +766,10 @@ def snapping_bar():
     history = ArcLength(system).run(
         gamma_range=(0.0, 0.4), control=StepControl(maximum=0.05), stop=broken(0.4)
     )
-    return steps(history)
+    return with_end(steps(history), history)
 
 
-def falling_block(cell="tri", n=2, law=Coulomb(0.3), **given):  # noqa: B008
+def falling_block(cell="tri", n=2, law=Coulomb(0.3), end=0.1, **given):  # noqa: B008
     """A block that falls on a floor, with friction."""
 
     def energy(u):
@@ -630,9 +784,48 @@ def falling_block(cell="tri", n=2, law=Coulomb(0.3), **given):  # noqa: B008
     speed = (0.5, *[0.0] * (dim - 2), -1.0)
     velocity.x.array[:] = np.tile(speed, len(velocity.x.array) // dim)
     motion = NSCD(problem, 1.0, dt=0.01, velocity=velocity, **given)
-    found = steps(motion.run([0.0, 0.1], progress=False))
+    history = motion.run([0.0, end], progress=False)
+    found = steps(history)
     found["solved"]["last state"] = state(problem)
+    found["solved"]["velocity"] = numbers_of(problem.V, velocity.x.array)
+    return with_end(found, history)
+
+
+def schemes():
+    """A few steps of a block that hits a floor, by all schemes of integration."""
+    kinds = {
+        "theta": {"theta": 0.6, "mass": "lumped"},
+        "theta-euler": {"scheme": "theta-euler", "theta": 0.7},
+        "modified-theta": {"scheme": "modified-theta", "theta": 0.55, "mass": "consistent"},
+        "velocity": {"level": "velocity", "mass": "lumped", "restitution": 0.5},
+        "damped": {"damping": (0.3, 1e-3)},
+    }
+    found = {"solved": {}, "exact": {}, "counts": {}}
+    for name, given in kinds.items():
+        case = falling_block("quad", 2, end=0.04, **given)
+        for kind, values in case.items():
+            found[kind][name] = values
     return found
+
+
+def jumping():
+    """A triangle that cannot stick any longer and jumps to another solution."""
+    system = triangle(1, 3.0, load=(2.0, 0.0), lame=(1.0, 1.0), preload=_pressed)
+
+    def load(time):
+        system.set_parameter(time)
+
+    system.set_parameter(0.0)
+    problem = system.problem
+    problem.solve()
+    history = QuasiStatic(problem, load).run(
+        [0.0, 1.5, 2.5, 3.6, 4.0], at_jump="jump", shortest=0.01, progress=False
+    )
+    return with_end(steps(history), history)
+
+
+def _pressed(domain):
+    return fem.Constant(domain, (0.0, -2.0))
 
 
 # -- large sliding ---------------------------------------------------------------------------------
@@ -655,9 +848,10 @@ def led(body, path, times, **how):
     problem = body.problem
     before = evaluated(problem)
     how = {"rays": False, "sudden": np.inf, "progress": False} | how
-    found = steps(QuasiStatic(problem, load).run(times, **how)) | {"evaluated": before}
+    history = QuasiStatic(problem, load).run(times, **how)
+    found = steps(history) | {"evaluated": before}
     found["solved"]["last state"] = state(problem)
-    return found
+    return with_end(found, history)
 
 
 def sliding_pair(cell, lower, upper, slave, law):
@@ -679,7 +873,7 @@ def self_contact(dim, law):
     return led(body, path, [0.0, 0.5, 1.0])
 
 
-def over_a_surface(shape, cell, n, law=Coulomb(0.3)):  # noqa: B008
+def over_a_surface(shape, cell, n, law=Coulomb(0.3), **run):  # noqa: B008
     """A block that is pressed on a curved rigid surface and drawn over it."""
     how = {"obstacle": shape, "energy": rubber, "options": {"snes_rtol": 1e-11}}
     body = block(n, cell, law=law, sliding="large", **how)
@@ -687,7 +881,7 @@ def over_a_surface(shape, cell, n, law=Coulomb(0.3)):  # noqa: B008
     still = [0.0] * (dim - 1)
     aside = [0.03] * (dim - 2)
     path = [0.0, 1.0, 2.0], [[0.0] * dim, [*still, -0.06], [0.2, *aside, -0.06]]
-    return led(body, path, [0.0, 1.0, 1.5, 2.0])
+    return led(body, path, [0.0, 1.0, 1.5, 2.0], **run)
 
 
 def drum():
@@ -704,10 +898,15 @@ def drum():
         angle.value = 0.1 * max(time - 1.0, 0.0)
         body.move((0.0, -0.06 * min(time, 1.0)))
 
+    # A start that does not satisfy the Dirichlet data.
+    load(3.0)
+    before = evaluated(body.problem)
+    load(0.0)
     how = {"rays": False, "sudden": np.inf, "progress": False}
-    found = steps(QuasiStatic(body.problem, load).run([0.0, 1.0, 1.5, 2.0, 3.0], **how))
+    history = QuasiStatic(body.problem, load).run([0.0, 1.0, 1.5, 2.0, 3.0], **how)
+    found = steps(history) | {"evaluated": before}
     found["solved"]["last state"] = state(body.problem)
-    return found
+    return with_end(found, history)
 
 
 # -- branches, all solutions, proofs ---------------------------------------------------------------
@@ -753,6 +952,15 @@ def pressed_rubber(cell="quad", n=4):
 
     floor = HalfSpace((0.0, -0.002), (0.0, 1.0))
     return block(n, cell, obstacle=floor, energy=energy).driven(motion)
+
+
+def pressed_on_a_disc(dim):
+    """A block that is pressed on a disc or ball and drawn aside: points close one by one."""
+    if dim == 2:
+        body = block(4, "quad", obstacle=Sphere((0.45, -3.0), 3.0))
+        return body.driven(lambda gamma: (0.01 * gamma, -0.05 * gamma))
+    body = block(2, "hex", obstacle=Sphere((0.45, 0.4, -3.0), 3.0))
+    return body.driven(lambda gamma: (0.02 * gamma, 0.005 * gamma, -0.1 * gamma))
 
 
 def recorded_branch():
@@ -801,6 +1009,7 @@ def all_branches():
         "exact": {
             "branches": len(diagram.branches),
             "complete": diagram.complete,
+            "nodes": sorted(len(node.rays) for node in diagram.nodes),
             "statuses": sorted(system.letters(p.piece) for b in diagram.branches for p in b.points),
         },
     }
@@ -1119,6 +1328,14 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "initial stress": lambda: stressed(-20.0),
     "unstable initial stress": lambda: stressed(-200.0),
     "multigrid": multigrid,
+    "pair by multigrid": pair_by_multigrid,
+    "nested meshes": nested,
+    "contact nodes that are held": held_at_contact,
+    "press fit": press_fit,
+    "given gap": with_a_gap,
+    "laws in space": laws_in_space,
+    "materials": materials_and_shapes,
+    "all algorithms": all_algorithms,
     "Uzawa": lambda: by_algorithm("uzawa"),
     "Lemke": lambda: by_algorithm("lemke"),
     "RCCM": lambda: bonded_block(RCCM(100.0, 100.0, 0.1, friction=0.3)),
@@ -1134,6 +1351,8 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "motion with a record": lambda: recorded(lambda: shaken(two_blocks()), TIMES[:2]),
     "motion that is resumed": lambda: recorded(lambda: shaken(two_blocks(3)), TIMES[:2], 2),
     "motion": falling_block,
+    "schemes of motion": schemes,
+    "history with a jump": jumping,
     "path with a record": recorded_path,
     "path that is resumed": lambda: recorded_path(3),
     "path that snaps back": snapping_bar,
@@ -1152,6 +1371,9 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "over a surface of facets": lambda: over_a_surface(
         RigidSurface(*polygon(24, (0.4, -1.0)), crease=30.0), "quad", 3
     ),
+    "over a disc with rays": lambda: over_a_surface(
+        Sphere((0.4, -1.0), 1.0), "quad", 3, rays=True, sudden=2.0
+    ),
     "over a ball": lambda: over_a_surface(Sphere((0.45, 0.4, -1.0), 1.0), "tet", 2),
     "drum that turns": drum,
     "branch by pivoting": lambda: branch_of(triangle(4)),
@@ -1162,6 +1384,9 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "branch of a mortar": lambda: branch_of(sheared_pair(), 0.0, (0.0, 1.0)),
     "branch of a law": lambda: branch_of(dragged(SlipWeakening(0.5, 0.2, 0.01)), 0.0, (0.0, 1.0)),
     "diagram": all_branches,
+    "branch that closes": lambda: branch_of(pressed_on_a_disc(2), 0.0, (0.0, 1.0), route="steps"),
+    "branch that closes by pivoting": lambda: branch_of(pressed_on_a_disc(2), 0.0, (0.0, 1.0)),
+    "branch in space": lambda: branch_of(pressed_on_a_disc(3), 0.0, (0.0, 1.0)),
     "branch counts": branch_counts,
     "all solutions": lambda: all_solutions(triangle(4)),
     "all solutions in space": lambda: all_solutions(body_in_space()),
@@ -1171,6 +1396,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "chart": chart,
     "regions": regions,
     "folds": folds_with_friction,
+    "questions": questions,
     "critical friction": critical_coefficients,
     "critical friction by multigrid": critical_by_multigrid,
     "critical friction by direction": critical_by_direction,
@@ -1226,7 +1452,8 @@ def differences(found, kept):
             same = np.isclose(values, before[key], rtol=0, atol=tolerance * size, equal_nan=True)
             if not same.all():
                 i = int(np.argmin(same))
-                words.append(f"{part} {key}[{i}]: {values[i]!r}, was {before[key][i]!r}")
+                now_, before_ = values.flat[i], before[key].flat[i]
+                words.append(f"{part} {key}[{i}]: {now_!r}, was {before_!r}")
     for part in ("exact", "counts"):
         now = found.get(part, {})
         before = kept.get(part, {})
@@ -1249,26 +1476,28 @@ def in_record(record, name, ranks):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("names", nargs="*", help="cases, by default all")
-    parser.add_argument("--write", action="store_true", help="write the record anew")
+    parser.add_argument("--write", action="store_true", help="write the record again")
     args = parser.parse_args()
     record = json.loads(RECORD.read_text()) if RECORD.exists() else {}
+    ranks = str(COMM.size)
     for name in args.names or CASES:
         found = computed(name)
+        known = record.get(name, {})
         if args.write:
-            counts = found.get("counts")
-            if counts is not None:
-                counts = record.get(name, {}).get("counts", {}) | {str(COMM.size): counts}
+            if "counts" in found:
+                counts = known.get("counts", {}) | {ranks: found["counts"]}
                 found["counts"] = dict(sorted(counts.items()))
-            if COMM.size == 1 or name not in record:
-                record[name] = found
-            elif counts is not None:
-                record[name]["counts"] = found["counts"]
-            word = "written"
+                if known and COMM.size > 1:
+                    known["counts"] = found["counts"]
+            if COMM.size == 1 or not known:
+                known = record[name] = found
+            found = {**found, "counts": known.get("counts", {})}
+            words = differences(found, {"counts": {}, **known})
         else:
             words = differences(found, in_record(record, name, COMM.size))
-            word = "; ".join(words) or "the same"
         if COMM.rank == 0:
-            print(f"{name}: {word}", flush=True)
+            same = "written" if args.write else "the same"
+            print(f"{name}: {'; '.join(words) or same}", flush=True)
     if args.write and COMM.rank == 0:
         lines = [f"{json.dumps(name)}: {json.dumps(kept)}" for name, kept in record.items()]
         RECORD.write_text("{\n" + ",\n".join(lines) + "\n}\n")

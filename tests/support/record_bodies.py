@@ -83,7 +83,7 @@ def tagged(domain, planes):
     return mesh.meshtags(domain, domain.topology.dim - 1, every[order], values[order])
 
 
-def stack(cell, lower, upper, height=1.0, level=0.0, turn=None):
+def stack(cell, lower, upper, height=1.0, level=0.0, overlap=0.0, turn=None):
     """Two boxes on each other.
 
     The facet tags are 1 (lower end), 2 and 3 (lower and upper side of the interface) and 4 (upper
@@ -96,6 +96,7 @@ def stack(cell, lower, upper, height=1.0, level=0.0, turn=None):
         upper: the same of the upper box.
         height: height of the lower box; that of the upper box is 1.
         level: last coordinate of the interface.
+        overlap: depth of the upper box in the lower one.
         turn: rotation matrix applied to all positions (3, 3), by default none.
     """
     across = 1 if cell in ("tri", "quad") else 2
@@ -105,6 +106,7 @@ def stack(cell, lower, upper, height=1.0, level=0.0, turn=None):
         axes = [np.linspace(*reach, n + 1)] * across
         body = create_grid(COMM, [*axes, np.linspace(*z, m + 1)], CELLS[cell])
         tags.append(tagged(body, {first: (across, z[0]), first + 1: (across, z[1])}))
+        body.geometry.x[:, across] -= overlap * (first == 3)
         boxes.append(body)
     both = join(boxes, facet_tags=tags)
     both.mesh.geometry.x[:, across] += level
