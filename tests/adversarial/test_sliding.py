@@ -29,7 +29,7 @@ from dolfinx_contact.analysis import contact_family, count_solutions, renard_cri
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 
-NOT_SMALL = "the sliding is not small.* [0-9]"
+NOT_SMALL = "(misfit|slip|turn) of 'contact'.* [0-9].*sliding='large'"
 
 
 def pair_problem(both, law=None, *, stress=1.0, energy=None, swap=False, bcs=None):
@@ -290,7 +290,8 @@ def test_a_history_that_leaves_the_edge_in_small_steps_says_so_once(caplog):
     history = QuasiStatic(problem, lambda t: move(both.top, t, -0.001)).run(
         np.linspace(0.0, 1.2, 25)
     )
-    assert sum("contact" in w for w in warnings_of(caplog)) == 1
+    names = [text.partition(":")[0] for text in warnings_of(caplog)]
+    assert len(names) == len(set(names))
     assert_doubted(caplog, problem, history.steps[-1].result)
 
 
