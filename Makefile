@@ -6,7 +6,7 @@ export OUTPUT
 # A virtual environment where pip has installed DOLFINx, with an MPI of its own.
 WHEEL = DEBIAN="$${DEBIAN:-trixie}" $(RUN) docker/wheel solver,pictures,records,gmsh,test
 # What runs there, and `-rs` lists what is skipped and why: `make test-long` takes all of it.
-WHEEL_TESTS = tests/test_checkpoint_files.py tests/test_blocks.py tests/test_linear_triangle.py
+WHEEL_TESTS = tests/test_manifest.py tests/test_blocks.py tests/test_linear_triangle.py
 WHEEL_PYTEST = python3 -m pytest --color=no -rs $(WHEEL_TESTS)
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no --durations=40 --durations-min=1 tests

@@ -39,7 +39,6 @@ _OPTIONAL = {
     "plotly": "pages of records",
     "pandas": "tables of journals",
     "h5py": "point problems in HDF5",
-    "adios4dolfinx": "checkpoints",
     "gmsh": "meshes",
     "slepc4py": "large eigenproblems",
 }

@@ -46,11 +46,6 @@ ON_TWO = {
     ),
     "test_branch_counts": ("the_page", "where_branches_meet", "middles_and_bad_input"),
     "test_certificates": ("certificates_are_stored", "the_progress_of_a_proof", "bad_input"),
-    "test_checkpoint_files": (
-        *("without_adios_the_other_format_is_written",),
-        *("a_checkpoint_of_adios_without_it_is_refused_by_name", "a_full_disk"),
-        "resumed_on_one_rank_and_on_all",
-    ),
     "test_checks": (
         *("misfit_of_other_obstacles", "smallest_jacobian", "an_empty_cell_is_named"),
         *("obstacle_on_the_wrong_side",),
@@ -408,7 +403,6 @@ ON_THREE = {
     "test_all_solutions_3d": ("what_is_proved",),
     "test_bad_input": ("bad_numbers_on_one_rank_only", "a_rank_without_any_cell"),
     "test_blocks": ("oracle_forces", "ranks_and_ghost_modes", "patch"),
-    "test_checkpoint_files": ("on_any_ranks",),
     "test_classical": ("in_space",),
     "test_common_points": ("patch", "patch_of_a_short_block"),
     "test_compliant": ("jacobian_by_taylor",),

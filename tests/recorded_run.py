@@ -64,15 +64,20 @@ def start(system):
 def record(system, functionals, folder, *, every=7, max_steps=1000, **options):
     """Follow the block with a record in a new folder."""
     with BranchRecord(folder, system, functionals, every=every, **options) as r:
-        return follow(
-            system,
-            start(system),
-            0.0,
-            gamma_range=(-0.1, 1.0),
-            control=CONTROL,
-            max_steps=max_steps,
-            record=r,
-        )
+        return record_in(r, max_steps=max_steps)
+
+
+def record_in(kept, **options):
+    """Follow the block with an open record."""
+    return follow(
+        kept.system,
+        start(kept.system),
+        0.0,
+        gamma_range=(-0.1, 1.0),
+        control=CONTROL,
+        record=kept,
+        **options,
+    )
 
 
 def main():

@@ -115,7 +115,7 @@ def test_states_come_back(run):
 def test_what_is_not_known_has_no_key():
     """As a checkpoint where no fields were kept."""
     assert set(POINT.line()) == {f.name for f in fields(POINT)} - {
-        *("checkpoint", "sum", "surface", "ending", "reason")
+        *("checkpoint", "sum", "surface", "surface_sum", "ending", "reason")
     }
     kept = replace(POINT, checkpoint="point", sum="0123abcd")
     assert kept.line() == POINT.line() | {"checkpoint": "point", "sum": "0123abcd"}

@@ -10,7 +10,6 @@ import time
 import tomllib
 import warnings
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, requires
 from itertools import chain
 from pathlib import Path
 
@@ -60,35 +59,13 @@ def imported(text):
 def test_everything_that_is_imported_is_declared():
     project = tomllib.loads((TREE / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    ours = [extras[name] for name in ("pictures", "records", "explorer", "bp", "gmsh")]
+    ours = [extras[name] for name in ("pictures", "records", "explorer", "gmsh")]
     declared = {*project["dependencies"], *chain(*ours)}
     everything = (TREE / "dolfinx_contact").rglob("*.py")
     files = [f for f in everything if f.name != "in_paraview.py"]  # which ParaView runs
     asked = set().union(*(imported(f.read_text()) for f in files))
     assert asked - SYSTEM - set(sys.stdlib_module_names) - {"dolfinx_contact"} == declared
     assert (TREE / "dolfinx_contact" / "py.typed").exists()
-
-
-@serial
-def test_the_wheel_and_checkpoints_by_adios_exclude_each_other():
-    """adios4dolfinx requires DOLFINx by a name that the wheel of `solver` does not have."""
-    extras = tomllib.loads((TREE / "pyproject.toml").read_text())["project"][
-        "optional-dependencies"
-    ]
-    assert extras["bp"] == ["adios4dolfinx"]
-    wheel = extras["solver"][0]
-    assert wheel.startswith("dolfinx-solver-real>=0.11,<0.12;")
-    for condition in ("linux", "x86_64", "python_version >= '3.12'"):
-        assert condition in wheel
-    others = [name for name in extras if name != "bp"]
-    assert not any(word.startswith("adios4dolfinx") for name in others for word in extras[name])
-    try:
-        wanted = requires("adios4dolfinx")
-    except PackageNotFoundError:
-        pytest.skip("adios4dolfinx is not installed")
-    always = [word for word in wanted if "extra ==" not in word]
-    assert any(word.startswith("fenics-dolfinx") for word in always)
-    assert not any(word.startswith("dolfinx-solver") for word in always)
 
 
 @serial

@@ -140,7 +140,7 @@ def test_an_interrupted_path_resumes(case, whole, folder):
     if COMM.rank == 0:
         data = file.read_bytes()
         file.write_bytes(data[: data.rindex(b'{"type": "state"') + 50])
-        (folder / f"checkpoints/.state_{later + 1:06d}.part").mkdir()
+        (folder / f"checkpoints/.state_{later + 1:06d}.part.npz").touch()
     COMM.barrier()
     assert read_journal(folder).torn
     turn = known.runs[1].after
@@ -174,9 +174,11 @@ def test_killed_between_two_points(after, whole, folder):
         turn = kinds.index("end")
         ends = {"the start": 4, "the last point": turn, "the turn": turn + 2}
         (folder / FILE_NAME).write_bytes(b"".join(lines[: ends[after]]))
+        (folder / "checkpoints").mkdir()
         for state in range(kinds[: ends[after]].count("state")):
-            name = f"checkpoints/state_{state:06d}"
-            shutil.copytree(known / name, folder / name)
+            name = f"checkpoints/state_{state:06d}.npz"
+            shutil.copy(known / name, folder / name)
+        shutil.copy(known / "surface.npz", folder / "surface.npz")
     COMM.barrier()
     resume("crack", folder)
     require_same_path(folder, known)
@@ -187,7 +189,7 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder, caplog):
     with pytest.raises(Stop):
         record("pair", folder, observer=stopping(6))
     if COMM.rank == 0:
-        (folder / "checkpoints/state_000006/arrays.npz").write_bytes(b"nothing")
+        (folder / "checkpoints/state_000006.npz").write_bytes(b"nothing")
     COMM.barrier()
     seen = []
     with pytest.raises(Stop):

@@ -2,7 +2,6 @@
 
 import io
 import json
-import os
 import random
 import shutil
 import time
@@ -16,7 +15,7 @@ import pytest
 import recorded_run
 from blocks import box, facets
 from killing import kill, launch
-from recorded_run import moved_block, record
+from recorded_run import moved_block, record, record_in
 
 import ufl
 from dolfinx import fem
@@ -420,11 +419,6 @@ def task(r, **changes):
 # -- resuming --------------------------------------------------------------------------------------
 
 
-def fields(checkpoint):
-    """A file with values of a checkpoint, in either format."""
-    return next(file for file in sorted(checkpoint.iterdir()) if file.suffix in (".0", ".npy"))
-
-
 @pytest.mark.chatty
 def test_a_damaged_checkpoint_is_passed_over(whole, folder):
     """The run goes on from the checkpoint before; if all are damaged, an error says so."""
@@ -433,7 +427,7 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
     points = read_journal(folder).branches[0].points
     kept = [p.checkpoint for p in points if p.checkpoint is not None]
     if COMM.rank == 0:
-        fields(folder / "checkpoints" / kept[-1]).write_bytes(b"nothing")
+        (folder / f"checkpoints/{kept[-1]}.npz").write_bytes(b"nothing")
     COMM.barrier()
     seen = []
 
@@ -446,11 +440,55 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
     assert branch.reason == "gamma reached the end of its range"
     require_same(read_journal(folder), whole[2])
     if COMM.rank == 0:
-        for name in os.listdir(folder / "checkpoints"):
-            fields(folder / "checkpoints" / name).unlink()
+        shutil.rmtree(folder / "checkpoints")
     COMM.barrier()
-    with pytest.raises(ValueError, match="is damaged or missing"):
+    with pytest.raises(ValueError, match="is missing"):
         resume(folder, system, functionals)
+
+
+def test_a_record_that_may_exist(whole, folder):
+    """With resume="if_exists" one script begins a record and continues it."""
+    for steps in (2, 4):
+        system, functionals = moved_block(COMM)
+        with BranchRecord(folder / "r", system, functionals, resume="if_exists") as r:
+            if r.journal.is_empty:
+                record_in(r, max_steps=steps)
+            else:
+                r.go_on(max_steps=steps)
+    assert len(read_journal(folder / "r").entries()) == 5
+    with pytest.raises(ValueError, match="resume must be True, False or 'if_exists', got 'maybe'"):
+        BranchRecord(folder / "r", system, functionals, resume="maybe")
+
+
+def test_a_complex_functional_is_refused(folder):
+    system, _ = moved_block(COMM)
+    words = r"the functional 'z' must be real, got \(1\+2j\): record its real and imaginary parts"
+    with pytest.raises(ValueError, match=words):
+        record(system, {"z": lambda p: 1 + 2j}, folder / "r", max_steps=2)
+    record(system, {"z": lambda p: 3 + 0j}, folder / "real", max_steps=2)
+    np.testing.assert_array_equal(read_journal(folder / "real").columns()["z"], 3.0)
+
+
+@pytest.mark.parametrize("replaced", [True, False])
+def test_a_journal_that_is_removed_during_a_run(replaced, folder):
+    """The run ends with an error at the next point."""
+    system, functionals = moved_block(COMM)
+    seen = []
+
+    def observer(step):
+        seen.append(step.index)
+        if step.index == 2 and COMM.rank == 0:
+            (folder / FILE_NAME).unlink()
+            if replaced:
+                (folder / FILE_NAME).touch()
+
+    with (
+        BranchRecord(folder, system, functionals) as r,
+        pytest.raises(FileNotFoundError, match="the journal was removed or replaced") as info,
+    ):
+        record_in(r, max_steps=5, observer=observer)
+    assert info.value.filename == str(folder / FILE_NAME)
+    assert seen == [0, 1, 2]
 
 
 def test_a_finished_branch_stays_as_it_is(whole):
@@ -604,7 +642,7 @@ def test_an_interrupted_run_resumes(whole, folder):
         # As if killed while the line of point 14 was written, whose checkpoint is there already.
         at = next(i for i, line in enumerate(lines) if b'"index": 14,' in line)
         path.write_bytes(b"".join(lines[:at]) + lines[at][:-9])
-        (folder / "checkpoints/.branch_0000_point_000014.part").mkdir()
+        (folder / "checkpoints/.branch_0000_point_000014.part.npz").touch()
     COMM.barrier()
     assert len(read_journal(folder).branches[0].points) == 14
     resume(folder, system, functionals, every=7)

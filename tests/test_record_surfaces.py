@@ -275,16 +275,43 @@ def test_what_cannot_be_drawn(folder):
     COMM.barrier()
 
 
+def test_files_that_are_missing_or_exchanged_are_noticed(folder):
+    """On resumption, and where they are read."""
+    record(*moved_block(COMM), folder / "r", max_steps=3, **KEPT)
+    one, two = (folder / "r" / "surface" / f"branch_0000_point_00000{i}.npz" for i in (1, 2))
+    content = COMM.bcast(one.read_bytes() if COMM.rank == 0 else None)
+    for change, message in (
+        (lambda: shutil.copy(two, one), f"{one.name} is damaged or was exchanged"),
+        (one.unlink, f"{one.name} is missing"),
+    ):
+        COMM.barrier()
+        if COMM.rank == 0:
+            change()
+        COMM.barrier()
+        with pytest.raises(ValueError, match=message):
+            resume(folder / "r", *moved_block(COMM), max_steps=4)
+        with pytest.raises(ValueError, match=message):
+            read_journal(folder / "r").surface_at(1)
+    COMM.barrier()
+    if COMM.rank == 0:
+        one.write_bytes(content)
+        (folder / "r" / "surface.npz").unlink()
+    COMM.barrier()
+    with pytest.raises(ValueError, match=r"surface\.npz is missing"):
+        resume(folder / "r", *moved_block(COMM), max_steps=4)
+
+
 def test_a_disk_that_cannot_be_written_to(folder):
     """The record ends with the point before, and goes on when there is room."""
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "known", max_steps=2, **KEPT)
-    if COMM.rank == 0:
-        shutil.move(folder / "known" / "surface", folder / "states")
-        (folder / "known" / "surface").write_text("in the way")
-    COMM.barrier()
-    with pytest.raises(OSError, match="surface"):
-        resume(folder / "known", system, functionals, max_steps=4)
+    with BranchRecord(folder / "known", system, functionals, resume=True) as kept:
+        if COMM.rank == 0:
+            shutil.move(folder / "known" / "surface", folder / "states")
+            (folder / "known" / "surface").write_text("in the way")
+        COMM.barrier()
+        with pytest.raises(OSError, match="surface"):
+            kept.go_on(max_steps=4)
     assert len(read_journal(folder / "known").entries()) == 3
     COMM.barrier()
     if COMM.rank == 0:

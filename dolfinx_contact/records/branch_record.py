@@ -2,7 +2,7 @@
 """The record of a continuation on the disk, from which a killed run is resumed.
 
 A record is a folder with the journal (`journal.py`: gamma, functionals, statuses, step data and
-special points of every accepted point) and checkpoints (`checkpoints.py`: unknowns and tangent of
+special points of every accepted point) and checkpoints (`fields.py`: unknowns and tangent of
 some). A run may be killed at any moment; resumed, on any number of ranks, it continues from the
 last checkpoint to the same points. Those that had been recorded beyond it are computed once more
 and are not recorded again.
@@ -56,7 +56,7 @@ from dolfinx_contact.records.points import (
     functional_forms,
     node_of,
 )
-from dolfinx_contact.records.problem_record import ProblemRecord
+from dolfinx_contact.records.problem_record import ProblemRecord, Resume
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
@@ -85,7 +85,8 @@ class BranchRecord(ProblemRecord[Journal]):
         surface_displacement: whether that of the outer surface of the bodies is kept at every
             point, in single precision, for `plot.draw_record`. A record that is resumed continues
             as it began.
-        resume: whether to continue a record that exists. Else there must be none.
+        resume: True to continue a record that exists, False to begin one where there is none,
+            "if_exists" for either.
 
     Attributes:
         journal: what has been recorded, on every rank.
@@ -119,14 +120,14 @@ class BranchRecord(ProblemRecord[Journal]):
         *,
         every: int = 10,
         surface_displacement: bool = False,
-        resume: bool = False,
+        resume: Resume = False,
     ):
         if not (functionals is None or isinstance(functionals, Mapping)):
             raise ValueError(f"functionals are a dictionary by their names, got {functionals!r}")
         comm = system.comm
         whole = isinstance(every, int | np.integer) and every >= 1
         require(comm, whole, f"fields must be kept at every 1 or more points, got {every!r}")
-        same_everywhere(comm, every=int(every), resume=bool(resume))
+        same_everywhere(comm, every=int(every))
         self.system = system
         self.every = every
         self._functionals = compiled(system.problem, functionals or {})
@@ -221,6 +222,7 @@ class BranchRecord(ProblemRecord[Journal]):
             self._put(point)  # a functional may have written to the Functions
             values[name] = functional()
         self._put(point)
+        surface = self._write_surface(_name(branch, index)) if self._shows else None
         entry = replace(
             entry,
             functionals=values,
@@ -230,6 +232,7 @@ class BranchRecord(ProblemRecord[Journal]):
             scales=list(self.system.scales),
             tangent_gamma=self._layout.gamma(point.tangent),
             surface=_name(branch, index) if self._shows else None,
+            surface_sum=surface,
             ending=state.ending,
             reason=state.reason if ends else None,
         )
@@ -289,7 +292,7 @@ class BranchRecord(ProblemRecord[Journal]):
         t = self.system.create_vector()
         t.array[:] = point.tangent.array_r[: t.getLocalSize()]
         self._unknowns(point.y)
-        check_sum = self._checkpoints.write(name, {"tangent": t, "x": self._x})
+        check_sum = self._write_fields(name, {"tangent": t, "x": self._x})
         t.destroy()
         return name, check_sum
 
@@ -325,7 +328,7 @@ class BranchRecord(ProblemRecord[Journal]):
         if p.checkpoint is None or p.sum is None:
             raise ValueError(f"no fields were kept at point {index} of branch {branch}")
         x, t = (system.create_vector() for _ in range(2))
-        self._checkpoints.read(p.checkpoint, p.sum, {"tangent": t, "x": x})
+        self._read_fields(p.checkpoint, p.sum, {"tangent": t, "x": x})
         y = self._layout.joined(x, p.gamma)
         tangent = self._layout.joined(t, p.tangent_gamma)
         piece = system.piece_of(p.status)

@@ -246,7 +246,7 @@ class PointEntry(Entry):
         norm: length of the unknowns in the units of steps, 0 while these are not known; in memory
             only (`journal_of`) in those of the metric of the system.
         checkpoint: name of that where fields were kept.
-        sum: check sum of that.
+        sum: fingerprint of that.
         functionals: by name.
         next_step: length of the next step; like the following unknown of what is in memory only.
         x_scale: square of the length of x that counts as 1.
@@ -254,6 +254,7 @@ class PointEntry(Entry):
         scales: by which residuals are measured.
         tangent_gamma: part of the tangent along gamma.
         surface: name of the file with the outer surface, if that is kept.
+        surface_sum: fingerprint of that file.
         ending: how the branch ends here.
         reason: why, in words.
     """
@@ -276,6 +277,7 @@ class PointEntry(Entry):
     scales: Sequence[float] = ()
     tangent_gamma: float = float("nan")
     surface: str | None = field(default=None, metadata=_how(optional=True))
+    surface_sum: str | None = field(default=None, metadata=_how(optional=True))
     ending: Ending | None = field(default=None, metadata=_how(read=_ending, optional=True))
     reason: str | None = field(default=None, metadata=_how(optional=True))
 
@@ -306,7 +308,7 @@ class EndEntry(Entry):
         ending: how it ended.
         reason: why, in words.
         checkpoint: of the last point of a branch, if that is kept now.
-        sum: check sum of that.
+        sum: fingerprint of that.
     """
 
     ending: Ending = field(metadata=_how(read=_ending))
@@ -382,8 +384,9 @@ class StateEntry(Entry, Generic[G]):
         first: whether statuses are not known.
         run: how the run continues from there.
         checkpoint: name of the checkpoint.
-        sum: check sum of that.
+        sum: fingerprint of that.
         surface: name of the file with the outer surface, if that is kept.
+        surface_sum: fingerprint of that file.
     """
 
     index: int
@@ -398,3 +401,4 @@ class StateEntry(Entry, Generic[G]):
     checkpoint: str
     sum: str
     surface: str | None = field(default=None, metadata=_how(optional=True))
+    surface_sum: str | None = field(default=None, metadata=_how(optional=True))

@@ -28,6 +28,7 @@ from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.through_times import Accept, HistoryTask
 from dolfinx_contact.records.entries import HistoryGoesOn, StateEntry
 from dolfinx_contact.records.journal import EvolutionJournal
+from dolfinx_contact.records.problem_record import Resume
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["EvolutionRecord"]
@@ -53,7 +54,8 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         surface_displacement: whether that of the outer surface of the bodies is kept at every step,
             in single precision, for `plot.draw_record`. A record that is resumed continues as it
             began.
-        resume: whether to continue a record that exists. Else there must be none.
+        resume: True to continue a record that exists, False to begin one where there is none,
+            "if_exists" for either.
 
     Attributes:
         journal: what has been recorded, on every rank.
@@ -88,7 +90,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         evolution: Evolution,
         *,
         surface_displacement: bool = False,
-        resume: bool = False,
+        resume: Resume = False,
     ):
         if not isinstance(evolution, Evolution):
             raise ValueError(f"a QuasiStatic or NSCD is needed, got {type(evolution).__name__}")

@@ -11,7 +11,7 @@ accepted step, and one where a run ends.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -233,6 +233,10 @@ class Journal(Lines):
     def is_empty(self) -> bool:
         return not self.branches
 
+    def all_entries(self) -> Iterator[PointEntry]:
+        for branch in self.branches.values():
+            yield from branch.points
+
     def entries(self, branch: int = 0) -> list[PointEntry]:
         (chosen,) = self._chosen(branch)
         return self.branches[chosen].points
@@ -318,6 +322,9 @@ class EvolutionJournal(Lines):
     @property
     def is_empty(self) -> bool:
         return not self.states
+
+    def all_entries(self) -> Iterator[StateEntry[Any]]:
+        yield from self.states
 
     def entries(self, branch: int = 0) -> list[StateEntry[Any]]:
         if branch != 0:

@@ -9,11 +9,12 @@ is before it; a line that was damaged later, or lacks one before it, is an error
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Generic, TypeVar
@@ -24,9 +25,9 @@ import numpy.typing as npt
 from dolfinx_contact._files import os_error, sync
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.io.outside import OuterSurface, SurfaceState
+from dolfinx_contact.records.arrays import Arrays, DamagedFile, check, load
 from dolfinx_contact.records.entries import PointEntry, StateEntry
 from dolfinx_contact.records.lock import Lock
-from dolfinx_contact.records.surfaces import read_state, read_surface
 
 __all__ = [
     "FILE_NAME",
@@ -34,8 +35,12 @@ __all__ = [
     "Followed",
     "JournalFile",
     "Lines",
+    "checkpoint_file",
+    "has_journal",
     "kind_of",
+    "outer_surface_file",
     "parse",
+    "surface_file",
 ]
 
 FILE_NAME = "journal.jsonl"
@@ -66,8 +71,8 @@ class Lines:
 
     Attributes:
         header: what identifies the problem, and the places of the contact points.
-        sessions: one dictionary for every run that recorded: ranks, versions, time of its
-            start, and the format of its ``checkpoints``, bp or npy.
+        sessions: one dictionary for every run that recorded: ranks, versions and time of its
+            start; the first one has the fingerprint of the outer surface.
         lines: number of them, without a last one that was not finished.
         length: of these in bytes.
         torn: whether there is such a line.
@@ -91,9 +96,13 @@ class Lines:
         """The outer surface of the bodies before they move, on this rank alone.
 
         Raises:
-            ValueError: if the record has none, or it is damaged.
+            ValueError: if the record has no outer surface yet, or it is damaged.
         """
-        return read_surface(self._on_disk())
+        folder = self._on_disk()
+        if not self.sessions:
+            raise ValueError(f"the record in {folder} has no outer surface yet")
+        file = outer_surface_file(folder)
+        return _made(OuterSurface.of_arrays, file, self.sessions[0]["outer_surface"])
 
     def surface_at(self, index: int, branch: int = 0) -> SurfaceState:
         """Where the outer surface is at a recorded point, on this rank alone.
@@ -108,13 +117,27 @@ class Lines:
         entries = self.entries(branch)
         if not 0 <= index < len(entries):
             raise ValueError(f"points 0 to {len(entries) - 1} are recorded, not {index}")
-        surface = entries[index].surface
-        if surface is None:
+        entry = entries[index]
+        if entry.surface is None or entry.surface_sum is None:
             raise ValueError(
                 f"no displacement was recorded at point {index}: record with "
                 "surface_displacement=True"
             )
-        return read_state(self._on_disk(), surface)
+        file = surface_file(self._on_disk(), entry.surface)
+        return _made(SurfaceState.of_arrays, file, entry.surface_sum)
+
+    def check_surfaces(self) -> None:
+        """Raise ``ValueError`` if a file with the outer surface is missing or was exchanged."""
+        if self.folder is None or not self.sessions:
+            return
+        check(outer_surface_file(self.folder), self.sessions[0]["outer_surface"])
+        for entry in self.all_entries():
+            if entry.surface is not None and entry.surface_sum is not None:
+                check(surface_file(self.folder, entry.surface), entry.surface_sum)
+
+    def all_entries(self) -> Iterator[PointEntry | StateEntry[Any]]:
+        """The entries of all points of all branches, or of all states."""
+        raise NotImplementedError
 
     def _on_disk(self) -> Path:
         if self.folder is None:
@@ -168,6 +191,7 @@ class Lines:
 
 
 J = TypeVar("J", bound=Lines)
+T = TypeVar("T")
 
 
 def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
@@ -239,6 +263,39 @@ def _plain(value: Any) -> Any:
     return value
 
 
+def checkpoint_file(folder: Path, name: str) -> Path:
+    """The file with the fields of a point or state of a record."""
+    return folder / "checkpoints" / f"{name}.npz"
+
+
+def surface_file(folder: Path, name: str) -> Path:
+    """The file with the outer surface at a point or state of a record."""
+    return folder / "surface" / f"{name}.npz"
+
+
+def outer_surface_file(folder: Path) -> Path:
+    """The file of a record with the outer surface before anything moves."""
+    return folder / "surface.npz"
+
+
+def _made(make: Callable[[Arrays], T], file: Path, fingerprint: str) -> T:
+    """An object made of the arrays of a file.
+
+    Raises:
+        DamagedFile: if the file is missing, damaged, or lacks an array.
+    """
+    try:
+        return make(load(file, fingerprint))
+    except KeyError as error:
+        raise DamagedFile(f"{file} is damaged: {error} is missing") from None
+
+
+def has_journal(folder: Path) -> bool:
+    """Whether a folder has a journal with a complete line. On one rank."""
+    path = folder / FILE_NAME
+    return path.exists() and not _is_blank(path)
+
+
 def _is_blank(path: Path) -> bool:
     """Whether a journal has no complete line: it was left in the first moment of a run."""
     if not path.is_file():
@@ -275,7 +332,7 @@ class JournalFile(Generic[J]):
         if not new and not path.exists():
             raise absent
         message = f"{path} exists: resume it, or record to another folder; nothing is overwritten"
-        if new and path.exists() and not _is_blank(path):
+        if new and has_journal(folder):
             raise FileExistsError(message)
         # Append mode: the position cannot be wrong.
         self._file: BinaryIO = open(path, "a+b", buffering=0)  # noqa: SIM115
@@ -312,8 +369,10 @@ class JournalFile(Generic[J]):
         """Write one line; it is on the disk when this returns.
 
         Raises:
-            OSError: with the path, if it cannot be written. What was written of it is cut off.
+            OSError: with the path, if it cannot be written (a partial line is cut off), or the file
+                was removed or replaced since it was opened.
         """
+        self._require_in_place()
         number = self.journal.lines + 1
         line = _encode({**entry, "line": number})
         length = self._file.seek(0, os.SEEK_END)
@@ -325,6 +384,17 @@ class JournalFile(Generic[J]):
             self._file.truncate(length)
             raise os_error(error, self._path) from None
         self.journal.lines = number
+
+    def _require_in_place(self) -> None:
+        """Raise ``FileNotFoundError`` if the path does not lead to the open file any more."""
+        mine = os.fstat(self._file.fileno())
+        try:
+            there = os.stat(self._path)
+        except FileNotFoundError:
+            there = None
+        if there is None or (there.st_dev, there.st_ino) != (mine.st_dev, mine.st_ino):
+            reason = "the journal was removed or replaced while a run recorded to it"
+            raise FileNotFoundError(errno.ENOENT, reason, str(self._path))
 
     def close(self) -> None:
         """Close the file, which frees the lock. A new one without a line is removed."""

@@ -25,6 +25,7 @@ from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.path_state import PathState, PathTask, begun
 from dolfinx_contact.records.entries import Arrived, PathGoesOn, StateEntry
 from dolfinx_contact.records.journal import PathJournal
+from dolfinx_contact.records.problem_record import Resume
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["PathRecord"]
@@ -40,7 +41,8 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         folder: of the record, made if need be.
         path: whose runs are recorded.
         surface_displacement: as for `EvolutionRecord`.
-        resume: whether to continue a record that exists. Else there must be none.
+        resume: True to continue a record that exists, False to begin one where there is none,
+            "if_exists" for either.
 
     Attributes:
         journal: what has been recorded, on every rank.
@@ -71,7 +73,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         path: ArcLength,
         *,
         surface_displacement: bool = False,
-        resume: bool = False,
+        resume: Resume = False,
     ):
         if not isinstance(path, ArcLength):
             raise ValueError(f"an ArcLength is needed, got {type(path).__name__}")

@@ -203,15 +203,16 @@ def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[]
     if isinstance(f, ufl.Form):
         maps = merge_entity_maps([s.submesh for s in problem.surfaces])
         form = compiled_form(weighted(f, axisymmetric=problem.equations.axisymmetric), maps)
-        return lambda: float(comm.allreduce(float(np.real(fem.assemble_scalar(form)))))
+        return lambda: _real(name, comm.allreduce(fem.assemble_scalar(form)))
 
     def value() -> float:
         with everywhere(comm, f"the functional {name!r}"):
             found = f(problem)
             try:
-                number = float(np.real(found))
+                number = complex(found)
             except (TypeError, ValueError):
                 raise ValueError(f"the functional {name!r} did not return a number") from None
+            number = _real(name, number)
         numbers = comm.allgather(number)
         same = np.allclose(numbers, numbers[0], rtol=_SAME, atol=0, equal_nan=True)
         message = f"the functional {name!r} differs between ranks ({numbers[:4]}): sum over them"
@@ -219,3 +220,17 @@ def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[]
         return float(numbers[0])
 
     return value
+
+
+def _real(name: str, value: complex) -> float:
+    """The value of a functional.
+
+    Raises:
+        ValueError: if it is not real.
+    """
+    if np.imag(value) != 0.0:
+        raise ValueError(
+            f"the functional {name!r} must be real, got {value}: record its real and imaginary "
+            "parts as two functionals"
+        )
+    return float(np.real(value))

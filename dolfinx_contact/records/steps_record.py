@@ -27,19 +27,18 @@ import ufl
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.continuation.ending import Ends
 from dolfinx_contact.equations.given_data import Datum
-from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.evolution import EvolutionStep
 from dolfinx_contact.evolution.accepted import AcceptedState
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.records.entries import EndEntry, Entry, StateEntry
+from dolfinx_contact.records.fields import PointArrays
 from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun
 from dolfinx_contact.records.manifest import data_restored, manifest_of, values_of
-from dolfinx_contact.records.problem_record import ProblemRecord
+from dolfinx_contact.records.problem_record import ProblemRecord, Resume
 
 __all__ = ["StepsRecord"]
 
@@ -60,7 +59,8 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         kind: of the journal.
         method: what the runs are known by beside the problem, in words.
         surface_displacement: see `EvolutionRecord`, as for the following.
-        resume: whether to continue a record that exists. Else there must be none.
+        resume: True to continue a record that exists, False to begin one where there is none,
+            "if_exists" for either.
         data: Functions and Constants beside those of the problem, with their places.
         forms: beside those of the problem, by name.
         driven: expressions by which a load drives Dirichlet data.
@@ -84,18 +84,17 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         *,
         method: Sequence[str],
         surface_displacement: bool,
-        resume: bool,
+        resume: Resume,
         data: Sequence[Datum] = (),
         forms: Mapping[str, ufl.Form] | None = None,
         driven: Sequence[Any] = (),
     ):
         problem = system if isinstance(system, ContactProblem) else system.problem
-        same_everywhere(problem.comm, resume=bool(resume))
         super().__init__(
             folder, problem, kind, surface_displacement=surface_displacement, resume=resume
         )
         self._system = system
-        self._points = _AtPoints(problem)
+        self._points = PointArrays(problem)
         self._last: AcceptedState | None = None  # where the runs stand
         self._index = -1  # of that state
         self._resumed_state: S | None = None  # where a run that was recorded continues
@@ -232,9 +231,10 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._fill(vectors, run_state)
         self.problem.write(vectors["x"])
         arrays = self._points.gathered(accepted)
-        check_sum = self._checkpoints.write(name, vectors, arrays)
+        check_sum = self._write_fields(name, vectors, arrays)
         for x in vectors.values():
             x.destroy()
+        surface = self._write_surface(name) if self._shows else None
         before = self.journal.data_at(index - 1)
         entry = StateEntry(
             index=index,
@@ -249,6 +249,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             checkpoint=name,
             sum=check_sum,
             surface=name if self._shows else None,
+            surface_sum=surface,
         )
         self._append({"type": "state", **entry.line()})
         self.journal.states.append(entry)
@@ -304,8 +305,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         problem = self.problem
         state = self.journal.states[index]
         vectors = self._vectors()
-        self._checkpoints.read(state.checkpoint, state.sum, vectors)
-        found = self._checkpoints.arrays(state.checkpoint)
+        found = self._read_fields(state.checkpoint, state.sum, vectors)
         problem.put(vectors["x"], self._points.statuses(found))
         run_state = self._recalled(state, vectors, found, state.first)
         for x in vectors.values():
@@ -361,63 +361,3 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             shown = self.show(index)
             tables = [shown.table(s) for s in self.problem.surfaces]
         write_contact_table(self.comm, output_folder(self.comm, folder), tables)
-
-
-class _AtPoints:
-    """Statuses and memory of the points of all surfaces, for any number of ranks. Collective.
-
-    A surface has them in the order of its table: by place, and points at one place (the sides of a
-    crack) by their nodes in the mesh as it was given to DOLFINx.
-
-    Args:
-        problem: whose surfaces have them.
-    """
-
-    def __init__(self, problem: ContactProblem):
-        self._problem = problem
-        self._surfaces = [Gathered(s.comm, s.positions, s.points.ids) for s in problem.surfaces]
-
-    def gathered(self, accepted: AcceptedState) -> Arrays:
-        """What the points of all ranks have at a state, by name, on every rank. Collective."""
-        found: Arrays = {}
-        every = zip(self._surfaces, accepted.shown, accepted.memory, strict=True)
-        for i, (surface, codes, memory) in enumerate(every):
-            found[f"{i}.statuses"] = surface(codes)
-            for name, values in _arrays(memory).items():
-                found[f"{i}.memory.{name}"] = surface(values)
-        return found
-
-    def statuses(self, found: Mapping[str, npt.NDArray[Any]]) -> list[npt.NDArray[np.int8]]:
-        """The statuses of the points of this rank, surface by surface."""
-        return [found[f"{i}.statuses"][s.mine] for i, s in enumerate(self._surfaces)]
-
-    def memory(self, found: Mapping[str, npt.NDArray[Any]]) -> tuple[Memory | None, ...]:
-        """The memory of the points of this rank, surface by surface.
-
-        That of faces that slide has the displacement, and that on a rigid body that turns its
-        motion, which are those of the problem.
-        """
-        u = self._problem.u.x.array.reshape(-1, self._problem.equations.dim)
-        memories: list[Memory | None] = []
-        for i, (surface, s) in enumerate(zip(self._surfaces, self._problem.surfaces, strict=True)):
-            start = f"{i}.memory."
-            names = [name for name in found if name.startswith(start)]
-            arrays = {name.removeprefix(start): found[name][surface.mine] for name in names}
-            jump = arrays.pop("jump", None)
-            place = arrays.pop("place", None)
-            displacement = u[: s.owned_nodes] if s.slides else None
-            memory = None
-            if jump is not None:
-                body = s.rigid_body
-                motion = body.values if body is not None and s.turns else None
-                memory = Memory(jump, arrays, 0.0, None, displacement, place, motion)
-            memories.append(memory)
-        return tuple(memories)
-
-
-def _arrays(memory: Memory | None) -> Arrays:
-    """All arrays of a memory, whichever it has."""
-    if memory is None:
-        return {}
-    place = {} if memory.place is None else {"place": memory.place}
-    return {"jump": memory.jump, **place, **memory.fields}

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Files of arrays in a record: one ``npz`` file of NumPy for every point whose arrays are kept.
+
+A file is written under a hidden name and renamed when it is complete and on the disk. The journal
+has the fingerprint of every file, a checksum of the names, sizes and CRCs of its arrays: an
+exchanged file is found without reading it, a damaged array when it is read.
+"""
+
+from __future__ import annotations
+
+import os
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._files import part_of, sync
+
+__all__ = ["Arrays", "DamagedFile", "check", "load", "save"]
+
+Arrays = dict[str, npt.NDArray[Any]]
+
+_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, NotImplementedError)
+
+
+class DamagedFile(ValueError):
+    """A file of a record is missing, damaged, or not the file that was written."""
+
+
+def save(file: Path, arrays: Arrays) -> str:
+    """Write a file, and return its fingerprint. On one rank.
+
+    Raises:
+        OSError: with the path, if the file cannot be written; it is then as it was.
+    """
+    with part_of(file) as part:
+        np.savez(part, **arrays)  # type: ignore[arg-type]
+        found = fingerprint(part)
+    sync(file.parent)
+    return found
+
+
+def load(file: Path, recorded: str) -> Arrays:
+    """Read the arrays of a file. On one rank.
+
+    Args:
+        file: path of the file.
+        recorded: fingerprint in the journal.
+
+    Raises:
+        DamagedFile: if the file is missing, damaged, or has another fingerprint.
+    """
+    check(file, recorded)
+    try:
+        with np.load(file, allow_pickle=False) as found:
+            return dict(found)
+    except _DAMAGE as error:
+        raise DamagedFile(f"{file} is damaged: {error}") from None
+
+
+def check(file: Path, recorded: str) -> None:
+    """Raise `DamagedFile` if a file is missing or has another fingerprint. On one rank."""
+    if not file.is_file():
+        raise DamagedFile(f"{file} is missing")
+    try:
+        now = fingerprint(file)
+    except _DAMAGE as error:
+        raise DamagedFile(f"{file} is damaged: {error}") from None
+    if now != recorded:
+        raise DamagedFile(f"{file} is damaged or was exchanged")
+
+
+def fingerprint(file: Path | str | os.PathLike[str]) -> str:
+    """A checksum of the names, sizes and CRCs of the arrays in a file."""
+    with zipfile.ZipFile(file) as content:
+        parts = [f"{i.filename} {i.file_size} {i.CRC:08x}" for i in content.infolist()]
+    return f"{zlib.crc32('; '.join(parts).encode()):08x}"
