@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What does it cost to ask whether a solution is the only one?
 
-`result.unique` after a solve from zero, over that solve and in milliseconds of processor time;
-every run makes its problem anew, warm, in turns, medians of three (`timing.py`). The solve does not
-include the set-up. Blocks
-are those of `demo_block.py`, the triangle that of `demo_linear_triangle.py`, at gamma = -1 (one
-solution) and 1 (three for 64 nodes), GRECO that of `demo_greco_block.py`.
+`problem.uniqueness()` after a solve from zero, over that solve and in milliseconds of processor
+time; every run makes its problem again, warm, in turns, medians of three (`timing.py`). The solve
+does not include the set-up. Blocks are those of `demo_block.py`, the triangle that of
+`demo_linear_triangle.py`, at gamma = -1 (one solution) and 1 (three for 64 nodes), GRECO that of
+`demo_greco_block.py`.
 
     python3 benchmarks/uniqueness_cost.py --output uniqueness.json
 """
@@ -56,7 +56,7 @@ def measured(make, comm):
     solve = Timer(comm)
     unique = Timer(comm)
     result = solve("solve", problem.solve)
-    verdict = unique("unique", lambda: result.unique)
+    verdict = unique("unique", problem.uniqueness).verdict
     record = {
         "seconds": unique.processor,
         "solve_seconds": solve.processor,

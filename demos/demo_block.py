@@ -99,7 +99,7 @@ def main(argv=None):
     say.result(result)
     plot.picture_of_contact(folder / "contact.png", block)
     io.write_contact_table(comm, folder, result.tables.values())
-    summary = result.summary() | {"unique": result.unique}
+    summary = result.summary(block.uniqueness())
     return io.write_summary(comm, folder, summary)
 
 

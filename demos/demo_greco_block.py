@@ -104,7 +104,7 @@ def main(argv=None):
     metre = UNITS[args.units][0]
     x = table.x[:, 0] * metre
     ut = table.ut[:, 0] * metre
-    summary = result.summary() | {"status": table.status, "unique": result.unique}
+    summary = result.summary(bar.uniqueness()) | {"status": table.status}
     for name, at in POINTS.items():
         summary[f"ux_{name}"] = ux = float(np.interp(at, x, ut))
         say(f"{name}: u_x {ux:.8e} m, Code_Aster QUAD8 {CODE_ASTER[name]:.8e}")

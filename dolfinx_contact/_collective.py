@@ -26,8 +26,8 @@ Arguments: TypeAlias = SimpleNamespace
 P = ParamSpec("P")
 R = TypeVar("R")
 
-#: Listeners may be given on some ranks only.
-_MAY_DIFFER = ("self", "observer", "monitor", "progress")
+#: Listeners may be given on some ranks only; each rank has its own part of a state.
+_MAY_DIFFER = ("self", "observer", "monitor", "progress", "state")
 _WHERE = ("comm", "mesh", "function_space", "problem", "equations")  # a communicator is found
 
 

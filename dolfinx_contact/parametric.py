@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from petsc4py import PETSc
@@ -37,6 +38,7 @@ from dolfinx_contact.equations.given_data import (
 )
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, status
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.memory import Memory
@@ -120,9 +122,11 @@ class ParametricContact(ReadOnly, ParametricEquations):
         "positions",
         "put",
         "residual",
+        "restore",
         "restored",
         "result_at",
         "set_parameter",
+        "state_at",
         "statuses_of",
     )
     _may_be_set = ("proof_seconds",)
@@ -227,6 +231,29 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.problem.log_warnings(result)
         x.destroy()
         return result
+
+    def state_at(self, point: BranchPoint) -> State:
+        """The state of a point of a branch, with its gamma. Collective.
+
+        The Functions, gamma and what it drives stay as they are.
+        """
+        x = self.create_vector()
+        x.array[:] = point.y.array_r[: x.getLocalSize()]
+        with self.restored(always=True):
+            self._set(point.gamma)
+            state = self.problem.state_at(x, self.statuses_of(point.piece))
+        x.destroy()
+        return replace(state, gamma=point.gamma)
+
+    def restore(self, state: State) -> None:
+        """Put a state into the Functions, with its gamma and what that drives. Collective.
+
+        Raises:
+            ValueError: on every rank, if it is not a state of this problem.
+        """
+        self.problem.restore(state)
+        if state.gamma is not None:
+            self._set(state.gamma)
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:

@@ -6,9 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import replace
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from petsc4py import PETSc
 
@@ -39,7 +38,8 @@ from dolfinx_contact.body.weighting import weighted
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
-from dolfinx_contact.equations.given_data import GivenData, mark_of_data, note_put, was_put
+from dolfinx_contact.equations.given_data import GivenData, note_put, was_put
+from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.equations.state import LastWrite, State
 from dolfinx_contact.points.descriptions import Contact, is_axisymmetric
 from dolfinx_contact.points.discretisation import discretise
@@ -49,9 +49,10 @@ from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.proofs import theory_of, uniqueness
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
+from dolfinx_contact.results.indicators import small_sliding_violated
 from dolfinx_contact.results.result import Result, collect, log_warnings
 from dolfinx_contact.results.tables import ContactTable, contact_table
-from dolfinx_contact.results.uniqueness import OTHER_DATA, Theory, Uniqueness, checked_seconds
+from dolfinx_contact.results.uniqueness import Theory, Uniqueness, check_seconds
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.ladder import check_data, solve
@@ -66,7 +67,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ContactProblem"]
 
-Answer = TypeVar("Answer")
 
 _INCREMENTS = 8  # of the load, in the strategy of that name
 _ANOTHER = "make another problem"
@@ -205,6 +205,8 @@ class ContactProblem(ReadOnly):
         "step_from",
         "support_forces",
         "table",
+        "theory",
+        "uniqueness",
         "write",
     )
     _instead: ClassVar[Mapping[str, str]] = {
@@ -382,10 +384,18 @@ class ContactProblem(ReadOnly):
         """
         x = self.create_vector()
         self.write(x)
-        evaluation = self.equations.contact(x, self.written_statuses)
-        state = self.state_of(x, evaluation)
+        state = self.state_at(x, self.written_statuses)
         x.destroy()
         return state
+
+    def state_at(self, x: PETSc.Vec, statuses: Statuses | None = None) -> State:
+        """The state of unknowns. Collective.
+
+        Args:
+            x: unknowns.
+            statuses: statuses of the contact points; by default those that the unknowns determine.
+        """
+        return self.state_of(x, self.equations.contact(x, statuses))
 
     def state_of(self, x: PETSc.Vec, evaluation: Evaluation) -> State:
         """The state of unknowns and their evaluation. Collective."""
@@ -418,7 +428,7 @@ class ContactProblem(ReadOnly):
             body.values = motion.copy()
         self.note_statuses(state.statuses)
 
-    def _require_state(self, state: State) -> None:
+    def _require_state(self, state: State | None) -> None:
         """Raise ``ValueError`` if a state has other unknowns than this problem. Collective."""
         fits = isinstance(state, State) and (
             [len(v) for v in (state.displacement, *state.multipliers, *state.motions)]
@@ -488,9 +498,11 @@ class ContactProblem(ReadOnly):
         Yields:
             The problem whose equations have the memory of the step that ended in the state.
         """
-        if state is None:
+        if not anywhere(self.comm, state is not None)[0]:
             yield self
             return
+        self._require_state(state)
+        assert state is not None
         with self.restored(always=True):
             self.restore(state)
             yield self.with_memory(state.previous)
@@ -705,8 +717,6 @@ class ContactProblem(ReadOnly):
                 )
             with self.restored():
                 result, state = self._collected(x, attempts, attempts[-1].state)
-            prove, theorems = self._answers_at(x)
-            result = replace(result, prove=prove, theorems=theorems)
             x.destroy()
             shown.end(result.iterations)
             if self._warned is None:
@@ -732,40 +742,57 @@ class ContactProblem(ReadOnly):
 
         return call
 
-    def _answers_at(
-        self, x: PETSc.Vec
-    ) -> tuple[Callable[[float], Uniqueness], Callable[[], Theory]]:
-        """Questions to the problem as it was solved, its memory included."""
-        eq = self.equations
-        values = x.array_r.copy()
-        mark = mark_of_data(eq)
-        known: dict[float, Uniqueness] = {}
+    @collective("uniqueness", check_seconds)
+    def uniqueness(self, *, state: State | None = None, proof_seconds: float = 0.0) -> Uniqueness:
+        """Whether a solution is the only one of the problem as it is now. Collective.
 
-        def as_solved(ask: Callable[[PETSc.Vec], Answer]) -> Answer:
-            y = self.create_vector()
-            y.array[:] = values
+        A linear body in 2D with contact at its nodes is condensed onto these nodes, which takes two
+        solves for each, and the certificate of one point is tried; without friction it holds up to
+        round-off. If it fails and another solution is found quickly, the answer contains that
+        solution, and a warning is logged. The same holds in 3D with friction, up to 128 points;
+        otherwise, up to some hundred points, the weaker criterion of Renard is used
+        (`analysis.renard_criterion`), and where no certificate applies, without Coulomb's friction,
+        the theorems of `theory`. Nothing is proved where the sliding is not small
+        (`Result.warnings`): the problem that was solved is then not that of the displaced bodies.
+
+        Args:
+            state: solution; by default the Functions as they are.
+            proof_seconds: time for a proof by branch and bound where the certificate of one point
+                fails. If it is positive, Renard's criterion is computed for any number of points.
+
+        Raises:
+            ValueError: on every rank, if the state is not a solution of the problem as it is now,
+                the seconds are negative or differ between ranks, or the data are not admissible.
+        """
+        with self.at(state) as problem:
+            eq = problem.equations
+            x = problem.create_vector()
+            problem.write(x)
             try:
-                check_data(eq, y)
-                return ask(y)
+                check_data(eq, x)
+                evaluation = problem.evaluate()
+                require_solution(eq, evaluation)
+                found = uniqueness(
+                    eq, problem._linear, x, evaluation, proof_seconds, problem.state_at
+                )
+                doubt = small_sliding_violated(eq, evaluation) if found.verdict == "proved" else ""
+                return Uniqueness("not proved", doubt) if doubt else found
             finally:
-                y.destroy()
+                x.destroy()
 
-        def decided(y: PETSc.Vec, seconds: float) -> Uniqueness:
-            # A state may solve problems of other data too: open points know of no friction.
-            if self.comm.allreduce(mark_of_data(eq) != mark, op=max):
-                return Uniqueness("not proved", OTHER_DATA)
-            return uniqueness(eq, self._linear, y, seconds)
+    def theory(self) -> Theory:
+        """What theorems prove of the solutions of the problem with its present data. Collective.
 
-        def prove(seconds: float) -> Uniqueness:
-            seconds = checked_seconds(self.comm, seconds)
-            if seconds in known:
-                return known[seconds]
-            found = as_solved(lambda y: decided(y, seconds))
-            if found.reason != OTHER_DATA:
-                known[seconds] = found
-            return found
-
-        return prove, lambda: as_solved(lambda _: theory_of(eq))
+        Raises:
+            ValueError: on every rank, if the data are not admissible.
+        """
+        x = self.create_vector()
+        self.write(x)
+        try:
+            check_data(self.equations, x)
+            return theory_of(self.equations)
+        finally:
+            x.destroy()
 
     def reduced(self) -> PointProblem:
         """The problem on its contact points alone, the same on every rank. Collective.

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from dolfinx_contact.continuation.affine import AffineSystem
     from dolfinx_contact.continuation.system import Proof, RayProof
     from dolfinx_contact.equations.contact import ContactEquations
+    from dolfinx_contact.equations.evaluation import Evaluation
+    from dolfinx_contact.equations.state import State
     from dolfinx_contact.reduced.reduction import Reduction
     from dolfinx_contact.results.uniqueness import Theory, Uniqueness
     from dolfinx_contact.solvers.linear import LinearSolver
@@ -63,8 +65,10 @@ def uniqueness(
     equations: ContactEquations,
     linear: Callable[[], LinearSolver],
     x: PETSc.Vec,
+    state: Evaluation,
     seconds: float,
+    state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:
     """See `analysis.contact`."""
-    found: Uniqueness = _analysis().uniqueness(equations, linear, x, seconds)
+    found: Uniqueness = _analysis().uniqueness(equations, linear, x, state, seconds, state_at)
     return found

@@ -1259,6 +1259,7 @@ def sliding_and_rest():
     modes = sliding.modes(0.3).eigenvalues
     modes = modes[np.argsort(modes.imag.round(9), kind="stable")]
     problem = block(3, motion=(0.004, -0.01), options=TIGHT).problem
+    problem.solve()
     at_rest = stability_at_rest(problem, density=1.0)
     return {
         "solved": {"real": modes.real.tolist(), "imaginary": modes.imag.tolist()},

@@ -384,8 +384,8 @@ ON_TWO = {
     ),
     "test_two_parameters": ("one_element", "what_is_refused", "a_chart_in_a_file"),
     "test_uniqueness": (
-        *("the_only_solution_in_space", "summary_says_so_where_it_was_asked", "theory"),
-        *("no_theory_of_a_result_of_a_branch", "seconds_that_are_none"),
+        *("the_only_solution_in_space", "summary_with_and_without_a_verdict", "theory"),
+        *("of_a_point_of_a_branch", "seconds_that_are_none"),
         "other_friction_under_open_points",
     ),
     "test_vtk": ("fields_as_vtk", "formats"),

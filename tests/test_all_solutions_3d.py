@@ -242,13 +242,16 @@ def test_others_exist(caplog):
     """Of three solutions one is found, and another one beside it."""
     system = demo_proofs_3d.body(demo_proofs_3d.arguments([]), COMM)
     problem = system.problem
-    result = problem.solve()
-    assert result.unique == "others exist"
-    other = result.uniqueness().other
+    problem.solve()
+    answer = problem.uniqueness()
+    assert answer.verdict == "others exist"
     found = find_solutions(system, [system.create_vector()], 1.0)
     assert found.complete
     x = system.create_vector()
     problem.write(x)
+    problem.restore(answer.other)
+    other = system.create_vector()
+    problem.write(other)
     for state in (x, other):
         near = [(s.x - state).norm() <= 1e-7 * state.norm() for s in found.found]
         assert sum(near) == 1
@@ -260,8 +263,9 @@ def test_others_exist(caplog):
 def test_unique_by_search():
     """Where the certificate does not hold and no other solution is found, time helps."""
     words = ["--cells", "4", "2", "--load", "-1", ".2", "-.3", "--friction", "2"]
-    result = demo_proofs_3d.body(demo_proofs_3d.arguments(words), COMM).problem.solve()
-    assert result.unique == "not proved"
-    found = result.uniqueness(proof_seconds=60.0)
+    problem = demo_proofs_3d.body(demo_proofs_3d.arguments(words), COMM).problem
+    problem.solve()
+    assert problem.uniqueness().verdict == "not proved"
+    found = problem.uniqueness(proof_seconds=60.0)
     assert found.verdict == "proved"
     assert "a proof of" in found.reason

@@ -406,11 +406,22 @@ def test_a_load_that_depends_on_the_solution_is_said(caplog):
 
 
 def test_a_proof_is_of_the_step_that_was_taken():
-    """Asked later, the memory is that of the step; the data of an earlier one are gone."""
+    """A state knows the memory of its step; under the data of another one it is not a solution."""
     problem, top = dragged()
-    history = QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 2.0])
-    assert [s.result.unique for s in history.steps] == ["not proved", "proved"]
-    assert "data have changed" in history.steps[0].result.uniqueness().reason
+    load = cycle(top)
+    states = [problem.snapshot()]
+    for time in (1.0, 2.0):
+        load(time)
+        step = problem.step_from(states[-1])
+        step.solve()
+        states.append(step.snapshot())
+    assert problem.uniqueness(state=states[2]).verdict == "proved"
+    assert step.uniqueness().verdict == "proved"
+    for ask in (problem.uniqueness, lambda: problem.uniqueness(state=states[1])):
+        with pytest.raises(
+            ValueError, match="not a solution of the problem as it is now: residual"
+        ):
+            ask()
 
 
 @pytest.mark.verifies(

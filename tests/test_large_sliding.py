@@ -615,7 +615,8 @@ def test_algorithms():
         size = np.abs(table.force).max()
         np.testing.assert_allclose(found.force, table.force, rtol=0, atol=tolerance * size)
     steel = block(disc, material=STEEL, sliding="large")
-    assert steel.solve().unique == "not proved"
+    steel.solve()
+    assert steel.uniqueness().verdict == "not proved"
     with pytest.raises(ValueError, match="the reduced problem needs small sliding"):
         steel.reduced()
     with pytest.raises(ValueError, match="this algorithm needs a body that is linear"):

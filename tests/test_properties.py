@@ -115,7 +115,7 @@ def the_only(model, found):
 
     Of these friction is little: no case with several solutions was found.
     """
-    return model.case.law in ("compliance", "own") or found.result.unique == "proved"
+    return model.case.law in ("compliance", "own") or model.problem.uniqueness().verdict == "proved"
 
 
 def stays_under_places(case, place):

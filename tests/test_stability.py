@@ -61,16 +61,46 @@ def test_labels_of_one_node(damping):
     assert labels["-"].border == 1
 
 
-def pressed(problem, friction, codes, sense, part=1.0):
-    """Put a state of uniform pressure at rest into the Functions, its shear at the bound."""
-    s = problem.surfaces[0]
-    dim = problem.V.mesh.geometry.dim
-    shear = np.zeros(dim)
-    shear[0] = -sense * friction * part
-    shear[-1] = 1.0
-    s.multiplier.x.array[:] = np.tile(shear, len(s.multiplier.x.array) // dim)
-    restore_statuses(problem, codes)
-    return problem
+class Pressed:
+    """A body at rest under a load that balances a uniform pressure and a shear at the bound.
+
+    The undeformed body is a solution; statuses are those that are given.
+
+    Attributes:
+        problem: the contact problem.
+        load: load on the contact nodes, a stress.
+    """
+
+    def __init__(self, unloaded, friction, codes, sense, part=1.0):
+        (surface,) = unloaded.surfaces
+        dim = unloaded.V.mesh.geometry.dim
+        self.load = fem.Function(unloaded.V)
+        # Nodal forces, as those of contact; with a uniform load the exact integral is the same.
+        rule = {"quadrature_rule": "vertex", "quadrature_degree": 1} if dim == 2 else {}
+        bottom = np.sort(surface.submesh.parent_facets)
+        tags = mesh.meshtags(unloaded.V.mesh, dim - 1, bottom, np.ones_like(bottom))
+        ds = ufl.Measure("ds", unloaded.V.mesh, subdomain_data=tags, metadata=rule)
+        energy = unloaded.energy - ufl.dot(self.load, unloaded.u) * ds(1)
+        contacts, bcs = unloaded.contacts, unloaded.bcs
+        self.problem = ContactProblem(energy, unloaded.u, contacts, bcs=bcs)
+        (self.surface,) = self.problem.surfaces
+        shear = np.zeros(dim)
+        shear[0] = -sense * friction * part
+        shear[-1] = 1.0
+        if friction:
+            self.surface.law.friction.value = friction
+        self.put(np.tile(shear, (len(self.surface.multiplier.x.array) // dim, 1)), codes)
+
+    def put(self, traction, codes):
+        """Put tractions at the multiplier nodes into the Functions, and the load against them."""
+        self.surface.multiplier.x.array[:] = traction.reshape(-1)
+        nodes = self.surface.points.trace_dofs
+        self.load.x.array.reshape(-1, traction.shape[1])[nodes] = -traction
+        restore_statuses(self.problem, codes)
+
+
+def pressed(*args, **given):
+    return Pressed(*args, **given).problem
 
 
 @pytest.mark.verifies(
@@ -81,7 +111,6 @@ def test_slip_of_one_sign():
     critical = critical_friction(leaning(3)).friction
     for part, label in ((0.98, "stable"), (1.02, "unstable")):
         problem = pressed(leaning(3), part * critical, MINUS, -1.0)
-        problem.surfaces[0].law.friction.value = part * critical
         found = stability_at_rest(problem, density=1.0)
         assert (found.label, found.border) == (label, 4)
     onset = SteadySliding(problem, (-1.0, 0.0), density=1.0).modes(part * critical)
@@ -92,14 +121,12 @@ def test_slip_of_one_sign():
 def test_other_way():
     """The same pressure with the shear of the other sense stays."""
     problem = pressed(leaning(3), 2.0, PLUS, 1.0)
-    problem.surfaces[0].law.friction.value = 2.0
     assert stability_at_rest(problem, density=1.0).label == "stable"
 
 
 def test_inside_the_cone():
     """With the shear below its bound all points stick, and nothing can grow."""
     problem = pressed(leaning(3), 2.0, STICK, -1.0, part=0.9)
-    problem.surfaces[0].law.friction.value = 2.0
     found = stability_at_rest(problem, density=1.0)
     assert (found.label, found.border, found.pieces) == ("stable", 0, 0)
 
@@ -107,23 +134,22 @@ def test_inside_the_cone():
 def test_stuck_neighbours():
     """Where only some points may slip, the others hold them longer."""
     critical = critical_friction(leaning(3)).friction
-    problem = pressed(leaning(3), 1.02 * critical, MINUS, -1.0)
-    s = problem.surfaces[0]
-    s.law.friction.value = 1.02 * critical
-    inner = s.positions[:, 0] > 0.4
-    traction = s.multiplier.x.array.reshape(-1, 2)
-    x = s.points.Q.tabulate_dof_coordinates()[:, 0]
-    traction[x > 0.4, 0] *= 0.5
-    codes = np.where(inner, STICK, MINUS)
-    restore_statuses(problem, codes)
+    body = Pressed(leaning(3), 1.02 * critical, MINUS, -1.0)
+    problem = body.problem
+    s = body.surface
+    codes = np.where(s.positions[:, 0] > 0.4, STICK, MINUS)
+    part = np.where(s.points.Q.tabulate_dof_coordinates()[:, 0] > 0.4, 0.5, 1.0)
+    traction = s.multiplier.x.array.reshape(-1, 2).copy()
+    shear = traction[:, 0].copy()
+    traction[:, 0] = part * shear
+    body.put(traction, codes)
     found = stability_at_rest(problem, density=1.0)
     assert (found.label, found.border) == ("stable", 2)
-    s.law.friction.value = 0.0
-    critical = critical_friction(problem, "solution").friction  # along the slip: negative
-    friction = 1.05 * abs(critical)
-    traction[:, 0] = np.where(x > 0.4, 0.5, 1.0) * friction
-    restore_statuses(problem, codes)
+    alone = critical_friction(problem, "solution").friction  # along the slip: negative
+    friction = 1.05 * abs(alone)
     s.law.friction.value = friction
+    traction[:, 0] = part * friction * np.sign(shear)
+    body.put(traction, codes)
     assert stability_at_rest(problem, density=1.0).label == "unstable"
 
 
@@ -152,9 +178,8 @@ def test_3d():
         friction = part * abs(critical)
         problem = pressed(block(1, friction=friction), friction, PLUS, sense)
         assert stability_at_rest(problem, density=1.0).label == label
-    assert (
-        stability_at_rest(pressed(problem, friction, PLUS, -sense), density=1.0).label == "stable"
-    )
+    problem = pressed(block(1, friction=friction), friction, PLUS, -sense)
+    assert stability_at_rest(problem, density=1.0).label == "stable"
     found = stability_at_rest(block(1), density=1.0)
     assert found.label == "not decided"
 
@@ -190,11 +215,18 @@ class Column:
         self.V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
         u = fem.Function(self.V)
         v = ufl.TestFunction(self.V)
-        tags = mesh.meshtags(domain, 1, np.sort(top), np.ones(len(top), dtype=np.int32))
+        both = np.concatenate([top, bottom])
+        numbers = np.repeat(np.array([1, 2], dtype=np.int32), [len(top), len(bottom)])
+        order = np.argsort(both)
+        tags = mesh.meshtags(domain, 1, both[order], numbers[order])
         ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
+        #: Load on the contact nodes, a stress.
+        self.push = fem.Function(self.V)
+        nodal = ds(2, metadata={"quadrature_rule": "vertex", "quadrature_degree": 1})
         self.P = fem.Constant(domain, 0.0)
         self.top = fem.Constant(domain, np.zeros(2))
         F = ufl.derivative(NeoHookean(*lame(1000.0, poisson)).energy(u) * ufl.dx, u, v)
+        F -= ufl.dot(self.push, v) * nodal
         bcs = []
         if load == "follows":
             turned = ufl.cofac(ufl.Identity(2) + ufl.grad(u)) * ufl.FacetNormal(domain)
@@ -297,7 +329,10 @@ def test_euler_and_beck():
     codes = np.where(np.isclose(surface.positions[:, 0], 0.0), PLUS, problem.statuses[0])
     traction = surface.multiplier.x.array.reshape(-1, 2)
     corner = np.isclose(surface.points.Q.tabulate_dof_coordinates()[:, 0], 0.0)
-    traction[corner, 0] = -friction * traction[corner, 1]
+    change = -friction * traction[corner, 1] - traction[corner, 0]
+    traction[corner, 0] += change
+    nodes = surface.points.trace_dofs[np.flatnonzero(corner)]
+    column.push.x.array.reshape(-1, 2)[nodes, 0] = -change
     restore_statuses(problem, codes)
     found = stability_at_rest(problem, density=1.0)
     assert (found.label, found.border) == ("not decided", 1)
@@ -310,11 +345,14 @@ def test_no_resistance():
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
     bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
-    for law, label in ((Frictionless(), "not decided"), (Coulomb(0.5), "stable")):
+    for law, code, label in (
+        (Frictionless(), PLUS, "not decided"),
+        (Coulomb(0.5), STICK, "stable"),
+    ):
         floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
-        energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx + 0.01 * u[1] * ufl.dx
+        energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
         problem = ContactProblem(energy, u, [floor])
-        pressed(problem, 0.0, STICK, 0.0)
+        problem = pressed(problem, 0.0, code, 0.0)
         found = stability_at_rest(problem, density=1.0)
         assert (found.label, found.border) == (label, 0)
     assert stability_at_rest(problem, density=1.0).growth == 0

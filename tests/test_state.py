@@ -11,7 +11,14 @@ from blocks import block
 from test_evolution import dragged, put
 
 from dolfinx_contact import State
+from dolfinx_contact.analysis import (
+    SteadySliding,
+    critical_friction,
+    renard_criterion,
+    stability_at_rest,
+)
 from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.io import write_fields
 
 COMM = MPI.COMM_WORLD
 
@@ -139,3 +146,61 @@ def test_evaluators_use_the_law_of_the_step_that_ended_in_the_state():
     np.testing.assert_array_equal(again.increment, table.increment)
     static = problem.table(s)
     np.testing.assert_array_equal(static.increment, static.ut)
+
+
+def test_results_can_be_pickled():
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    result = problem.solve()
+    copy = pickle.loads(pickle.dumps(result))
+    assert copy.summary() == result.summary()
+    assert str(copy) == str(result)
+    (table,) = copy.tables.values()
+    np.testing.assert_array_equal(table.force, result.tables["contact"].force)
+
+
+def test_questions_about_a_state_are_about_the_problem_as_it_is_now():
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+    assert problem.uniqueness().verdict == "proved"
+    move(0.02, -0.02)
+    words = r"not a solution of the problem as it is now: residual \d\.\de[+-]\d+ \(allowed 1e-06\)"
+    ask = (
+        problem.uniqueness,
+        lambda: problem.uniqueness(state=state),
+        lambda: stability_at_rest(problem, density=1.0),
+        lambda: renard_criterion(problem),
+        lambda: critical_friction(problem, "solution"),
+        lambda: SteadySliding(problem, "solution", density=1.0),
+    )
+    for question in ask:
+        with pytest.raises(ValueError, match=words):
+            question()
+    assert critical_friction(problem).friction is not None
+    assert problem.theory().exists
+    # Another friction is another problem: the answer is for that one.
+    problem.solve()
+    problem.surfaces[0].law.friction.value = 0.0
+    with pytest.raises(ValueError, match=words):
+        problem.uniqueness()
+    problem.solve()
+    assert problem.uniqueness().verdict == "proved"
+
+
+def test_files_of_a_state(tmp_path):
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+    folder = COMM.bcast(tmp_path)
+    before = write_fields(folder / "before", problem, format="vtk")
+    move(-0.02, -0.03)
+    problem.solve()
+    values = functions(problem)
+    after = write_fields(folder / "after", problem, state=state, format="vtk")
+    assert same(functions(problem), values)
+    if COMM.rank == 0:
+        for a, b in zip(before, after, strict=True):
+            assert a.read_bytes() == b.read_bytes()

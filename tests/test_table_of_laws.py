@@ -75,7 +75,7 @@ def test_what_works(row):
     result = problem.solve()
     known = result.tables["contact"]
     assert pivots(problem) == (pivoting == "2D")
-    reason = result.uniqueness().reason
+    reason = problem.uniqueness().reason
     assert ("proofs are for the laws of Coulomb and Tresca" in reason) == (proofs == "no")
     assert refused(problem.reduced, ValueError) == (points == "no")
 

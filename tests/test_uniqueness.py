@@ -28,7 +28,6 @@ from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
-from dolfinx_contact.results.uniqueness import OTHER_DATA
 
 COMM = MPI.COMM_WORLD
 ORACLE = json.loads((Path(__file__).parent / "data" / "blocks.json").read_text())
@@ -70,10 +69,10 @@ def all_solutions(problem):
 def test_the_only_solution(make):
     """The certificate of one point and the proof of all solutions say the same."""
     problem = make()
-    result = problem.solve()
+    problem.solve()
     x = problem.create_vector()
     problem.write(x)
-    assert result.unique == "proved"
+    assert problem.uniqueness().verdict == "proved"
     found = all_solutions(problem)
     assert found.complete
     (one,) = found.found
@@ -93,19 +92,19 @@ def test_the_only_solution(make):
 def test_the_only_solution_in_space(case):
     """The certificate of one point, which is proved with round-off, and the criterion agree."""
     problem = oracle_block(case)
-    result = problem.solve()
-    assert result.unique == "proved"
-    assert result.uniqueness().reason == "the certificate of one point"
+    problem.solve()
+    found = problem.uniqueness()
+    assert (found.verdict, found.reason) == ("proved", "the certificate of one point")
     assert 3 < renard_criterion(problem).factor < 4
 
 
 def test_a_proof_in_space_beyond_the_criterion():
     """All points slip; the criterion holds up to F = 0.9, the certificate has bounds as well."""
     problem = block(n=4, cell="hex", law=Coulomb(1.5), top=(0.05, 0.0, -0.01))
-    result = problem.solve()
+    problem.solve()
     assert renard_criterion(problem).factor < 1
-    assert result.unique == "proved"
-    assert result.uniqueness().reason == "the certificate of one point"
+    found = problem.uniqueness()
+    assert (found.verdict, found.reason) == ("proved", "the certificate of one point")
     assert all_solutions(problem).complete
 
 
@@ -114,18 +113,17 @@ def test_no_proof_in_space_of_a_body_that_gives_way():
     held = block(n=2, cell="hex")
     energy = LinearElastic.from_young(1000.0, 0.3).energy(held.u) - 500 * ufl.dot(held.u, held.u)
     problem = ContactProblem(energy * ufl.dx, held.u, held.contacts, bcs=held.bcs)
-    found = problem.solve().uniqueness()
+    problem.solve()
+    found = problem.uniqueness()
     assert found.verdict == "not proved"
     assert "positive definite" in found.reason
 
 
-def test_summary_says_so_where_it_was_asked():
-    """It does not ask: that takes all ranks, and a summary may be wanted on one."""
-    result = block(n=4).solve()
-    if COMM.rank == 0:
-        assert "unique" not in result.summary()
-    assert result.unique == "proved"
-    assert result.summary()["unique"] == "proved"
+def test_summary_with_and_without_a_verdict():
+    problem = block(n=4)
+    result = problem.solve()
+    assert "unique" not in result.summary()
+    assert result.summary(problem.uniqueness())["unique"] == "proved"
 
 
 @pytest.mark.parametrize(
@@ -153,7 +151,7 @@ def test_summary_says_so_where_it_was_asked():
     ),
 )
 def test_theory(kind, law, exists, unique, words):
-    theory = block(law=law, **kind).solve().theory()
+    theory = block(law=law, **kind).theory()
     assert (theory.exists, theory.unique) == (exists, unique)
     assert words in theory.reason
 
@@ -165,11 +163,12 @@ def test_theory(kind, law, exists, unique, words):
 def test_theory_on_a_curved_obstacle(sliding, unique, words):
     """In large sliding the displacements without penetration are no convex set."""
     disc = Sphere((0.5, -3.0), 3.0)
-    result = block(law=Frictionless(), obstacle=disc, sliding=sliding).solve()
-    theory = result.theory()
+    problem = block(law=Frictionless(), obstacle=disc, sliding=sliding)
+    theory = problem.theory()
     assert (theory.exists, theory.unique) == (unique, unique)
     assert words in theory.reason
-    assert (result.unique == "proved") == unique
+    problem.solve()
+    assert (problem.uniqueness().verdict == "proved") == unique
 
 
 @pytest.mark.parametrize("law", [Frictionless(), Tresca(2.0)])
@@ -185,7 +184,9 @@ def test_theory_on_a_curved_obstacle(sliding, unique, words):
 )
 def test_theory_proves_in_space(law):
     """No certificate, but a strictly convex energy."""
-    found = block(n=2, cell="hex", law=law).solve().uniqueness()
+    problem = block(n=2, cell="hex", law=law)
+    problem.solve()
+    found = problem.uniqueness()
     assert found.verdict == "proved"
     assert "least energy" in found.reason
 
@@ -202,12 +203,18 @@ def test_theory_looks_at_the_stiffness(soft, unique):
     assert unique or "positive definite" in theory.reason
 
 
-def test_no_theory_of_a_result_of_a_branch():
+def test_of_a_point_of_a_branch():
     system = linear_triangle(4, 1.7)
-    x = system.create_vector()
-    result = system.result_at(find_solutions(system, [x], 1.0).points(system)[0])
-    with pytest.raises(ValueError, match="results of ContactProblem"):
-        result.theory()
+    found = find_solutions(system, [system.create_vector()], 1.0)
+    system.set_parameter(1.0)
+    before = [f.x.array.copy() for f in system.problem.fields]
+    for point in found.points(system):
+        state = system.state_at(point)
+        assert state.gamma == 1.0
+        verdict = system.problem.uniqueness(state=state).verdict
+        assert (verdict == "proved") == (len(found.found) == 1)
+    for f, values in zip(system.problem.fields, before, strict=True):
+        np.testing.assert_array_equal(f.x.array, values)
 
 
 @pytest.mark.parametrize("value", [np.nan, -1.0])
@@ -218,9 +225,10 @@ def test_nothing_is_proved_of_bad_friction(value):
         friction.append(fem.Constant(domain, 0.3))
         return Coulomb(friction[0])
 
-    result = linear_triangle(2, 0.3, law=law).problem.solve()
+    problem = linear_triangle(2, 0.3, law=law).problem
+    problem.solve()
     friction[0].value = value
-    for ask in (result.theory, result.uniqueness):
+    for ask in (problem.theory, problem.uniqueness):
         with pytest.raises(ValueError, match="friction"):
             ask()
 
@@ -231,7 +239,7 @@ def test_nothing_is_proved_of_bad_friction(value):
     aspects=("2D", "proofs"),
 )
 def test_other_friction_under_open_points():
-    """Where nothing touches, the state solves the problem of any friction: that is another."""
+    """Where nothing touches, the state solves the problem of any friction; the answer is for it."""
     friction = []
 
     def law(domain):
@@ -247,22 +255,19 @@ def test_other_friction_under_open_points():
     system.problem.read(apart.x)
     result = system.problem.solve()
     assert result.counts["stick"] == result.counts["slip"] == 0
+    assert system.problem.uniqueness().verdict == "others exist"
     friction[0].value = 0.1
-    assert result.uniqueness().reason == OTHER_DATA
-    friction[0].value = 2.5
-    assert result.unique == "others exist"
-    friction[0].value = 0.1
-    assert result.unique == "others exist"  # kept
-    assert system.problem.solve().unique == "proved"
+    assert system.problem.uniqueness().verdict == "proved"
 
 
 def test_seconds_that_are_none():
-    result = block(n=2).solve()
-    assert result.uniqueness(proof_seconds=1.0).verdict == "proved"
+    problem = block(n=2)
+    problem.solve()
+    assert problem.uniqueness(proof_seconds=1.0).verdict == "proved"
     ranks = [1.0 + COMM.rank] if COMM.size > 1 else []
     for seconds in (np.nan, -1.0, True, "a", None, *ranks):
         with pytest.raises(ValueError, match="seconds"):
-            result.uniqueness(proof_seconds=seconds)
+            problem.uniqueness(proof_seconds=seconds)
 
 
 @pytest.mark.each_value
@@ -279,10 +284,8 @@ def test_nothing_but_round_off(cell, start, caplog):
     assert result.kkt_violation <= 1e-9
     assert result.imbalance <= 1e-9
     assert not caplog.records
-    found = result.uniqueness(proof_seconds=1.0)
-    if cell == "tri":
-        assert found.reason != OTHER_DATA
-    else:
+    found = problem.uniqueness(proof_seconds=1.0)
+    if cell == "hex":
         assert found.verdict == "proved"
     if start == 0.01:
         QuasiStatic(problem, lambda t: None).run([0.0, 1.0])

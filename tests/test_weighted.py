@@ -178,10 +178,10 @@ def test_no_second_solution_where_there_is_proof():
 def test_result_of_a_body():
     """Weights reach a friction at which the criterion without them fails."""
     problem = body(n=4, cell="hex", law=Coulomb(1.5), top=(0.05, 0.0, -0.01))
-    result = problem.solve()
+    problem.solve()
     assert renard_criterion(problem).factor < 1
     assert renard_criterion(problem, weights=True).factor > 1
-    assert result.unique == "proved"
+    assert problem.uniqueness().verdict == "proved"
 
 
 def test_bad_input():

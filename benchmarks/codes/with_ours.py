@@ -202,7 +202,7 @@ def solve(p, settings):
         "steps": sum(bool(r.converged) for r in found),
         "iterations": int(sum(r.iterations for r in found)),
         "seconds": seconds,
-        "unique": found[-1].unique,
+        "unique": None if p.density else problem.uniqueness().verdict,
     }
     if law:
         record["law"] = law

@@ -24,12 +24,12 @@ from dolfinx_contact.analysis.uniqueness import OnlySolution, is_only
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
-from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import JacobianSolver, ParametricEquations
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca, status
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense, obstacle_in_space
-from dolfinx_contact.results.uniqueness import OTHER_DATA, Uniqueness
+from dolfinx_contact.results.uniqueness import Uniqueness
 
 __all__ = [
     "obstacle_to_proof",
@@ -43,7 +43,6 @@ Codes = npt.NDArray[np.int8]
 
 logger = logging.getLogger(__name__)
 
-_SOLVED = 1e-6  # relative residual up to which a state is a solution of the present data
 _MOST_PROVED = 128  # in 3D, for the certificate of one point
 _MOST_POINTS = 300  # in 3D, for an eigenproblem that is not requested
 _EFFORT = 60  # of a search for weights in 3D
@@ -133,35 +132,38 @@ def uniqueness(
     equations: ContactEquations,
     linear: Callable[[], JacobianSolver],
     x: PETSc.Vec,
+    state: Evaluation,
     seconds: float,
+    state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:
     """Whether a solution is the only one, with the data as they are. Collective.
 
     Args:
-        equations: of the problem.
-        linear: gives its linear solver.
-        x: the solution.
-        seconds: for more than the certificate of one point: in 2D a proof by branch and bound, in
-            3D too, and where the body is not reduced an eigenproblem of any size, and weights of
-            one that is dense.
+        equations: contact problem.
+        linear: function that returns its linear solver.
+        x: solution.
+        state: evaluation of the solution.
+        seconds: time for more than the certificate of one point: a proof by branch and bound, and
+            where the body is not reduced an eigenproblem of any size, with weights if it is dense.
+        state_at: function that returns the State of unknowns.
     """
     if not equations.linear:
         return Uniqueness("not proved", "proofs are for linear bodies and small sliding")
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
-    b = equations.create_vector()
     try:
-        state = equations.residual(x, b)
-        if not Scales(equations, settled=True).measure(state).worst <= _SOLVED:
-            return Uniqueness("not proved", OTHER_DATA)
         if equations.dim == 2:
-            return _in_plane(system, x, seconds)
-        return _in_space(system, x, state, seconds)
+            return _in_plane(system, x, seconds, state_at)
+        return _in_space(system, x, state, seconds, state_at)
     finally:
-        b.destroy()
         system.destroy()
 
 
-def _in_plane(system: ParametricEquations, x: PETSc.Vec, seconds: float) -> Uniqueness:
+def _in_plane(
+    system: ParametricEquations,
+    x: PETSc.Vec,
+    seconds: float,
+    state_at: Callable[[PETSc.Vec], State],
+) -> Uniqueness:
     """By the certificate of one point. Collective."""
     equations: ContactEquations = system.equations
     condensed: Reduction | None = None
@@ -173,7 +175,7 @@ def _in_plane(system: ParametricEquations, x: PETSc.Vec, seconds: float) -> Uniq
             return _by_theory(equations, obstacle)
         codes = condensed.codes(system.piece_at(x, 0.0))
         return _among_points(
-            condensed, x, lambda problem: is_only(problem, codes, proof_seconds=seconds)
+            condensed, x, lambda problem: is_only(problem, codes, proof_seconds=seconds), state_at
         )
     finally:
         if condensed is not None:
@@ -181,17 +183,22 @@ def _in_plane(system: ParametricEquations, x: PETSc.Vec, seconds: float) -> Uniq
 
 
 def _among_points(
-    condensed: Reduction, x: PETSc.Vec, decide: Callable[[ReducedProblem], OnlySolution]
+    condensed: Reduction,
+    x: PETSc.Vec,
+    decide: Callable[[ReducedProblem], OnlySolution],
+    state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:
-    """What is decided of the reduced problem, with another solution if there is one. Collective."""
+    """Decision on the reduced problem, with another solution if there is one. Collective."""
     problem = _within_errors(condensed, 0.0)
     if problem is None:
         return Uniqueness("not proved", "the errors of the factorisation are too large")
     found = on_root(condensed.comm, lambda: decide(problem))
     if found.other is None:
         return Uniqueness(found.verdict, found.reason)
-    other = x.duplicate()
-    condensed.expand(found.other[1], 0.0, other)
+    y = x.duplicate()
+    condensed.expand(found.other[1], 0.0, y)
+    other = state_at(y)
+    y.destroy()
     letters = status.word(found.other[0], problem.dim)
     if condensed.comm.rank == 0:
         logger.warning("the solution is not the only one: there is another, %s", letters)
@@ -199,7 +206,11 @@ def _among_points(
 
 
 def _in_space(
-    system: ParametricEquations, x: PETSc.Vec, state: Evaluation, seconds: float
+    system: ParametricEquations,
+    x: PETSc.Vec,
+    state: Evaluation,
+    seconds: float,
+    state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:
     """By the certificate of one point, else by Renard's criterion, else by theorems. Collective."""
     equations: ContactEquations = system.equations
@@ -214,7 +225,10 @@ def _in_space(
             return _by_criterion(equations, state, seconds)
         w = condensed.contract(x)
         found = _among_points(
-            condensed, x, lambda problem: is_only_in_space(problem, w, proof_seconds=seconds)
+            condensed,
+            x,
+            lambda problem: is_only_in_space(problem, w, proof_seconds=seconds),
+            state_at,
         )
     finally:
         condensed.destroy()

@@ -48,6 +48,7 @@ from dolfinx_contact.analysis.rows import Problem, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.analysis.slip_modes import SlipModes
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
 from dolfinx_contact.solvers.davidson import Davidson
 from dolfinx_contact.solvers.held_multigrid import HeldMultigrid, have_own_nodes
@@ -191,6 +192,8 @@ def critical_friction(
     """
     eq = static_equations(problem)
     state = problem.evaluate()
+    if isinstance(direction, str):
+        require_solution(eq, state)
     slip = Slip(eq, SlipPattern.of(eq, direction, state, by_law=True), hold_across=True)
     slip.require_held()
     operator = _PressureByShear(eq, slip, state.u, solver)

@@ -50,6 +50,7 @@ from dolfinx_contact.analysis.rows import (
 from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
 from dolfinx_contact.results.indicators import small_sliding_violated
 
@@ -127,6 +128,8 @@ def renard_criterion(
     require_nodes(eq)
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
     state = problem.evaluate()
+    if directions is None:
+        require_solution(eq, state)
     effort = _EFFORT if weights else 0
     found = criterion_at(
         eq, state, directions=directions, dense=dense or (weights or None), effort=effort

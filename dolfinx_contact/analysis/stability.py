@@ -57,6 +57,7 @@ from dolfinx_contact.analysis.rows import (
 from dolfinx_contact.analysis.vibrations import Body, body_of, damped, null_space, on_root_dense
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.laws import Coulomb, Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 from dolfinx_contact.reduced.held_body import (
@@ -146,6 +147,7 @@ def stability_at_rest(
         message = f"{s.name}: stability at rest is for Coulomb's friction or none, not {s.law.name}"
         require(eq.comm, known, message)
     state = problem.evaluate()
+    require_solution(eq, state)
     doubt = small_sliding_violated(eq, state)
     if doubt:
         return Stability("not decided", 0.0, 0, 0, doubt)

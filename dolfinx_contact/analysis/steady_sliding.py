@@ -42,6 +42,7 @@ from dolfinx_contact.analysis.vibrations import (
     is_number,
     require_positive,
 )
+from dolfinx_contact.equations.measures import require_solution
 
 __all__ = ["Onset", "SlidingModes", "SteadySliding"]
 
@@ -141,6 +142,8 @@ class SteadySliding(ReadOnly):
         self._eq = eq
         self.comm = eq.comm
         state = problem.evaluate()
+        if isinstance(direction, str):
+            require_solution(eq, state)
         pattern = SlipPattern.of(eq, direction, state)
         self._slip = Slip(eq, pattern, hold_across=hold_across)
         self._body = body_of(eq, state.u, density, damping)

@@ -24,8 +24,9 @@ from dolfinx_contact.points.surface import DiscreteSurface
 
 Array = npt.NDArray[np.float64]
 
-__all__ = ["Measures", "Scales", "held_back", "least_scales"]
+__all__ = ["Measures", "Scales", "held_back", "least_scales", "require_solution"]
 
+_SOLVED = 1e-6  # residual up to which a state counts as a solution
 _NOTHING = 1e-12  # of the body's size, a displacement that is none
 
 
@@ -106,6 +107,25 @@ class Scales:
             self.force, self.length = max(self.force, none[0]), max(self.length, none[1])
         force_scale = max(self.force, eq.round_off_force(self.length))
         return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
+
+
+def require_solution(equations: ContactEquations, state: Evaluation) -> None:
+    """Raise ``ValueError`` unless a state solves the problem as it is now. Collective.
+
+    A question about a solution has no meaning elsewhere, for example after data have changed.
+
+    Args:
+        equations: contact problem.
+        state: evaluation of the state, with the rows of H.
+    """
+    tolerance = equations.options.value("snes_rtol")
+    allowed = max(_SOLVED, 10.0 * float(tolerance or 0.0))
+    residual = Scales(equations, settled=True).measure(state).worst
+    if not residual <= allowed:
+        raise ValueError(
+            f"not a solution of the problem as it is now: residual {residual:.1e} "
+            f"(allowed {allowed:.0e})"
+        )
 
 
 def held_back(s: DiscreteSurface, found: ContactState, stiffness: Array) -> float:

@@ -39,6 +39,7 @@ from dolfinx_contact.io.several import FieldSeries, FieldsOfFile
 from dolfinx_contact.io.writers import Format, checked_format
 
 if TYPE_CHECKING:
+    from dolfinx_contact.equations.state import State
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = [
@@ -61,10 +62,11 @@ def write_fields(
     folder: str | os.PathLike[str],
     problem: ContactProblem,
     *,
+    state: State | None = None,
     stress: Any = None,
     format: Format = None,
 ) -> list[Path]:
-    """Write the present state of a problem for ParaView. Collective.
+    """Write a state of a problem for ParaView. Collective.
 
     ``body.bp`` holds the displacement, ``body_stress.bp`` the stresses with the displacement of the
     vertices, and ``contact.bp`` (or ``contact_NAME.bp``, if a surface has another name) the fields
@@ -76,7 +78,8 @@ def write_fields(
     Args:
         folder: where to, made if need be. Files of an earlier state are replaced when all of the
             new ones are complete.
-        problem: a contact problem, usually solved.
+        problem: contact problem.
+        state: state to write; by default the Functions as they are.
         stress: 3 x 3 UFL stress, in 2D too: ``material.full_stress(u)``. Of several materials, in
             a bulk of integrals over cell tags, one of each tag: ``{1: steel.full_stress(u), 2:
             rubber.full_stress(u)}``. It is evaluated as given; whether it is the stress of the bulk
@@ -97,12 +100,12 @@ def write_fields(
     tags = check_stress(problem, stress)
     comm = problem.comm
     kind = checked_format(problem.comm, format)
-    state = state_fields(problem, faces(problem), stress, tags)
     path = output_folder(comm, folder)
-    with aside(comm, path, "write_fields") as part:
+    with problem.at(state), aside(comm, path, "write_fields") as part:
+        fields = state_fields(problem, faces(problem), stress, tags)
         written = FieldSeries(comm, part, path, kind, single=True)
         try:
-            written.write(0.0, state)
+            written.write(0.0, fields)
         finally:
             written.close()
         write_script(comm, part, path)

@@ -52,6 +52,7 @@ from dolfinx_contact.plot.look import Look, checked_look, checked_scale, checked
 from dolfinx_contact.results.fields import STATUS_CODES, contact_fields, vertex_state
 
 if TYPE_CHECKING:
+    from dolfinx_contact.equations.state import State
     from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
@@ -97,6 +98,7 @@ def picture_of_body(
     file: str | os.PathLike[str],
     problem: ContactProblem,
     *,
+    state: State | None = None,
     stress: Any = None,
     scale: float = 1.0,
     title: str | None = None,
@@ -110,7 +112,8 @@ def picture_of_body(
     Args:
         file: the picture, ``.png``; ``.pdf`` or ``.svg``, in which a plane body is drawn by lines,
             and one in 3D is a picture.
-        problem: a contact problem, usually solved.
+        problem: contact problem.
+        state: state to draw; by default the Functions as they are.
         stress: 3 x 3 UFL stress (``material.full_stress(u)``), of several materials one of each
             cell tag as for `write_fields`, for the colours: von Mises stress, averaged to the
             vertices.
@@ -134,7 +137,8 @@ def picture_of_body(
             plot.picture_of_body("block.pdf", problem, stress=steel.full_stress(u), view="front")
             plot.picture_of_body("inside.png", problem, fields="displacement", clip="-y")
     """
-    kind, data = body_seen(problem, stress, scale, title, look)
+    with problem.at(state):
+        kind, data = body_seen(problem, stress, scale, title, look)
     if data:
         lay_floors([data], problem.V.mesh.topology.dim)
     return draw(problem.comm, kind, data, Path(file))
@@ -253,6 +257,7 @@ def picture_of_contact(
     problem: ContactProblem,
     *,
     surface: DiscreteSurface | None = None,
+    state: State | None = None,
     title: str | None = None,
     units: tuple[str, str] = ("", ""),
 ) -> Path | None:
@@ -268,6 +273,7 @@ def picture_of_contact(
         file: the picture, ``.png``, ``.pdf`` or ``.svg``.
         problem: a contact problem, usually solved.
         surface: one of its surfaces, by default the first.
+        state: state to draw; by default the Functions as they are.
         title: above the picture.
         units: of length and stress, for the labels.
 
@@ -280,6 +286,29 @@ def picture_of_contact(
     """
     s = problem.surfaces[0] if surface is None else surface
     same_everywhere(problem.comm, surface=s.name)
+    with problem.at(state) as shown:
+        values = _contact_values(shown, s)
+    bonded = s.law_at_points.compiled.bonded
+    cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
+    seen = gather_cells(s.comm, s.points.vertices, cells, values)
+    data: dict[str, Any] = {"title": title or f"Contact surface: {s.name}", "units": units}
+    data["bonded"] = bonded
+    data["body"] = "slave" if s.between_bodies else "body"
+    # So are nodes that a crack has not doubled, and those that have nothing opposite.
+    inactive = "without contact" if s.between_bodies else "clamped"
+    letters = "ok+d-" if s.dim == 2 else "oksd"
+    names = NAMES | {"d": inactive}
+    statuses = [(names[letter], COLOURS[letter]) for letter in letters]
+    data["statuses"] = [*statuses, ("slip", _OTHER_SLIP)] if s.dim == 2 else statuses
+    if s.comm.rank == 0:
+        data |= seen | (_flat_curve(seen) if s.dim == 2 else _flat_surface(seen))
+        codes = np.bincount(seen["status"].astype(int), minlength=len(data["statuses"]))
+        data["counts"] = codes
+    return draw(s.comm, f"contact_{s.dim}d", data, Path(file))
+
+
+def _contact_values(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
+    """Values at the vertices of a surface, with a status of each colour. Collective."""
     number = problem.surfaces.index(s)
     found = problem.evaluate()
     fields = contact_fields(problem.equations, number, found)
@@ -303,28 +332,12 @@ def picture_of_contact(
         "bound": at_vertices["bound"],
         "n": s.points.vertex_normals,
     }
-    bonded = s.law_at_points.compiled.bonded
-    if bonded:
+    if s.law_at_points.compiled.bonded:
         adhesive = found.surfaces[number].answers.bond("traction")
         held = np.stack([s.points.at_vertices(t) for t in adhesive.T], axis=1)
         held -= np.sum(held * normal, axis=1)[:, None] * normal
         values["friction"] = values["shear"] - np.where(carries[:, None], held, 0.0)
-    cells = s.points.vertices.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
-    seen = gather_cells(s.comm, s.points.vertices, cells, values)
-    data: dict[str, Any] = {"title": title or f"Contact surface: {s.name}", "units": units}
-    data["bonded"] = bonded
-    data["body"] = "slave" if s.between_bodies else "body"
-    # So are nodes that a crack has not doubled, and those that have nothing opposite.
-    inactive = "without contact" if s.between_bodies else "clamped"
-    letters = "ok+d-" if s.dim == 2 else "oksd"
-    names = NAMES | {"d": inactive}
-    statuses = [(names[letter], COLOURS[letter]) for letter in letters]
-    data["statuses"] = [*statuses, ("slip", _OTHER_SLIP)] if s.dim == 2 else statuses
-    if s.comm.rank == 0:
-        data |= seen | (_flat_curve(seen) if s.dim == 2 else _flat_surface(seen))
-        codes = np.bincount(seen["status"].astype(int), minlength=len(data["statuses"]))
-        data["counts"] = codes
-    return draw(s.comm, f"contact_{s.dim}d", data, Path(file))
+    return values
 
 
 # -- what is seen --------------------------------------------------------------------------------

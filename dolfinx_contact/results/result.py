@@ -8,8 +8,8 @@ Dirichlet data.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
@@ -29,7 +29,7 @@ from dolfinx_contact.results.partners import (
     rigid_body_results,
 )
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
-from dolfinx_contact.results.uniqueness import Theory, Uniqueness
+from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.states import held_across, without_normal
 
@@ -51,7 +51,7 @@ class Named(dict[str, _T]):
 
 @dataclass(frozen=True)
 class Result:
-    """A solution and how it was found.
+    """Numbers and tables of a solution and of the search for it; it can be pickled.
 
     Attributes:
         tables: contact points by surface name.
@@ -68,9 +68,6 @@ class Result:
         pairs: by name, the forces on both faces of every pair of bodies (`pairs.PairBalance`).
         indicators: indicators of model validity, of the body and by surface name.
         rigid_bodies: by name, how they move and what acts on them.
-        prove: looks for a proof that there is no other solution, in so many seconds; see
-            `uniqueness`.
-        theorems: finds what theorems prove of the problem; see `theory`.
     """
 
     tables: dict[str, ContactTable]
@@ -84,9 +81,6 @@ class Result:
     pairs: dict[str, PairBalance]
     indicators: Indicators
     rigid_bodies: dict[str, RigidBodyResult]
-    prove: Callable[[float], Uniqueness] | None = field(default=None, repr=False, compare=False)
-    theorems: Callable[[], Theory] | None = field(default=None, repr=False, compare=False)
-    _proofs: dict[float, Uniqueness] = field(default_factory=dict, repr=False, compare=False)
 
     def __str__(self) -> str:
         """How it was found, what touches, the forces, and the two measures of its error."""
@@ -155,54 +149,13 @@ class Result:
         """Smallest det(I + grad u) of a nonlinear body; None of a linear one."""
         return self.indicators.min_det_F
 
-    def uniqueness(self, *, proof_seconds: float = 0.0) -> Uniqueness:
-        """Whether this is the only solution of the problem that was solved. Collective.
-
-        It is found when first read, and kept; if data have changed by then it is "not proved".
-        Of a linear body in 2D with contact at its nodes the body is condensed onto these, which
-        takes two solves for each, and the certificate of one point is tried; without friction it
-        holds but for round-off. Where it fails, and another solution is found quickly, that comes
-        with it, and a warning. So it is in 3D with friction, up to 128 points; else, up to some
-        hundred, there is Renard's criterion (`analysis.renard_criterion`), which is weaker, and
-        beyond these certificates, without Coulomb's friction, the theorems of `theory`. Where small
-        sliding does not describe the bodies (`warnings`: misfit, slip, turn) nothing is proved.
+    def summary(self, uniqueness: Uniqueness | None = None) -> dict[str, Any]:
+        """Return the scalars for `summary.json`.
 
         Args:
-            proof_seconds: for more effort and a proof by branch and bound, where the certificate
-                of one point fails; if it is positive there is no limit to the points that Renard's
-                criterion is computed for.
-
-        Raises:
-            ValueError: on every rank, if the result does not come from a solve, the seconds are no
-                number or differ between ranks, or the present data cannot be solved with.
+            uniqueness: answer of `ContactProblem.uniqueness`; with it the scalars contain
+                ``unique``, its verdict.
         """
-        if self.prove is None:
-            raise ValueError("uniqueness is examined for results of ContactProblem.solve")
-        found = self.prove(proof_seconds)
-        violated = self.indicators.small_sliding_violated
-        if violated and found.verdict == "proved":
-            # The problem that was solved is not that of the bodies where they are.
-            found = Uniqueness("not proved", violated)
-        self._proofs[proof_seconds] = found
-        return found
-
-    @property
-    def unique(self) -> str:
-        """``"proved"``, ``"not proved"`` or ``"others exist"``; see `uniqueness`. Collective."""
-        return self.uniqueness().verdict
-
-    def theory(self) -> Theory:
-        """What theorems prove of the problem, with its present data. Collective.
-
-        Raises:
-            ValueError: if the result does not come from a solve.
-        """
-        if self.theorems is None:
-            raise ValueError("theory is of results of ContactProblem.solve")
-        return self.theorems()
-
-    def summary(self) -> dict[str, Any]:
-        """Scalars for `summary.json`; `unique` is among them if it was read before."""
         tables = self.tables.values()
         rt = sum(t.resultant(t.rt) for t in tables)
         counts = self.counts
@@ -231,11 +184,8 @@ class Result:
                 if s.penetration is not None
             },
             **self._rigid_summary(),
-            **self._proof_summary(),
+            **({} if uniqueness is None else {"unique": uniqueness.verdict}),
         }
-
-    def _proof_summary(self) -> dict[str, Any]:
-        return {"unique": self._proofs[max(self._proofs)].verdict} if self._proofs else {}
 
     def _rigid_summary(self) -> dict[str, Any]:
         bodies = {name: body.summary() for name, body in self.rigid_bodies.items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Whether a solution is the only one, and what theorems prove: what was found."""
+"""Answers to questions about the uniqueness of solutions."""
 
 from __future__ import annotations
 
@@ -9,14 +9,11 @@ from numbers import Real
 from typing import Literal
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact.equations.state import State
 
-__all__ = ["OTHER_DATA", "Theory", "Uniqueness", "checked_seconds"]
-
-#: Why nothing is stated of a problem with data of which the solution is none.
-OTHER_DATA = "the data have changed since the problem was solved"
+__all__ = ["Theory", "Uniqueness", "check_seconds", "checked_seconds"]
 
 
 @dataclass(frozen=True)
@@ -25,14 +22,13 @@ class Uniqueness:
 
     Attributes:
         verdict: ``"proved"`` to be the only one, ``"not proved"``, or ``"others exist"``.
-        reason: how, or why not, human-readable.
-        other: the unknowns of another solution, which `ContactProblem.read` puts into the
-            Functions; None if there is none that is known.
+        reason: certificate or theorem of the proof, or the reason why there is none.
+        other: another solution, for `ContactProblem.restore`; None if none is known.
     """
 
     verdict: Literal["proved", "not proved", "others exist"]
     reason: str
-    other: PETSc.Vec | None = None
+    other: State | None = None
 
     def __str__(self) -> str:
         words = {
@@ -43,7 +39,8 @@ class Uniqueness:
         return f"{words[self.verdict]}: {self.reason}"
 
 
-def _check_seconds(a: Arguments) -> None:
+def check_seconds(a: Arguments) -> None:
+    """Raise ``ValueError`` unless ``proof_seconds`` is a number that is not negative."""
     seconds = a.proof_seconds
     number = isinstance(seconds, Real) and not isinstance(seconds, bool)
     if not number or math.isnan(seconds) or seconds < 0:
@@ -51,7 +48,7 @@ def _check_seconds(a: Arguments) -> None:
     a.proof_seconds = float(seconds)
 
 
-@collective("seconds", _check_seconds)
+@collective("seconds", check_seconds)
 def checked_seconds(comm: MPI.Comm, proof_seconds: float) -> float:
     """The seconds for a proof as a number, or ``ValueError`` on every rank. Collective."""
     return proof_seconds
@@ -59,7 +56,7 @@ def checked_seconds(comm: MPI.Comm, proof_seconds: float) -> float:
 
 @dataclass(frozen=True)
 class Theory:
-    """What theorems prove of the solutions of a discrete contact problem, whatever its loads.
+    """Statements of theorems on the solutions of a discrete contact problem under any load.
 
     Attributes:
         exists: whether there certainly is a solution; False leaves it open.

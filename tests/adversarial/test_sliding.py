@@ -279,7 +279,7 @@ def test_no_theorem_proves_a_body_off_the_edge(caplog, law):
         caplog.clear()
         result = problem.solve(algorithm=algorithm)
         assert_doubted(caplog, problem, result)
-    assert result.uniqueness(proof_seconds=5.0).verdict != "proved"
+    assert problem.uniqueness(proof_seconds=5.0).verdict != "proved"
     assert not renard_criterion(problem).unique
 
 

@@ -58,7 +58,7 @@ def on_rank_0(evaluate: Callable[[], T]) -> T:
 
 def verdict(problem: Any, result: Any) -> str:
     """Return whether the solution of a result is the only one: "proved", "not proved", ..."""
-    return result.unique
+    return problem.uniqueness().verdict
 
 
 def warnings_in(result: Any) -> Any:
