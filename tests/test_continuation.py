@@ -613,3 +613,17 @@ def test_a_branch_that_ends(algebra):
     assert "12 points are at a kink at once (too many pieces to try)" in branch.reason
     assert branch.ending is Ending.NOT_FOUND
     assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-3, -0.02])
+def test_the_correction_of_a_start_is_reported(off):
+    """A start is corrected at fixed gamma, and the result tells by how much."""
+    circle = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    x = start(circle, [1.0 + off])
+    branch = follow(circle, x, 0.0, gamma_range=(-0.5, 0.5))
+    assert branch.start_correction == pytest.approx(abs(off), abs=1e-9)
+    assert values(circle, branch.points[0])[0] == pytest.approx(1.0, abs=1e-9)
+    diagram = explore(circle, [(start(circle, [1.0]), 0.0), (x, 0.0)], gamma_range=(-0.5, 0.5))
+    assert diagram.start_correction == pytest.approx(abs(off), abs=1e-9)

@@ -137,6 +137,8 @@ class Branch(Ends):
         reason: why, in words.
         factorisations: of bordered matrices.
         solves: right-hand sides.
+        start_correction: largest change of an unknown by the correction of the start at fixed
+            gamma; with a contact problem a length.
     """
 
     points: list[BranchPoint] = field(default_factory=list)
@@ -145,6 +147,7 @@ class Branch(Ends):
     reason: str = ""
     factorisations: int = 0
     solves: int = 0
+    start_correction: float = 0.0
 
     @property
     def complete(self) -> bool:
@@ -220,6 +223,7 @@ class Diagram(Ends):
             knows all of its rays.
         ending: how the exploration ended; that of a branch which was cut off, if one was.
         reason: why, in words.
+        start_correction: largest of the corrections of the starts, see `Branch.start_correction`.
     """
 
     edges: list[Edge] = field(default_factory=list)
@@ -227,6 +231,7 @@ class Diagram(Ends):
     complete: bool = False
     ending: Ending | None = None
     reason: str = ""
+    start_correction: float = 0.0
 
     @property
     def branches(self) -> list[Branch]:

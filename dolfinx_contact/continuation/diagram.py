@@ -105,7 +105,8 @@ def explore(
 
     Args:
         system: H with its pieces.
-        starts: solutions x with their gamma, inside the range.
+        starts: approximate solutions x with their gamma, inside the range. They are corrected at
+            fixed gamma; `Diagram.start_correction` reports the largest change.
         gamma_range: branches end where gamma reaches either end.
         control: step lengths.
         max_steps: budget of every branch.
@@ -180,7 +181,11 @@ class _Explorer:
                     self._follow(point, None)
                 continue
             if left:
-                self._depart(self.follower.departures(*left.pop(0)))
+                x, gamma = left.pop(0)
+                departures = self.follower.departures(x, gamma)
+                moved = [self.follower.correction(x, p) for p in departures.points[:1]]
+                diagram.start_correction = max([diagram.start_correction, *moved])
+                self._depart(departures)
                 continue
             i, j = diagram.open_rays()[0]
             node = diagram.nodes[i]

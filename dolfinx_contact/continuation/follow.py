@@ -97,7 +97,8 @@ def follow(
 
     Args:
         system: H with its pieces.
-        x: a solution at ``gamma``, corrected if it is one approximately.
+        x: approximate solution at ``gamma``. It is corrected at fixed gamma;
+            `Branch.start_correction` reports the change.
         gamma: where to start.
         gamma_range: the branch ends where gamma reaches either end.
         direction: in which gamma goes at the start, ``"increasing"`` or ``"decreasing"``.
@@ -132,7 +133,7 @@ def follow(
         follower_for(system, x, gamma, control, gamma_scale=scale, route=route) as follower,
     ):
         start = follower.start(x, gamma, direction=direction)
-        return follower.run(
+        branch = follower.run(
             start,
             gamma_range=(low, high),
             max_steps=max_steps,
@@ -141,6 +142,8 @@ def follow(
             record=record,
             progress=progress,
         )
+        branch.start_correction = follower.correction(x, start)
+        return branch
 
 
 def follower_for(

@@ -11,6 +11,8 @@ from typing import TextIO, TypeAlias
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import numpy as np
+
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import leads_out, reason_to_stop
@@ -122,6 +124,12 @@ class Walker(ABC):
     system: System
     bordered: Bordered
     control: StepControl
+
+    def correction(self, x: PETSc.Vec, point: BranchPoint) -> float:
+        """Largest change of an unknown from a given start to the corrected one. Collective."""
+        change = point.y.array_r[: x.getLocalSize()] - x.array_r
+        size = float(np.max(np.abs(change), initial=0.0))
+        return float(self.bordered.comm.allreduce(size, op=MPI.MAX))
 
     @abstractmethod
     def departures(self, x: PETSc.Vec, gamma: float) -> Departures:
