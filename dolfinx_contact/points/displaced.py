@@ -333,7 +333,6 @@ class TrueGaps:
         u: displacement of the body.
         points: of a surface.
         obstacle: that it may touch.
-        shape: what that is to the points, in its frame; by default as it is.
     """
 
     def __init__(
@@ -341,13 +340,11 @@ class TrueGaps:
         u: fem.Function,
         points: ContactPoints,
         obstacle: Obstacle,
-        shape: Obstacle | None = None,
     ):
         self._u = u
         self._points = points
         self._body = obstacle if isinstance(obstacle, RigidBody) else None
-        given = obstacle if self._body is None else self._body.shape
-        self._shape = given if shape is None else shape
+        self._shape = obstacle if self._body is None else self._body.shape
         self._evaluate: Evaluator | None = None
 
     def __call__(self) -> npt.NDArray[np.float64] | None:

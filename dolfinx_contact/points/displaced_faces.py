@@ -7,17 +7,16 @@ on every rank, as rigid surfaces are, so that one search serves both.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-import basix
 from dolfinx import fem
 
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues
-from dolfinx_contact.points.clipping import basis, nodal_points
 from dolfinx_contact.points.sliding.rays import area_vectors
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures, facet_normals
@@ -27,6 +26,17 @@ __all__ = ["Closest", "closest_on_face", "master_simplices", "outward_at_points"
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
+
+
+#: Simplices of the nodes of a facet, by dimension and number of nodes, in the order of Basix.
+_SIMPLICES: dict[tuple[int, int], Any] = {
+    (2, 2): [[0, 1]],
+    (2, 3): [[0, 2], [2, 1]],
+    (3, 3): [[0, 1, 2]],
+    (3, 4): [[0, 1, 2], [1, 3, 2]],
+    (3, 6): [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]],
+    (3, 9): [[i, j, 8] for i, j in pairwise((0, 4, 1, 6, 3, 7, 2, 5, 0))],
+}
 
 
 class Closest(NamedTuple):
@@ -64,35 +74,14 @@ def master_simplices(
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
     closures = facet_closures(V, owned)
     X = node_positions(V)[:, :dim]
-    corners = len(basix.topology(domain.basix_cell())[dim - 1][0])
-    samples, simplices = _divided(corners, V.ufl_element().degree)
-    both = np.stack([X[closures], (X + u)[closures]])
-    both = np.einsum("sn,cfnd->cfsd", samples, both)[:, :, simplices].reshape(2, -1, dim, dim)
+    simplices = _SIMPLICES[dim, closures.shape[1]]
+    both = np.stack([X[closures], (X + u)[closures]])[:, :, simplices].reshape(2, -1, dim, dim)
     outward = np.repeat(facet_normals(domain, owned), len(simplices), axis=0)
     inward = np.sum(area_vectors(both[0]) * outward, axis=1) < 0.0
     both[:, inward] = both[:, inward, ::-1]
     both = np.concatenate(domain.comm.allgather(both), axis=1)
     area = np.linalg.norm(area_vectors(both[0]), axis=1).mean() * len(simplices)
     return both, float(area) ** (1 / (dim - 1))
-
-
-def _divided(corners: int, degree: int) -> tuple[Array, Ints]:
-    """Samples of a facet, as weights of its nodes (samples, nodes), and simplices of them."""
-    points = nodal_points(corners, degree)
-    samples = np.eye(len(points))
-    if corners == 2:
-        order = np.argsort(points[:, 0])
-        return samples, np.stack([order[:-1], order[1:]], axis=1).astype(np.int64)
-    if corners == 3 and degree == 1:
-        return samples, np.array([[0, 1, 2]], dtype=np.int64)
-    # a fan of triangles around the middle
-    middle = points[:corners].mean(axis=0)
-    direction = points - middle
-    around = np.flatnonzero(np.linalg.norm(direction, axis=1) > 1e-9)
-    samples = np.vstack([samples, basis(middle, corners, degree)])
-    loop = around[np.argsort(np.arctan2(direction[around, 1], direction[around, 0]))]
-    fan = [np.full(len(loop), len(points)), loop, np.roll(loop, -1)]
-    return samples, np.stack(fan, axis=1).astype(np.int64)
 
 
 def closest_on_face(corners: Array, x: Array) -> Closest:
@@ -114,14 +103,10 @@ def slave_triangles(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
         these (m, dim), and their outward unit normals (m, dim).
     """
     now, cells, vectors = _slave_facets(s, u)
-    triangles = cells
-    if cells.shape[1] == 4:  # corners of quadrilaterals are in tensor order
-        triangles = cells[:, [0, 1, 2, 1, 3, 2]].reshape(-1, 3)
-        corners = now[triangles]
-        sense = np.repeat(_unit(vectors), 2, axis=0)
-        normals = _unit(area_vectors(corners))
-        return now, triangles, normals * np.sign(np.sum(normals * sense, axis=1))[:, None]
-    return now, triangles, _unit(vectors)
+    triangles = cells[:, _SIMPLICES[s.dim, cells.shape[1]]].reshape(-1, s.dim)
+    normals = area_vectors(now[triangles])
+    sense = np.repeat(vectors, len(triangles) // max(len(cells), 1), axis=0)
+    return now, triangles, _unit(normals * np.sign(np.sum(normals * sense, axis=1))[:, None])
 
 
 def _slave_facets(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:

@@ -350,13 +350,11 @@ class DiscreteSurface:
         self._slid = True
         given = self.points, self.domain, self.obstacle, self.law_at_points, self.sliding
         self._displaced = displaced_points(*given, linear=linear, name=self.name)
-        shape = None if self._displaced is None else self._displaced.shape
         if self._displaced is not None and self._displaced.ended:
             # A point below a rim, and within a facet past it, is held like one that slid there.
             past = ", also past the rim, which holds a face that slides up to a facet"
             most = self._overlap.most if self._overlap.removed else 0.0
             self._settle_overlap(*self._displaced.starts(most), past)
-        self._true_gaps = TrueGaps(self.u, self.points, self.obstacle, shape)
 
     # -- nodes and points ------------------------------------------------------------------------
 

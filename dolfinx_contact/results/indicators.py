@@ -46,7 +46,6 @@ from dolfinx_contact.points.displaced_faces import (
     outward_at_points,
     slave_triangles,
 )
-from dolfinx_contact.points.sliding.rays import area_vectors
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.rigid_surfaces import RigidSurface
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
@@ -293,7 +292,7 @@ def _of_small_sliding(
     found = SurfaceIndicators(s.points.mean_width, 0.0)
     if s.between_bodies and not s.slides:
         return _of_pair(s, state, contact, held, found)
-    if s.obstacle.flat:
+    if s.obstacle.flat or s.displaced is not None:
         return found
     true = s.true_gaps()
     if true is None:
@@ -339,11 +338,8 @@ def _of_pair(
     size = np.linalg.norm(contact.traction, axis=1)
     acting = touching | ((size > _CARRYING * _most(s, size)) & ~held)
     along = np.linalg.norm(jump - np.sum(jump * n, axis=1)[:, None] * n, axis=1)
-    low, high = (
-        s.comm.allreduce(v, op=np.minimum)
-        for v in (x.min(axis=0, initial=np.inf), (-x).min(axis=0, initial=np.inf))
-    )
-    width = min(width, max(float(np.linalg.norm(-high - low)), found.facet))
+    area = s.comm.allreduce(float(s.points.areas.sum()))
+    width = min(width, max(area ** (1 / (s.dim - 1)), found.facet))
     # normals
     outward = [outward_at_points(s, v) for v in (u, np.zeros_like(u))]
     turn = np.maximum(_angles(n, outward[0]) - _angles(n, outward[1]), 0.0)
@@ -366,8 +362,7 @@ def _slip_over_facets(s: DiscreteSurface, contact: ContactState) -> float:
     shape = _shape(s)
     if not isinstance(shape, RigidSurface):
         return 0.0
-    areas = np.linalg.norm(area_vectors(shape.points[shape.cells]), axis=1)
-    width = max(s.points.mean_width, float(areas.mean()) ** (1 / (s.dim - 1)))
+    width = max(s.points.mean_width, shape.facet_size)
     slips = np.linalg.norm(contact.kinematics.increment, axis=1)
     return _most(s, _touching(contact, slips)) / width
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -178,6 +179,14 @@ class RigidSurface(Obstacle):
     def outline(self) -> Outline | None:
         sides = self._surface.point_normals
         return Outline(self.points, self.cells, -sides / np.linalg.norm(sides, axis=1)[:, None])
+
+    @cached_property
+    def facet_size(self) -> float:
+        """Mean size of its facets, a length."""
+        corners = self.points[self.cells]
+        sides = corners[:, 1:] - corners[:, :1]
+        areas = np.sqrt(np.linalg.det(sides @ sides.transpose(0, 2, 1)))
+        return float((areas.mean() / (1, 2)[corners.shape[2] - 2]) ** (1 / (corners.shape[2] - 1)))
 
     @property
     def edges(self) -> Ints:
