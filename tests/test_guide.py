@@ -140,10 +140,19 @@ def test_a_recorded_branch(folder, monkeypatch, capsys):
     assert "branch 0: the budget of 10 steps is exhausted" in said
 
 
+def test_states():
+    """Two solves from the same state."""
+    problem = block(n=2, law=Coulomb(0.2))
+    names = {"problem": problem, "surface": problem.surfaces[0]}
+    exec(examples("solving.md")[0], names)
+    shear = [abs(result.resultants["contact"][0]) for result in names["results"]]
+    assert shear[1] > 1.5 * shear[0] > 0
+
+
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
 def test_the_log():
     """What the page says of the log switches it on."""
-    (code,) = examples("solving.md")
+    *_, code = examples("solving.md")
     solve = "from blocks import block\nblock(n=2).solve()\n"
     done = subprocess.run(
         [sys.executable, "-c", code + solve],

@@ -134,9 +134,7 @@ def test_refused(dim, sliding):
             discretise(surface(u, both, sliding, **options))
 
 
-@pytest.mark.verifies(
-    "records of histories", reference="itself: the same problem", aspects=("2D", "large sliding")
-)
+@pytest.mark.refuses("records of histories", aspects=("2D", "large sliding"))
 def test_other_overlaps_are_other_problems(folder):
     """The removed overlap, the search distance, and planes of symmetry."""
 
