@@ -259,6 +259,8 @@ class ContactProblem(ReadOnly):
         self._linear = LinearSolverChoice(self.equations)
         #: Shared by the problems of steps, which write the same Functions.
         self._written = LastWrite(self.comm)
+        #: Kinds of the evolutions that the problem has had, shared by the problems of steps.
+        self.evolved: list[str] = []
         #: Names of the warnings that a run has logged; None outside of runs.
         self._warned: set[str] | None = None
         self.equations.check_obstacles()

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 from mpi4py import MPI
 
@@ -29,6 +30,8 @@ from dolfinx_contact.records import PathRecord
 
 #: Longest steps.
 LONGEST = 0.1
+#: States at which paths begin that begin anew.
+STARTS = WeakKeyDictionary()
 
 
 def glued(comm, friction, _way, _anew):
@@ -54,11 +57,12 @@ def pressed(problem, top, way, anew):
     def press(time):
         top.x.array[1::2] = -0.01 * time
 
-    if anew:
-        QuasiStatic(problem, press).run([0.0, 1.0])
+    start = QuasiStatic(problem, press).run([0.0, 1.0]).steps[-1].state if anew else None
     gamma = fem.Constant(problem.V.mesh, 0.0)
     motion = ufl.as_vector((way * gamma, -0.01))
-    return ArcLength(ParametricContact(problem, gamma, driven=[(top, motion)]))
+    path = ArcLength(ParametricContact(problem, gamma, driven=[(top, motion)]))
+    STARTS[path] = start
+    return path
 
 
 def cracked(comm, friction, way, anew):
@@ -110,7 +114,8 @@ def on(case, path, kept, *, longest=LONGEST, observer=None):
     if runs:
         kept.go_on(stop=None if len(runs) > 1 else enough, **told)
     else:
-        path.run(gamma_range=there, control=control, record=kept, stop=enough, **told)
+        more = {"start": STARTS.get(path), "stop": enough, **told}
+        path.run(gamma_range=there, control=control, record=kept, **more)
     if len(runs) == 1:
         path.run(gamma_range=back, direction="back", control=control, record=kept, **told)
     return kept.journal

@@ -502,7 +502,7 @@ def test_schemes_have_their_order():
             problem.u.x.array[:] = 0.0
             velocity.x.array[:] = start
             motion = NSCD(problem, 2.0, dt=end / steps, scheme=scheme, theta=theta, **how)
-            motion.run([0.0, end], progress=False)
+            motion.run([0.0, end], start=problem.snapshot(), progress=False)
             errors.append(np.abs(problem.u.x.array[inner] - exact).max())
         assert order - 0.25 < np.log2(errors[0] / errors[1]) < order + 0.25
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from blocks import same_tables
 from killing import killed_and_resumed, launch
-from recorded_path import CASES, LONGEST, made, record, resume
+from recorded_path import CASES, LONGEST, STARTS, made, record, resume
 from test_evolution_record import Stop, require_same, stopping
 
 from dolfinx_contact.continuation import StepControl
@@ -226,20 +226,21 @@ def test_what_is_refused(whole, folder):
     with PathRecord(folder / "run", path) as kept:
         with pytest.raises(ValueError, match="no run is in"):
             kept.go_on()
+        given = {"start": STARTS[path], "observer": stopping(2)}
         with pytest.raises(Stop):
-            path.run(gamma_range=(-1.0, 1.0), record=kept, observer=stopping(2))
+            path.run(gamma_range=(-1.0, 1.0), record=kept, **given)
         with pytest.raises(ValueError, match="steps 0 to 2 are recorded, not 3"):
             kept.show(3)
     with PathRecord(folder / "run", made("crack"), resume=True) as kept:
         with pytest.raises(
             ValueError, match=r"gamma_range \(\(-1.0, 1.0\) recorded, \(-1.0, 2.0\) now\)"
         ):
-            kept.path.run(gamma_range=(-1.0, 2.0), record=kept)
+            kept.path.run(gamma_range=(-1.0, 2.0), start=STARTS[kept.path], record=kept)
         with pytest.raises(ValueError, match="the path is at the arc length 0 and not at the end"):
-            kept.path.run(gamma_range=(-1.0, 1.0), record=kept)
+            kept.path.run(gamma_range=(-1.0, 1.0), start=STARTS[kept.path], record=kept)
     before = (folder / "run" / FILE_NAME).read_bytes()
     with pytest.raises(ValueError, match="is closed: open it with resume=True"):
-        kept.path.run(gamma_range=(-1.0, 1.0), record=kept)
+        kept.path.run(gamma_range=(-1.0, 1.0), start=STARTS[kept.path], record=kept)
     assert (folder / "run" / FILE_NAME).read_bytes() == before
 
 

@@ -1,6 +1,5 @@
 """Small parts of continuation and evolution whose answers are known beforehand."""
 
-import logging
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -8,15 +7,9 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from blocks import block, box, facets, restore_statuses
 from textbook import Textbook, coulomb_system
 
-import ufl
-from dolfinx import fem
-
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact._factor import Factor
-from dolfinx_contact.body.inertia import mass_matrix
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.continuation.affine import TOLERANCE
 from dolfinx_contact.continuation.batch import BatchedSteps, Crossed, FreeSteps
@@ -38,19 +31,13 @@ from dolfinx_contact.continuation.rays import (
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.continuation.system import Events, Piece
-from dolfinx_contact.evolution import forks, jumps, step_branch
-from dolfinx_contact.evolution.accepted import AtRest, Stepper, largest_at_points
-from dolfinx_contact.evolution.arc_steps import _IDLE, ArcSteps, Known, _cubic, _end_reached
+from dolfinx_contact.evolution.arc_steps import _cubic, _end_reached
 from dolfinx_contact.evolution.motion import Method
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
-from dolfinx_contact.evolution.nscd import _of_matrices, _touching, _warn_of_inertia
-from dolfinx_contact.evolution.rate_problem import RateProblem
 from dolfinx_contact.evolution.sliding_steps import _FOLDS, SlidingSteps
 from dolfinx_contact.evolution.through_times import ThroughTimes, _aim, checked_times
 from dolfinx_contact.evolution.to_rest import RestTask, ToRest
-from dolfinx_contact.laws import Internal
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
-from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.solvers.history import ConvergenceError
 from dolfinx_contact.solvers.pivoting import _by_stick
 
@@ -670,283 +657,3 @@ def test_the_one_ray_onwards_in_any_units(unit):
     assert (only.codes.tolist(), only.rate, found.method) == ([PLUS, STICK], 1.0, "")
     rates = unit * np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -0.1, 0.0]])
     np.testing.assert_allclose(only.direction, rates, atol=1e-14 * unit)
-
-
-# -- evolutions -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("rates", "rise", "scale", "twice"),
-    [
-        ((1.0, 1.0), 0.1, 1.0, True),
-        ((-1.0, -1.0), -0.1, 1.0, True),
-        ((0.5, 0.5), 0.05, 1.0, True),
-        ((0.5, 0.5), 0.5, 1.0, False),
-        ((0.5, -0.5), 0.05, 1.0, False),
-        ((-1.0, 0.0), 0.1, 1.0, False),
-        ((2 * _IDLE, 2 * _IDLE), -1.0, 4.0, False),
-        ((8 * _IDLE, 1.0), -1.0, 4.0, True),
-        ((1.0, 0.0), 0.1, 1.0, False),
-    ],
-)
-def test_where_a_load_turns_twice_in_a_step(rates, rise, scale, twice):
-    """Where it rises, or falls, at both ends, and its cubic does not in between."""
-    ends = []
-    for s, gamma, rate in zip((0.0, 1.0), (0.0, rise), rates, strict=True):
-        y = PETSc.Vec().createWithArray(np.array([s]), comm=MPI.COMM_SELF)
-        ends.append(SimpleNamespace(y=y, gamma=gamma, tangent=rate, piece=None))
-    known = SimpleNamespace(
-        bordered=SimpleNamespace(gamma=float, gamma_scale=scale),
-        _length=lambda v: v.norm() if isinstance(v, PETSc.Vec) else 1.0,
-        _events=lambda *_: None,
-        _again=lambda *_: np.zeros(0),
-        _unit=lambda *_: 1.0,
-        _any=lambda which: bool(which.any()),
-    )
-    assert ArcSteps._turns_twice(known, *ends) is twice
-
-
-@pytest.mark.parametrize(
-    ("distance", "rises", "dips"),
-    [
-        ((0.1, 0.1), (-1.0, 1.0), True),
-        ((0.3, 0.3), (-1.0, 1.0), False),
-        ((0.1, 0.1), (1.0, -1.0), False),
-        ((0.1, -0.1), (-1.0, 1.0), False),
-        ((0.1, 0.1), (-1.0, -1.0), False),
-    ],
-)
-def test_where_a_border_is_reached_and_left_in_a_step(distance, rises, dips):
-    """Where a cubic through distances that are positive at both ends is negative in between."""
-    ends = []
-    for s in (0, 1):
-        y = PETSc.Vec().createWithArray(np.array([float(s)]), comm=MPI.COMM_SELF)
-        ends.append(SimpleNamespace(y=y, gamma=0.0, tangent=0.0, piece=s))
-    known = SimpleNamespace(
-        bordered=SimpleNamespace(gamma=float, gamma_scale=1.0),
-        _length=lambda v: v.norm() if isinstance(v, PETSc.Vec) else 1.0,
-        _events=lambda *_: None,
-        _again=lambda _, p, away: np.array([distance[p.piece] + away * rises[p.piece]]),
-        _unit=lambda *_: 1.0,
-        _any=lambda which: bool(which.any()),
-    )
-    assert ArcSteps._turns_twice(known, *ends) is dips
-
-
-def test_what_steps_know_again():
-    """Signs of as many test functions as there are; in units of gamma."""
-    for signs, expected in (((1.0, -1.0), [1.0, -1.0]), ((), [0.0, 0.0])):
-        steps = SimpleNamespace(
-            bordered=SimpleNamespace(gamma_scale=2.0, x_scale=None),
-            system=SimpleNamespace(scales=()),
-            test=SimpleNamespace(signs=np.zeros(2)),
-        )
-        ArcSteps.know(steps, Known(3.0, 4.0, (5.0,), signs))
-        assert (steps.bordered.x_scale, steps.largest_distance) == (12.0, 4.0)
-        assert steps.system.scales == (5.0,)
-        assert steps.test.signs.tolist() == expected
-
-
-def test_points_that_a_direction_leads_over_a_border():
-    """What is at its border and falls, the steepest last; and what is beyond one."""
-    distance = np.array([0.0, 1e-9, 0.0, 0.0, 1.0, -1.0])
-    slope = np.array([-1.0, -3.0, -2.0, 1.0, -5.0, 0.0])
-    known = SimpleNamespace(
-        _comm=COMM,
-        _tolerance=1e-8,
-        _outside=0.5,
-        _distances=lambda ray, away: events(
-            *((d + away * k, i, OPEN) for i, (d, k) in enumerate(zip(distance, slope, strict=True)))
-        ),
-    )
-    points, targets, fall = RateProblem._falling(known, None)
-    assert points.tolist() == [5, 0, 2, 1]
-    np.testing.assert_allclose(fall, [0.0, 1.0, 2.0, 3.0], atol=1e-6)
-    assert targets.tolist() == [OPEN] * 4
-
-
-@pytest.mark.parametrize(
-    ("wanted", "few", "statuses", "looked"),
-    [
-        (None, True, (), True),
-        (None, False, (), False),
-        (True, False, (), True),
-        (False, True, (), False),
-        (True, True, None, False),
-    ],
-)
-def test_when_rays_of_a_step_are_looked_for(wanted, few, statuses, looked, monkeypatch):
-    """If they are wanted, or nothing is said and the points are few; from known statuses."""
-    monkeypatch.setattr(forks, "rays_of_step", lambda problem: "rays")
-    calls = []
-    stepper = SimpleNamespace(
-        problem=None,
-        prepare=lambda state, time: calls.append("there"),
-        put=lambda state: calls.append("back"),
-    )
-    asked = SimpleNamespace(_wanted=wanted, _few=few, _stepper=stepper)
-    found = forks.Forks._rays(asked, SimpleNamespace(statuses=statuses), 1.0)
-    assert found == ("rays" if looked else None)
-    assert calls == (["there", "back"] if looked else [])
-
-
-def test_what_the_matrices_of_a_motion_depend_on():
-    """Damping by a form of velocities or of two arguments; a wind is a load."""
-    domain = box(COMM, 1, "tri")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    velocity = fem.Function(V)
-    density, factor = (fem.Constant(domain, v) for v in (1.0, 2.0))
-    wind = fem.Constant(domain, np.ones(2))
-    test = ufl.TestFunction(V)
-    both = factor * ufl.dot(ufl.TrialFunction(V), test) * ufl.dx
-    drag = factor * ufl.dot(velocity - wind, test) * ufl.dx
-    for damping in (both, drag):
-        found = _of_matrices(density, damping, velocity)
-        assert [d.value for d in found] == [density, factor]
-
-
-def resting(field, jump):
-    """A state of equilibrium of one surface with a bond, whose two points have jumps."""
-    bond, values = field
-    surface = SimpleNamespace(law=SimpleNamespace(weakening=bond), method="integral")
-    forces = SimpleNamespace(
-        equations=SimpleNamespace(surfaces=[surface]), surfaces=[SimpleNamespace(jump=jump)]
-    )
-    state = object.__new__(AtRest)
-    vars(state).update(forces=forces, memory=(SimpleNamespace(fields={bond.name: values}),))
-    return state
-
-
-@pytest.mark.parametrize(
-    ("kind", "end", "share"),
-    [("falls", None, 0.75), ("falls", -0.4, 0.5), ("grows", 2.0, 0.5), ("grows", None, 0.0)],
-)
-def test_how_much_of_a_bond_goes_in_a_step(kind, end, share):
-    """Of what it has left to its end, which is 0 of one that falls unless it is said."""
-    bond = Internal("b", kind, end=end)
-    values = np.array([0.8, 0.7]), np.array([0.2, 0.6])
-    if kind == "grows":
-        values = np.array([0.2, 0.8]), np.array([1.1, 0.9])
-    jumps_at = np.zeros((2, 2)), np.array([[3.0, 4.0], [0.0, 1.0]])
-    before, after = (resting((bond, v), j) for v, j in zip(values, jumps_at, strict=True))
-    distances, shares = largest_at_points(COMM, before, after)
-    np.testing.assert_allclose(distances, 5.0)
-    np.testing.assert_allclose(shares, share)
-
-
-def test_a_start_is_known_by_what_it_is():
-    """A solution put into a problem that was not solved; away from it none is one."""
-    solved = block(n=2)
-    solved.solve()
-    other = block(n=2)
-    for f, g in zip(other.fields, solved.fields, strict=True):
-        f.x.array[:] = g.x.array
-    for problem in (solved, other):
-        assert Stepper(problem, lambda t: None, False).start(0.0).solved
-    restore_statuses(other, OPEN)
-    assert Stepper(other, lambda t: None, False).start(0.0).solved
-    other.fields[0].x.array[:] *= 1.1
-    assert not Stepper(other, lambda t: None, False).start(0.0).solved
-
-
-@pytest.mark.parametrize(("last", "halves"), [(1.0, True), (2.0, False)])
-def test_halves_of_a_step_that_are_even(last, halves):
-    """Both change the state by no more than a part of the whole; else each is looked at."""
-    looked = []
-    part = jumps._EVEN * np.ones(1)
-    ends = (SimpleNamespace(time=t, size=size) for t, size in ((0.0, 0), (0.5, 0), (1.0, last)))
-    start, middle, end = ends
-    first, second = (
-        SimpleNamespace(before=a, after=b) for a, b in ((start, middle), (middle, end))
-    )
-    step = SimpleNamespace(before=start, after=end)
-    sizes = {id(step): np.ones(1), id(first): part, id(second): last * part}
-    known = SimpleNamespace(
-        _change=lambda s: sizes[id(s)],
-        _small=np.zeros(1),
-        _slow=np.zeros(1),
-        _least=0.0,
-        _is_straight=lambda s: False,
-        _first=lambda state, time: first if state is start else second,
-        _is_elsewhere=lambda *_: False,
-        look=lambda path, s, even=False: looked.append((s, even)),
-    )
-    assert jumps._Search.look(known, [], step, even=True) is None
-    assert looked == ([] if halves else [(first, False), (second, False)])
-
-
-def test_a_branch_that_is_at_the_end_of_a_step():
-    """Within a share of the way, which may be no way at all."""
-    search = object.__new__(jumps._Search)
-    search._stepper = SimpleNamespace(problem=SimpleNamespace(comm=COMM))
-    for way, off, there in (
-        (1e3, 0.5, True),
-        (1e3, 2.0, False),
-        (1e-3, 0.5, True),
-        (1e-3, 2.0, False),
-        (0.0, 0.0, True),
-    ):
-        before, after = np.array([1.0, 2.0]), np.array([1.0 + way, 2.0])
-        ends = (SimpleNamespace(unknowns=v) for v in (before, after))
-        step = SimpleNamespace(**dict(zip(("before", "after"), ends, strict=True)))
-        branch = SimpleNamespace(unknowns=after + np.array([0.0, off * jumps._SAME * way]))
-        assert search._is_at(branch, step) is there
-
-
-@pytest.mark.parametrize(("kind", "times"), [("consistent", 0), ("redistributed", 1)])
-def test_a_mass_that_lies_elsewhere_is_said_once(kind, times, caplog):
-    """On one rank, of a loose square of few cells; the consistent one is that of the body."""
-    domain = box(COMM, 2, "tri")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    problem = ContactProblem(LinearElastic(1.0, 1.0).energy(u) * ufl.dx, u, [surface])
-    M = mass_matrix(V, 1.0, kind, _touching(problem.equations))
-    with caplog.at_level(logging.WARNING):
-        _warn_of_inertia(problem, M, 1.0)
-    said = sum("elsewhere than the body" in r.message for r in caplog.records)
-    assert said == (times if COMM.rank == 0 else 0)
-
-
-@pytest.mark.parametrize("known", [True, False])
-def test_directions_from_a_start(known):
-    """That of Newton's method if it finds one; else the first of those that H leads to."""
-    ray, *others = (Ray(None, i) for i in range(3))
-    asked = SimpleNamespace(
-        _by_newton=lambda *_, **__: ray if known else None, _led_by_H=lambda t: others
-    )
-    found = RateProblem.begun(asked, None, None)
-    assert found.onwards is (ray if known else others[0])
-    none = SimpleNamespace(_by_newton=lambda *_, **__: None, _led_by_H=lambda t: [])
-    assert RateProblem.begun(none, None, None).onwards is None
-
-
-def test_a_branch_ends_with_its_last_point(monkeypatch):
-    """That it reaches the whole load is known of no other."""
-    monkeypatch.setattr(step_branch, "_with_more", lambda follower, x, found: [None])
-    y = [PETSc.Vec().createWithArray(np.array([float(i)]), comm=MPI.COMM_SELF) for i in range(4)]
-    loads = (0.0, 0.5, 0.75, 1.0)
-    points = [SimpleNamespace(y=v, gamma=g, piece=g) for v, g in zip(y, loads, strict=True)]
-    follower = SimpleNamespace(
-        departures=lambda x, gamma: SimpleNamespace(method="", complete=True),
-        run=lambda *_, **__: SimpleNamespace(points=points),
-        bordered=SimpleNamespace(split=lambda y: (y, None)),
-    )
-    found = step_branch._followed(follower, SimpleNamespace(statuses_of=lambda piece: piece), None)
-    assert (found.reaches_end, found.statuses, found.unknowns.tolist()) == (True, 1.0, [3.0])
-
-
-def test_what_leads_on_where_a_load_turns():
-    """What has a rate; nothing is known where branches meet, or where no ray was followed."""
-    follower = SimpleNamespace(bordered=SimpleNamespace(gamma=float))
-    up, still, down = (Ray(None, rate) for rate in (0.5, 0.0, -0.5))
-    turn = dict(kind="fold", smooth=False, complete=True, method="trial", onwards=down)
-    turn |= {"others": [still, up]}
-    found = step_branch._at_turn(follower, SimpleNamespace(**turn))
-    assert (found.known, list(found.rays), found.method) == (True, [up], "by trial")
-    found = step_branch._at_turn(follower, SimpleNamespace(**turn | {"smooth": True}))
-    assert (found.known, found.why) == (True, "the load turns back while all statuses stay")
-    for other in ({"onwards": None}, {"kind": "bifurcation", "smooth": True}):
-        found = step_branch._at_turn(follower, SimpleNamespace(**turn | other))
-        assert (found.known, found.why) == (False, "branches of solutions meet there")

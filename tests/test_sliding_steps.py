@@ -1,7 +1,6 @@
 """Steps of bodies that slide over each other, which know their size."""
 
 import logging
-from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -13,8 +12,6 @@ from test_sliding_pair import TIMES, Bodies, sliding_history
 
 from dolfinx_contact import Coulomb, Frictionless
 from dolfinx_contact.evolution import QuasiStatic, sliding_steps
-from dolfinx_contact.evolution.accepted import AtRest, SolvedStep
-from dolfinx_contact.solvers import ConvergenceError
 
 COMM = MPI.COMM_WORLD
 
@@ -151,74 +148,3 @@ def test_facets_that_a_step_passes(caplog):
     np.testing.assert_allclose(ways, expected, atol=0.03)
     told = [r for r in caplog.records if "facets of the other face" in r.message]
     assert len(told) == (COMM.rank == 0)
-
-
-def at(time, value, *, solved=True):
-    """A state of which a time and the unknowns count."""
-    return AtRest(time, (value,), (), None, (), (), None, np.array(value), None, solved, None)
-
-
-def steps_of(times, **given):
-    """Those of a hyperelastic pair that slides."""
-    problem = SimpleNamespace(
-        comm=COMM,
-        surfaces=[SimpleNamespace(slides=True)],
-        equations=SimpleNamespace(
-            bulk=SimpleNamespace(linear=False), V=None, comm=COMM, axisymmetric=False
-        ),
-    )
-    options = dict(longest=np.inf, shortest=0.0, extrapolate=True) | given
-    return sliding_steps.SlidingSteps(problem, times, start=at(0.0, [0.0]), **options)
-
-
-def taken(before, after):
-    return SolvedStep(
-        before,
-        after,
-        SimpleNamespace(
-            indicators=SimpleNamespace(surfaces={"pair": SimpleNamespace(slip_in_step=0)})
-        ),
-    )
-
-
-@pytest.mark.verifies(
-    "sliding pairs", reference="closed form: a line through two states", aspects=("large sliding",)
-)
-def test_where_a_step_begins():
-    """On the line through the last two states, whatever their times; and nowhere after a jump."""
-    before = at(1.0, [1.0, -2.0])
-    after = at(3.0, [2.0, 2.0])
-    steps = steps_of((0.0, 1.0, 3.0, 4.0))
-    assert steps.trial(after, 4.0, 4.0).extrapolated is None
-    steps.accept(taken(before, after), jump=False)
-    np.testing.assert_allclose(steps.trial(after, 4.0, 4.0).extrapolated, [2.5, 4.0])
-    np.testing.assert_allclose(steps.trial(after, 3.5, 4.0).extrapolated, [2.25, 3.0])
-    assert steps.trial(before, 3.5, 4.0).extrapolated is None
-    steps.accept(taken(before, after), jump=True)
-    assert steps.trial(after, 4.0, 4.0).extrapolated is None
-    steps.accept(taken(at(1.0, [0.0, 0.0], solved=False), after), jump=False)
-    assert steps.trial(after, 4.0, 4.0).extrapolated is None
-
-
-@pytest.mark.parametrize(("longest", "least"), [(np.inf, 2.0 / 16), (0.5, 0.5 / 16)])
-@pytest.mark.verifies(
-    "sliding pairs",
-    reference="closed form: a sixteenth of the step of the user",
-    aspects=("large sliding",),
-)
-def test_how_far_steps_are_halved(longest, least):
-    """Newton's method alone is tried as long as half of the step is not less than a part."""
-    steps = steps_of((0.0, 1.0, 3.0), longest=longest)
-    start = at(1.0, [0.0])
-    assert steps.trial(start, 1.0 + 2.0 * least, 3.0).brief
-    assert not steps.trial(start, 1.0 + 1.9 * least, 3.0).brief
-
-
-def test_stretched_cells_may_go_back(monkeypatch):
-    """A fall from 3 to 0.6 is none, as 1 is where nothing is strained; one from 0.8 to 0.3 is."""
-    monkeypatch.setattr(sliding_steps, "smallest_jacobian", lambda V, u, **_: (u[0], None))
-    for before, after in ((3.0, 0.6), (0.8, 0.41)):
-        steps_of((0.0, 1.0)).require_unfolded(taken(at(0.0, [before]), at(1.0, [after])))
-    for before, after in ((3.0, 0.4), (0.8, 0.39)):
-        with pytest.raises(ConvergenceError, match="smallest det F falls"):
-            steps_of((0.0, 1.0)).require_unfolded(taken(at(0.0, [before]), at(1.0, [after])))

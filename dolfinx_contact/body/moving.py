@@ -149,6 +149,16 @@ class MovingBody:
         #: Rows at w_0, with what they were found from: R(0), and the stiffness.
         self._start: tuple[Array, tuple[int, TimeStep], Array] | None = None
 
+    def take_matrices(self, mass: PETSc.Mat, damping: PETSc.Mat | None) -> None:
+        """Replace mass and damping, which are freed. Not collective."""
+        for old in (self.mass, self.damping):
+            if old is not None:
+                old.destroy()
+        self.mass = mass
+        self.damping = damping
+        self._symmetric = damping is None or is_symmetric(damping)
+        self._of = self._start = None
+
     def begin(self, step: TimeStep, u: Array, v: Array, rows: Array) -> None:
         """Begin a step. Collective.
 

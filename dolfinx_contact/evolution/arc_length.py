@@ -36,10 +36,11 @@ from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.equations.given_data import check_times
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.by_arc_length import ByArcLength
 from dolfinx_contact.evolution.energy import Energies
-from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners
+from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners, compared_arguments
 from dolfinx_contact.evolution.path import PathHistory, PathStep
 from dolfinx_contact.evolution.path_state import (
     Known,
@@ -61,7 +62,9 @@ _LONGEST = 0.005  # of the range of gamma and the first tangent
 
 def _check_run(a: Arguments) -> None:
     path: ArcLength = a.self
-    a.gamma_range = checked_range(a.gamma_range, [path._gamma])
+    gamma = path._gamma if a.start is None else getattr(a.start, "gamma", None)
+    value = float(path.parametric.constant.value) if gamma is None else gamma
+    a.gamma_range = checked_range(a.gamma_range, [value])
     check_steps(a.control, a.max_steps)
     check_rays(a.rays)
     a.rays = bool(a.rays)
@@ -69,7 +72,7 @@ def _check_run(a: Arguments) -> None:
     a.control = a.control or StepControl(kinks="exact", initial=_LONGEST, maximum=_LONGEST)
     if a.control.kinks not in (None, "exact"):
         raise ValueError(f"a path with memory passes kinks exactly, not {a.control.kinks!r}")
-    first = path._run_state is None or path._run_state.arrived is None
+    first = a.start is not None or path._run_state is None or path._run_state.arrived is None
     a.direction = a.direction or ("increasing" if first else "onwards")
     known = get_args(PathDirection)[:2] if first else get_args(PathDirection)[2:]
     if a.direction not in known:
@@ -80,11 +83,10 @@ def _check_run(a: Arguments) -> None:
 class ArcLength(Runnable[PathTask, PathState, PathHistory]):
     """The path of a contact problem with a memory under a load that is unknown.
 
-    It begins with the state in the problem's Functions, a solution under the present value of the
-    parameter, and with the memory that is in the surfaces, as a `QuasiStatic` run leaves it;
-    without one, points slip from where they are, and bonds have the intensity of their law. Of a
-    memory that another state has left the log warns.
-    Functions, statuses, parameter and memory follow the accepted points.
+    Its first run starts from the state in the problem's Functions, a solution under the present
+    value of the parameter, or from ``start=``. A later run starts where the last one has ended.
+    Another evolution of the same problem needs ``start=``. Functions and parameter follow the
+    accepted points; the state of each is kept, as ``history.steps[-1].state``.
 
     Args:
         parametric: the contact problem and its load or imposed displacement gamma.
@@ -145,13 +147,14 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
     @collective(
         "a path by arc length",
         _check_run,
-        compare=lambda a: Listeners.of(a).compared(),
+        compare=compared_arguments,
         local=NOT_BY_VALUE,
     )
     def run(
         self,
         *,
         gamma_range: tuple[float, float],
+        start: State | None = None,
         direction: PathDirection | None = None,
         control: StepControl | None = None,
         max_steps: int = 1000,
@@ -165,6 +168,10 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
 
         Args:
             gamma_range: the path ends where the load reaches either end.
+            start: state at which the path starts, such as ``history.steps[-1].state`` or
+                ``problem.snapshot()``, under its ``gamma`` or the present value of the parameter;
+                by default the end of the last run, in a first run the Functions as they are with
+                virgin memory. Required in the first run if the problem has had another evolution.
             direction: of the first run ``"increasing"``, the default, or ``"decreasing"``, the load
                 at the start; of a later one ``"onwards"``, the default, or ``"back"``, by which the
                 state unloads and nothing heals.
@@ -197,12 +204,13 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         assert direction is not None
         self._require_no_time()
         self.parametric.check_parameter(samples_of(*gamma_range))
-        run_state = self._run_state
+        run_state = self._run_state if start is None else None
         if run_state is None:
-            start = self._stepper(None).start(0.0)
-            run_state = PathState(start, 0.0, known=Known(scales=self.parametric.scales))
-        else:
-            self._stepper(None).require_untouched(run_state.accepted)
+            self._require_start(start)
+            accepted = self._stepper(None).start(0.0, start)
+            assert isinstance(accepted, OnPath)
+            run_state = PathState(accepted, 0.0, known=Known(scales=self.parametric.scales))
+        self._has_begun()
         task = PathTask(gamma_range, direction, control, max_steps, bool(rays))
         listeners = Listeners(None, stop, observer, record, progress)
         return self._run(task, begun(task, run_state), listeners)
@@ -211,7 +219,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         self,
         time: float,
         gamma: float,
-        memory: Sequence[Memory | None],
+        memory: Sequence[Memory],
         energies: Energies,
         *,
         first: bool,

@@ -12,7 +12,6 @@ from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.walk import require_way
 from dolfinx_contact.equations.evaluation import Evaluation
-from dolfinx_contact.evolution.accepted import SolvedStep
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
 from dolfinx_contact.evolution.history import EvolutionStep
@@ -21,6 +20,7 @@ from dolfinx_contact.evolution.path_state import PathState, PathTask
 from dolfinx_contact.evolution.path_stepper import PathStepper
 from dolfinx_contact.evolution.rate_problem import Directions
 from dolfinx_contact.evolution.rule import Advance, Rule
+from dolfinx_contact.evolution.step import SolvedStep
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.results.result import Result
@@ -217,16 +217,17 @@ class ByArcLength(Rule[PathTask, PathState]):
 
     def _accept(self, solved: _Solved) -> Advance:
         """Accept a point, with the memory of which the path continues. Collective."""
-        eq = self._system.equations
         before = self._accepted
         found = solved.arrival
         point = found.point
-        after = self._stepper.accepted(
+        law = self._system.problem
+        after = self._stepper.at_rest(
+            law,
+            solved.state,
+            law.equations.advanced(solved.state),
             before.time + point.step,
-            solved.state.statuses,
-            eq.advanced(solved.state),
-            solved.forces,
             solved.energies,
+            solved.forces,
         )
         self._accepted = after
         self._length = found.next_h
@@ -259,6 +260,7 @@ class ByArcLength(Rule[PathTask, PathState]):
             directions=1 + 2 * len(found.bifurcations) if found.bifurcations else directions.number,
             method="a bifurcation of one piece" if found.bifurcations else directions.method,
             corrections=point.corrections,
+            state=after.state,
         )
         return Advance(step, SolvedStep(before, after, solved.result))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact problems in time: what quasi-static evolutions and motions have in common."""
+"""Contact problems in time: the common part of quasi-static histories and motions."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from dolfinx import fem
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.given_data import Datum
-from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import History, NoContinuation
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.run import Run
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.runnable import Runnable
+from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.evolution.through_times import Accept, HistoryTask, ThroughTimes
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
@@ -29,12 +30,12 @@ _MOST_FORKS = 16  # evolutions along other rays
 
 
 class Evolution(Runnable[HistoryTask, RunState, History]):
-    """A contact problem in time: runs through times, step by step, which a `Stepper` takes.
+    """A contact problem in time: runs through times, step by step.
 
     Args:
         problem: the contact problem.
-        load: called with a time, on every rank, sets Constants and Functions of the problem's data
-            to what they are then.
+        load: function of the time, called on every rank before each step, that sets Constants and
+            Functions of the data to their values at that time.
 
     Attributes:
         problem: as given.
@@ -58,8 +59,6 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
     kept: Mapping[str, fem.Function] = {}
     data: Sequence[Datum] = ()
     forms: Sequence[ufl.Form] = ()
-    #: The load that has been asked whether it knows more than the time.
-    _asked: Callable[[float], object] | None = None
 
     def __init__(self, problem: ContactProblem, load: Callable[[float], object]):
         if not isinstance(problem, ContactProblem):
@@ -75,38 +74,44 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         self.load = load
 
     def recalled(
-        self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
+        self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        """The state that is in Functions, statuses and rigid bodies, as one of it. Collective.
-
-        Args:
-            time: of the state.
-            memory: that it left.
-            energies: since the start.
-            first: whether it is the start of the evolution, whose statuses are not known.
-        """
+        """The state in the Functions as an earlier accepted state; see `Stepper.recalled`."""
         return self._stepper(None).recalled(time, memory, energies, first=first)
 
     def _stepper(self, progress: bool | None) -> Stepper:
         return Stepper(self.problem, self.load, False if progress is False else None)
 
-    def _begin(self, task: HistoryTask, listeners: Listeners) -> History:
-        """A new run, from the last accepted state if there is one. Collective.
+    def _begin(self, task: HistoryTask, listeners: Listeners, start: State | None) -> History:
+        """Run from a given state, the end of the last run, or the Functions. Collective.
 
         Args:
-            task: of the run, whose times begin at that state.
+            task: task of the run, whose times begin at its start.
             listeners: checked, as the task is, and the same on every rank.
+            start: state at the start, if given.
         """
         stepper = self._stepper(listeners.progress)
-        before = self._run_state
+        before = self._run_state if start is None else None
         if before is None:
-            accepted = stepper.start(task.times[0])
-            return self._run(task, RunState(accepted, task.longest), listeners)
-        stepper.require_untouched(before.accepted)
-        # Data that were changed between two runs, and the load if it was, are those of the next.
-        accepted = stepper.renewed(before.accepted)
-        run_state = RunState(accepted, task.longest, before.rate, before.number)
+            self._require_start(start)
+        try:
+            stepper.require_repeatable(task.times[0], self._later_time(task))
+            if before is None:
+                accepted = stepper.start(task.times[0], start)
+                run_state = RunState(accepted, task.longest)
+            else:
+                accepted = stepper.continued(before.accepted)
+                run_state = RunState(accepted, task.longest, before.rate, before.number)
+        except BaseException:
+            if before is not None:
+                stepper.put(before.accepted)
+            raise
+        self._has_begun()
         return self._run(task, run_state, listeners)
+
+    def _later_time(self, task: HistoryTask) -> float:
+        """A later time of a run, for the test of its load."""
+        return task.times[-1]
 
     def _rule(
         self, stepper: Stepper, task: HistoryTask, run_state: RunState, accept: Accept | None
@@ -117,7 +122,6 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
     def _run(self, task: HistoryTask, run_state: RunState, listeners: Listeners) -> History:
         """A run from where it is to its end. Collective."""
         stepper = self._stepper(listeners.progress)
-        stepper.asks = self.load is not self._asked
         rule = self._rule(stepper, task, run_state, listeners.accept)
         history = _history_from(run_state.accepted)
         self._follow(Run(stepper, rule, listeners, history))
@@ -125,9 +129,6 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         stepper.put(rule.run_state.accepted)
         if rule.failed and task.at_jump != "stop":
             raise NoContinuation(history.reason, history) from rule.failure
-        if self.load is not self._asked and not rule.failed:
-            stepper.ask_at_end(run_state.accepted, rule.run_state.accepted)
-            self._asked = self.load
         return history
 
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dolfinx_contact.equations.evaluation import Statuses, differs
-from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper, change
+from dolfinx_contact.evolution.changes import change
+from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.evolution.step_rays import StepRays, number_of_points, rays_of_step
 from dolfinx_contact.solvers import ConvergenceError
 from dolfinx_contact.solvers.strategies import Trial
@@ -114,11 +115,7 @@ class Forks:
     def _rays(self, accepted: AcceptedState, time: float) -> StepRays | None:
         if self._wanted is False or not (self._wanted or self._few) or accepted.statuses is None:
             return None
-        self._stepper.prepare(accepted, time)
-        try:
-            return rays_of_step(self._stepper.problem)
-        finally:
-            self._stepper.put(accepted)
+        return rays_of_step(self._stepper.begin(accepted, time))
 
     def _same(self, a: Statuses | None, b: Statuses | None) -> bool:
         """Whether two statuses are the same on all ranks; also if none are known."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.results.result import Result
 
@@ -32,6 +33,8 @@ class EvolutionStep:
             evolution.
         directions: number of solutions of the rate problem at its start that are known; more than
             one if other evolutions lead on from there. None if they were not looked for.
+        state: state at its end, with time, energies and, in dynamics, velocity. Evaluators take it,
+            as ``problem.table(surface, state=step.state)``, and another evolution starts from it.
     """
 
     number: int
@@ -42,6 +45,7 @@ class EvolutionStep:
     rejected: int = 0
     jump: bool = False
     directions: int | None = None
+    state: State | None = field(default=None, compare=False, repr=False)
 
     @property
     def status(self) -> str:

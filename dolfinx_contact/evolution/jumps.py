@@ -23,7 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.given_data import data_of_surface
-from dolfinx_contact.evolution.accepted import AcceptedState, SolvedStep, Stepper, changes
+from dolfinx_contact.evolution.changes import changes
+from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
@@ -168,8 +169,9 @@ class _Search:
             return False
         mine = a.statuses is not None and b.statuses is not None
         mine = mine and all(map(np.array_equal, a.statuses or (), b.statuses or ()))
-        mine = mine and a.data.agrees(b.data, self._kept)
-        return bool(self._stepper.problem.comm.allreduce(int(mine), op=MPI.MIN))
+        if not self._stepper.problem.comm.allreduce(int(mine), op=MPI.MIN):
+            return False
+        return self._stepper.keeps(self._kept, a.time, b.time)
 
     def _first(self, before: AcceptedState, time: float) -> SolvedStep | ConvergenceError:
         """The longest step towards a time that is solved; why none is, down to the least length."""

@@ -11,10 +11,10 @@ from dolfinx_contact._collective import Arguments
 from dolfinx_contact.continuation.arguments import check_functions, check_listeners
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 
-__all__ = ["NOT_BY_VALUE", "Listeners"]
+__all__ = ["NOT_BY_VALUE", "Listeners", "compared_arguments"]
 
 #: Arguments of a run that are compared as in `Listeners.compared`, or may differ.
-NOT_BY_VALUE = ("accept", "stop", "record")
+NOT_BY_VALUE = ("accept", "stop", "record", "start")
 
 
 @dataclass(frozen=True)
@@ -58,3 +58,8 @@ class Listeners:
     def compared(self) -> dict[str, Any]:
         """Whether there are those that every rank must have or lack, by names in messages."""
         return {"stop_condition": self.stop is not None, "a_record": self.record is not None}
+
+
+def compared_arguments(a: Arguments) -> dict[str, Any]:
+    """Arguments of a run that every rank must have or lack, by names in messages."""
+    return Listeners.of(a).compared() | {"a_start": a.start is not None}

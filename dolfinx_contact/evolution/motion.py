@@ -31,21 +31,14 @@ from dolfinx import fem
 from dolfinx_contact._errors import require
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
+from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
-from dolfinx_contact.equations.given_data import (
-    Constancy,
-    GivenData,
-    note_put,
-    require_obstacles,
-)
-from dolfinx_contact.evolution.accepted import (
-    AcceptedState,
-    OfState,
-    SolvedStep,
-    Stepper,
-)
+from dolfinx_contact.equations.given_data import require_obstacles
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
+from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.balance import support_at_nodes
@@ -104,10 +97,10 @@ class Method:
 
 @dataclass(frozen=True, eq=False)
 class MovingState(AcceptedState):
-    """A state of a body in motion.
+    """An accepted state of a body in motion.
 
     Attributes:
-        motion: displacement, velocity and what goes with them.
+        motion: displacement, velocity and the forces and energies there.
         turns: velocities of held nodes less their mean in the step that led here (owned), and in
             how many steps these have changed their sign; None at a start.
     """
@@ -120,15 +113,13 @@ class MotionStepper(Stepper):
     """Takes steps of a body in motion.
 
     Args:
-        problem: of a step of time, which its body is in.
-        velocity: Function that follows what is taken or put.
-        load: puts the data of a time into Functions and Constants.
-        method: of the steps.
-        constancy: of the data in mass and damping.
-        progress: of the solves.
+        problem: contact problem of a time step, with a `MovingBody`.
+        velocity: Function of the velocity, which follows the states that are taken or put.
+        load: function of the time that sets Constants and Functions of the data.
+        method: method of the steps.
+        matrices: mass and damping of the body.
+        progress: progress of the solves.
     """
-
-    kind = "NSCD"
 
     def __init__(
         self,
@@ -136,7 +127,7 @@ class MotionStepper(Stepper):
         velocity: fem.Function,
         load: Callable[[float], object],
         method: Method,
-        constancy: Constancy,
+        matrices: Matrices,
         progress: bool | None,
     ):
         super().__init__(problem, load, progress)
@@ -145,60 +136,12 @@ class MotionStepper(Stepper):
         self._body = body
         self._velocity = velocity
         self._method = method
-        self._constancy = constancy
+        self._matrices = matrices
         self._warned = False
-        #: Whether it is to be said that a part of the body has turned, and the parts, once found.
 
-    def start(self, time: float) -> AcceptedState:
-        """The state in the Functions. Collective.
+    # -- one step --------------------------------------------------------------------------------
 
-        Raises:
-            ValueError: on every rank, if a point is within an obstacle, the state not finite or not
-                what Dirichlet data prescribe, or these are such that a solve refuses them.
-        """
-        eq = self.problem.equations
-        with self._loaded(time):
-            eq.refresh()
-            self._require_finite()
-            self._require_data()
-            self._require_held()
-            state, memory = self._begun(self._contact)
-            self._require_no_penetration(state)
-        motion = self._motion(state)
-        energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
-        return self._moving(time, None, memory, energies, motion)
-
-    def recalled(
-        self, time: float, memory: Sequence[Memory | None], energies: Energies, *, first: bool
-    ) -> AcceptedState:
-        note_put(*self.problem.fields, *self.problem.rigid_bodies, self._velocity)
-        with self._loaded(time):
-            self.remember(memory)
-            state = self._contact()
-        known = None if first else state.statuses
-        return self._moving(time, known, tuple(memory), energies, self._motion(state))
-
-    def _under_other_data(self, accepted: AcceptedState) -> AcceptedState:
-        assert isinstance(accepted, MovingState)
-        u = accepted.motion.u
-        v = accepted.motion.v
-        rows = self._body.forces(u, v)
-        load = self._body.load()
-        motion = replace(accepted.motion, rows=rows, load=load)
-        return replace(accepted, data=GivenData(self.problem.equations), motion=motion)
-
-    def put(self, accepted: AcceptedState) -> None:
-        super().put(accepted)
-        assert isinstance(accepted, MovingState)
-        self._velocity.x.array[:] = accepted.motion.v
-        note_put(self._velocity)
-
-    def _of_state(self, accepted: AcceptedState) -> list[OfState]:
-        assert isinstance(accepted, MovingState)
-        moves = OfState("velocity", self._velocity, accepted.motion.v)
-        return [*super()._of_state(accepted), moves]
-
-    def _stepped(
+    def _taken(
         self,
         accepted: AcceptedState,
         time: float,
@@ -206,46 +149,105 @@ class MotionStepper(Stepper):
         guess: AcceptedState | None,
         trial: Trial,
     ) -> SolvedStep:
-        """The step from a state; guesses are its own, and no statuses are likelier. Collective."""
+        """The step from a state. Guess and statuses are those of free flight. Collective."""
         assert isinstance(accepted, MovingState)
         assert isinstance(accepted.energies, MotionEnergies)
+        self._restore(accepted)
+        self._set(time)
+        self._matrices.require_constant(time)
         problem = self.problem
-        eq = self.problem.equations
+        eq = problem.equations
         body = self._body
         a = accepted.motion
         length = time - accepted.time
         if abs(length - body.step.length) <= _ROUND_OFF * length:
             length = body.step.length  # the same steps have the same matrices
         step = TimeStep(length, self._method.theta, self._method.scheme)
+        eq.refresh()
+        if accepted.statuses is None:
+            self._require_speed(a)
+        body.begin(step, a.u, a.v, a.rows)
+        eq.prescribed.unknowns = lambda values: step.seen(values, body.origin)
         try:
-            self._set(time)
-            eq.refresh()
-            if accepted.statuses is None:
-                self._require_speed(a)
-            body.begin(step, a.u, a.v, a.rows)
-            eq.prescribed.unknowns = lambda values: step.seen(values, body.origin)
+            # 1. solve the problem of the step for the displacement w that contact sees
             motion = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
-            self.remember(self._seen(accepted, step, motion))
-            problem = self.problem
+            contact = problem.with_memory(self._seen(accepted, step, motion))
             problem.u.x.array[:] = self._guess(a, step)
-            result, state = problem.solve_step(progress=self._progress)
-            u, v = (f(state.u, body.origin) for f in (step.displacement, step.velocity))
+            result, end = contact.solve_step(progress=self._progress)
+            u, v = (f(end.u, body.origin) for f in (step.displacement, step.velocity))
             problem.u.x.array[:] = u
             self._velocity.x.array[:] = v
-            later = [None if m is None else m.later(step.length) for m in accepted.memory]
-            self.remember(later)
-            eq = self.problem.equations
-            shown = self._at(state, u)
-            b = motion_at(eq, shown, u, v)
-            energies = account(accepted.energies, eq, state, a, b, motion)
+            # 2. advance the memory, with the contact of the end at its own displacement
+            law = problem.step_from(accepted.state, step=step.length)
+            shown = self._at(law.equations, end, u)
+            memory = law.equations.advanced(shown)
+            # 3. account for the energies
+            b = motion_at(law.equations, shown, u, v)
+            energies = account(accepted.energies, law.equations, end, a, b, motion)
             lost = energies.dissipated - accepted.energies.dissipated
-            result = self._shown(result, shown, lost)
-            memory = eq.advanced(shown)
+            result = self._shown(law.equations, result, shown, lost)
         finally:
             eq.prescribed.unknowns = None
         turns = self._turns(accepted, b, step)
-        after = self._moving(time, state.statuses, memory, energies, b, turns)
+        after = self._moving(law, end.statuses, memory, time, energies, b, turns=turns)
         return SolvedStep(accepted, after, result)
+
+    def _restore(self, accepted: AcceptedState) -> None:
+        super()._restore(accepted)
+        assert isinstance(accepted, MovingState)
+        self._velocity.x.array[:] = accepted.motion.v
+
+    # -- the start of a run ----------------------------------------------------------------------
+
+    def start(self, time: float, given: State | None = None) -> AcceptedState:
+        """The start of a motion under the load of its time, which has been set. Collective.
+
+        Raises:
+            ValueError: on every rank, if a point is within an obstacle, the state is not finite or
+                differs from Dirichlet data, or these are such that a solve refuses them.
+        """
+        self._matrices.update(self._body)
+        with self.problem.restored():
+            law, evaluation, memory = self._begun(given)
+            # Under laws of velocities points come to rest within the obstacle.
+            ended = given is not None and all(m is not None for m in given.previous)
+            if not (ended and self._method.ends_within):
+                self._require_no_penetration(evaluation)
+        motion = self._motion(law, evaluation)
+        energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
+        return self._moving(law, evaluation.statuses, memory, time, energies, motion, known=False)
+
+    def _take_start(self, given: State) -> None:
+        super()._take_start(given)
+        if given.velocity is not None:
+            self._velocity.x.array[:] = given.velocity
+
+    def _evaluated(self, law: ContactProblem) -> Evaluation:
+        """The contact of a start, without the rows of H. Collective."""
+        x = law.create_vector()
+        law.write(x)
+        found = law.equations.contact(x, law.written_statuses)
+        x.destroy()
+        return found
+
+    def continued(self, accepted: AcceptedState) -> AcceptedState:
+        assert isinstance(accepted, MovingState)
+        self.put(accepted)
+        self._matrices.update(self._body)
+        motion = accepted.motion
+        rows = self._body.forces(motion.u, motion.v)
+        return replace(accepted, motion=replace(motion, rows=rows, load=self._body.load()))
+
+    def recalled(
+        self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
+    ) -> AcceptedState:
+        self._set(time)
+        self._matrices.update(self._body)
+        law = self.problem.with_memory(memory)
+        found = self._evaluated(law)
+        motion = self._motion(law, found)
+        memory = tuple(memory)
+        return self._moving(law, found.statuses, memory, time, energies, motion, known=not first)
 
     def _guess(self, a: Motion, step: TimeStep) -> Array:
         """Where contact is looked for first: free flight, which gives good statuses. Collective.
@@ -260,17 +262,6 @@ class MotionStepper(Stepper):
             return np.asarray(flight)
         return step.seen(a.u, origin)
 
-    def _set(self, time: float) -> None:
-        super()._set(time)
-        changed = self._constancy.changed()
-        if changed:
-            self._constancy.restore()
-            raise ValueError(
-                f"the motion is refused at the time {time:g}: {changed} is not what it was when "
-                "the NSCD was made, and mass and damping are assembled once; what changes there "
-                "needs a new NSCD, with the displacement and velocity of then"
-            )
-
     # -- what contact sees -----------------------------------------------------------------------
 
     def _seen(self, accepted: MovingState, step: TimeStep, motion: Array) -> list[Memory]:
@@ -284,7 +275,7 @@ class MotionStepper(Stepper):
         a = accepted.motion
         # Faces that slide over each other have their slips from where they were.
         pairs = zip(self.problem.surfaces, accepted.memory, strict=True)
-        eq = self.static.with_memory([m if s.slides else None for s, m in pairs]).equations
+        eq = self.problem.with_memory([m if s.slides else None for s, m in pairs]).equations
         origin = self._body.origin
         gain = step.gain
         if self._method.massless:
@@ -304,24 +295,23 @@ class MotionStepper(Stepper):
                 closes = np.sum(at.jump * n, axis=1) + step.gain * risen + back
                 active = a.un[i] + 0.5 * opening <= 0
                 gap = np.where(active, closes, closes + _FAR * eq.body_size)
-            fields = {} if memory is None else memory.fields
             # For a velocity friction gets the motion along the surface, which is h a v_1.
             passed = step.length * (gain if s.law.creeps else 1.0)
             was = origin[: eq.owned_sizes[0]].reshape(-1, eq.dim) if s.slides else None
-            found.append(Memory(at.whole, fields, passed, gap, was, at.place, at.motion))
+            found.append(Memory(at.whole, memory.fields, passed, gap, was, at.place, at.motion))
         return found
 
-    def _at(self, state: Evaluation, u: Array) -> Evaluation:
+    def _at(self, eq: ContactEquations, state: Evaluation, u: Array) -> Evaluation:
         """The contact of a step's end at its displacement, as tables show it. Collective."""
-        eq = self.problem.equations
         surfaces = []
         for s, found in zip(eq.surfaces, state.surfaces, strict=True):
             surfaces.append(replace(found, kinematics=eq.kinematics(s, u, state.q)))
         return replace(state, u=u, surfaces=surfaces)
 
-    def _shown(self, result: Result, shown: Evaluation, lost: float) -> Result:
-        """A result with tables and checks of the step's end, and what friction dissipated."""
-        eq = self.problem.equations
+    def _shown(
+        self, eq: ContactEquations, result: Result, shown: Evaluation, lost: float
+    ) -> Result:
+        """A result with tables and checks of the step's end, and the frictional dissipation."""
         supports = support_at_nodes(eq, shown)
         tables = {s.name: contact_table(eq, i, shown, supports) for i, s in enumerate(eq.surfaces)}
         energies = result.energies | {"friction": lost}
@@ -329,36 +319,31 @@ class MotionStepper(Stepper):
             result, tables=tables, energies=energies, indicators=indicators_of(eq, shown)
         )
 
-    # -- moments ---------------------------------------------------------------------------------
+    # -- accepted states -------------------------------------------------------------------------
 
-    def _contact(self) -> Evaluation:
-        """What touches in the state that is in the problem. Collective."""
-        problem = self.problem
-        x = problem.create_vector()
-        problem.write(x)
-        state = problem.equations.contact(x, problem.written_statuses)
-        x.destroy()
-        return state
-
-    def _motion(self, state: Evaluation) -> Motion:
-        for f in (self.problem.u, self._velocity):
-            f.x.scatter_forward()  # what the user has put into them may be the owners' alone
-        u, v = (f.x.array.copy() for f in (self.problem.u, self._velocity))
-        return motion_at(self.problem.equations, state, u, v)
+    def _motion(self, law: ContactProblem, evaluation: Evaluation) -> Motion:
+        """The motion in the Functions. Collective."""
+        for f in (law.u, self._velocity):
+            f.x.scatter_forward()  # values given by the user may be those of the owners alone
+        u, v = (f.x.array.copy() for f in (law.u, self._velocity))
+        return motion_at(law.equations, evaluation, u, v)
 
     def _moving(
         self,
+        law: ContactProblem,
+        statuses: Statuses,
+        memory: Sequence[Memory],
         time: float,
-        statuses: Statuses | None,
-        memory: tuple[Memory | None, ...],
         energies: Energies,
         motion: Motion,
+        *,
+        known: bool = True,
         turns: tuple[Array, int] | None = None,
     ) -> MovingState:
-        """The state of motion in the problem as an accepted state. Collective."""
-        return self._accepted(
-            MovingState, time, statuses, memory, energies, motion=motion, turns=turns
-        )
+        """The motion in the Functions as an accepted state. Collective."""
+        state = replace(self._state(law, statuses, memory, time, energies), velocity=motion.v)
+        held = state.statuses if known else None
+        return MovingState(state, self._unknowns(), energies, held, True, motion, turns)
 
     # -- what is held ----------------------------------------------------------------------------
 
@@ -455,12 +440,13 @@ class MotionStepper(Stepper):
                 )
         return off, times
 
-    def _require_finite(self) -> None:
-        super()._require_finite()
+    def _check_start(self) -> None:
+        super()._check_start()
         eq = self.problem.equations
         finite = bool(np.isfinite(self._velocity.x.array).all())
         require(eq.comm, finite, "the velocity at the start is not finite")
         require_obstacles(eq)
+        self._require_held()
 
     def _require_no_penetration(self, state: Evaluation) -> None:
         """Refuse a start within an obstacle. Collective."""

@@ -20,34 +20,24 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, get_args
 
-from petsc4py import PETSc
-
-import numpy as np
-import numpy.typing as npt
-
-import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._affine import dependence
 from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import everywhere
-from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._numbers import is_number
-from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors
-from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
-from dolfinx_contact.body.weighting import circumference, weighted
+from dolfinx_contact.body.inertia import Mass
+from dolfinx_contact.body.moving import Scheme, TimeStep
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
-from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import Constancy, Datum, data_in, placed_data
-from dolfinx_contact.evolution.accepted import Stepper
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.history import EvolutionStep, History
-from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners
+from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners, compared_arguments
+from dolfinx_contact.evolution.mass_and_damping import Matrices, data_of, is_scalar_constant
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
 from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.step import Stepper
 from dolfinx_contact.evolution.through_times import (
     Accept,
     HistoryTask,
@@ -101,20 +91,17 @@ def _check_run(a: Arguments) -> None:
         a.locate = _positive("locate", a.locate)
         if a.locate > a.self._dt:
             raise ValueError(f"locate must be no longer than dt, got {a.locate!r}")
-    a.times = checked_times(a.times, a.self._accepted)
+    a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
     Listeners.of(a).check(a.self._record)
 
 
 class NSCD(Evolution):
     """The motion of a body with contact and friction, by nonsmooth contact dynamics.
 
-    It begins with the displacement and statuses in the problem's Functions, at the first time, and
-    with `velocity`, and with bonds as `QuasiStatic` has them. A later run begins where the last one
-    has ended; where displacement or velocity have been set between, that is refused: another motion
-    begins from what is there. They follow the accepted steps, as do data and memory of the
-    problem. The memory stays in the surfaces afterwards: ``surface.memory = None``
-    makes the law of the problem that was given static again. The multipliers are means over the
-    step: impulses over areas and the length of the step.
+    Its first run starts from the displacement in the problem's Functions and from `velocity`, or
+    from ``start=``. A later run starts where the last one has ended. Another evolution of the same
+    problem needs ``start=``. Functions, `velocity` and data follow the accepted steps. The
+    multipliers are means over the step: impulses over areas and the length of the step.
     Dirichlet data prescribe the displacement at the ends of steps; what they prescribe begins with
     the displacement and velocity that the body has there. A start that is elsewhere than they
     prescribe, or moves where they do not, is refused. Where they have another velocity, or a kink
@@ -124,11 +111,11 @@ class NSCD(Evolution):
         problem: the contact problem, with loads and Dirichlet data, without inertia.
         density: mass per volume (per area in 2D, of unit thickness): a number, Constant, Function
             or UFL expression of the coordinates. Of a body of revolution that of its volume. It
-            must not change: a run in which it does is refused.
+            must not change within a run; mass and damping are assembled when a run starts.
         dt: length of a step, a time.
-        load: called with a time, on every rank, sets Constants and Functions of the problem's data
-            to their values at that time; by default they stay. One that depends on earlier calls is
-            refused, of one that depends on the solution the log warns.
+        load: function of the time, called on every rank before each step, that sets Constants and
+            Functions of the data to their values at that time; by default they stay. It is refused
+            if it depends on earlier calls.
         velocity: at the first time, a Function of the displacement's space; by default at rest. It
             is to be that of the Dirichlet data where these hold the body: 0 where they stay.
         scheme: ``"theta"``, ``"theta-euler"`` or ``"modified-theta"`` (`body.moving`).
@@ -149,8 +136,8 @@ class NSCD(Evolution):
             of a wind, c (v - w), is a load.
             A form that holds the displacement is refused, and one with kinks or jumps in the
             velocity (dry friction, which is a law of a contact surface).
-            Like the density its factors stay: a run in which a Constant or Function in them (for
-            b > 0 in the stiffness) changes is refused.
+            Like the density its factors (for b > 0 also the stiffness) must not change within a
+            run.
             In a body of revolution, per volume or per area, like the bulk.
         restitution: coefficient e, 0 to 1, at the velocity level.
 
@@ -199,13 +186,11 @@ class NSCD(Evolution):
         self.velocity = fem.Function(V, name="velocity") if velocity is None else velocity
         self._method = method
         step = TimeStep(self._dt, method.theta, method.scheme)
-        body = _moving_body(problem, self.velocity, step, density, mass, damping)
-        super().__init__(problem.moving(body), load or _constant)
+        self._matrices = Matrices(problem, self.velocity, density, mass, damping)
+        super().__init__(problem.moving(self._matrices.body(step)), load or _constant)
         self.kept = {"velocity": self.velocity}
-        self.data = _data(density, damping, self.velocity)
+        self.data = data_of(density, damping, self.velocity)
         self.forms = [damping] if isinstance(damping, ufl.Form) else []
-        stay = _of_matrices(density, damping, self.velocity) + _of_stiffness(problem, damping)
-        self._constancy = Constancy(comm, stay)
         words = (f"scheme {scheme}", f"theta {method.theta!r}", f"level {level}", f"mass {mass}")
         restores = f"restitution {method.restitution!r}"
         of = f"density {described(ufl.as_ufl(density), V.mesh)}"
@@ -214,13 +199,14 @@ class NSCD(Evolution):
     @collective(
         "the times of a motion",
         _check_run,
-        compare=lambda a: Listeners.of(a).compared(),
+        compare=compared_arguments,
         local=NOT_BY_VALUE,
     )
     def run(
         self,
         times: Sequence[float],
         *,
+        start: State | None = None,
         locate: float | None = None,
         accept: Accept | None = None,
         stop: Stop[EvolutionStep] | None = None,
@@ -231,19 +217,23 @@ class NSCD(Evolution):
         """Go through times. Collective.
 
         Args:
-            times: increasing. The first is that of the state in the Functions or, in a later run,
-                of the last accepted state; every other is the end of a step. Between two there are
-                equal steps no longer than dt.
+            times: increasing times. The first is that of the start, every other is the end of a
+                step. Between two there are equal steps no longer than dt.
+            start: state at the first time, such as ``history.steps[-1].state`` or
+                ``problem.snapshot()``; by default the end of the last run, in a first run the
+                Functions as they are with virgin memory (slips are counted from there, bonds are
+                those of the law). Required in the first run of an evolution if the problem has had
+                another one.
             locate: a time, to which begins of contact are located: steps in which a point closes
                 are tried again with half the length as long as that is no shorter.
-            accept: called with every step, on every rank; one that is not accepted is tried again
-                with half the length, down to ``locate`` or dt halved twenty times, where it is
-                accepted.
+            accept: called with every step, on every rank; a step that it rejects is tried again
+                with half the length, down to ``locate`` or dt halved twenty times. It is an error
+                to reject a step of that length.
             stop: called with every accepted step, on every rank, while its end is in the problem;
                 the reason for which the run ends there, or "" to continue. A later run continues
                 from there.
-            observer: called with every accepted step while its end is in the problem. It may look:
-                data or a state that it has changed, and the load does not set, are refused.
+            observer: called with every accepted step while its end is in the problem. Observers
+                must be read-only: the run restores the accepted state before the next step.
             record: keeps every accepted step before the observer is called, as
                 `records.EvolutionRecord` does.
             progress: whether rank 0 reports on the standard error stream where it is; by default
@@ -263,13 +253,14 @@ class NSCD(Evolution):
         """
         least = self._least if locate is None else locate
         task = HistoryTask(tuple(times), self._dt, least, locate=locate is not None)
-        return self._begin(task, Listeners(accept, stop, observer, record, progress))
+        return self._begin(task, Listeners(accept, stop, observer, record, progress), start)
 
-    @collective("settling", _check_settle)
+    @collective("settling", _check_settle, local=("start",))
     def settle(
         self,
         max_time: float,
         *,
+        start: State | None = None,
         rest: float = 1e-6,
         observer: ObserverLike[EvolutionStep] | None = None,
         progress: bool | None = None,
@@ -278,6 +269,7 @@ class NSCD(Evolution):
 
         Args:
             max_time: after which this ends in any case.
+            start: state at the start, as in `run`.
             rest: share of the largest kinetic energy so far. The body is at rest when its energy
                 has stayed below that for ten steps, and for 4 sqrt(rest) of the time since the
                 start, which is longer than a body stays below it that turns back, as one thrown up.
@@ -291,8 +283,12 @@ class NSCD(Evolution):
             NoContinuation: as `run`.
             ValueError: on every rank, for arguments that do not fit, and as `run`.
         """
-        task = RestTask((self._time,), self._dt, self._least, max_time=max_time, rest=float(rest))
-        return self._begin(task, Listeners(observer=observer, progress=progress))
+        time = 0.0 if start is not None else self._time
+        task = RestTask((time,), self._dt, self._least, max_time=max_time, rest=float(rest))
+        return self._begin(task, Listeners(observer=observer, progress=progress), start)
+
+    def _later_time(self, task: HistoryTask) -> float:
+        return task.times[0] + self._dt if isinstance(task, RestTask) else super()._later_time(task)
 
     @property
     def _time(self) -> float:
@@ -313,12 +309,11 @@ class NSCD(Evolution):
 
     def _stepper(self, progress: bool | None) -> MotionStepper:
         wanted = False if progress is False else None
-        stepper = self.problem, self.velocity, self.load, self._method, self._constancy
+        stepper = self.problem, self.velocity, self.load, self._method, self._matrices
         return MotionStepper(*stepper, wanted)
 
 
 _HALVINGS = 20  # of dt, to the least step
-_WRONG_INERTIA = 0.01  # of an acceleration, from which the log warns
 
 
 def _constant(_: float) -> None:
@@ -375,30 +370,6 @@ def _check_problem(problem: ContactProblem, level: Level) -> None:
                 raise ValueError(f"{s.name}: {what} is about positions; take level='position'")
 
 
-def _touching(eq: ContactEquations) -> npt.NDArray[np.bool_]:
-    """Owned dofs of nodes that may touch, of either body. Collective."""
-    marks = np.zeros(eq.owned_sizes[0])
-    slide = np.zeros(eq.owned_sizes[0] // eq.dim, dtype=bool)
-    for s in eq.surfaces:
-        if s.slides:  # any two points of the faces may meet
-            slide |= np.any(s.obstacle.opposite.sides, axis=0)[: len(slide)]
-            continue
-        B = s.constant_operator("a motion").B
-        weights = B.copy()
-        indptr, indices, values = weights.getValuesCSR()
-        weights.setValuesCSR(indptr, indices, np.abs(values))
-        weights.assemble()
-        ones = weights.createVecLeft()
-        sums = weights.createVecRight()
-        ones.set(1.0)
-        weights.multTranspose(ones, sums)
-        marks += sums.array_r
-        for thing in (weights, ones, sums):
-            thing.destroy()
-    nodes = (marks.reshape(-1, eq.dim).sum(axis=1) > 0) | slide
-    return np.repeat(nodes, eq.dim)
-
-
 def _refuse_state(density: Any, *state: fem.Function | None) -> None:
     """Raise ``ValueError`` if a density depends on what moves."""
     known = ufl.algorithms.extract_coefficients(density)
@@ -409,185 +380,11 @@ def _refuse_state(density: Any, *state: fem.Function | None) -> None:
         )
 
 
-def _moving_body(
-    problem: ContactProblem,
-    velocity: fem.Function,
-    step: TimeStep,
-    density: Any,
-    mass: Mass,
-    damping: ufl.Form | tuple[Any, Any] | None,
-) -> MovingBody:
-    """The body of a problem with its mass and damping, in a step of time. Collective.
-
-    Raises:
-        ValueError: on every rank, as `_damping`.
-    """
-    V = problem.V
-    for given in (ufl.as_ufl(density), damping):
-        for d in data_in(given, "") if isinstance(given, ufl.Form | ufl.core.expr.Expr) else ():
-            if isinstance(d.value, fem.Function):  # its ghosts follow their owners
-                d.value.x.scatter_forward()
-    around = problem.equations.axisymmetric
-    mass_of = density * circumference(V.mesh) if around else density
-    M = mass_matrix(V, mass_of, mass, _touching(problem.equations))
-    if mass == "redistributed":
-        _warn_of_inertia(problem, M, mass_of)
-    C, wind = _damping(problem, velocity, mass_of, damping)
-    body = problem.equations.bulk
-    if isinstance(body, MovingBody):
-        body = body.body
-    if wind is not None:
-        body = body.loaded(wind)
-    return MovingBody(body, M, C, step)
-
-
-def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, density: Any) -> None:
-    """Warn where a mass that was moved lies elsewhere than that of the body. Collective."""
-    eq = problem.equations
-    V = problem.V
-    consistent = mass_matrix(V, density, "consistent", np.zeros(eq.owned_sizes[0], dtype=bool))
-    fixed = eq.constraints.fixed
-    share, falls = rigid_errors(V, M, consistent, fixed, axisymmetric=eq.axisymmetric)
-    consistent.destroy()
-    if max([share, *falls.values()]) > _WRONG_INERTIA and problem.comm.rank == 0:
-        turning = ", ".join(f"{100 * v:.2g} % along {axis}" for axis, v in falls.items())
-        logger.warning(
-            "mass='redistributed' has its centre and moments elsewhere than the body on this mesh: "
-            "motions that nothing holds are accelerated by up to %.2g %% otherwise than they "
-            "should be%s; take a finer mesh, mass='consistent', or mass='lumped', which keeps the "
-            "centre",
-            100 * share,
-            f", and a body that falls turns by shares of its fall ({turning})" if falls else "",
-        )
-
-
-def _damping(
-    problem: ContactProblem,
-    velocity: fem.Function,
-    density: Any,
-    damping: ufl.Form | tuple[Any, Any] | None,
-) -> tuple[PETSc.Mat | None, ufl.Form | None]:
-    """The matrix C, and the form of what acts at no velocity. Collective.
-
-    Raises:
-        ValueError: on every rank, if that is neither a pair nor a form affine in the velocity.
-    """
-    if damping is None:
-        return None, None
-    V = problem.V
-    body = problem.equations.bulk
-    with everywhere(problem.comm, "damping"):
-        if isinstance(damping, ufl.Form):
-            form = weighted(damping, axisymmetric=problem.equations.axisymmetric)
-            form, wind = _damping_form(problem.u, velocity, form)
-        else:
-            a, b = _rayleigh(damping)
-    if isinstance(damping, ufl.Form):
-        C = dolfinx.fem.petsc.assemble_matrix(compiled_form(form))
-        C.assemble()
-        return C, wind
-    C = body.stiffness(np.zeros_like(velocity.x.array)).copy()
-    C.scale(b)
-    M = mass_matrix(V, density, "consistent", np.zeros(C.getLocalSize()[0], dtype=bool))
-    C.axpy(a, M, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    M.destroy()
-    return C, None
-
-
-def _damping_form(
-    u: fem.Function, velocity: fem.Function, form: ufl.Form
-) -> tuple[ufl.Form, ufl.Form | None]:
-    """The derivative of damping by the velocity, and what is left at none, if anything is."""
-    V = u.function_space
-    arguments = form.arguments()
-    given = form.coefficients()
-    if not arguments or any(a.ufl_function_space() != V for a in arguments):
-        raise ValueError("damping must have a test function of the displacement's space")
-    if u in given:
-        raise ValueError(
-            "damping depends on the displacement: it is that of the undeformed body; what depends "
-            "on the displacement alone belongs into the bulk"
-        )
-    if len(arguments) == 2:
-        if velocity in given:
-            raise ValueError("damping in a trial and a test function must not hold the velocity")
-        return form, None
-    if velocity not in given:
-        raise ValueError("damping must be a form in the Function that is given as velocity")
-    found = dependence(form, velocity)
-    if not found.is_affine:
-        what = found.text_of_kinks or found.text
-        raise ValueError(
-            f"damping must be affine in the velocity, and is not by {what}; dry friction is a law "
-            "of a contact surface"
-        )
-    at_rest = ufl.replace(form, {velocity: ufl.zero(velocity.ufl_shape)})
-    wind = ufl.algorithms.expand_derivatives(at_rest)
-    C = ufl.derivative(form, velocity, ufl.TrialFunction(V))
-    return C, None if wind.empty() else wind
-
-
-def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
-    """Functions and Constants in density and damping."""
-    found = list(data_in(ufl.as_ufl(density), "the density"))
-    if isinstance(damping, ufl.Form):
-        found += data_in(damping, "the damping")
-    elif damping is not None:
-        for name, factor in zip("ab", damping, strict=True):
-            if isinstance(factor, fem.Constant):
-                found.append(Datum(f"the factor {name} of Rayleigh's damping", factor))
-    return [d for d in found if d.value is not velocity]
-
-
-def _of_matrices(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
-    """What mass and the factors of velocities in damping depend on; not a wind, which is a load."""
-    factors = damping
-    if isinstance(damping, ufl.Form) and len(damping.arguments()) == 1:
-        trial = ufl.TrialFunction(velocity.function_space)
-        factors = ufl.algorithms.expand_derivatives(ufl.derivative(damping, velocity, trial))
-    return _data(density, factors, velocity)
-
-
-def _of_stiffness(problem: ContactProblem, damping: Any) -> list[Datum]:
-    """What the stiffness in Rayleigh's damping depends on."""
-    if damping is None or isinstance(damping, ufl.Form) or _rayleigh(damping)[1] == 0:
-        return []
-    mine = problem.equations.bulk.stiffness_data
-    placed = placed_data(problem.equations, conditions=False)
-    return [
-        Datum(f"{d.place}, whose stiffness is in the damping,", d.value)
-        for d in placed
-        if any(d.value is f for f in mine)
-    ]
-
-
 def _described(damping: Any, V: fem.FunctionSpace) -> str:
     """Damping in words, by which records and ranks know it."""
     if isinstance(damping, ufl.Form):
         return described(damping, V.mesh)
     if isinstance(damping, tuple | list):
-        words = [repr(float(v) if _is_scalar_constant(v) else v) for v in damping]
+        words = [repr(float(v) if is_scalar_constant(v) else v) for v in damping]
         return f"({', '.join(words)})"
     return repr(damping)
-
-
-def _rayleigh(damping: Any) -> tuple[float, float]:
-    """Its factors as they are now; `_of_matrices` has the Constants among them."""
-    try:
-        a, b = damping
-    except (TypeError, ValueError):
-        a = b = None
-    if not all(is_number(v) or _is_scalar_constant(v) for v in (a, b)):
-        raise ValueError(
-            f"damping must be a form or a pair of numbers or scalar Constants, got {damping!r}; "
-            "what varies over the body is to be a form"
-        )
-    a = float(a)
-    b = float(b)
-    if not (math.isfinite(a) and math.isfinite(b) and min(a, b) >= 0):
-        raise ValueError(f"the factors of damping must not be negative, got {(a, b)!r}")
-    return a, b
-
-
-def _is_scalar_constant(value: Any) -> bool:
-    return isinstance(value, fem.Constant) and value.ufl_shape == ()

@@ -17,12 +17,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import everywhere
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
-from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners
+from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners, compared_arguments
 from dolfinx_contact.evolution.nscd import NSCD
 from dolfinx_contact.evolution.through_times import (
     Accept,
@@ -45,7 +45,7 @@ def _check_jump(a: Arguments) -> None:
 
 
 def _check_run(a: Arguments) -> None:
-    a.times = checked_times(a.times, a.self._accepted)
+    a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
     if a.shortest is None:
         a.shortest = (a.times[-1] - a.times[0]) / 2**_HALVINGS
     a.follow_rays = bool(a.follow_rays)
@@ -68,24 +68,21 @@ def _check_run(a: Arguments) -> None:
 class QuasiStatic(Evolution):
     """The quasi-static evolution of a contact problem under a load that depends on time.
 
-    It begins with the state in the problem's Functions, a solution under the load at the first
-    time: slips are counted from there. Where another history or a motion has left that state, bonds
-    and distances slipped are those that it left; in another state those of the law, of which the
-    log warns unless ``surface.memory`` is None. A surface drags what touches it only where it is
-    another body or a `RigidBody`; of an obstacle that moves by Constants friction sees the motion
-    along the normal alone.
-    Functions, statuses, data and memory of the problem follow the accepted steps. The memory stays
-    in the surfaces afterwards, for example for a branch within the next step, and a solve is one of
-    that step, of which the log warns; ``surface.memory = None`` makes the law static again. A later
-    run begins where the last one has ended; where the displacement has been set between, that is
-    refused: another history begins from what is there.
+    Its first run starts from the state in the problem's Functions, a solution under the load at the
+    first time, or from ``start=``. A later run starts where the last one has ended. Another
+    evolution of the same problem needs ``start=``.
+    Each step is the problem ``problem.step_from(state)``; the state of each step is kept, as
+    ``history.steps[-1].state``. Functions and data of the problem follow the accepted steps, and
+    ``problem.solve()`` has the static law as ever. If an obstacle is moved through its Constants,
+    its tangential velocity does not enter the friction law; another body or a `RigidBody` drags
+    what touches it.
 
     Args:
         problem: the contact problem.
-        load: called with a time, on every rank, sets Constants and Functions of the problem's data
-            to their values at that time. It is called again for times that were tried before, and
-            is refused if it depends on earlier calls. Of one that depends on the solution, which is
-            that of the step before, the log warns.
+        load: function of the time, called on every rank before each step, that sets Constants and
+            Functions of the data to their values at that time. It is called for the same time more
+            than once, and is refused if it depends on earlier calls. After a run the data are
+            those of the last accepted time.
 
     Raises:
         ValueError: on every rank, if arguments do not fit.
@@ -104,13 +101,14 @@ class QuasiStatic(Evolution):
     @collective(
         "the times of an evolution",
         _check_run,
-        compare=lambda a: Listeners.of(a).compared(),
+        compare=compared_arguments,
         local=NOT_BY_VALUE,
     )
     def run(
         self,
         times: Sequence[float],
         *,
+        start: State | None = None,
         longest: float = math.inf,
         shortest: float | None = None,
         at_jump: AtJump = "raise",
@@ -127,8 +125,13 @@ class QuasiStatic(Evolution):
         """Go through times. Collective.
 
         Args:
-            times: increasing. The first is that of the state in the Functions or, in a later run,
-                of the last accepted state; every other is the end of a step.
+            times: increasing times. The first is that of the start, every other is the end of a
+                step.
+            start: state at the first time, such as ``history.steps[-1].state`` or
+                ``problem.snapshot()``; by default the end of the last run, in a first run the
+                Functions as they are with virgin memory (slips are counted from there, bonds are
+                those of the law). Required in the first run of an evolution if the problem has had
+                another one.
             longest: no step is longer.
             shortest: no step is shorter, unless two times are; by default the whole time halved
                 twenty times.
@@ -161,13 +164,13 @@ class QuasiStatic(Evolution):
                 step before leads to; where that fails at the state before, as otherwise. It saves
                 iterations in steps up to about a facet. A run that continues from a record does so
                 from its second step on.
-            accept: called with every step, on every rank; one that is not accepted is tried again
-                with half the length, and is accepted at the shortest length.
+            accept: called with every step, on every rank; a step that it rejects is tried again
+                with half the length. It is an error to reject a step of the shortest length.
             stop: called with every accepted step, on every rank, while its end is in the problem;
                 the reason for which the run ends there, or "" to continue. A later run continues
                 from there.
-            observer: called with every accepted step while its end is in the problem. It may look:
-                data or a state that it has changed, and the load does not set, are refused.
+            observer: called with every accepted step while its end is in the problem. Observers
+                must be read-only: the run restores the accepted state before the next step.
             record: keeps every accepted step before the observer is called, as
                 `records.EvolutionRecord` does.
             progress: whether rank 0 reports on the standard error stream where it is; by default
@@ -193,7 +196,7 @@ class QuasiStatic(Evolution):
             follow_rays=follow_rays,
             extrapolate=extrapolate,
         )
-        return self._begin(task, Listeners(accept, stop, observer, record, progress))
+        return self._begin(task, Listeners(accept, stop, observer, record, progress), start)
 
     @collective("a jump", _check_jump)
     def jump(self, motion: NSCD, time: float, max_time: float, *, rest: float = 1e-6) -> History:
@@ -204,7 +207,7 @@ class QuasiStatic(Evolution):
         friction and damage is in the residue of the energies.
 
         Args:
-            motion: of the same body, with damping, not run before.
+            motion: motion of the same body, with damping.
             time: no earlier than the last accepted state.
             max_time: see `NSCD.settle`, as for ``rest``.
             rest: share of the kinetic energy.
@@ -218,14 +221,13 @@ class QuasiStatic(Evolution):
             ValueError: on every rank, if there is none, the motion is of something else, and as
                 `NSCD.run`.
         """
-        comm = self.problem.comm
         before = self._run_state
         assert before is not None
-        self.put(before)
+        stepper = self._stepper(None)
         try:
-            with everywhere(comm, f"the load at the time {time:g}"):
-                self.load(time)
-            history = motion.settle(max_time, rest=rest, progress=False)
+            stepper.begin(before.accepted, time)
+            start = before.accepted.state
+            history = motion.settle(max_time, start=start, rest=rest, progress=False)
             if not history.complete:
                 raise NoContinuation(f"the body moves on: {history.reason}", history)
             a = before.accepted.energies
@@ -236,8 +238,9 @@ class QuasiStatic(Evolution):
                 a.dissipated + b.dissipated,
                 a.damage + b.damage,
             )
-            memory = motion.memory
-            accepted = self.recalled(time, memory, energies, first=False)
+            end = history.steps[-1].state
+            assert end is not None
+            accepted = stepper.recalled(time, end.memory, energies, first=False)
             self.put(replace(before, accepted=accepted, rate=None))
         except BaseException:
             self.put(before)

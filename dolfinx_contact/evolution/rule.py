@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Generic, TypeVar
 
 from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.evolution.accepted import SolvedStep
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.step import SolvedStep
 
 __all__ = ["Advance", "Rule"]
 

@@ -4,7 +4,9 @@
 A `Rule` finds the next step, through times or by arc length, and a `Stepper` puts its end into the
 problem. What is done with every accepted step is here and nowhere else, in this order: the user is
 asked whether the run ends there (``stop``), the record keeps it, the observer is called with it,
-progress is shown. Whatever fails, the problem is left at the last accepted state.
+progress is shown. Before each of these calls the accepted state is put into the problem, so that
+nothing that one of them writes reaches another one or the next step. Whatever fails, the problem is
+left at the last accepted state.
 """
 
 from __future__ import annotations
@@ -17,11 +19,11 @@ from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import reason_to_stop
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.observer import CollectiveObserver, Observer
-from dolfinx_contact.evolution.accepted import SolvedStep, Stepper
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.rule import Advance, Rule
 from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.step import Stepper
 
 __all__ = ["Run"]
 
@@ -50,9 +52,8 @@ class Run(Generic[T, S, H]):
         self._listeners = listeners
         self._history = history
         comm = stepper.problem.comm
-        self._solved: SolvedStep | None = None
         self._record = CollectiveObserver(comm, listeners.record, self._put)
-        self._observer = CollectiveObserver(comm, listeners.observer, self._show)
+        self._observer = CollectiveObserver(comm, listeners.observer, self._put)
         self._progress = _RunProgress(comm, listeners.progress, rule)
 
     def go(self) -> H:
@@ -92,19 +93,11 @@ class Run(Generic[T, S, H]):
         """Put the last accepted state into the problem. Collective."""
         self._stepper.put((self.run_state or self._rule.start).accepted)
 
-    def _show(self) -> None:
-        """The same, with the memory of the last step, by which it was solved. Collective."""
-        if self._solved is None:
-            self._put()
-        else:
-            self._stepper.show(self._solved)
-
     def _accept(self, advance: Advance) -> None:
         """Add a step to the history, and let everybody know. Collective."""
         step = advance.step
         self._history.steps.append(step)
         self.run_state = self._rule.run_state
-        self._solved = advance.solved
         self._ask_for_the_end(step)
         self._record.step(step, self._rule.run_state)
         self._observer.step(step, self._rule.run_state)
@@ -118,7 +111,7 @@ class Run(Generic[T, S, H]):
         stop = self._listeners.stop
         if stop is None or rule.ending is not None:
             return
-        self._show()
+        self._put()
         reason = reason_to_stop(self._stepper.problem.comm, rule.what, stop, step)
         if reason:
             rule.end(Ending.STOPPED, reason)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.evolution.accepted import AcceptedState
+from dolfinx_contact.evolution.step import AcceptedState
 
 __all__ = ["RunState"]
 
@@ -21,9 +21,8 @@ class RunState:
     Attributes:
         accepted: the last accepted state.
         length: of the next step, or what it is no longer than.
-        rate: through times that of the state in the last step, of `accepted.changes` and of the
-            largest displacement of a point of each surface; None before the first, and by arc
-            length.
+        rate: rates of the state in the last step through times, of `changes` and of the largest
+            displacement of a point of each surface; None before the first step and by arc length.
         number: of the last step, over all runs; 0 before the first.
         settled: whether it suffices to continue the run. It does not in the midst of steps that
             were found together, up to a jump.

@@ -6,13 +6,15 @@ from __future__ import annotations
 from typing import ClassVar, Generic, TypeVar
 
 from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import require
 from dolfinx_contact._frozen import ReadOnly
-from dolfinx_contact.evolution.accepted import AcceptedState, Stepper
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import History
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.run import Run
 from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
@@ -28,7 +30,7 @@ def _check(a: Arguments) -> None:
 
 
 class Runnable(ReadOnly, Generic[T, S, H]):
-    """A contact problem that continues run by run: each begins where the one before has ended.
+    """A contact problem that continues run by run: each starts where the one before has ended.
 
     Attributes:
         problem: whose Functions follow the accepted steps.
@@ -75,6 +77,26 @@ class Runnable(ReadOnly, Generic[T, S, H]):
     def _accepted(self) -> AcceptedState | None:
         """The last accepted state; None before the first run."""
         return None if self._run_state is None else self._run_state.accepted
+
+    def _require_start(self, start: State | None) -> None:
+        """Raise ``ValueError`` if a first run does not say where it starts but must. Collective.
+
+        Bonds would heal silently if an evolution began with virgin memory where another has ended.
+
+        Args:
+            start: state at the start, if given.
+        """
+        require(
+            self.problem.comm,
+            start is not None or not self.problem.evolved,
+            "the problem has had another evolution: pass start=history.steps[-1].state to continue "
+            "from the end of that one, or start=problem.snapshot() to start from the Functions as "
+            "they are with virgin memory",
+        )
+
+    def _has_begun(self) -> None:
+        """Note that the problem has an evolution. Not collective."""
+        self.problem.evolved.append(type(self).__name__)
 
     def _stepper(self, progress: bool | None) -> Stepper:
         """What takes steps of the problem.

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.body.cells import smallest_jacobian
-from dolfinx_contact.evolution.accepted import AcceptedState, AtRest, SolvedStep
+from dolfinx_contact.evolution.step import AcceptedState, AtRest, SolvedStep
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.solvers import ConvergenceError
 from dolfinx_contact.solvers.strategies import Trial
@@ -110,5 +110,5 @@ class SlidingSteps:
         if self._known is not None and self._known[0] is state:
             return self._known[1]
         eq = self._problem.equations
-        u = state.fields[0]
+        u = state.state.displacement
         return smallest_jacobian(eq.V, u, vertices=False, axisymmetric=eq.axisymmetric)[0]

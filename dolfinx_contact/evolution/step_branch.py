@@ -24,7 +24,7 @@ from dolfinx_contact.continuation.branch import BranchPoint, Departures, Ray, Sp
 from dolfinx_contact.continuation.crossing import finder_at, kinks_at
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.evaluation import Statuses
-from dolfinx_contact.evolution.accepted import AcceptedState, Stepper
+from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.solvers.following import Loaded
 
 __all__ = ["StepBranch", "branch_of_step"]
@@ -56,12 +56,8 @@ class StepBranch:
 
 
 def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> StepBranch:
-    """Follow the solutions from a state under a load that continues to that of a time. Collective.
-
-    The problem is left at that state.
-    """
-    stepper.prepare(accepted, time)
-    problem = stepper.problem
+    """Follow the solutions of a step from a state to the load of a time. Collective."""
+    problem = stepper.begin(accepted, time)
     equations = problem.equations
     x = problem.create_vector()
     try:
@@ -79,7 +75,6 @@ def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> St
                 system.destroy()
     finally:
         x.destroy()
-        stepper.put(accepted)
 
 
 def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:

@@ -50,8 +50,8 @@ def rays_of_step(problem: ContactProblem) -> StepRays | None:
     """The directions that lead out of the state in a problem. Collective.
 
     Args:
-        problem: with the start of a step in its Functions, what it has left in its memory, and the
-            data of the end of the step.
+        problem: problem of a step (`ContactProblem.step_from`), with the start of the step in its
+            Functions and the data of its end.
 
     Returns:
         None where statuses are no polyhedral cones (`reduced.scope`), data of the surfaces

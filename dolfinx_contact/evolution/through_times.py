@@ -22,23 +22,18 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import everywhere
+from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact.continuation.arguments import check_rays
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.evolution.accepted import (
-    AcceptedState,
-    SolvedStep,
-    Stepper,
-    changes,
-    largest_at_points,
-)
+from dolfinx_contact.evolution.changes import changes, largest_at_points
 from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
 from dolfinx_contact.evolution.rule import Advance, Rule
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.sliding_steps import SlidingSteps
+from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.solvers import ConvergenceError
 
@@ -130,7 +125,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         stepper: takes the steps.
         task: of the run.
         run_state: where it begins, or continues.
-        accept: called with every step that could be shorter; whether it is accepted.
+        accept: called with every step; whether it is accepted.
         first: a step that is accepted before any other.
 
     Attributes:
@@ -271,6 +266,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             self._rejected,
             jump,
             directions,
+            state=solved.after.state,
         )
 
     def _jump(self, solved: SolvedStep) -> Found | None:
@@ -365,7 +361,6 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             ) from error
         self._length = length / part
         self._rejected = self._rejected + 1
-        self._stepper.asks = True  # here it matters whether the load knows more than the time
         return None
 
     def _beyond(self, goal: float) -> SolvedStep | None:
@@ -398,14 +393,19 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         return None
 
     def _wanted(self, solved: SolvedStep) -> bool:
-        """Whether the user accepts a step that could be shorter. Collective."""
+        """Whether the user accepts a step, whose end is put into the problem. Collective.
+
+        Raises:
+            ValueError: on every rank, if the user rejects a step that cannot be shorter.
+        """
         comm = self._stepper.problem.comm
-        shorter = (solved.after.time - solved.before.time) / 2 >= self.task.shortest
+        length = solved.after.time - solved.before.time
+        shorter = length / 2 >= self.task.shortest
         if shorter and self.task.locate and _closes(comm, solved):
             return False
-        if not (shorter and comm.allreduce(int(self._accepts is not None))):
+        if not comm.allreduce(int(self._accepts is not None)):
             return True
-        self._stepper.show(solved)
+        self._stepper.put(solved.after)
         wanted = True
         with everywhere(comm, "accept"):
             if self._accepts is not None:
@@ -414,7 +414,15 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
                     raise ValueError(f"accept must answer True or False, got {answer!r}")
                 wanted = bool(answer)
         # All that were called must require it.
-        return not comm.allreduce(int(not wanted))
+        wanted = not comm.allreduce(int(not wanted))
+        require(
+            comm,
+            wanted or shorter,
+            f"accept rejects every step from the time {solved.before.time:.10g}, down to one of "
+            f"{length:.2g}: accept longer steps, or give a smaller shortest length than "
+            f"{self.task.shortest:.2g}",
+        )
+        return wanted
 
 
 def _aim(start: float, end: float, length: float) -> float:

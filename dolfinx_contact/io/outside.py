@@ -228,9 +228,13 @@ class Outside:
             {k: face["cells"] for k, face in obstacles.items()},
         )
 
-    def state(self) -> SurfaceState | None:
-        """Where all is at the displacement of the problem, on rank 0. Collective."""
-        problem = self.problem
+    def state(self, law: ContactProblem | None = None) -> SurfaceState | None:
+        """Where all is at the displacement of the problem, on rank 0. Collective.
+
+        Args:
+            law: problem whose law the tables of contact points have; by default the problem.
+        """
+        problem = self.problem if law is None else law
         self._moved.interpolate(problem.u)
         dim = problem.V.mesh.topology.dim
         seen = self.gather({"u": self._moved.x.array.reshape(-1, dim), "strain": self.strain()})

@@ -24,7 +24,7 @@ from dolfinx_contact.points.trace import trace_dofs
 from dolfinx_contact.records.arrays import Arrays
 
 if TYPE_CHECKING:
-    from dolfinx_contact.evolution.accepted import AcceptedState
+    from dolfinx_contact.evolution.step import AcceptedState
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["FieldArrays", "PointArrays"]
@@ -128,27 +128,24 @@ class PointArrays:
         """The statuses of the points of this rank, by surface."""
         return [found[f"statuses.{i}"][s.mine] for i, s in enumerate(self._surfaces)]
 
-    def memory(self, found: Mapping[str, npt.NDArray[Any]]) -> tuple[Memory | None, ...]:
+    def memory(self, found: Mapping[str, npt.NDArray[Any]]) -> tuple[Memory, ...]:
         """The memory of the points of this rank, by surface.
 
         The memory of sliding faces includes the displacement, and that on a turning rigid body its
         motion; both are those in the problem.
         """
         u = self._problem.u.x.array.reshape(-1, self._problem.equations.dim)
-        memories: list[Memory | None] = []
+        memories = []
         for i, (surface, s) in enumerate(zip(self._surfaces, self._problem.surfaces, strict=True)):
             start = f"memory.{i}."
             names = [name for name in found if name.startswith(start)]
             arrays = {name.removeprefix(start): found[name][surface.mine] for name in names}
-            jump = arrays.pop("jump", None)
+            jump = arrays.pop("jump")
             place = arrays.pop("place", None)
             displacement = u[: s.owned_nodes] if s.slides else None
-            memory = None
-            if jump is not None:
-                body = s.rigid_body
-                motion = body.values if body is not None and s.turns else None
-                memory = Memory(jump, arrays, 0.0, None, displacement, place, motion)
-            memories.append(memory)
+            body = s.rigid_body
+            motion = body.values if body is not None and s.turns else None
+            memories.append(Memory(jump, arrays, 0.0, None, displacement, place, motion))
         return tuple(memories)
 
 

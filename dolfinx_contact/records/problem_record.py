@@ -102,6 +102,7 @@ class ProblemRecord(Observer, Generic[J]):
             with everywhere(self.comm, "the fields of a record"):
                 self._fields = FieldArrays(problem)
                 self._outside = Outside(problem)
+            self._law = problem  # whose law the tables of contact points have
         except Exception:
             self.close()
             raise
@@ -171,7 +172,7 @@ class ProblemRecord(Observer, Generic[J]):
         Raises:
             OSError: on every rank, with the path, if it cannot be written; nothing is left then.
         """
-        state = self._outside.state()
+        state = self._outside.state(self._law)
         arrays = {} if state is None else state.arrays()
         return on_root(self.comm, lambda: self._save(surface_file(self.folder, name), arrays))
 

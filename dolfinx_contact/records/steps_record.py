@@ -28,8 +28,8 @@ from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.continuation.ending import Ends
 from dolfinx_contact.equations.given_data import Datum
 from dolfinx_contact.evolution import EvolutionStep
-from dolfinx_contact.evolution.accepted import AcceptedState
 from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.step import AcceptedState
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
@@ -222,6 +222,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             row: its row of the table of steps; None at the start.
         """
         accepted = run_state.accepted
+        self._law = self.problem.with_memory(accepted.state.previous)
         index = self._index + 1
         name = f"state_{index:06d}"
         values = self._values()
@@ -335,8 +336,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             return self.problem
         before = self._run_state(index - 1).accepted
         step = self._run_state(index).accepted.time - before.time
-        later = [None if m is None else m.later(step) for m in before.memory]
-        return self.problem.with_memory(later)
+        return self.problem.step_from(before.state, step=step)
 
     @contextmanager
     def looking(self) -> Iterator[None]:

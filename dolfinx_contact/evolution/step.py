@@ -1,0 +1,430 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""One time step of an evolution, from an accepted state to the next.
+
+A state x_n at the time t_n has the memory m_n: the jumps of the contact points, and the internal
+variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the load of t_n+1, and
+
+    1. solves        H(x_n+1; m_n, h) = 0            static, friction opposes the increment of the
+                                                     slip since x_n (`ContactProblem.step_from`),
+    2. advances      m_n+1 = A(x_n+1; m_n, h)        the memory (`ContactEquations.advanced`),
+    3. accounts for  E_n+1 = E_n + work and dissipation between x_n and x_n+1 (`energy`).
+
+`Stepper.take` does this. Motions and paths have steps of their own (`motion`, `by_arc_length`) with
+the same accepted states. A step reads nothing but the accepted state and the load, and writes only
+the Functions, which the next step overwrites. So a rejected step leaves nothing behind.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._errors import everywhere, require
+from dolfinx_contact._mesh_mark import mesh_may_move, mesh_stays
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses
+from dolfinx_contact.equations.given_data import Constancy, check_turn, placed_data
+from dolfinx_contact.equations.measures import Scales, least_scales
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.results.result import Result
+from dolfinx_contact.solvers.strategies import Trial
+
+__all__ = ["AcceptedState", "AtRest", "SolvedStep", "Stepper"]
+
+logger = logging.getLogger(__name__)
+
+Array = npt.NDArray[np.float64]
+_SOLVED = 1e-6  # largest residual of a start that counts as a solution
+
+
+@dataclass(frozen=True, eq=False)
+class AcceptedState:
+    """An accepted state with everything that the next step needs.
+
+    Attributes:
+        state: the state; the next step starts from its memory.
+        unknowns: owned unknowns as lengths (n,).
+        energies: energies since the start of the evolution.
+        statuses: statuses with which the next step is tried first; None at a start.
+        solved: whether the state is a solution under its load; a start need not be one.
+    """
+
+    state: State
+    unknowns: Array
+    energies: Energies
+    statuses: Statuses | None
+    solved: bool
+
+    @property
+    def time(self) -> float:
+        """Time of the state."""
+        assert self.state.time is not None
+        return self.state.time
+
+    @property
+    def memory(self) -> tuple[Memory, ...]:
+        """Memory from which the next step starts, one per surface."""
+        return self.state.memory
+
+    @property
+    def shown(self) -> Statuses:
+        """Statuses of the contact points at the state."""
+        return self.state.statuses
+
+
+@dataclass(frozen=True, eq=False)
+class AtRest(AcceptedState):
+    """An accepted state of equilibrium.
+
+    Attributes:
+        forces: forces at the state, for the energies of the next step.
+    """
+
+    forces: Forces
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedStep:
+    """A step that was solved: its start, its end and the result there."""
+
+    before: AcceptedState
+    after: AcceptedState
+    result: Result
+
+
+class Stepper:
+    """Takes steps of a quasi-static evolution.
+
+    Args:
+        problem: contact problem, whose Functions follow the states that are taken or put.
+        load: function of the time that sets Constants and Functions of the data.
+        progress: progress of the solves, as in `ContactProblem.solve`.
+
+    Attributes:
+        problem: as given.
+    """
+
+    def __init__(
+        self, problem: ContactProblem, load: Callable[[float], object], progress: bool | None
+    ):
+        self.problem = problem
+        self._load = load
+        self._progress = progress
+        #: Time of the data; None as long as no load has been set.
+        self._time: float | None = None
+
+    # -- one step --------------------------------------------------------------------------------
+
+    @mesh_stays()
+    def take(
+        self,
+        accepted: AcceptedState,
+        time: float,
+        *,
+        likely: Sequence[Statuses | None] = (),
+        guess: AcceptedState | None = None,
+        trial: Trial | None = None,
+    ) -> SolvedStep:
+        """Step from an accepted state to a time, whose end is left in the Functions. Collective.
+
+        Args:
+            accepted: state at the beginning of the step.
+            time: time at its end.
+            likely: statuses of the end, the likeliest first; by default those of the start.
+            guess: state from which the solver starts; by default the start of the step.
+            trial: strategies of the solver, by default all. Motions choose their own.
+
+        Raises:
+            ConvergenceError: if nothing solves the step. The start of the step is then in the
+                Functions, as after any other error.
+        """
+        try:
+            return self._taken(accepted, time, likely, guess, trial or Trial())
+        except BaseException:
+            self._restore(accepted)
+            raise
+
+    def _taken(
+        self,
+        accepted: AcceptedState,
+        time: float,
+        likely: Sequence[Statuses | None],
+        guess: AcceptedState | None,
+        trial: Trial,
+    ) -> SolvedStep:
+        """See `take`. Collective."""
+        assert isinstance(accepted, AtRest)
+        step = self.begin(accepted, time)
+        if guess is not None:
+            self.problem.restore(guess.state)
+        expected = tuple(s for s in likely or (accepted.statuses,) if s is not None)
+        trial = replace(trial, expected=expected)
+        # 1. solve the static problem of the increment
+        result, end = step.solve_step(trial, progress=self._progress)
+        # 2. advance the memory
+        memory = step.equations.advanced(end)
+        # 3. account for the energies
+        forces = forces_at(step.equations, end)
+        lost = result.energies["friction"]
+        energies = accepted.energies.advanced(accepted.forces, forces, lost)
+        after = self.at_rest(step, end, memory, time, energies, forces)
+        return SolvedStep(accepted, after, result)
+
+    def begin(self, accepted: AcceptedState, time: float) -> ContactProblem:
+        """The problem of a step from an accepted state, put into the Functions. Collective.
+
+        Args:
+            accepted: state at the beginning of the step.
+            time: time at its end, whose load is set.
+        """
+        self._restore(accepted)
+        self._set(time)
+        for body, motion in zip(self.problem.rigid_bodies, accepted.state.motions, strict=True):
+            for s in self.problem.surfaces:
+                if s.rigid_body is body:
+                    check_turn(s, motion)
+        return self.problem.step_from(accepted.state, step=time - accepted.time)
+
+    def put(self, accepted: AcceptedState) -> None:
+        """Put a state into the Functions, and the load of its time into the data. Collective."""
+        self._restore(accepted)
+        if self._time != accepted.time:
+            self._set(accepted.time)
+
+    def _restore(self, accepted: AcceptedState) -> None:
+        """Put a state into the Functions. Collective."""
+        self.problem.restore(accepted.state)
+
+    def keeps(self, data: Sequence[Any], start: float, end: float) -> bool:
+        """Whether data have the same values under the loads of two times. Collective.
+
+        Args:
+            data: Functions and Constants.
+            start: first time.
+            end: second time, whose load is left in the data.
+        """
+        self._set(start)
+        before = [np.array(_values(f)) for f in data]
+        self._set(end)
+        same = all(np.array_equal(_values(f), v) for f, v in zip(data, before, strict=True))
+        return not self.problem.comm.allreduce(int(not same))
+
+    def _set(self, time: float) -> None:
+        self._time = None
+        with mesh_may_move(), everywhere(self.problem.comm, f"the load at the time {time:g}"):
+            self._load(time)
+        self._time = time
+
+    # -- the start of a run ----------------------------------------------------------------------
+
+    def require_repeatable(self, time: float, later: float) -> None:
+        """Refuse a load that depends on earlier calls; the load of a time is set. Collective.
+
+        Steps are tried with several lengths, so that the load is called with times in any order.
+
+        Args:
+            time: time at the start of a run.
+            later: a later time.
+
+        Raises:
+            ValueError: on every rank, if the load sets other data the second time.
+        """
+        self._set(time)
+        data = Constancy(self.problem.comm, placed_data(self.problem.equations))
+        self._set(later)
+        self._set(time)
+        changed = data.changed()
+        require(
+            self.problem.comm,
+            not changed,
+            f"the load at the time {time:g} depends on earlier calls: {changed} differs after the "
+            f"load of {later:g}. Steps are tried with several lengths, so the load must set "
+            "everything that it changes, from the time alone",
+        )
+
+    def start(self, time: float, given: State | None = None) -> AcceptedState:
+        """The start of an evolution under the load of its time, which has been set. Collective.
+
+        Args:
+            time: time of the start.
+            given: state at the start; by default the Functions as they are, with virgin memory:
+                slips are counted from there, bonds are those of the law.
+
+        Raises:
+            ValueError: on every rank, for a state or Dirichlet data that a solve refuses.
+        """
+        with self.problem.restored():
+            law, evaluation, memory = self._begun(given)
+        solved, residual = self._is_solved(law, evaluation, memory)
+        if not solved and law.comm.rank == 0:
+            logger.warning(
+                "the start of the evolution is not a solution under the load at the time %g "
+                "(residual %.1e): its energies mean nothing; solve() first",
+                time,
+                residual,
+            )
+        forces = forces_at(law.equations, evaluation)
+        return self.at_rest(
+            law, evaluation, memory, time, Energies(), forces, known=False, solved=solved
+        )
+
+    def _begun(self, given: State | None) -> tuple[ContactProblem, Evaluation, tuple[Memory, ...]]:
+        """A start in the Functions: its law, its evaluation and its memory. Collective."""
+        law = self.problem
+        if given is not None:
+            self._take_start(given)
+            law = law.with_memory(given.previous)
+        law.equations.refresh()
+        self._check_start()
+        evaluation = self._evaluated(law)
+        memory = law.equations.advanced(evaluation) if given is None else given.memory
+        return law, evaluation, memory
+
+    def _take_start(self, given: State) -> None:
+        """Put a state at which an evolution starts into the Functions. Collective."""
+        self.problem.restore(given)
+
+    def _check_start(self) -> None:
+        """Raise ``ValueError`` if a start or its Dirichlet data are not valid. Collective."""
+        eq = self.problem.equations
+        finite = bool(np.isfinite(self.problem.u.x.array).all())
+        require(eq.comm, finite, "the displacement at the start is not finite")
+        eq.constraints.check_values(eq.surfaces, eq.body_size, " at the start")
+
+    def _evaluated(self, law: ContactProblem) -> Evaluation:
+        """The evaluation of a start. Collective."""
+        return law.evaluate()
+
+    def _is_solved(
+        self, law: ContactProblem, evaluation: Evaluation, memory: Sequence[Memory]
+    ) -> tuple[bool, float]:
+        """Whether a start is a solution, and its residual. Collective.
+
+        Either under the law by which it was found, or under the law of a step without increment: in
+        equilibrium, with friction within its bound.
+
+        Args:
+            law: problem with the law by which the state was found.
+            evaluation: evaluation of the state.
+            memory: memory from which the first step starts.
+        """
+        residual = _residual(law.equations, evaluation)
+        timed = any(s.law_at_points.compiled.needs_time(0.0) for s in law.surfaces)
+        if residual > _SOLVED and not timed:
+            still = law.with_memory(memory)
+            residual = min(residual, _residual(still.equations, still.evaluate()))
+        return residual <= _SOLVED, residual
+
+    def continued(self, accepted: AcceptedState) -> AcceptedState:
+        """The end of a run under the data as they are now, where a later run starts. Collective."""
+        self.put(accepted)
+        law = self.problem.with_memory(accepted.memory)
+        solved = _residual(law.equations, law.evaluate()) <= _SOLVED
+        return accepted if solved == accepted.solved else replace(accepted, solved=solved)
+
+    def recalled(
+        self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
+    ) -> AcceptedState:
+        """The state in the Functions as an earlier accepted state. Collective.
+
+        Args:
+            time: time of the state.
+            memory: memory from which the next step starts, one per surface.
+            energies: energies since the start.
+            first: whether it is the start, whose statuses are not known.
+        """
+        self._set(time)
+        law = self.problem.with_memory(memory)
+        evaluation = law.evaluate()
+        solved = not first or _residual(law.equations, evaluation) <= _SOLVED
+        forces = forces_at(law.equations, evaluation)
+        memory = tuple(memory)
+        return self.at_rest(
+            law, evaluation, memory, time, energies, forces, known=not first, solved=solved
+        )
+
+    # -- accepted states -------------------------------------------------------------------------
+
+    def at_rest(
+        self,
+        law: ContactProblem,
+        evaluation: Evaluation,
+        memory: Sequence[Memory],
+        time: float,
+        energies: Energies,
+        forces: Forces,
+        *,
+        known: bool = True,
+        solved: bool = True,
+    ) -> AtRest:
+        """The equilibrium in the Functions as an accepted state. Collective.
+
+        Args:
+            law: problem with the law by which the state was found.
+            evaluation: evaluation of the state.
+            memory: memory from which the next step starts, one per surface.
+            time: time of the state.
+            energies: energies since the start.
+            forces: forces at the state.
+            known: whether the next step is tried with its statuses first.
+            solved: whether it is a solution under its load.
+        """
+        state = self._state(law, evaluation.statuses, memory, time, energies)
+        statuses = state.statuses if known else None
+        return AtRest(state, self._unknowns(), energies, statuses, solved, forces)
+
+    def _state(
+        self,
+        law: ContactProblem,
+        statuses: Statuses,
+        memory: Sequence[Memory],
+        time: float,
+        energies: Energies,
+    ) -> State:
+        """The values in the Functions as a state. Not collective."""
+        problem = self.problem
+        displacement, *multipliers = (f.x.array for f in problem.fields)
+        return State(
+            displacement,
+            tuple(multipliers),
+            tuple(statuses),
+            tuple(body.values for body in problem.rigid_bodies),
+            tuple(memory),
+            law.equations.memory,
+            time=time,
+            energies=asdict(energies),
+        )
+
+    def _unknowns(self) -> Array:
+        """Owned unknowns in the Functions, as lengths (n,). Not collective."""
+        x = self.problem.create_vector()
+        self.problem.write(x)
+        values = x.array_r.copy()
+        x.destroy()
+        return values
+
+
+def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:
+    """Relative residual of a state; 0 if it carries no load beyond round-off. Collective.
+
+    A state without displacements and forces has no scale of its own. There the stiffness is the
+    scale: forces count as zero that move a node by less than 1e-12 of the body.
+    """
+    scales = Scales(eq, settled=True)
+    worst = scales.measure(evaluation).worst
+    force, length = least_scales(eq, 0.0)
+    unloaded = scales.force <= force and scales.length <= length
+    return 0.0 if unloaded else worst
+
+
+def _values(f: Any) -> Array:
+    """The values of a Function or Constant on this rank."""
+    return np.asarray(f.x.array if hasattr(f, "x") else f.value)
