@@ -12,10 +12,24 @@ from contextlib import suppress
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
+
+import ufl
 
 from dolfinx_contact._numbers import is_number
 
-__all__ = ["count", "flag", "instance", "nonnegative", "number", "one_of", "positive", "word"]
+__all__ = [
+    "count",
+    "flag",
+    "instance",
+    "nonnegative",
+    "number",
+    "one_of",
+    "positive",
+    "scalar",
+    "vector",
+    "word",
+]
 
 _T = TypeVar("_T")
 
@@ -82,6 +96,32 @@ def instance(value: Any, name: str, kind: type[_T]) -> _T:
         article = "an" if kind.__name__[0] in "AEIO" else "a"
         raise ValueError(f"{name} must be {article} {kind.__name__}, got {type(value).__name__}")
     return value
+
+
+def scalar(value: Any, name: str) -> Any:
+    """A finite number as a float, or a UFL scalar as it is."""
+    if isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ():
+        return value
+    return number(value, name, "a finite number or a UFL scalar")
+
+
+def vector(value: Any, name: str, length: int, *, zero: bool = True) -> npt.NDArray[np.float64]:
+    """Finite numbers, shape (length,), as a copy.
+
+    Args:
+        value: value to validate.
+        name: name of the argument in the message.
+        length: number of components.
+        zero: whether all of them may be 0.
+    """
+    try:
+        found = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != (length,) or not np.isfinite(found).all() or not (zero or found.any()):
+        must = f"{length} finite numbers{'' if zero else ', not all 0'}"
+        raise ValueError(f"{name} must be {must}, got {value!r}")
+    return found
 
 
 def word(value: Any, name: str) -> str:

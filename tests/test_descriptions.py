@@ -81,9 +81,12 @@ BODY = RigidBody(Sphere((0.0, 0.0), 1.0), about=(0.0, 0.0), held=["x", "y", "rz"
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        *(({"normal": n}, "normal must be 2 numbers") for n in ((0, 0), (1,), "x", (np.nan, 1))),
-        ({"gap": np.nan}, "the gap must be finite"),
-        *(({"gap": gap}, "the gap must be a number or a UFL") for gap in (True, "x", [0.0])),
+        *(
+            ({"normal": n}, "normal must be 2 finite numbers")
+            for n in ((0, 0), (1,), "x", (np.nan, 1))
+        ),
+        ({"gap": np.nan}, "the gap must be a finite number"),
+        *(({"gap": gap}, "the gap must be a finite number or a UFL") for gap in (True, "x", [0.0])),
         ({"master_facets": np.zeros(1, np.int32)}, "by their indices have no tags"),
         (
             {"slave": None, "master": None, "facets": np.zeros(1, np.int32)},
@@ -95,7 +98,7 @@ BODY = RigidBody(Sphere((0.0, 0.0), 1.0), about=(0.0, 0.0), held=["x", "y", "rz"
         ({"sliding": "large", "gap": 0.1}, "sliding='large' does not support a gap"),
         ({"sliding": "large", "search_distance": -1.0}, "search distance must be positive"),
         ({"remove_overlap": 0.1, "gap": 0.1}, "there is no overlap to remove"),
-        ({"axisymmetric": 1}, "axisymmetric is True or False"),
+        ({"axisymmetric": 1}, "axisymmetric must be True or False"),
         ({"law": 0.3}, "the law must be Frictionless"),
         ({"name": ""}, "the name of a contact pair must be a word"),
     ],
@@ -109,7 +112,10 @@ def test_arguments_that_a_pair_refuses(arguments, message):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        *(({"direction": d}, "the direction must be 2 numbers") for d in ((0, 0), (1,), "x")),
+        *(
+            ({"direction": d}, "the direction must be 2 finite numbers")
+            for d in ((0, 0), (1,), "x")
+        ),
         ({"symmetry": {0: 0.0}, "direction": (1, 0)}, "parallel to the planes of symmetry"),
         ({"search_distance": 0.0}, "search distance must be positive"),
         ({"u": displacement(degree=2)}, "displacements of degree 1"),

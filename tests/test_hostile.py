@@ -839,7 +839,7 @@ DISAGREEMENT = {
     ),
     "unknown method": (
         lambda w: discretised(w, method=differs("nodal", "x")),
-        "unknown contact method",
+        "method must be one of",
     ),
     "quadrature degree": (
         lambda w: discretised(w, method="integral", quadrature_degree=differs(2, 4)),

@@ -556,48 +556,6 @@ def test_points_of_several_surfaces_are_distinguished():
     assert (scales.force, scales.length) == (3.0, 4.0)
 
 
-@pytest.mark.parametrize("more", [True, False])
-def test_a_contradiction_is_said_where_it_is(more, caplog):
-    """With the value that holds, and how many there are if there are several."""
-
-    class Condition:
-        def __init__(self, values):
-            self.mine = values
-
-        def set(self, out):
-            for i, v in self.mine.items():
-                out[i] = v
-
-    class Space(SimpleNamespace):
-        pass
-
-    places = np.array([[0.0, 0.0, 0.0], [0.25, 1.0, 0.0]])
-    dofmap = SimpleNamespace(index_map_bs=2, index_map=SimpleNamespace(size_local=2))
-    geometry = SimpleNamespace(dim=2, x=places)
-    V = Space(
-        dofmap=dofmap,
-        mesh=SimpleNamespace(comm=ALONE, geometry=geometry),
-        tabulate_dof_coordinates=lambda: places,
-    )
-    first, second = {0: 1.0, 3: 5.0}, {3: 7.0, 0: 2.0 if more else 1.0}
-    known = SimpleNamespace(
-        _V=V, _warned=False, _bcs=[Condition(first), Condition(second)], fixed=np.ones((2, 2))
-    )
-    for _ in range(2):
-        Constraints._warn_of_contradictions(known)
-    (said,) = caplog.records
-    if more:
-        assert "component x at (0, 0) is 1 and 2; the later one of the list, 2, hol" in said.message
-        assert said.message.endswith("holds (the first of 2 such components)")
-    else:
-        assert said.message.endswith(
-            "component y at (0.25, 1) is 5 and 7; the later one of the list, 7, holds"
-        )
-    known._warned, known._bcs = False, known._bcs[:1]
-    Constraints._warn_of_contradictions(known)
-    assert len(caplog.records) == 1
-
-
 # -- what statuses hold ---------------------------------------------------------------------------
 
 

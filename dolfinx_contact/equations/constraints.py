@@ -110,43 +110,31 @@ class Constraints:
         return float(s.comm.allreduce(float(along.max(initial=0.0)), op=max))
 
     def _warn_of_contradictions(self) -> None:
-        """Warn, once, of nodes with two values for one component. Collective."""
+        """Warn, once, of components with two values. Collective."""
         V = self._V
-        comm = self._V.mesh.comm
+        comm = V.mesh.comm
         if self._warned or len(self._bcs) < 2:
             return
+        values: npt.NDArray[np.float64] = np.full((len(self._bcs), self.fixed.size), np.nan)
+        for row, bc in zip(values, self._bcs, strict=True):
+            bc.set(row)
+        low, high = np.fmin.reduce(values), np.fmax.reduce(values)
+        size = comm.allreduce(np.nanmax(np.abs(values), initial=0.0), op=max)
         bs = V.dofmap.index_map_bs
-        n = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
-        held: npt.NDArray[np.float64] = np.full(self.fixed.size, np.nan)
-        mine = np.empty_like(held)
-        pairs = []
-        for bc in self._bcs:
-            mine[:] = np.nan
-            bc.set(mine)
-            away = np.abs(mine[:n] - held[:n])  # NaN where one of them is free
-            pairs += [(int(i), held[i], mine[i]) for i in np.flatnonzero(away > 0)]
-            held = np.asarray(np.where(np.isfinite(mine), mine, held))
-        size = comm.allreduce(np.nanmax(np.abs(held), initial=0.0), op=max)
-        x = node_positions(V)[:, : V.mesh.geometry.dim]
-        x = np.where(np.abs(x) <= 1e-12 * np.abs(x).max(initial=0.0), 0.0, x)
-        found = [
-            (tuple(x[i // bs].tolist()), i % bs, float(old), float(new), float(held[i]))
-            for i, old, new in pairs
-            if abs(old - new) > _CONTRADICTION * size
-        ]
-        everyone = sorted(place for part in comm.allgather(found) for place in part)
-        self._warned = bool(everyone)
-        if everyone and comm.rank == 0:
-            where, i, old_value, new_value, last = everyone[0]
+        wrong = np.flatnonzero(high - low > _CONTRADICTION * size)
+        x = np.round(node_positions(V)[wrong // bs, : V.mesh.geometry.dim], 12) + 0.0
+        rows = zip(map(list, x), (wrong % bs).tolist(), low[wrong], high[wrong], strict=True)
+        found = sorted(row for part in comm.allgather(list(rows)) for row in part)
+        self._warned = bool(found)
+        if found and comm.rank == 0:
+            place, i, least, most = found[0]
             logger.warning(
                 "two Dirichlet conditions contradict each other: component %s at (%s) is %g and "
-                "%g; the later one of the list, %g, holds%s",
+                "%g; the later one in the list holds",
                 "xyz"[i],
-                ", ".join(f"{c:.6g}" for c in where),
-                old_value,
-                new_value,
-                last,
-                f" (the first of {len(everyone)} such components)" if len(everyone) > 1 else "",
+                ", ".join(f"{c:.6g}" for c in place),
+                least,
+                most,
             )
 
     def check_values(

@@ -20,7 +20,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._agreement import described
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import flag, positive, scalar, vector, word
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh
 from dolfinx_contact.obstacles import Obstacle, has_ufl
@@ -28,7 +28,6 @@ from dolfinx_contact.points.contact_points import Method
 from dolfinx_contact.points.displaced import SlidingKind, check_sliding
 from dolfinx_contact.points.elements import (
     check_elements,
-    check_name,
     check_quadrature,
     displacement_degree,
 )
@@ -47,11 +46,6 @@ _ACROSS = 1e-9  # part of a unit direction across a plane of symmetry that count
 # -- arguments -------------------------------------------------------------------------------------
 
 
-def _check_displacement(u: Any) -> None:
-    if not isinstance(u, fem.Function):
-        raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
-
-
 def _bound_law(a: Arguments) -> Law:
     """The law with its numbers as Constants of the mesh."""
     if not isinstance(a.law, Law):
@@ -62,10 +56,9 @@ def _bound_law(a: Arguments) -> Law:
 
 
 def _check_surface(a: Arguments) -> None:
-    _check_displacement(a.u)
-    check_name(a.name, "surface")
-    check_sliding(a.name, a.sliding)
     degree = displacement_degree(a.u)
+    word(a.name, "the name of a contact surface")
+    check_sliding(a.name, a.sliding)
     degrees = (degree, a.multiplier_degree)
     a.method = a.method or ("nodal" if degree == 1 else "integral")
     a.law = _bound_law(a)
@@ -83,129 +76,95 @@ def _check_surface(a: Arguments) -> None:
             'support; use method="nodal" or "integral"'
         )
     check_revolution(a.name, a.axisymmetric, a.obstacle, a.law)
-    a.axisymmetric = bool(a.axisymmetric)
     a.quadrature_degree = check_quadrature(
-        a.name, degrees, a.quadrature_degree, weighted=a.axisymmetric
+        a.name, degrees, a.quadrature_degree, weighted=bool(a.axisymmetric)
     )
 
 
 def _check_pair(a: Arguments) -> None:
-    _check_displacement(a.u)
-    check_name(a.name, "pair")
-    displacement_degree(a.u)
-    if not isinstance(a.axisymmetric, bool | np.bool_):
-        raise ValueError(f"{a.name}: axisymmetric is True or False, got {a.axisymmetric!r}")
-    removed = Overlap.of(a.name, a.interference, a.remove_overlap).removed
-    if removed and (a.gap is not None or a.surface is not None):
-        raise ValueError(f"{a.name}: with a given gap or surface there is no overlap to remove")
+    degree = displacement_degree(a.u)
+    word(a.name, "the name of a contact pair")
+    flag(a.axisymmetric, f"{a.name}: axisymmetric")
     check_sliding(a.name, a.sliding)
     dim = a.u.function_space.mesh.geometry.dim
     a.symmetry = checked_planes(a.symmetry, dim, a.name)
-    if a.sliding == "large":
-        _check_large(a)
-    elif a.search_distance is not None or a.symmetry:
-        what = "planes of symmetry are" if a.symmetry else "a search distance is"
-        raise ValueError(f"{a.name}: {what} for sliding='large'")
-    _check_sides(a)
-    _check_gap(a)
-    _check_shape(a)
-    a.normal = _unit_normal(a.normal, dim, a.name)
+    tagged = a.slave is not None or a.master is not None
+    removed = Overlap.of(a.name, a.interference, a.remove_overlap).removed
+    large = a.sliding == "large"
+    shaped = a.gap is not None or a.surface is not None
+    chosen = a.method not in (None, "mixed") or a.quadrature_degree is not None
+    for wrong, message in (
+        (removed and shaped, "with a given gap or surface there is no overlap to remove"),
+        (not large and a.symmetry, "planes of symmetry are for sliding='large'"),
+        (not large and a.search_distance is not None, "a search distance is for sliding='large'"),
+        (
+            large and (shaped or a.normal is not None or chosen),
+            "sliding='large' does not support a gap, a surface, a normal, a choice of the method "
+            "or of the quadrature: it evaluates gaps and normals of the displaced faces at nodes",
+        ),
+        (
+            large and (degree, a.multiplier_degree) != (1, 1),
+            "sliding='large' needs displacement and multiplier of degree 1",
+        ),
+        (
+            a.master_facets is not None and tagged,
+            "facets by their indices have no tags slave and master",
+        ),
+        (
+            a.master_facets is None and isinstance(a.facets, np.ndarray),
+            "facets of the slave by their indices need master_facets",
+        ),
+        (
+            a.surface is not None and (a.gap is not None or a.normal is not None),
+            "a given surface has a gap and a normal of its own",
+        ),
+        (
+            a.surface is not None
+            and (not isinstance(a.surface, Obstacle) or isinstance(a.surface, RigidBody)),
+            "the surface must be a HalfSpace, Sphere, Cylinder, LevelSet",
+        ),
+        (
+            getattr(a.surface, "outline", None) is not None,
+            "the surface of a pair is given by a formula, not by facets",
+        ),
+        (
+            isinstance(a.normal, ufl.core.expr.Expr) or has_ufl(a.normal),
+            f"the normal is copied, and must be numbers, got {a.normal!r}",
+        ),
+    ):
+        if wrong:
+            raise ValueError(f"{a.name}: {message}")
+    if large:
+        _check_straight(a, "sliding='large'")
+    a.gap = None if a.gap is None else scalar(a.gap, f"{a.name}: the gap")
+    a.normal = None if a.normal is None else _unit(a.normal, dim, f"{a.name}: the normal")
     a.law = _bound_law(a)
-
-
-def _check_large(a: Arguments) -> None:
-    """Raise ``ValueError`` for arguments that large sliding does not support."""
-    given = {
-        "gap": a.gap is not None,
-        "surface": a.surface is not None,
-        "normal": a.normal is not None,
-        "choice of the method": a.method not in (None, "mixed"),
-        "choice of the quadrature": a.quadrature_degree is not None,
-        "displacement of degree 2": displacement_degree(a.u) != 1,
-        f"multiplier of degree {a.multiplier_degree}": a.multiplier_degree != 1,
-    }
-    for what, is_given in given.items():
-        if is_given:
-            raise ValueError(
-                f"{a.name}: sliding='large' does not support a {what}: it evaluates gaps and "
-                "normals of the displaced faces at nodes of degree 1"
-            )
-    _check_straight(a, "sliding='large'")
 
 
 def _check_straight(a: Arguments, what: str) -> None:
     if a.u.function_space.mesh.ufl_domain().ufl_coordinate_element().degree != 1:
         raise ValueError(f"{a.name}: {what} needs cells with straight edges")
-    distance = a.search_distance
-    if distance is not None and not (
-        is_number(distance) and np.isfinite(distance) and distance > 0
-    ):
-        raise ValueError(f"{a.name}: the search distance must be positive, got {distance!r}")
+    if a.search_distance is not None:
+        positive(a.search_distance, f"{a.name}: the search distance", "positive")
 
 
-def _check_sides(a: Arguments) -> None:
-    """Raise ``ValueError`` if the sides are not both given by tags, or both by indices."""
-    tagged = a.slave is not None or a.master is not None
-    if a.master_facets is not None and tagged:
-        raise ValueError(f"{a.name}: facets by their indices have no tags slave and master")
-    if a.master_facets is None and isinstance(a.facets, np.ndarray):
-        raise ValueError(f"{a.name}: facets of the slave by their indices need master_facets")
-
-
-def _check_gap(a: Arguments) -> None:
-    if a.gap is None:
-        return
-    if is_number(a.gap):
-        if not np.isfinite(a.gap):
-            raise ValueError(f"{a.name}: the gap must be finite, got {a.gap}")
-        a.gap = float(a.gap)
-    elif not isinstance(a.gap, ufl.core.expr.Expr) or a.gap.ufl_shape != ():
-        raise ValueError(f"{a.name}: the gap must be a number or a UFL scalar, got {a.gap!r}")
-
-
-def _check_shape(a: Arguments) -> None:
-    """Raise ``ValueError`` if the true shape of the master cannot be used."""
-    if a.surface is None:
-        return
-    if not isinstance(a.surface, Obstacle) or isinstance(a.surface, RigidBody):
-        raise ValueError(f"{a.name}: the surface must be a HalfSpace, Sphere, Cylinder, LevelSet")
-    if a.surface.outline is not None:
-        raise ValueError(f"{a.name}: the surface of a pair is given by a formula, not by facets")
-    if a.gap is not None or a.normal is not None:
-        raise ValueError(f"{a.name}: a given surface has a gap and a normal of its own")
-
-
-def _unit_normal(normal: Any, dim: int, name: str) -> npt.NDArray[np.float64] | None:
-    if normal is None:
-        return None
-    if isinstance(normal, ufl.core.expr.Expr) or has_ufl(normal):
-        raise ValueError(f"{name}: the normal is copied, and must be numbers, got {normal!r}")
-    return _unit(normal, dim, f"{name}: the normal")
-
-
-def _unit(vector: Any, dim: int, what: str) -> npt.NDArray[np.float64]:
-    try:
-        v = np.asarray(vector, dtype=np.float64)
-    except (TypeError, ValueError):
-        v = np.zeros(0)
-    if v.shape != (dim,) or not np.isfinite(v).all() or not v.any():
-        raise ValueError(f"{what} must be {dim} numbers, not all 0, got {vector!r}")
+def _unit(value: Any, dim: int, name: str) -> npt.NDArray[np.float64]:
+    v = vector(value, name, dim, zero=False)
     v = v / np.abs(v).max()  # the square of a tiny number is 0
     return np.asarray(v / np.linalg.norm(v))
 
 
 def _check_self(a: Arguments) -> None:
-    _check_displacement(a.u)
-    check_name(a.name, "surface")
-    if displacement_degree(a.u) != 1:
+    degree = displacement_degree(a.u)
+    word(a.name, "the name of a contact surface")
+    if degree != 1:
         raise ValueError(f"{a.name}: self-contact needs displacements of degree 1")
     _check_straight(a, "self-contact")
     dim = a.u.function_space.mesh.geometry.dim
     a.symmetry = checked_planes(a.symmetry, dim, a.name)
     Overlap.of(a.name, a.interference, a.remove_overlap)
-    last = np.eye(dim)[-1]
-    given = a.direction
-    a.direction = last if given is None else _unit(given, dim, f"{a.name}: the direction")
+    given = np.eye(dim)[-1] if a.direction is None else a.direction
+    a.direction = _unit(given, dim, f"{a.name}: the direction")
     across = [axis for axis in a.symmetry if abs(a.direction[axis]) > _ACROSS]
     if across:
         raise ValueError(

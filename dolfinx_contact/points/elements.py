@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from dolfinx import fem
 
-from dolfinx_contact._numbers import is_count
+from dolfinx_contact._validate import count, one_of
 
-__all__ = ["check_elements", "check_name", "check_quadrature", "displacement_degree"]
+__all__ = ["check_elements", "check_quadrature", "displacement_degree"]
 
 #: Stable pairs of displacement and multiplier degrees, by method. P1 multipliers are traces of the
 #: displacement space or smaller; P2/P2 is stable away from Dirichlet data, where nodes are removed.
@@ -20,40 +22,47 @@ _STABLE: dict[str, set[tuple[int, int]]] = {
 }
 
 
-def check_name(name: str, what: str) -> None:
-    """Raise ``ValueError`` if the name of a contact surface or pair is no word."""
-    if not isinstance(name, str) or not name:
-        raise ValueError(f"the name of a contact {what} must be a word, got {name!r}")
-
-
-def displacement_degree(u: fem.Function) -> int:
+def displacement_degree(u: Any) -> int:
     """Degree of a vector Lagrange displacement, or ``ValueError``."""
+    if not isinstance(u, fem.Function):
+        raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
     domain = u.function_space.mesh
     element = u.function_space.ufl_element()
-    if domain.geometry.x.dtype != np.float64 or u.x.array.dtype != np.float64:
-        raise ValueError("the mesh and the displacement must be in double precision")
-    if domain.basix_cell().name not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"):
-        raise ValueError(f"cells of kind {domain.basix_cell().name} are not supported")
+    cell = domain.basix_cell().name
     dim = domain.geometry.dim
-    if domain.topology.dim != dim or dim not in (2, 3):
-        raise ValueError("the body must be a 2D mesh in the plane or a 3D mesh")
     lagrange = element.family_name == "P" and not element.discontinuous
-    if not lagrange or element.reference_value_shape != (dim,):
-        raise ValueError(
-            "the displacement must be a continuous vector Lagrange Function with "
-            f"{dim} components, got {element}"
-        )
-    if element.degree not in (1, 2):
-        raise ValueError(f"displacements of degree 1 and 2 are supported, got {element.degree}")
+    for right, message in (
+        (
+            domain.geometry.x.dtype == u.x.array.dtype == np.float64,
+            "the mesh and the displacement must be in double precision",
+        ),
+        (
+            cell in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"),
+            f"cells of kind {cell} are not supported",
+        ),
+        (
+            domain.topology.dim == dim and dim in (2, 3),
+            "the body must be a 2D mesh in the plane or a 3D mesh",
+        ),
+        (
+            lagrange and element.reference_value_shape == (dim,),
+            f"the displacement must be a continuous vector Lagrange Function with {dim} "
+            f"components, got {element}",
+        ),
+        (
+            element.degree in (1, 2),
+            f"displacements of degree 1 and 2 are supported, got {element.degree}",
+        ),
+    ):
+        if not right:
+            raise ValueError(message)
     return int(element.degree)
 
 
 def check_elements(name: str, method: str, degrees: tuple[int, int]) -> None:
     """Raise ``ValueError`` if the pair of degrees is not stable in the method."""
-    if not isinstance(method, str) or method not in _STABLE:
-        raise ValueError(f"unknown contact method {method!r}; known: {sorted(_STABLE)}")
-    if not is_count(degrees[1]):
-        raise ValueError(f"{name}: the degree of the multiplier must be 1 or 2, got {degrees[1]!r}")
+    one_of(method, f"{name}: method", sorted(_STABLE))
+    count(degrees[1], f"{name}: multiplier_degree")
     if degrees not in _STABLE[method]:
         stable = ", ".join(f"P{d}/P{m}" for d, m in sorted(_STABLE[method]))
         raise ValueError(
@@ -77,7 +86,7 @@ def check_quadrature(
     least = sum(degrees) + weighted
     if not isinstance(degree, int) or degree < least:
         raise ValueError(
-            f"{name}: the quadrature degree must be at least {least} for a stable contact "
-            f"of P{degrees[0]} with P{degrees[1]}, got {quadrature_degree}"
+            f"{name}: the quadrature degree must be at least {least} for a stable contact of "
+            f"P{degrees[0]} with P{degrees[1]}, got {quadrature_degree}"
         )
     return degree

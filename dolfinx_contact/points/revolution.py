@@ -18,6 +18,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._errors import require
 from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._validate import flag
 from dolfinx_contact.laws import Law
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -67,9 +68,7 @@ def check_revolution(name: str, axisymmetric: Any, obstacle: Obstacle, law: Law)
         obstacle: a rigid body may move along the axis alone.
         law: not one that spreads in the plane.
     """
-    if not isinstance(axisymmetric, bool | np.bool_):
-        raise ValueError(f"{name}: axisymmetric is True or False, got {axisymmetric!r}")
-    if not axisymmetric:
+    if not flag(axisymmetric, f"{name}: axisymmetric"):
         return
     if law.averaging is not None:
         raise ValueError(f"{name}: there is no nonlocal friction of bodies of revolution")
