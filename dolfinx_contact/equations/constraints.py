@@ -123,8 +123,8 @@ class Constraints:
         bs = V.dofmap.index_map_bs
         wrong = np.flatnonzero(high - low > _CONTRADICTION * size)
         x = np.round(node_positions(V)[wrong // bs, : V.mesh.geometry.dim], 12) + 0.0
-        rows = zip(map(list, x), (wrong % bs).tolist(), low[wrong], high[wrong], strict=True)
-        found = sorted(row for part in comm.allgather(list(rows)) for row in part)
+        rows = [([*x[k]], int(i % bs), low[i], high[i]) for k, i in enumerate(wrong)]
+        found = sorted(row for part in comm.allgather(rows) for row in part)
         self._warned = bool(found)
         if found and comm.rank == 0:
             place, i, least, most = found[0]
