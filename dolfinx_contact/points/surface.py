@@ -23,14 +23,15 @@ from dolfinx_contact._kept import keep
 from dolfinx_contact._mesh_mark import mesh_mark, node_positions
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.body.rigid import parts
-from dolfinx_contact.laws import Answers, LawAtPoints, PointData
+from dolfinx_contact.laws import Answers, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.meshing import tagged_facets
-from dolfinx_contact.obstacles import fields_within, require_uniform
+from dolfinx_contact.obstacles import Obstacle, fields_within, require_uniform
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given, Method
 from dolfinx_contact.points.descriptions import Contact, ContactSurface
 from dolfinx_contact.points.displaced import (
     DisplacedPoints,
+    SlidingKind,
     TrueGaps,
     displaced_points,
 )
@@ -68,7 +69,6 @@ class DiscreteSurface:
     Attributes:
         description: description from which the surface was made (`surfaces`).
         multiplier: traction on the body, a vector Function of the facet submesh.
-        law: law with its numbers as Constants.
         points: contact points of this rank and the operators that lead to them.
         law_at_points: compiled law.
 
@@ -83,16 +83,13 @@ class DiscreteSurface:
         name = contact.name
         keep(domain)
         self.description: Contact = contact
+        self._contact = contact
         self.u = u
         self.domain = domain
         self.name = name
-        self.law = contact.law
-        self.obstacle = contact.obstacle
         self.dim = domain.geometry.dim
         self.comm = domain.comm
-        assert contact.method is not None
         assert contact.quadrature_degree is not None
-        self.method: Method = contact.method
         self.degrees = (displacement_degree(u), contact.multiplier_degree)
         self.axisymmetric = contact.axisymmetric
         with everywhere(self.comm, "a contact surface"):
@@ -112,7 +109,6 @@ class DiscreteSurface:
         self._create_points(local, contact.quadrature_degree)
         self._overlap = Overlap.of(name, contact.interference, contact.remove_overlap)
         self._settle_overlap(self.points.gaps, self.points.vertex_gaps, self.points.data.n)
-        self.sliding = contact.sliding
         self._displaced: DisplacedPoints | None = None
         self._slid = False
         self._true_gaps = TrueGaps(u, self.points, self.obstacle)
@@ -120,6 +116,29 @@ class DiscreteSurface:
         self._values = [f.x.array for f in self._functions]
         self._values += [c.value for c in self.given.constants]
         self._mark = self._marked()
+
+    # Properties of the description cannot be assigned: the law is compiled, the points are found.
+
+    @property
+    def law(self) -> Law:
+        """The law, with its numbers as Constants."""
+        return self._contact.law
+
+    @property
+    def obstacle(self) -> Obstacle:
+        """The obstacle, or the opposite face."""
+        return self._contact.obstacle
+
+    @property
+    def method(self) -> Method:
+        """The method of contact."""
+        assert self._contact.method is not None
+        return self._contact.method
+
+    @property
+    def sliding(self) -> SlidingKind | None:
+        """The kind of sliding, "small" or "large"."""
+        return self._contact.sliding
 
     def _bind(self) -> None:
         """Evaluate obstacle and law as UFL on the mesh. Not collective.
