@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # A history with memory
 #
-# Friction acts against the slip *rate*: what a load leaves depends on the way to it. So far a solve
-# took the whole slip for the rate, from the undeformed body to the load. Now a block is pressed,
-# dragged, and dragged back, step by step, each step with the slip since the one before. Load and
-# displacement then run along a loop, whose area is the energy that friction dissipates. Formulas
+# Friction opposes the slip *rate*, so that the state under a load depends on the path to it. A
+# static solve instead opposes the total slip since the undeformed body. Here a block is pressed,
+# dragged, and dragged back step by step, and friction opposes the slip since the previous step.
+# Load and displacement then run along a loop, whose area is the frictional dissipation. Formulas
 # are in {doc}`the theory </theory/5_evolution>`.
 
 from mpi4py import MPI
@@ -55,9 +55,8 @@ print(history.reason)
 
 # ## Stick and slip
 #
-# A row of letters is the bottom from left to right: `k` sticks, `+` and `-` slip. After each turn
-# of the load everything sticks at first, then slip spreads from the ends; after the first of them
-# within few steps.
+# Each row of letters is the bottom from left to right: `k` sticks, `+` and `-` slip. After each
+# reversal of the load all points stick at first; then slip spreads from the ends.
 
 for step in history.steps[::6]:
     force = step.result.resultants["contact"]
@@ -78,8 +77,8 @@ plot.draw_curves(
 
 # ## Energy
 #
-# After a full cycle the block is where it was a cycle before, so that the work of the load is what
-# friction has dissipated. The area of the loop, by the trapezoidal rule, is that work.
+# After a full cycle the block returns to its state one cycle before, so that the work of the load
+# equals the frictional dissipation. The area of the loop, by the trapezoidal rule, is that work.
 
 cycle = np.array([s.time for s in history.steps]) >= 0.25 - 1e-9
 x, f = way[cycle], drag[cycle]
@@ -91,12 +90,20 @@ assert history.complete
 assert dissipated > 0
 assert abs(area / dissipated - 1) < 0.05
 
-# What a solve without history would say at the same place of the load, on the way back, is another
-# thing: it knows nothing of the slip to the right that was before.
+# ## With and without memory
+#
+# Every step of the history has a `state`. `problem.step_from(state)` is the problem of one step
+# that begins there; solving it repeats the next step. The problem alone has the static law: at the
+# same load, on the way back, it does not know the earlier slip to the right. Neither solve changes
+# the history.
 
-load(0.5)
+k = next(k for k, step in enumerate(history.steps) if step.time > 0.5 - 1e-9)
+before, after = history.steps[k - 1], history.steps[k]
+load(after.time)
+problem.restore(before.state)
+remembered = problem.step_from(before.state).solve().resultants["contact"][0]
 without = problem.solve().resultants["contact"][0]
-remembered = history.at(times[24]).result.resultants["contact"][0]
-print(f"shear at t = 0.5: {remembered:+.4f} with memory, {without:+.4f} without")
+print(f"shear at t = {after.time:g}: {remembered:+.4f} with memory, {without:+.4f} without")
+assert abs(remembered / after.result.resultants["contact"][0] - 1) < 1e-8
 assert abs(remembered - without) > 0.1
 plot.picture_of_contact("contact.png", problem, title="The bottom at t = 0.5 without memory")
