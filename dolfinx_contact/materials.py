@@ -46,7 +46,7 @@ A body of several materials has integrals over cell tags, and a stress of each t
 from __future__ import annotations
 
 import weakref
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -114,9 +114,6 @@ def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
             ``poisson`` not in (-1, 1/2). Constants, and UFL of nothing else, are checked as they
             are now; of what varies in space the values are not.
     """
-    for what, value in (("Young's modulus", young), ("Poisson's ratio", poisson)):
-        if not _is_scalar(value):
-            raise ValueError(f"{what} must be a number, got {value!r}")
     _check_young(young, poisson)
     mu = young / (2 * (1 + poisson))
     if isinstance(mu, ufl.core.expr.Expr) and mu is not young:
@@ -172,38 +169,28 @@ def _value(scalar: Any) -> float | None:
     return np.nan if isinstance(value, complex) else float(value)
 
 
+def _check(rule: str, holds: Callable[..., bool], *values: Any) -> None:
+    """Raise ``ValueError`` if values are not scalars, or violate a rule with what they are now.
+
+    Args:
+        rule: the rule in words.
+        holds: the rule, called with the values if all of them are known.
+        values: numbers or UFL scalars.
+    """
+    known = [_value(v) if _is_scalar(v) else np.nan for v in values]
+    finite = all(v is None or np.isfinite(v) for v in known)
+    if not finite or (None not in known and not holds(*known)):
+        shown = [str(k) if _is_scalar(v) else repr(v) for k, v in zip(known, values, strict=True)]
+        raise ValueError(f"{rule}, got {' and '.join(shown)}")
+
+
 def _check_young(young: Any, poisson: Any) -> None:
-    """Raise ``ValueError`` if moduli that are known give no stable material."""
-    E, nu = _value(young), _value(poisson)
-    if E is not None and not (np.isfinite(E) and E > 0):
-        raise ValueError(f"Young's modulus must be positive, got {E:g}")
-    if nu is not None and not -1 < nu < 0.5:
-        raise ValueError(f"Poisson's ratio must lie in (-1, 1/2), got {nu:g}")
-
-
-def _check_lame(lmbda: Any, mu: Any) -> None:
-    """Raise ``ValueError`` if Lame coefficients that are known give no stable material."""
-    made_of = _moduli.get(mu)
-    if made_of is not None:
-        _check_young(*made_of)
-    _check_coefficients(lmbda=lmbda, mu=mu)
-    first, shear = _value(lmbda), _value(mu)
-    if first is not None and shear is not None and not (shear > 0 and 3 * first + 2 * shear > 0):
-        raise ValueError(
-            f"Lame coefficients need mu > 0 and 3 lambda + 2 mu > 0, got {first} and {shear}"
-        )
-
-
-def _check_coefficients(**values: Any) -> None:
-    """Raise ``ValueError`` if one is neither a finite number nor a UFL scalar."""
-    for name, value in values.items():
-        is_scalar = _is_scalar(value)
-        known = _value(value) if is_scalar else np.nan
-        if known is not None and not np.isfinite(known):
-            raise ValueError(
-                f"the coefficient {name.replace('lmbda', 'lambda')} must be a finite number or a "
-                f"UFL scalar, got {known if is_scalar else repr(value)}"
-            )
+    _check("Young's modulus must be positive", lambda E: E > 0, young)
+    _check(
+        "Poisson's ratio must lie in (-1, 1/2)",
+        lambda nu: -1 < nu < 0.5,
+        poisson,
+    )
 
 
 def _require_displacement(u: Any) -> None:
@@ -342,6 +329,15 @@ class Material(ReadOnly):
         Those that are Constants, or UFL of nothing else, are checked with their present values:
         when the material is made, and at the start of every solve with an energy or a stress of it.
         """
+        lmbda, mu = getattr(self, "lmbda", 0.0), getattr(self, "mu", 1.0)
+        made_of = _moduli.get(mu)
+        if made_of is not None:
+            _check_young(*made_of)
+        rule = "Lame coefficients, numbers or UFL scalars, need mu > 0 and 3 lambda + 2 mu > 0"
+        _check(rule, lambda a, b: b > 0 and 3 * a + 2 * b > 0, lmbda, mu)
+
+    def __post_init__(self) -> None:
+        self.check_moduli()
 
     def full_stress(self, u: fem.Function) -> Any:
         """Cauchy stress, 3 x 3 in 2D too: with the stress across the plane, for invariants.
@@ -398,12 +394,6 @@ class LinearElastic(Material):
     lmbda: Any
     mu: Any
     plane_stress: bool = False
-
-    def __post_init__(self) -> None:
-        self.check_moduli()
-
-    def check_moduli(self) -> None:
-        _check_lame(self.lmbda, self.mu)
 
     @classmethod
     def from_young(cls, young: Any, poisson: Any, *, plane_stress: bool = False) -> LinearElastic:
@@ -480,12 +470,6 @@ class StVenantKirchhoff(Elastic):
     lmbda: Any
     mu: Any
 
-    def __post_init__(self) -> None:
-        self.check_moduli()
-
-    def check_moduli(self) -> None:
-        _check_lame(self.lmbda, self.mu)
-
     def _stored(self, u: fem.Function, F: Any) -> Any:
         lmbda, mu = _constants(u, self.lmbda, self.mu)
         E = (F.T * F - ufl.Identity(F.ufl_shape[0])) / 2
@@ -520,12 +504,6 @@ class NeoHookean(Separable):
     lmbda: Any
     mu: Any
 
-    def __post_init__(self) -> None:
-        self.check_moduli()
-
-    def check_moduli(self) -> None:
-        _check_lame(self.lmbda, self.mu)
-
     def _shape(self, u: fem.Function, F: Any) -> Any:
         (mu,) = _constants(u, self.mu)
         return mu / 2 * (ufl.inner(F, F) - F.ufl_shape[0] - 2 * ufl.ln(ufl.det(F)))
@@ -551,15 +529,9 @@ class CiarletGeymonat(Separable):
     mu: Any
     a: Any
 
-    def __post_init__(self) -> None:
-        self.check_moduli()
-
     def check_moduli(self) -> None:
-        _check_lame(self.lmbda, self.mu)
-        _check_coefficients(a=self.a)
-        mu, a = _value(self.mu), _value(self.a)
-        if mu is not None and a is not None and not 0 < a < mu / 2:
-            raise ValueError(f"a must lie between 0 and mu/2 = {mu / 2}, got {a}")
+        super().check_moduli()
+        _check("a must lie between 0 and mu/2", lambda a, half: 0 < a < half, self.a, self.mu / 2)
 
     def _shape(self, u: fem.Function, F: Any) -> Any:
         mu, a = _constants(u, self.mu, self.a)
@@ -647,28 +619,35 @@ def _require_measure(dx: Any) -> None:
 def _require_bilinear(u: Any) -> None:
     """Raise ``ValueError`` unless this is of degree 1 on cells whose volumes are known."""
     _require_displacement(u)
-    geometry = u.function_space.mesh.geometry
-    if not geometry.dim == len(u) == u.function_space.mesh.topology.dim:
-        raise ValueError(
-            "the mean dilatation is one of plane cells in the plane and of cells in space, with as "
-            f"many displacements; got {len(u)} of them at positions of {geometry.dim} coordinates"
-        )
-    cell = u.function_space.mesh.basix_cell().name
-    if cell not in ("quadrilateral", "hexahedron"):
-        raise ValueError(
-            f"the mean dilatation is one of quadrilaterals and hexahedra, got cells of {cell}s, "
-            "for which take u of degree 2 and energy(u)"
-        )
-    if u.function_space.mesh.ufl_domain().ufl_coordinate_element().degree != 1:
-        raise ValueError("the mean dilatation is one of cells with straight edges")
+    domain = u.function_space.mesh
     element = u.function_space.ufl_element()
-    if element.degree != 1:
-        raise ValueError(
-            "the mean dilatation is one of a displacement of degree 1, got degree "
-            f"{element.degree}, which does not lock: take energy(u)"
-        )
-    if element not in ufl.H1 or element != basix.ufl.element("P", cell, 1, shape=u.ufl_shape):
-        raise ValueError(f"the mean dilatation is one of Lagrange elements, got {element}")
+    cell = domain.basix_cell().name
+    lagrange = basix.ufl.element("P", cell, 1, shape=u.ufl_shape)
+    for right, needed, got in (
+        (
+            domain.geometry.dim == len(u) == domain.topology.dim,
+            "plane cells in the plane or cells in space, with as many displacements",
+            f"{len(u)} of them at positions of {domain.geometry.dim} coordinates",
+        ),
+        (
+            cell in ("quadrilateral", "hexahedron"),
+            "quadrilaterals or hexahedra",
+            f"cells of {cell}s, for which take u of degree 2 and energy(u)",
+        ),
+        (
+            domain.ufl_domain().ufl_coordinate_element().degree == 1,
+            "cells with straight edges",
+            "curved ones",
+        ),
+        (
+            element.degree == 1,
+            "a displacement of degree 1",
+            f"degree {element.degree}, which does not lock: take energy(u)",
+        ),
+        (element in ufl.H1 and element == lagrange, "Lagrange elements", str(element)),
+    ):
+        if not right:
+            raise ValueError(f"the mean dilatation needs {needed}; got {got}")
 
 
 _ON_AXIS = 1e-8  # of a cell, a distance from the axis that is none: there u_r / r is du_r / dr

@@ -632,9 +632,9 @@ def test_moduli_that_are_functions_of_constants():
 
 @pytest.mark.parametrize("value", [True, np.True_])
 def test_moduli_are_no_truth_values(value):
-    with pytest.raises(ValueError, match="Young's modulus must be a number, got"):
+    with pytest.raises(ValueError, match="Young's modulus must be positive, got"):
         lame(value, 0.3)
-    with pytest.raises(ValueError, match="the coefficient mu must be a finite number"):
+    with pytest.raises(ValueError, match="Lame coefficients, numbers or UFL scalars"):
         NeoHookean(1.0, value)
 
 

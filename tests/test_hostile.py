@@ -731,16 +731,16 @@ MISUSE = {
     "stress of a number": (lambda w: StVenantKirchhoff(1.0, 1.0).stress(1.0), "got float"),
     "Young's modulus in words": (
         lambda w: LinearElastic.from_young("a", 0.3),
-        "Young's modulus must be a number, got 'a'",
+        "Young's modulus must be positive, got 'a'",
     ),
     "Poisson's ratio in words": (
         lambda w: LinearElastic.from_young(1.0, "a"),
-        "Poisson's ratio must be a number, got 'a'",
+        "Poisson's ratio must lie in .-1, 1/2., got 'a'",
     ),
     **{
         f"{material.__name__} {coefficients}": (
             lambda w, m=material, c=coefficients: m(*c),
-            f"the coefficient {name} must be a finite number or a UFL scalar",
+            "a must lie between 0 and mu/2" if name == "a" else "Lame coefficients, numbers or UFL",
         )
         for material, name, coefficients in (
             (LinearElastic, "lambda", (np.inf, 1.0)),
@@ -753,7 +753,7 @@ MISUSE = {
     },
     "vector for a coefficient": (
         lambda w: NeoHookean(1.0, ufl.as_vector([1.0, 2.0])),
-        "the coefficient mu must be",
+        "Lame coefficients, numbers or UFL",
     ),
     "energy of a scalar": (lambda w: MATERIAL.energy(w.f_other), "must be a vector Function"),
 }
