@@ -368,7 +368,7 @@ ON_TWO = {
         *("a_run_that_is_stopped", "what_is_in_the_problem_when_it_is_asked"),
         *("what_cannot_stop", "one_rank_alone_stops", "a_record_of_a_run_that_is_stopped"),
     ),
-    "test_stress_of_parts": ("of_each_tag", "one_for_all"),
+    "test_stress_of_parts": ("of_each_tag",),
     "test_surface": (
         *("gap_and_normal_are_those_of_the_obstacle", "reaction_of_a_clamped_contact_node"),
         *("several_solves_in_one_process", "a_solve_can_be_repeated_and_started_warm"),
