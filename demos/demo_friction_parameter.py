@@ -88,7 +88,7 @@ def main(argv=None):
     summary["fold_closed_form"] = fold
     summary["slip_error"] = slip_error
     summary["statuses"] = "".join(s["status"] for s in rows)
-    summary["augmentation"] = surface.points.mean_augmentation
+    summary["augmentation"] = loaded.problem.discrete(surface).points.mean_augmentation
     return io.write_summary(comm, folder, summary)
 
 
