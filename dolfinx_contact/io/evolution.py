@@ -124,10 +124,9 @@ class EvolutionSeries:
         self._count += 1
         if (self._count - 1) % self._every:
             return
-        state = state_fields(
-            self._problem, self._faces, self._stress, self._tags, prefix="evolution_"
-        )
-        self._series.write(step.time, state)
+        with self._problem.at(step.state) as shown:
+            given = self._faces, self._stress, self._tags
+            self._series.write(step.time, state_fields(shown, *given, prefix="evolution_"))
 
     def __exit__(self, *_: object) -> None:
         assert self._stack is not None

@@ -40,6 +40,7 @@ from dolfinx_contact.io.writers import Format, checked_format
 
 if TYPE_CHECKING:
     from dolfinx_contact.equations.state import State
+    from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = [
@@ -101,8 +102,8 @@ def write_fields(
     comm = problem.comm
     kind = checked_format(problem.comm, format)
     path = output_folder(comm, folder)
-    with problem.at(state), aside(comm, path, "write_fields") as part:
-        fields = state_fields(problem, faces(problem), stress, tags)
+    with problem.at(state) as shown, aside(comm, path, "write_fields") as part:
+        fields = state_fields(shown, faces(shown), stress, tags)
         written = FieldSeries(comm, part, path, kind, single=True)
         try:
             written.write(0.0, fields)
@@ -137,7 +138,8 @@ def state_fields(
         stresses = [*body_fields(u, stress, tags), _at_corners(u)]
         found.append(FieldsOfFile(f"{prefix}body_stress", problem.comm, stresses))
     for face in on_faces:
-        found.append(FieldsOfFile(prefix + face.stem, face.comm, list(face.fields().values())))
+        fields = list(face.fields(problem).values())
+        found.append(FieldsOfFile(prefix + face.stem, face.comm, fields))
     return found
 
 
@@ -156,12 +158,13 @@ class Face:
     Attributes:
         stem: of the file, without suffix.
         comm: of its mesh.
-        fields: what is known on it at the state in the problem's Functions, by name. Collective.
+        fields: function of the problem: the fields on the face at the state in the Functions, by
+            name. Collective.
     """
 
     stem: str
     comm: MPI.Comm
-    fields: Callable[[], dict[str, fem.Function]]
+    fields: Callable[[ContactProblem], dict[str, fem.Function]]
 
 
 def faces(problem: ContactProblem) -> list[Face]:
@@ -174,7 +177,7 @@ def faces(problem: ContactProblem) -> list[Face]:
     for s in problem.surfaces:
         name = re.sub(r"[^\w.-]+", "_", s.name)
         stem = "contact" if name == "contact" else f"contact_{name}"
-        found.append(Face(stem, s.submesh.mesh.comm, partial(problem.contact_fields, s)))
+        found.append(Face(stem, s.submesh.mesh.comm, partial(_surface_fields, s)))
         if s.between_bodies:
             master = MasterFace(problem, s)
             found.append(Face(f"{stem}_opposite", master.submesh.mesh.comm, master.fields))
@@ -183,6 +186,11 @@ def faces(problem: ContactProblem) -> list[Face]:
         names = [s.name for s in problem.surfaces]
         raise ValueError(f"the names of contact surfaces make the same file: {names}")
     return found
+
+
+def _surface_fields(s: DiscreteSurface, problem: ContactProblem) -> dict[str, fem.Function]:
+    """The fields on a contact surface. Collective."""
+    return problem.contact_fields(s)
 
 
 def von_mises(stress: Any) -> Any:

@@ -76,16 +76,18 @@ class MasterFace:
         normals, _ = outward_normals(W, opposite.master_facets)
         self.normals = normals[trace_dofs(W, self.vertices, facets)]
 
-    def fields(self) -> dict[str, fem.Function]:
-        """What is known at the state in the Functions, continuous and linear. Collective.
+    def fields(self, problem: ContactProblem) -> dict[str, fem.Function]:
+        """The continuous, linear fields at the state in the Functions. Collective.
+
+        Args:
+            problem: the problem, or that of a step of it.
 
         Returns:
             By name: ``displacement``, ``traction`` (of contact, on the master), ``pressure``, its
             part against the outward normal, and ``support``, the reaction of Dirichlet data on the
             body over the area of a vertex.
         """
-        problem = self._problem
-        eq = self._problem.equations
+        eq = problem.equations
         state = problem.evaluate()
         dim = eq.dim
         u = problem.u.x.array.reshape(-1, dim)
