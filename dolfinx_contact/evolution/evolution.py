@@ -38,12 +38,12 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
             Functions of the data to their values at that time.
 
     Attributes:
-        problem: as given.
-        load: as given; it may be set between two runs, all else is read-only.
-        method: what it is known by beside the problem, in words.
-        kept: Functions that a state has beside those of the problem, by name.
-        data: Functions and Constants beside those of the problem, as in a density.
-        forms: beside those of the problem, as one of damping.
+        problem: contact problem as given.
+        load: load as given; it may be set between two runs, all other attributes are read-only.
+        method: parameters of the method in words, for the manifest of a record.
+        kept: Functions of a state in addition to those of the problem, by name.
+        data: Functions and Constants in addition to those of the problem, as in a density.
+        forms: forms in addition to those of the problem, as that of damping.
 
     Raises:
         ValueError: on every rank, if arguments do not fit.
@@ -116,11 +116,11 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
     def _rule(
         self, stepper: Stepper, task: HistoryTask, run_state: RunState, accept: Accept | None
     ) -> ThroughTimes:
-        """What finds the steps of a run."""
+        """The rule that finds the steps of a run."""
         return ThroughTimes(stepper, task, run_state, accept)
 
     def _run(self, task: HistoryTask, run_state: RunState, listeners: Listeners) -> History:
-        """A run from where it is to its end. Collective."""
+        """Run from a state of a run to its end. Collective."""
         stepper = self._stepper(listeners.progress)
         rule = self._rule(stepper, task, run_state, listeners.accept)
         history = _history_from(run_state.accepted)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What users give to a run beside its task: who looks on, and who decides."""
+"""Functions and observers that users pass to a run in addition to its task."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ NOT_BY_VALUE = ("accept", "stop", "record", "start")
 
 @dataclass(frozen=True)
 class Listeners:
-    """Who looks on in a run, and who decides; see `QuasiStatic.run`.
+    """Functions and observers of a run; see `QuasiStatic.run`.
 
     Attributes:
-        accept: called with every step; whether it is accepted.
-        stop: called with every accepted step; the reason for which the run ends with it, or "".
-        observer: called with every accepted step.
-        record: keeps every accepted step.
-        progress: whether rank 0 shows where the run is.
+        accept: function of a step that returns whether it is accepted.
+        stop: function of an accepted step that returns the reason to end the run there, or "".
+        observer: observer of every accepted step.
+        record: record that keeps every accepted step.
+        progress: whether rank 0 shows the progress of the run.
     """
 
     accept: Callable[[Any], bool] | None = None
@@ -37,14 +37,14 @@ class Listeners:
 
     @classmethod
     def of(cls, a: Arguments) -> Listeners:
-        """Those among the arguments of a run."""
+        """Collect them from the arguments of a run."""
         return cls(getattr(a, "accept", None), a.stop, a.observer, a.record, a.progress)
 
     def check(self, record: str) -> None:
-        """Raise ``ValueError`` for what is none. Not collective.
+        """Raise ``ValueError`` if one of them has a wrong type. Not collective.
 
         Args:
-            record: what a record has to be, in words.
+            record: class of the records, in words.
         """
         check_functions("a step", accept=self.accept)
         check_listeners(
@@ -56,10 +56,10 @@ class Listeners:
         )
 
     def compared(self) -> dict[str, Any]:
-        """Whether there are those that every rank must have or lack, by names in messages."""
+        """Whether those are given that all ranks must give or none, by names in messages."""
         return {"stop_condition": self.stop is not None, "a_record": self.record is not None}
 
 
 def compared_arguments(a: Arguments) -> dict[str, Any]:
-    """Arguments of a run that every rank must have or lack, by names in messages."""
+    """Whether arguments are given that all ranks must give or none, by names in messages."""
     return Listeners.of(a).compared() | {"a_start": a.start is not None}

@@ -234,7 +234,7 @@ def data_of(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
 
 
 def _of_matrices(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
-    """What mass and the factors of velocities in damping depend on; not a wind, which is a load."""
+    """The data of the mass and of the factors of velocities in damping, without loads."""
     factors = damping
     if isinstance(damping, ufl.Form) and len(damping.arguments()) == 1:
         trial = ufl.TrialFunction(velocity.function_space)
@@ -243,7 +243,7 @@ def _of_matrices(density: Any, damping: Any, velocity: fem.Function) -> list[Dat
 
 
 def _of_stiffness(problem: ContactProblem, damping: Any) -> list[Datum]:
-    """What the stiffness in Rayleigh's damping depends on."""
+    """The data of the stiffness in Rayleigh's damping."""
     if damping is None or isinstance(damping, ufl.Form) or _rayleigh(damping)[1] == 0:
         return []
     mine = problem.equations.bulk.stiffness_data

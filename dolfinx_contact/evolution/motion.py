@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Steps of a body in motion: what a state has beyond displacement and forces, and how one follows.
+r"""One time step of a body in motion.
 
-What contact does in a step is seen at the displacement w of `body.moving`. Friction acts on
-h a (B v_1 - v_obstacle), the motion along the surface since w_0. The velocity of a node without
-mass may turn from step to step about that of the body, and friction with it: there friction acts
-on the displacement in the step, B (u_1 - u_0) - h v_obstacle, over the derivative of u_1 by w.
+It has the three parts of `step`, with the problem of a body with mass. The contact laws of a step
+are evaluated at the displacement w of `body.moving`. Friction acts on h a (B v_1 - v_obstacle), the
+motion along the surface since w_0. The velocity of a node without mass may turn from step to step
+about that of the body, and friction with it: there friction acts on the displacement in the step, B
+(u_1 - u_0) - h v_obstacle, over the derivative of u_1 by w.
 
 position
     Signorini's law is about the gap at w.
@@ -67,14 +68,14 @@ _MOST_TURNS = 3  # changes of sign, after which the log warns
 
 @dataclass(frozen=True)
 class Method:
-    """How a body in motion is stepped.
+    """Method of the time steps of a body in motion.
 
     Attributes:
-        scheme: of the equation of motion.
+        scheme: scheme of the equation of motion.
         theta: weight of the end of a step.
-        level: of Signorini's law.
-        restitution: coefficient e, at the velocity level.
-        massless: whether what may touch has no mass.
+        level: level of Signorini's law.
+        restitution: coefficient of restitution e, at the velocity level.
+        massless: whether nodes that may touch have no mass.
     """
 
     scheme: Scheme
@@ -265,12 +266,12 @@ class MotionStepper(Stepper):
     # -- what contact sees -----------------------------------------------------------------------
 
     def _seen(self, accepted: MovingState, step: TimeStep, motion: Array) -> list[Memory]:
-        """What the laws see of the start of a step. Collective.
+        """The memory with which the laws are evaluated in a step. Collective.
 
         Args:
-            accepted: at the start.
-            step: of time.
-            motion: by which the unknowns of the rigid bodies change in it.
+            accepted: state at the start.
+            step: time step.
+            motion: change of the unknowns of the rigid bodies in the step.
         """
         a = accepted.motion
         # Faces that slide over each other have their slips from where they were.
@@ -409,7 +410,7 @@ class MotionStepper(Stepper):
         )
 
     def _turns(self, accepted: MovingState, b: Motion, step: TimeStep) -> tuple[Array, int]:
-        """By how much velocities of held nodes are off their mean, and how often they have turned.
+        """Deviations of the velocities of held nodes from their mean, and their changes of sign.
 
         With theta = 1/2 the end of a step has twice the mean velocity less that of the start, so
         that a velocity which was not that of the data once turns about it for ever. Collective.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What finds the next step of a run: a rule, and what it finds."""
+"""Rules that find the next step of a run."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class Advance:
     """An accepted step.
 
     Attributes:
-        step: as the user sees it.
-        solved: the states at its start and end.
+        step: step as users see it.
+        solved: step with its accepted states.
     """
 
     step: EvolutionStep
@@ -33,20 +33,20 @@ class Advance:
 
 
 class Rule(Ends, ABC, Generic[T, S]):
-    """How a run goes from an accepted state to the next one, and where it ends.
+    """A rule by which a run goes from an accepted state to the next one, up to its end.
 
     Args:
-        task: of the run.
-        run_state: where it begins, or continues.
+        task: task of the run.
+        run_state: state of the run where it starts or continues.
 
     Attributes:
-        task: as given.
-        start: where it begins.
+        task: task as given.
+        start: state of the run as given.
         ending: how the run ends; None while it continues.
-        reason: why, in words.
+        reason: reason of the ending, in words.
     """
 
-    #: What runs, and what it accepts, in messages.
+    #: Kind of the run and of its steps, for messages.
     what: ClassVar[str]
     units: ClassVar[str]
 
@@ -59,7 +59,7 @@ class Rule(Ends, ABC, Generic[T, S]):
     @property
     @abstractmethod
     def run_state(self) -> S:
-        """Where the run is: all that its next step depends on."""
+        """State of the run now."""
 
     def begin(self) -> None:
         """Check the start, which is in the problem, before it is recorded. Collective.
@@ -72,13 +72,13 @@ class Rule(Ends, ABC, Generic[T, S]):
     def advances(self) -> Iterator[Advance]:
         """The accepted steps, one by one, until the run ends. Collective.
 
-        With each `run_state` is where the run continues from its end, and `ending` is set if it
-        does not. The problem may be left anywhere.
+        After each of them `run_state` is the state at its end, and `ending` is set if the run ends
+        there. The Functions are left in any state.
         """
 
     @abstractmethod
     def where(self, step: EvolutionStep) -> str:
-        """Where the run is after a step, in words."""
+        """The place of the run after a step, in words."""
 
     def part(self, step: EvolutionStep) -> float | None:
-        """How much of the run is done after a step, up to 1; None if that is not known."""
+        """The completed part of the run after a step, up to 1; None if it is not known."""

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Runs: the loop over accepted steps of histories, motions and paths.
+"""The loop over accepted steps of histories, motions and paths.
 
 A `Rule` finds the next step, through times or by arc length, and a `Stepper` puts its end into the
-problem. What is done with every accepted step is here and nowhere else, in this order: the user is
-asked whether the run ends there (``stop``), the record keeps it, the observer is called with it,
-progress is shown. Before each of these calls the accepted state is put into the problem, so that
-nothing that one of them writes reaches another one or the next step. Whatever fails, the problem is
-left at the last accepted state.
+problem. Every accepted step is handled here and nowhere else, in this order: ``stop`` decides
+whether the run ends there, the record keeps the step, the observer is called, progress is shown.
+Before each of these calls the accepted state is put into the problem, so that nothing that one of
+them writes reaches another one or the next step. Whatever fails, the problem is left at the last
+accepted state.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ H = TypeVar("H", bound=History)
 
 
 class Run(Generic[T, S, H]):
-    """A run: where it is, and what it has accepted.
+    """A run: the loop over its accepted steps.
 
     Args:
-        stepper: puts states into the problem.
-        rule: finds the steps.
-        listeners: of the user, checked.
-        history: to which steps are added, and which has in the end how it ended.
+        stepper: stepper that puts states into the problem.
+        rule: rule that finds the steps.
+        listeners: observers of the user, checked.
+        history: history to which steps and the ending are added.
 
     Attributes:
-        run_state: where the next run continues; None as long as this one has not begun.
+        run_state: state of the run after the last accepted step; None before it has begun.
     """
 
     def __init__(self, stepper: Stepper, rule: Rule[T, S], listeners: Listeners, history: H):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a run is between two steps."""
+"""State of a run between two steps."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ __all__ = ["RunState"]
 
 @dataclass(frozen=True, eq=False)
 class RunState:
-    """All that the next step of a run depends on.
+    """State of a run between two steps: everything that the next step depends on.
 
     Attributes:
-        accepted: the last accepted state.
-        length: of the next step, or what it is no longer than.
+        accepted: last accepted state.
+        length: length of the next step, or an upper bound of it.
         rate: rates of the state in the last step through times, of `changes` and of the largest
             displacement of a point of each surface; None before the first step and by arc length.
-        number: of the last step, over all runs; 0 before the first.
-        settled: whether it suffices to continue the run. It does not in the midst of steps that
-            were found together, up to a jump.
+        number: number of the last step, over all runs; 0 before the first.
+        settled: whether the run can be resumed here; False between steps that were found together,
+            up to a jump.
         ending: how the run ends here; None if it continues.
-        reason: why, in words.
+        reason: reason of the ending, in words.
     """
 
     accepted: AcceptedState

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What continues run by run: what histories, motions and paths have in common."""
+"""The common base of histories, motions and paths: evolutions that continue run by run."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ def _check(a: Arguments) -> None:
 
 
 class Runnable(ReadOnly, Generic[T, S, H]):
-    """A contact problem that continues run by run: each starts where the one before has ended.
+    """An evolution of a contact problem; each run starts where the one before has ended.
 
     Attributes:
-        problem: whose Functions follow the accepted steps.
-        account: what its energies are.
+        problem: contact problem, whose Functions follow the accepted steps.
+        account: class of the energies.
     """
 
     account: type[Energies] = Energies
     problem: ContactProblem
-    #: What keeps its steps, in words.
+    #: Name of the class of its records, for messages.
     _record: ClassVar[str]
-    #: Where the last run has ended; None before the first.
+    #: State of the last run at its end; None before the first run.
     _run_state: S | None = None
 
     @collective(
@@ -51,20 +51,20 @@ class Runnable(ReadOnly, Generic[T, S, H]):
         local=("task", "run_state", "listeners"),
     )
     def go_on(self, task: T, run_state: S, listeners: Listeners) -> H:
-        """Continue a run from where it was, as a record does. Collective.
+        """Continue an interrupted run, as a record does. Collective.
 
         Args:
-            task: what the run is to do.
-            run_state: where it was.
-            listeners: of the steps from there on.
+            task: task of the run.
+            run_state: state of the run where it was interrupted.
+            listeners: observers of the remaining steps.
 
         Returns:
-            As the run, whose errors are those of this, too.
+            The history of the remaining steps. Errors are those of a run.
         """
         return self._run(task, run_state, listeners)
 
     def put(self, run_state: S) -> None:
-        """Put the problem where a run of it ended, from which the next continues. Collective."""
+        """Put the end of a run into the problem, from which the next run continues. Collective."""
         self._run_state = run_state
         self._stepper(None).put(run_state.accepted)
 
@@ -99,19 +99,19 @@ class Runnable(ReadOnly, Generic[T, S, H]):
         self.problem.evolved.append(type(self).__name__)
 
     def _stepper(self, progress: bool | None) -> Stepper:
-        """What takes steps of the problem.
+        """A stepper of the problem.
 
         Args:
-            progress: whether solves show theirs; see `QuasiStatic.run`.
+            progress: whether solves show their progress; see `QuasiStatic.run`.
         """
         raise NotImplementedError
 
     def _run(self, task: T, run_state: S, listeners: Listeners) -> H:
-        """A run from where it is to its end. Collective."""
+        """Run from a state of a run to its end. Collective."""
         raise NotImplementedError
 
     def _follow(self, run: Run[T, S, H]) -> None:
-        """Continue to the end of a run, and know where that is, also if it fails. Collective."""
+        """Run to the end and store the last accepted state, also after an error. Collective."""
         try:
             run.go()
         finally:

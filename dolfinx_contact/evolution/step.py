@@ -109,7 +109,7 @@ class Stepper:
         progress: progress of the solves, as in `ContactProblem.solve`.
 
     Attributes:
-        problem: as given.
+        problem: contact problem as given, with the static law.
     """
 
     def __init__(
