@@ -30,6 +30,7 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from support.record_bodies import (
     RUBBER,
@@ -77,7 +78,7 @@ from dolfinx_contact import (
     Tresca,
     solve_nested,
 )
-from dolfinx_contact.algorithms import ALGORITHMS
+from dolfinx_contact.algorithms import ALGORITHMS, SemismoothNewton
 from dolfinx_contact.analysis import (
     ReducedProblem,
     SteadySliding,
@@ -247,13 +248,7 @@ def tables(result):
 
 def more_of_tables(result):
     """Further columns of contact tables, and resultants."""
-    numbers = {}
-    for name, t in result.tables.items():
-        columns = {"increment": t.increment, "n": t.n, "bound": t.bound, "support": t.support}
-        columns |= {"adhesion": t.adhesion, "slid": t.slid} | dict(t.internal)
-        for key, values in columns.items():
-            if values is not None:
-                numbers[f"{name} {key}"] = np.asarray(values).ravel().tolist()
+    numbers = columns_of(result.tables)
     # One list, since some of these forces vanish but for round-off.
     forces = [*result.resultants.values(), result.support, result.external]
     forces += [force for p in result.pairs.values() for force in (p.slave, p.master)]
@@ -263,6 +258,18 @@ def more_of_tables(result):
             k: [*b.contact, *b.load, *b.support] for k, b in result.rigid_bodies.items()
         },
     }
+
+
+def columns_of(tables):
+    """Further columns of contact tables, by name."""
+    numbers = {}
+    for name, t in tables.items():
+        columns = {"increment": t.increment, "n": t.n, "bound": t.bound, "support": t.support}
+        columns |= {"adhesion": t.adhesion, "slid": t.slid} | dict(t.internal)
+        for key, values in columns.items():
+            if values is not None:
+                numbers[f"{name} {key}"] = np.asarray(values).ravel().tolist()
+    return numbers
 
 
 def fields(problem):
@@ -551,6 +558,133 @@ def all_algorithms():
     return found
 
 
+def algorithms_on_points():
+    """Where all algorithms end on the points of a condensed body, in 2D and 3D."""
+    found = {"solved": {}, "exact": {}, "counts": {}}
+    for cell, n in (("quad", 3), ("tet", 2)):
+        domain = box(n, cell, MPI.COMM_SELF)
+        points = block(domain=domain, motion=oblique(domain.geometry.dim)).problem.reduced()
+        for algorithm in (*ALGORITHMS.values(), SemismoothNewton()):
+            outcome = algorithm.run(points)
+            name = f"{cell} {algorithm.name}"
+            found["solved"][name] = [*outcome.a.ravel(), *outcome.r.ravel()]
+            found["exact"][name] = outcome.converged
+            found["counts"][name] = outcome.iterations
+    return found
+
+
+def distances():
+    """Distances, normals and their derivatives of surfaces of facets."""
+    rng = np.random.default_rng(1)
+    corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)], dtype=float)
+    hull = ConvexHull(corners).simplices
+    a, b, c = (corners[hull[:, i]] for i in range(3))
+    inward = np.sum(np.cross(b - a, c - a) * (a + b + c - 1.5), axis=1) < 0
+    hull[inward] = hull[inward][:, ::-1]
+    shapes = {
+        "polygon": RigidSurface(*polygon(24, (0.2, 0.1))),
+        "creased polygon": RigidSurface(*polygon(5, (0.2, 0.1)), crease=30.0),
+        "globe": RigidSurface(*globe(6, (0.2, 0.1, 0.0)), crease=60.0),
+        "cube": RigidSurface(corners, hull),
+        "rounded plate": RigidSurface([[0.2, 0.0], [0.8, 0.1]], [[1, 0]], rounding=0.05),
+    }
+    found = {}
+    for name, shape in shapes.items():
+        x = 1.2 * rng.normal(size=(30, shape.points.shape[1]))
+        d = shape.distances(x)
+        for key in ("distance", "slope", "normal", "turn"):
+            found[f"{name} {key}"] = np.ravel(getattr(d, key)).tolist()
+    return {"solved": found}
+
+
+def other_sections():
+    """A disc of revolution by other methods."""
+    found = {"evaluated": {}, "solved": {}, "exact": {}, "counts": {}}
+    for method, degree in (("integral", 1), ("integral", 2), ("mixed", 1)):
+        case = static(disc(3, Coulomb(0.1), method=method, degree=degree))
+        for kind, values in case.items():
+            found[kind][f"{method} {degree}"] = values
+    return found
+
+
+def step_by_step():
+    """Steps that are made one by one, each from the state that the last one has left."""
+    body = block(3, "quad", law=Coulomb(0.3))
+    problem = body.problem
+    found = {}
+    before = problem.snapshot()
+    for i, motion in enumerate([(0.0, -0.01), (0.008, -0.01), (0.002, -0.008), (-0.006, -0.009)]):
+        body.move(motion)
+        step = problem.step_from(before)
+        result = step.solve()
+        found[f"step {i}"] = tables(result)[0] | columns_of(result.tables)
+        before = step.snapshot()
+    problem.restore(before)
+    found["last state"] = state(problem)
+    return {"solved": found}
+
+
+def stable_slip():
+    """The stability of states in which points stick and slip, in 2D and 3D."""
+    found = {"solved": {}, "exact": {}}
+    for cell, n in (("quad", 3), ("tet", 1)):
+        problem = block(n, cell, motion=oblique(2 if cell == "quad" else 3)).problem
+        problem.solve()
+        for damping in (0.0, 0.1):
+            at_rest = stability_at_rest(problem, density=1.0, damping=damping)
+            found["solved"][f"{cell} {damping}"] = [at_rest.growth, at_rest.frequency]
+            found["exact"][f"{cell} {damping}"] = [at_rest.label, at_rest.border, at_rest.pieces]
+    return found
+
+
+def laws_in_histories():
+    """A cycle of a block with laws that have a memory or see rates."""
+    laws = {
+        "Tresca": Tresca(2.0),
+        "compliance": NormalCompliance(1e5, 1.5, Coulomb(0.3)),
+        "regularised": Regularised(Coulomb(0.3), speed=1e-3),
+        "nonlocal": NonlocalCoulomb(0.3, radius=0.5),
+        "slip weakening": SlipWeakening(0.5, 0.2, 0.01),
+    }
+    found = {"solved": {}, "exact": {}, "counts": {}}
+    for name, law in laws.items():
+        body = block(3, "quad", law=law)
+        history = cycle(body).run(TIMES[:4], longest=1.5, rays=False, sudden=np.inf, progress=False)
+        for kind, values in with_end(steps(history), history).items():
+            found[kind][name] = values
+    return found
+
+
+def options_of_histories():
+    """Histories that are extrapolated, stopped, refused steps, or ended at a jump."""
+    kinds = {
+        "extrapolated": {"extrapolate": True},
+        "stopped": {"stop": lambda step: "far" if step.time > 2.2 else ""},
+        "refused": {"accept": lambda step: step.time - step.start < 0.6},
+        "rays": {"rays": True, "follow_rays": True},
+    }
+    found = {"solved": {}, "exact": {}, "counts": {}}
+    for name, given in kinds.items():
+        body = block(3, "quad", law=Coulomb(0.3))
+        history = cycle(body).run(TIMES[:3], longest=0.5, progress=False, **given)
+        for kind, values in with_end(steps(history), history).items():
+            found[kind][name] = values
+    return found
+
+
+def settled():
+    """A damped block that falls on a floor and comes to rest."""
+
+    def energy(u):
+        return elastic()(u) + 5.0 * u[1] * ufl.dx
+
+    floor = HalfSpace((0.0, -0.001), (0.0, 1.0))
+    problem = block(1, "quad", obstacle=floor, energy=energy, loose=True).problem
+    motion = NSCD(problem, 1.0, dt=0.05, damping=(5.0, 1e-2), mass="lumped")
+    history = motion.settle(3.0, progress=False)
+    return with_end(steps(history), history)
+
+
 def materials_and_shapes():
     """H and J of all materials, in 2D and 3D."""
     found = {}
@@ -598,18 +732,18 @@ def questions():
         "friction": block(2, "quad", law=Coulomb(0.9), motion=oblique(2)),
         "no friction": block(2, "tet", law=Frictionless(), motion=oblique(3)),
         "given bound": block(2, "quad", law=Tresca(2.0), motion=oblique(2)),
+        "friction in space": block(1, "tet", law=Coulomb(0.9), motion=oblique(3)),
     }
     for name, body in bodies.items():
-        result = body.problem.solve()
-        asked = body.problem if hasattr(body.problem, "uniqueness") else result
-        theory = asked.theory()
-        verdicts = [asked.uniqueness(proof_seconds=s).verdict for s in (0.0, 30.0)]
+        problem = body.problem
+        problem.solve()
+        theory = problem.theory()
+        verdicts = [problem.uniqueness(proof_seconds=s).verdict for s in (0.0, 30.0)]
         found[name] = [theory.exists, theory.unique, *verdicts]
-    triangle_ = triangle(2)
-    triangle_.set_parameter(1.0)
-    result = triangle_.problem.solve()
-    asked = triangle_.problem if hasattr(triangle_.problem, "uniqueness") else result
-    found["several solutions"] = [asked.uniqueness(proof_seconds=30.0).verdict]
+    system = triangle(2)
+    system.set_parameter(1.0)
+    system.problem.solve()
+    found["several solutions"] = [system.problem.uniqueness(proof_seconds=30.0).verdict]
     return {"exact": found}
 
 
@@ -854,11 +988,11 @@ def led(body, path, times, **how):
     return with_end(found, history)
 
 
-def sliding_pair(cell, lower, upper, slave, law):
+def sliding_pair(cell, lower, upper, slave, law, **given):
     """Two neo-Hookean bodies, one pressed on the other and drawn over it by more than a facet."""
     both = stack(cell, lower, upper)
     how = {"slave": slave, "master": 5 - slave, "energy": rubber, "sliding": "large"}
-    body = pair(both, law=law, options={"snes_rtol": 1e-11}, **how)
+    body = pair(both, law=law, options={"snes_rtol": 1e-11}, **how | given)
     dim = both.mesh.geometry.dim
     aside = [0.02] * (dim - 2)
     still = [0.0] * (dim - 1)
@@ -961,6 +1095,64 @@ def pressed_on_a_disc(dim):
         return body.driven(lambda gamma: (0.01 * gamma, -0.05 * gamma))
     body = block(2, "hex", obstacle=Sphere((0.45, 0.4, -3.0), 3.0))
     return body.driven(lambda gamma: (0.02 * gamma, 0.005 * gamma, -0.1 * gamma))
+
+
+def branches_by_kinks():
+    """Branches that pass kinks in batches, or by steps."""
+    found = {"solved": {}, "exact": {}, "counts": {}}
+    kinds = {
+        "batched": (pressed_on_a_disc(2), {"control": StepControl(kinks="batched")}),
+        "stepping": (pressed_on_a_disc(2), {"control": StepControl(kinks="stepping")}),
+    }
+    for name, (system, how) in kinds.items():
+        case = branch_of(system, 0.0, (0.0, 1.0), route="steps", **how)
+        for kind, values in case.items():
+            found[kind][name] = values
+    return found
+
+
+def branch_by_multigrid():
+    given = {"linear_solver": "amg", "amg_pc_gamg_coarse_eq_limit": 50}
+    body = block(6, "quad", options=given, law=Coulomb(0.3))
+    system = body.driven(lambda gamma: (0.012 * gamma, -0.01))
+    found = branch_of(system, 0.0, (0.0, 1.0), route="steps")
+    # Steps and states have the accuracy of iterations.
+    special = [round(gamma, 7) for gamma in found["solved"]["special"]]
+    return {"exact": found["exact"] | {"gammas": special}}
+
+
+def deflated():
+    """Solutions that are found one after another by deflation."""
+    system = triangle(2)
+    x = started(system, 1.0)
+    solutions = find_solutions(system, [x], 1.0, deflation=True, lengths=(0.5,), max_iterations=20)
+    points = sorted(solutions.points(system), key=lambda p: system.letters(p.piece))
+    return {
+        "solved": {
+            f"solution {i}": vector(system.problem, state_vector(system, p))
+            for i, p in enumerate(points)
+        },
+        "exact": {"statuses": [system.letters(p.piece) for p in points]},
+    }
+
+
+def recorded_diagram():
+    """All branches from a start, with their record."""
+    system = pressed_on_a_disc(2)
+    x = started(system, 0.0)
+    with new_folder() as folder:
+        with BranchRecord(folder, system) as kept:
+            explore(system, [(x, 0.0)], gamma_range=(-0.2, 1.0), record=kept)
+        journal = read_journal(folder)
+    special = journal.special().to_dict("records")
+    return {
+        "solved": {"gammas": sorted(s["gamma"] for s in special)},
+        "exact": {
+            "kinds": sorted(s["kind"] for s in special),
+            "rows": sorted(r["status"] for r in journal.rows()),
+            "complete": journal.explored.complete,
+        },
+    }
 
 
 def recorded_branch():
@@ -1185,6 +1377,30 @@ def leaning(n, cell, lean):
     return block(domain=leaned(n, cell, lean), energy=elastic(1.0)).problem
 
 
+def more_critical_coefficients():
+    """Critical friction along other directions, of pairs, and by a search of few eigenvalues."""
+    found = {}
+    bodies = {
+        "pair": two_blocks(3).problem,
+        "other meshes": two_blocks(2, ratio=2).problem,
+        "disc": block(3, "quad", obstacle=Sphere((0.4, -3.0), 3.0), energy=elastic(1.0)).problem,
+    }
+    for name, problem in bodies.items():
+        result = critical_friction(problem)
+        listed = sorted(abs(v) for v in [*result.one_signed, *result.others])
+        found[name] = [abs(result.friction or 0.0), *listed[:2]]
+    tilted = pair(stack("tet", (2, 1, UNIT), (3, 1, UNIT), turn=TILT)).problem
+    found["tilted"] = [abs(critical_friction(tilted, TILT[:, 0]).one_signed[0])]
+    few = critical_friction(leaning(4, "quad", (0.6,)), dense=False, solver="direct")
+    found["few"] = [few.friction]
+    solved = block(3, "quad", motion=(0.03, -0.01)).problem
+    solved.solve()
+    found["solution"] = [critical_friction(solved, "solution").friction]
+    renard = renard_criterion(solved, lambda x: np.tile([1.0, 0.0], (len(x), 1)))
+    found["renard"] = [renard.friction]
+    return {"solved": found}
+
+
 def critical_by_multigrid():
     found = critical_friction(leaning(8, "quad", (0.6,)), dense=False, solver="amg")
     return {
@@ -1250,6 +1466,23 @@ def shaken_down(factor=None):
             "endings": [c.ending for c in found.cycles],
             "lifts": [bool(c.lifts) for c in found.cycles],
         },
+    }
+
+
+def shaken_down_in_space():
+    """The same in space, where the bound lies between polygons and tangents."""
+    body = block(1, "tet", law=Coulomb(0.3))
+    loads = [lambda x=x: body.move((x, 0.001, -0.01)) for x in (0.002, -0.002)]
+    steady = lambda: body.move((0.0, 0.0, -0.01))  # noqa: E731
+    found = shakedown(body.problem, loads, steady=steady, cycles=3, starts=1)
+    # The bound is that of an iteration.
+    return {
+        "exact": {
+            "factor": round(found.factor, 6),
+            "endings": [c.ending for c in found.cycles],
+            "opened": found.opened.tolist(),
+        },
+        "solved": {"dissipation": [v for c in found.cycles for v in c.dissipation]},
     }
 
 
@@ -1337,6 +1570,9 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "laws in space": laws_in_space,
     "materials": materials_and_shapes,
     "all algorithms": all_algorithms,
+    "algorithms on points": algorithms_on_points,
+    "distances from facets": distances,
+    "disc by other methods": other_sections,
     "Uzawa": lambda: by_algorithm("uzawa"),
     "Lemke": lambda: by_algorithm("lemke"),
     "RCCM": lambda: bonded_block(RCCM(100.0, 100.0, 0.1, friction=0.3)),
@@ -1352,7 +1588,11 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "motion with a record": lambda: recorded(lambda: shaken(two_blocks()), TIMES[:2]),
     "motion that is resumed": lambda: recorded(lambda: shaken(two_blocks(3)), TIMES[:2], 2),
     "motion": falling_block,
+    "laws in histories": laws_in_histories,
+    "options of histories": options_of_histories,
+    "step by step": step_by_step,
     "schemes of motion": schemes,
+    "settled motion": settled,
     "history with a jump": jumping,
     "path with a record": recorded_path,
     "path that is resumed": lambda: recorded_path(3),
@@ -1362,6 +1602,9 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     ),
     "sliding pair of triangles": lambda: sliding_pair(
         "tri", (5, 2, UNIT), (4, 2, (0.1, 0.9)), 2, Frictionless()
+    ),
+    "sliding pair with held nodes": lambda: sliding_pair(
+        "quad", (5, 2, UNIT), (4, 2, (0.1, 0.9)), 3, Coulomb(0.3), sides=True
     ),
     "sliding pair in space": lambda: sliding_pair(
         "hex", (2, 1, UNIT), (3, 1, (0.1, 1.1)), 3, Coulomb(0.3)
@@ -1388,6 +1631,10 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "branch that closes": lambda: branch_of(pressed_on_a_disc(2), 0.0, (0.0, 1.0), route="steps"),
     "branch that closes by pivoting": lambda: branch_of(pressed_on_a_disc(2), 0.0, (0.0, 1.0)),
     "branch in space": lambda: branch_of(pressed_on_a_disc(3), 0.0, (0.0, 1.0)),
+    "branch by other kinks": branches_by_kinks,
+    "branch by multigrid": branch_by_multigrid,
+    "deflation": deflated,
+    "diagram with a record": recorded_diagram,
     "branch counts": branch_counts,
     "all solutions": lambda: all_solutions(triangle(4)),
     "all solutions in space": lambda: all_solutions(body_in_space()),
@@ -1398,6 +1645,9 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "regions": regions,
     "folds": folds_with_friction,
     "questions": questions,
+    "more critical friction": more_critical_coefficients,
+    "stability of slip": stable_slip,
+    "shakedown in space": shaken_down_in_space,
     "critical friction": critical_coefficients,
     "critical friction by multigrid": critical_by_multigrid,
     "critical friction by direction": critical_by_direction,

@@ -192,17 +192,17 @@ def block(
     return body
 
 
-def disc(n, law):
+def disc(n, law, method="nodal", degree=1):
     """A disc of revolution on a floor, pressed and free to widen, with cells of all shapes."""
     domain = box(n, "quad")
     x = domain.geometry.x
     x[:, 0] = x[:, 0] ** 1.3
     x[:, 1] += 0.1 * np.sin(3 * x[:, 0]) * x[:, 1] * (1 - x[:, 1])
-    u = displacement(domain)
+    u = displacement(domain, degree)
     V = u.function_space
     floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
     contact = ContactSurface(
-        u, facets(domain, 1, 0.0), obstacle=floor, law=law, method="nodal", axisymmetric=True
+        u, facets(domain, 1, 0.0), obstacle=floor, law=law, method=method, axisymmetric=True
     )
     material = Axisymmetric(LinearElastic.from_young(1000.0, 0.3))
     energy = material.energy(u) * ufl.dx
@@ -335,6 +335,7 @@ def pair(
     energy=None,
     degree=1,
     options=None,
+    sides=False,
     **surface,
 ):
     """Two bodies in contact, the end with tag 1 held and the end with tag 4 moved.
@@ -348,12 +349,15 @@ def pair(
         energy: stored energy as a function of the displacement, by default `elastic`.
         degree: polynomial degree of the displacement.
         options: PETSc options.
+        sides: whether the facets with x = 0 are held, and with them nodes of the interface.
         surface: further arguments of `ContactPair`.
     """
     u = displacement(both.mesh, degree)
     top = fem.Function(u.function_space)
     contact = ContactPair(u, both, slave=slave, master=master, law=law, **surface)
     ends = [prescribed(u, both.facet_tags.find(1)), prescribed(u, both.facet_tags.find(4), top)]
+    if sides:
+        ends.append(prescribed(u, facets(both.mesh, 0, 0.0)))
     stored = (energy or elastic())(u)
     body = Body(ContactProblem(stored, u, [contact], bcs=ends, petsc_options=options), top)
     if motion is not None:
