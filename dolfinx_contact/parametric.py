@@ -31,9 +31,8 @@ from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
-from dolfinx_contact.equations.given_data import (
+from dolfinx_contact.equations.data import (
     data_within,
-    note_put,
     placed_data,
 )
 from dolfinx_contact.equations.order import Gathered
@@ -183,7 +182,6 @@ class ParametricContact(ReadOnly, ParametricEquations):
         statuses = self.statuses_of(piece)
         assert statuses is not None
         self.problem.put(x, statuses)
-        note_put(*self.problem.fields, *self.problem.rigid_bodies)
         self.equations.refresh()
         if all(not s.between_bodies and s.obstacle.flat for s in self.problem.surfaces):
             return

@@ -26,7 +26,6 @@ from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly, ReadOnlyList, copy_with
 from dolfinx_contact._kept import keep
-from dolfinx_contact._mesh_mark import mesh_may_move, mesh_stays
 from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
@@ -38,9 +37,9 @@ from dolfinx_contact.body.weighting import weighted
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
-from dolfinx_contact.equations.given_data import GivenData, note_put, was_put
 from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.equations.state import LastWrite, State
+from dolfinx_contact.equations.validation import validate
 from dolfinx_contact.points.descriptions import Contact, is_axisymmetric
 from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.points.memory import Memory
@@ -55,7 +54,7 @@ from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness, check_seconds
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, Step
-from dolfinx_contact.solvers.ladder import check_data, solve
+from dolfinx_contact.solvers.ladder import solve
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.progress import SolveProgress
@@ -384,6 +383,7 @@ class ContactProblem(ReadOnly):
         Its statuses are those of the last solution if the Functions have not changed since;
         otherwise displacement and multipliers determine them.
         """
+        self.equations.require_same_mesh()
         x = self.create_vector()
         self.write(x)
         state = self.state_at(x, self.written_statuses)
@@ -453,7 +453,6 @@ class ContactProblem(ReadOnly):
         before = [f.x.array.copy() for f in self.fields]
         motions = self.equations.rigid.given
         written = copy(self._written)
-        known = [f for f in (*self.fields, *self.rigid_bodies) if was_put(f)]
         done = False
         try:
             yield
@@ -464,7 +463,6 @@ class ContactProblem(ReadOnly):
                     f.x.array[:] = values
                 self.equations.rigid.show(motions)
                 vars(self._written).update(vars(written))
-                note_put(*known)
 
     # -- H ---------------------------------------------------------------------------------------
 
@@ -500,6 +498,7 @@ class ContactProblem(ReadOnly):
         Yields:
             The problem whose equations have the memory of the step that ended in the state.
         """
+        self.equations.require_same_mesh()
         if not anywhere(self.comm, state is not None)[0]:
             yield self
             return
@@ -641,7 +640,6 @@ class ContactProblem(ReadOnly):
     # -- solve -----------------------------------------------------------------------------------
 
     @collective("solve", _check_solve, local=("expected",))
-    @mesh_stays()
     def solve(
         self,
         *,
@@ -659,7 +657,7 @@ class ContactProblem(ReadOnly):
                 ``projected-gradient``, ``lemke``, ``interior-point``, or with its options, as
                 ``algorithms.GaussSeidel(two_level=True)``. These have no fallback: what does not
                 converge fails with the reason.
-            monitor: called with every iterate, on every rank; it changes no data and no mesh.
+            monitor: read-only function called with every iterate, on every rank.
             increments: of the load in the strategy of increments, to begin with.
             progress: whether rank 0 shows the progress on the standard error stream; by default
                 once the solve takes more than some seconds.
@@ -671,13 +669,11 @@ class ContactProblem(ReadOnly):
 
         Raises:
             ValueError: on every rank, for arguments or data that cannot be solved with (a load that
-                is not finite, a negative friction field, a clamped node inside the obstacle), and
-                if the monitor changes data or the mesh.
+                is not finite, a negative friction field, a clamped node inside the obstacle).
             ConvergenceError: if no strategy converges; the Functions are as they were.
         """
         return self._solved(algorithm, monitor, increments, progress, Trial(tuple(expected)))[0]
 
-    @mesh_stays()
     def solve_step(
         self, trial: Trial | None = None, *, progress: bool | None
     ) -> tuple[Result, Evaluation]:
@@ -695,7 +691,7 @@ class ContactProblem(ReadOnly):
         """See `solve`; and the state. Collective."""
         same_everywhere(self.comm, expected_statuses=len(trial.expected))
         if anywhere(self.comm, monitor is not None)[0]:
-            monitor = self._watched(monitor)
+            monitor = self._on_all_ranks(monitor)
         fits = all(fit(self.surfaces, statuses) for statuses in trial.expected)
         require(self.comm, fits, "the expected statuses are not those of these contact points")
         shown = SolveProgress(self.comm, progress)
@@ -713,7 +709,7 @@ class ContactProblem(ReadOnly):
                     trial=trial,
                 )
             else:
-                check_data(self.equations, x0)
+                validate(self.equations, x0)
                 x, attempts = _classical().solve_by(
                     algorithm, self.equations, self._linear, x0, monitor=monitor, progress=shown
                 )
@@ -728,19 +724,13 @@ class ContactProblem(ReadOnly):
             shown.end()
             x0.destroy()
 
-    def _watched(self, monitor: Callable[[Step], None] | None) -> Callable[[Step], None]:
-        """A monitor, of some ranks perhaps, that is refused if it changes data. Collective."""
-        eq = self.equations
-        given = GivenData(eq)
+    def _on_all_ranks(self, monitor: Callable[[Step], None] | None) -> Callable[[Step], None]:
+        """A monitor of some ranks whose error on one rank is an error on all. Collective."""
 
         def call(step: Step) -> None:
-            with mesh_may_move(), everywhere(self.comm, "the monitor"):
+            with everywhere(self.comm, "the monitor"):
                 if monitor is not None:
                     monitor(step)
-            eq.require_same_mesh()
-            changed = given.changed(self.comm)
-            words = f"the monitor has changed {changed}, within a solve: change data between two"
-            require(self.comm, not changed, words)
 
         return call
 
@@ -771,7 +761,7 @@ class ContactProblem(ReadOnly):
             x = problem.create_vector()
             problem.write(x)
             try:
-                check_data(eq, x)
+                validate(eq, x)
                 evaluation = problem.evaluate()
                 require_solution(eq, evaluation)
                 found = uniqueness(
@@ -791,7 +781,7 @@ class ContactProblem(ReadOnly):
         x = self.create_vector()
         self.write(x)
         try:
-            check_data(self.equations, x)
+            validate(self.equations, x)
             return theory_of(self.equations)
         finally:
             x.destroy()
@@ -808,7 +798,7 @@ class ContactProblem(ReadOnly):
         x = self.create_vector()
         self.write(x)
         try:
-            check_data(self.equations, x)
+            validate(self.equations, x)
             contact: PointProblem = _classical().reduced_contact(self.equations, x)
             return contact
         finally:
@@ -834,7 +824,6 @@ class ContactProblem(ReadOnly):
         for attempt in attempts:
             attempt.state = None
         self.put(x, state.statuses)
-        note_put(*self.fields, *self.rigid_bodies)
         return collect(self.equations, state, attempts), state
 
     @contextmanager

@@ -69,7 +69,7 @@ ON_TWO = {
         *("a_branch_that_ends", "a_start_at_an_end_of_the_range"),
     ),
     "test_core_in_small": (
-        *("lengths_of_states_in_closed_form", "marks_of_data"),
+        *("lengths_of_states_in_closed_form",),
         *("the_block_of_a_surface_is_inverted", "the_stiffness_of_points_of_two_surfaces"),
         "dofs_of_what_is_in_contact",
     ),
@@ -117,7 +117,7 @@ ON_TWO = {
     "test_entries": ("states_come_back",),
     "test_equations_in_small": (
         *("functions_that_are_to_stay", "conditions_that_contradict_each_other_are_said_once"),
-        *("resultants_and_what_is_anywhere", "data_as_they_were"),
+        *("resultants_and_what_is_anywhere",),
     ),
     "test_evolution": (
         *("what_has_slid_as_a_whole", "a_start_that_is_no_solution"),
@@ -351,7 +351,10 @@ ON_TWO = {
     "test_solutions": ("bad_input", "what_was_not_found_is_said"),
     "test_special_curves": ("what_is_refused",),
     "test_spins": ("on_any_number_of_ranks", "one_of_two_bodies_on_a_floor_spins"),
-    "test_state": ("restore_is_exact", "a_state_of_another_problem", "evaluators_at_a_state"),
+    "test_state": (
+        *("restore_is_exact", "a_state_of_another_problem", "evaluators_at_a_state"),
+        *("a_mesh_that_has_moved", "a_monitor_that_fails_on_one_rank", "files_of_a_state"),
+    ),
     "test_stability": (
         *("stuck_neighbours", "few_eigenproblems", "3d", "bad_input"),
         *("damping_that_feeds_in_energy",),

@@ -22,7 +22,6 @@ from dolfinx_contact import (
     ParametricContact,
     State,
 )
-from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import EvolutionRecord
@@ -359,32 +358,6 @@ def test_a_record_says_which_method_is_another(folder):
     words = r"differs: the method"
     with pytest.raises(ValueError, match=words):
         EvolutionRecord(folder, other, resume=True)
-
-
-@pytest.mark.parametrize(
-    ("what", "message"),
-    [
-        ("load", "the monitor has changed the value of the Dirichlet condition 1"),
-        ("friction", "the monitor has changed the friction of Coulomb"),
-        ("mesh", "the mesh has moved since the problem was made"),
-    ],
-)
-@pytest.mark.parametrize("algorithm", ["newton", "gauss-seidel"])
-def test_what_a_monitor_changes_is_refused(algorithm, what, message):
-    """Of the last iterate the answers of the laws are kept for the result."""
-    problem = block()
-    x = problem.V.mesh.geometry.x
-
-    def monitor(_):
-        if what == "load":
-            dirichlet_value(problem.bcs[0]).value[1] -= 0.001
-        elif what == "friction":
-            problem.surfaces[0].law.friction.value = 0.1
-        else:
-            x[:, 1] *= 1.01
-
-    with pytest.raises(ValueError, match=message):
-        problem.solve(algorithm=algorithm, monitor=monitor)
 
 
 def test_a_load_moves_the_mesh_of_another_problem():

@@ -24,7 +24,6 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
-    LevelSet,
     MaxwellLayer,
     NonlocalCoulomb,
     ParametricContact,
@@ -35,8 +34,8 @@ from dolfinx_contact import (
     laws,
 )
 from dolfinx_contact.algorithms import load_points
+from dolfinx_contact.equations.data import Constancy, Datum
 from dolfinx_contact.equations.evaluation import _turning, differs
-from dolfinx_contact.equations.given_data import Constancy, Datum, mark_of_data
 from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.measures import held_back, least_scales
 from dolfinx_contact.equations.order import Gathered
@@ -596,30 +595,6 @@ def test_lengths_of_states_in_closed_form():
         problem.equations.put([values.reshape(-1), *tractions], np.full(rigid, motion), x)
         system.metric(x, Mx)
         assert x.dot(Mx) == pytest.approx(square / size**2, rel=1e-12)
-
-
-def test_marks_of_data():
-    """What users may change changes the mark of a problem, and put back it is the old one."""
-    domain = box(COMM, 2, "tri")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    held = fem.Function(V)
-    load, friction, height = (fem.Constant(domain, v) for v in (1.0, 0.3, 0.0))
-    floor = LevelSet(lambda x: x[1] - height)
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(friction))
-    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx + load * u[1] * ufl.dx
-    eq = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(held, top)]).equations
-    first = mark_of_data(eq)
-    u.x.array[:] = 0.1
-    assert mark_of_data(eq) == first
-    for f in (held, load, friction, height):
-        values = f.x.array if f is held else f.value.reshape(-1)
-        before = values.copy()
-        values[...] += 1.0
-        assert mark_of_data(eq) != first
-        values[...] = before
-        assert mark_of_data(eq) == first
 
 
 def test_data_that_are_to_stay():

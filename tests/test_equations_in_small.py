@@ -19,15 +19,8 @@ from dolfinx_contact.equations import parametric
 from dolfinx_contact.equations import touching as starts
 from dolfinx_contact.equations.arguments import check
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.data import Constancy, Datum
 from dolfinx_contact.equations.evaluation import ContactState
-from dolfinx_contact.equations.given_data import (
-    Constancy,
-    Datum,
-    GivenData,
-    check_turn,
-    not_finite,
-    numbers_of,
-)
 from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.measures import Measures, Scales, _row_measures
 from dolfinx_contact.equations.parametric import ParametricEquations
@@ -40,6 +33,7 @@ from dolfinx_contact.equations.touching import (
     touches_nothing,
     touching,
 )
+from dolfinx_contact.equations.validation import check_turn
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.materials import Axisymmetric, LinearElastic
 
@@ -876,33 +870,6 @@ def test_bodies_that_turn_by_half_a_turn_in_a_step():
     ):
         with pytest.raises(ValueError, match=r"rim: the rigid body 'wheel' turns by 3.2 rad"):
             turned(*how)
-
-
-def test_data_as_they_were():
-    """Which have changed, in what two agree, and how they are put back."""
-    domain = box(COMM, 1, "tri")
-    friction, height = fem.Constant(domain, 0.3), fem.Constant(domain, (0.0, 0.0))
-    floor = HalfSpace(height, (0.0, 1.0))
-    eq = block(domain=domain, law=Coulomb(friction), obstacle=floor).equations
-    first = GivenData(eq)
-    assert first.unchanged()
-    numbers = numbers_of(eq)
-    assert [0.3] in numbers
-    assert [0.0, 0.0] in numbers
-    friction.value = 0.4
-    assert not first.unchanged()
-    second = GivenData(eq)
-    assert second.unchanged()
-    assert first.agrees(second, [height])
-    assert not first.agrees(second, [friction])
-    assert first.agrees(second, [])
-    first.restore()
-    assert friction.value == 0.3
-    assert first.unchanged()
-    assert not_finite(eq, [Datum("a", height), Datum("b", friction)]) == ""
-    if COMM.rank == COMM.size - 1:
-        friction.value = np.nan
-    assert not_finite(eq, [Datum("a", height), Datum("b", friction)]) == "b"
 
 
 def test_functions_that_are_to_stay():

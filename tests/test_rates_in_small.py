@@ -26,16 +26,14 @@ from dolfinx_contact import (
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.equations import (
     constraints,
-    contact,
-    given_data,
     sliding,
     substitute,
 )
 from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.constraints import Constraints
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.data import data_in
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation, differs
-from dolfinx_contact.equations.given_data import data_in
 from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rates import Driven, Rate, RigidRates, depends_on, dirichlet_rates
@@ -512,33 +510,6 @@ def test_gaps_without_averages(method, slides):
 
 
 # -- data that are asked for ---------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("gap", "normal"), [(0.0, 1.0), (np.nan, 1.0), (0.0, np.inf)])
-@pytest.mark.parametrize("known", [True, False])
-def test_obstacles_that_are_no_numbers(gap, normal, known, monkeypatch):
-    """It is said which of their data are none; else what follows says it."""
-    monkeypatch.setattr(given_data, "data_of_surface", lambda s: "data")
-    monkeypatch.setattr(given_data, "not_finite", lambda eq, data: "the lid" if known else "")
-    points = SimpleNamespace(vertex_gaps=np.array([0.0, gap]), vertex_normals=np.array([normal]))
-    eq = SimpleNamespace(comm=ALONE, surfaces=[SimpleNamespace(name="floor", points=points)])
-    if (np.isfinite(gap) and np.isfinite(normal)) or not known:
-        given_data.require_obstacles(eq)
-    else:
-        with pytest.raises(ValueError, match=r"floor: the gap or normal .*: look at the lid"):
-            given_data.require_obstacles(eq)
-
-
-@pytest.mark.parametrize("now", [6, 7, 8])
-def test_meshes_that_have_moved(now, monkeypatch):
-    monkeypatch.setattr(contact, "mesh_mark", lambda mesh: now)
-    eq = ContactEquations.__new__(ContactEquations)
-    vars(eq).update(V=SimpleNamespace(mesh=None), comm=ALONE, _mesh_mark=7)
-    if now == 7:
-        eq.require_same_mesh()
-    else:
-        with pytest.raises(ValueError, match="the mesh has moved since the problem was made"):
-            eq.require_same_mesh()
 
 
 def test_points_of_several_surfaces_are_distinguished():

@@ -204,3 +204,41 @@ def test_files_of_a_state(tmp_path):
     if COMM.rank == 0:
         for a, b in zip(before, after, strict=True):
             assert a.read_bytes() == b.read_bytes()
+
+
+def test_a_mesh_that_has_moved():
+    """The next public call raises; a mesh that is moved back is the same mesh."""
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+    x = problem.V.mesh.geometry.x
+    before = x.copy()
+    x[:, 1] *= 1.01
+    for call in (
+        problem.solve,
+        problem.snapshot,
+        problem.uniqueness,
+        problem.theory,
+        lambda: problem.table(problem.surfaces[0]),
+        lambda: problem.table(problem.surfaces[0], state=state),
+        lambda: problem.step_from(state).solve(),
+    ):
+        with pytest.raises(ValueError, match="the mesh has moved since the problem was made"):
+            call()
+    x[:] = before
+    assert problem.solve().iterations == 0
+
+
+def test_a_monitor_that_fails_on_one_rank():
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    values = functions(problem)
+
+    def monitor(step):
+        if COMM.rank == COMM.size - 1:
+            raise ZeroDivisionError("enough")
+
+    with pytest.raises(ZeroDivisionError, match="enough"):
+        problem.solve(monitor=monitor if COMM.rank == COMM.size - 1 else None)
+    assert same(functions(problem), values)

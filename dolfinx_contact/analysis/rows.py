@@ -19,7 +19,7 @@ from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
-from dolfinx_contact.equations.given_data import check_moduli, check_surface
+from dolfinx_contact.equations.validation import validate_data
 
 __all__ = [
     "Problem",
@@ -52,15 +52,12 @@ def static_equations(problem: Any) -> ContactEquations:
 
     Raises:
         ValueError: on every rank, if it is none, a law needs one, or the data of laws and material
-            are not admissible as they are now (`equations.given_data`).
+            are not admissible as they are now (`equations.validation`).
     """
     eq = getattr(problem, "equations", None)
     if not isinstance(eq, ContactEquations):
         raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
-    eq.require_same_mesh()
-    check_moduli(eq)
-    for s, memory in zip(eq.surfaces, eq.memory, strict=True):
-        check_surface(s, memory)
+    validate_data(eq)
     return eq
 
 

@@ -29,7 +29,6 @@ from dolfinx import fem, la
 
 from dolfinx_contact._affine import dependence, has_branches, is_affine
 from dolfinx_contact._forms import Content, content_of, derived_form
-from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._petsc import half_of
 from dolfinx_contact._shared import SharedValues, anywhere
 from dolfinx_contact.materials import materials_in
@@ -200,7 +199,7 @@ class Bulk:
         if rows is None:
             return self._assembled_energy(u)
         # Of a linear body it is that at rest and the work of the mean forces since.
-        mark = self._mark([*self._data, *self._loads])
+        mark = _checksum([*self._data, *self._loads])
         if self._rest is None or not self._same(mark, self._rest[0]):
             rest = 0.0
             if not self._fact(
@@ -264,7 +263,7 @@ class Bulk:
         matrix is kept: the caller neither changes nor destroys it.
         """
         self.displacement.x.array[:] = u
-        mark = self._mark(self._data)
+        mark = _checksum(self._data)
         if self._K is None:
             self._K = dolfinx.fem.petsc.create_matrix(self.jacobian_form)
         elif self._same(mark, self._K_mark):
@@ -332,10 +331,10 @@ class Bulk:
         """See `affine_load`; and whether anything has ``moved`` on any rank. Collective."""
         if not self.linear or self._K is None:
             return None, moved
-        mark = self._mark(self._loads)
+        mark = _checksum(self._loads)
         outdated, loaded, moved = anywhere(
             self.comm,
-            self._mark(self._data) != self._K_mark,
+            _checksum(self._data) != self._K_mark,
             self._f is None or mark != self._f_mark,
             moved,
         )
@@ -354,7 +353,7 @@ class Bulk:
         """Whether K is that of all displacements, and of the data as they are. Collective."""
         if not self.linear or self._K is None:
             return False
-        return self._same(self._mark(self._data), self._K_mark)
+        return self._same(_checksum(self._data), self._K_mark)
 
     def times(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The stiffness assembled last times ``u`` (owned). Collective."""
@@ -377,16 +376,12 @@ class Bulk:
     @property
     def stiffness_mark(self) -> int:
         """A checksum, on this rank, of all that the stiffness depends on but the displacement."""
-        return self._mark([d for d in self._data if d is not self.displacement])
+        return _checksum([d for d in self._data if d is not self.displacement])
 
     @property
     def stiffness_data(self) -> list[Any]:
         """Functions and Constants that the stiffness depends on but the displacement."""
         return [d for d in self._data if d is not self.displacement]
-
-    def _mark(self, data: list[Any]) -> int:
-        """A checksum of the values of ``data`` and of the mesh, on this rank."""
-        return _checksum(data, mesh_mark(self._V.mesh))
 
     def _same(self, a: int, b: int) -> bool:
         """Whether two marks agree on every rank."""
@@ -400,8 +395,9 @@ class Bulk:
             self._K = None
 
 
-def _checksum(data: Sequence[fem.Function | fem.Constant], mark: int = 0) -> int:
-    """Of the values of data on this rank, and of what ``mark`` is of."""
+def _checksum(data: Sequence[fem.Function | fem.Constant]) -> int:
+    """Checksum of the values of data on this rank."""
+    mark = 0
     for d in data:
         values = d.value if isinstance(d, fem.Constant) else d.x.array
         mark = zlib.crc32(np.ascontiguousarray(values), mark)

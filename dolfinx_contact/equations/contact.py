@@ -30,7 +30,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays
+from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._options import ProblemOptions
 from dolfinx_contact._petsc import logged
 from dolfinx_contact._shared import anywhere, total
@@ -168,7 +168,6 @@ class ContactEquations:
 
     # -- H ---------------------------------------------------------------------------------------
 
-    @mesh_stays()
     def contact(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
         """The state ``x`` without the rows of H.
 
@@ -251,7 +250,6 @@ class ContactEquations:
         """Guessed statuses, by others where what answers here does not have them."""
         return statuses
 
-    @mesh_stays()
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
         """H(x) into ``b``, and the state. Dirichlet data enter all rows linearly.
 

@@ -21,17 +21,15 @@ from dolfinx import fem
 from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._mesh_mark import mesh_mark, mesh_stays, node_positions
+from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import anywhere
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses
-from dolfinx_contact.equations.given_data import (
-    check_moduli,
-    check_surface,
+from dolfinx_contact.equations.data import (
     data_within,
-    given_data,
+    placed_data,
 )
+from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.rates import (
@@ -42,6 +40,7 @@ from dolfinx_contact.equations.rates import (
     depends_on,
     dirichlet_rates,
 )
+from dolfinx_contact.equations.validation import check_moduli, check_surface
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.surface import DiscreteSurface
 
@@ -158,7 +157,7 @@ class ParametricEquations(System):
         ]
         ours = (*driven, self.constant)
         driving = [d.value for d in data_within(self._driven_expressions)]
-        found = [*given_data(self.equations), *driving]
+        found = [*(d.value for d in placed_data(self.equations)), *driving]
         return [f for f in found if not any(f is other for other in ours)]
 
     @property
@@ -192,8 +191,8 @@ class ParametricEquations(System):
         return next(filter(None, map(rate.not_affine, [*loads, *laws])), "")
 
     def _data_mark(self) -> int:
-        """A checksum of what the user may change, and of the mesh, on this rank."""
-        mark = mesh_mark(self.equations.V.mesh)
+        """A checksum of the data that the user may change, on this rank."""
+        mark = 0
         for f in self._data:
             values = f.x.array if hasattr(f, "x") else np.asarray(f.value)
             mark = zlib.crc32(np.ascontiguousarray(values), mark)
@@ -228,9 +227,8 @@ class ParametricEquations(System):
     def undisturbed(self) -> Iterator[None]:
         self._alone = True
         try:
-            with mesh_stays():
-                self.equations.require_same_mesh()
-                yield
+            self.equations.require_same_mesh()
+            yield
         finally:
             self._alone = False
             self._driven_at = None

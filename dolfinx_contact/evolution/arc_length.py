@@ -35,8 +35,8 @@ from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.equations.given_data import check_times
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.validation import check_times
 from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.by_arc_length import ByArcLength
 from dolfinx_contact.evolution.energy import Energies

@@ -11,7 +11,7 @@ from dolfinx import fem
 
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.equations.given_data import Datum
+from dolfinx_contact.equations.data import Datum
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import History, NoContinuation

@@ -22,7 +22,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.equations.given_data import data_of_surface
+from dolfinx_contact.equations.data import data_of_surface
 from dolfinx_contact.evolution.changes import changes
 from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step

@@ -24,7 +24,7 @@ from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors
 from dolfinx_contact.body.moving import MovingBody, TimeStep
 from dolfinx_contact.body.weighting import circumference, weighted
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.given_data import Constancy, Datum, data_in, placed_data
+from dolfinx_contact.equations.data import Constancy, Datum, data_in, placed_data
 from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["Matrices", "data_of", "is_scalar_constant"]

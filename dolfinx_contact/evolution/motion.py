@@ -34,8 +34,8 @@ from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
-from dolfinx_contact.equations.given_data import require_obstacles
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.validation import require_obstacles
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at

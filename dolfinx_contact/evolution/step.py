@@ -25,12 +25,12 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere, require
-from dolfinx_contact._mesh_mark import mesh_may_move, mesh_stays
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.data import Constancy, placed_data
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
-from dolfinx_contact.equations.given_data import Constancy, check_turn, placed_data
 from dolfinx_contact.equations.measures import Scales, least_scales
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.validation import check_turn
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
@@ -123,7 +123,6 @@ class Stepper:
 
     # -- one step --------------------------------------------------------------------------------
 
-    @mesh_stays()
     def take(
         self,
         accepted: AcceptedState,
@@ -219,7 +218,7 @@ class Stepper:
 
     def _set(self, time: float) -> None:
         self._time = None
-        with mesh_may_move(), everywhere(self.problem.comm, f"the load at the time {time:g}"):
+        with everywhere(self.problem.comm, f"the load at the time {time:g}"):
             self._load(time)
         self._time = time
 

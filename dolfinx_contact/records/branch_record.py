@@ -36,7 +36,7 @@ from dolfinx_contact.continuation import (
 )
 from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.equations.given_data import data_within
+from dolfinx_contact.equations.data import data_within
 from dolfinx_contact.records.entries import (
     BranchTask,
     EndEntry,

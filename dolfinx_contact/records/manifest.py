@@ -34,7 +34,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._compat import geometry_dofmap
-from dolfinx_contact.equations.given_data import Datum, placed_data
+from dolfinx_contact.equations.data import Datum, placed_data
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import DiscreteSurface

@@ -19,7 +19,7 @@ from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.body.weighting import weighted
 from dolfinx_contact.continuation import BranchPoint, Change, Node, SpecialPoint
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.equations.given_data import placed_data
+from dolfinx_contact.equations.data import placed_data
 from dolfinx_contact.equations.order import Gathered, by_coordinates
 from dolfinx_contact.laws import status
 from dolfinx_contact.records.entries import (

@@ -26,7 +26,7 @@ import ufl
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.continuation.ending import Ends
-from dolfinx_contact.equations.given_data import Datum
+from dolfinx_contact.equations.data import Datum
 from dolfinx_contact.evolution import EvolutionStep
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.step import AcceptedState

@@ -19,6 +19,7 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import held_back, least_scales
+from dolfinx_contact.equations.validation import without_normal
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import balance, support_at_nodes
 from dolfinx_contact.results.indicators import Indicators, indicators_of
@@ -31,7 +32,7 @@ from dolfinx_contact.results.partners import (
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
 from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
-from dolfinx_contact.solvers.states import held_across, without_normal
+from dolfinx_contact.solvers.states import held_across
 
 __all__ = ["Named", "Result", "collect", "log_warnings"]
 

@@ -32,33 +32,16 @@ import logging
 import math
 from collections.abc import Callable
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
-import numpy as np
-
-from ufl.algorithms.analysis import extract_constants
-
-from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact._errors import require, same_everywhere
 from dolfinx_contact._petsc import staged
-from dolfinx_contact._shared import anywhere
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import Evaluated, Evaluation
-from dolfinx_contact.equations.given_data import (
-    check_law,
-    check_moduli,
-    check_turn,
-    not_finite,
-    placed_data,
-    require_finite_geometry,
-    require_obstacles,
-)
 from dolfinx_contact.equations.touching import bring_together
+from dolfinx_contact.equations.validation import validate
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, ConvergenceError, FloatingBodyError, Step
 from dolfinx_contact.solvers.progress import SolveProgress
-from dolfinx_contact.solvers.states import diverged, inverted, without_normal
+from dolfinx_contact.solvers.states import diverged, inverted
 from dolfinx_contact.solvers.strategies import (
     BONDS,
     EXTRAPOLATED,
@@ -68,7 +51,7 @@ from dolfinx_contact.solvers.strategies import (
     strategies,
 )
 
-__all__ = ["check_data", "solve"]
+__all__ = ["solve"]
 
 logger = logging.getLogger(__name__)
 
@@ -108,7 +91,7 @@ def solve(
             negative friction field, a clamped node inside the obstacle).
         ConvergenceError: if no strategy converges.
     """
-    start = check_data(equations, x0)
+    start = validate(equations, x0)
     bring_together(equations, x0)
     attempts: list[Attempt] = []
     floating: FloatingBodyError | None = None
@@ -185,76 +168,6 @@ def _compare_with_prediction(linear: LinearSolverChoice, seconds: float) -> None
     root = solver.matrix.comm.tompi4py().rank == 0
     if root and seconds > max(_LATE * solver.predicted, _SHORT):
         logger.info("the solve took %.2g s; %.2g s were predicted", seconds, solver.predicted)
-
-
-def check_data(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
-    """Raise ``ValueError`` for data that no solver can work with; else follow them. Collective.
-
-    Returns:
-        The state at ``x0``; None where the scales of the data, which are others, have changed it.
-    """
-    same_everywhere(eq.comm, "data of the problem", Constants=_given_numbers(eq))
-    eq.require_same_mesh()
-    check_moduli(eq)
-    eq.refresh()
-    for s, memory in zip(eq.surfaces, eq.memory, strict=True):
-        s.check_gaps()
-        check_law(s, memory)
-        if memory is None:
-            check_turn(s, None)
-    _require_start(eq, x0)
-    require_obstacles(eq)
-    b = eq.create_vector()
-    state = eq.residual(x0, b)
-    finite = bool(np.isfinite(b.array_r).all())
-    b.destroy()
-    lost = without_normal(eq, state)
-    require(eq.comm, not lost, lost)
-    for s in eq.surfaces:
-        require_finite_geometry(s)
-    given = bool(np.isfinite(eq.rigid.numbers()).all())
-    require(eq.comm, given, "a load or motion of a rigid body is not finite")
-    eq.constraints.check_values(eq.surfaces, eq.body_size)
-    if not eq.comm.allreduce(int(finite), op=MPI.MIN):
-        place = not_finite(eq, placed_data(eq)) or _not_finite_law(eq, state)
-        place = place or "loads and material data, for NaN"
-        raise ValueError(f"the residual is not finite at the start: look at {place}")
-    changed = eq.scaling.follow(eq.displacement(x0))
-    return None if changed else Evaluated(x0.array_r.copy(), state)
-
-
-def _not_finite_law(eq: ContactEquations, state: Evaluation) -> str:
-    """The first law that answers what is not finite, on any rank; "" if none. Collective."""
-    for s, rows in zip(eq.surfaces, state.rows[1:-1], strict=True):
-        if not eq.comm.allreduce(int(np.isfinite(rows).all()), op=MPI.MIN):
-            return (
-                f"the law {s.law.name} of {s.name}, whose answer or its derivatives are not finite "
-                "there: powers and roots at 0, quotients"
-            )
-    return ""
-
-
-def _require_start(eq: ContactEquations, x0: PETSc.Vec) -> None:
-    """Raise ``ValueError`` if a start is not finite. Collective."""
-    tractions = [f"traction of {s.name!r}" for s in eq.surfaces]
-    names = "displacement", *tractions, "motion of the rigid bodies"
-    bad = [not np.isfinite(part).all() for part in eq.blocks(x0)]
-    for name, wrong in zip(names, anywhere(eq.comm, *bad), strict=True):
-        if wrong:
-            raise ValueError(f"the {name} at the start is not finite")
-
-
-def _given_numbers(eq: ContactEquations) -> list[list[float]]:
-    """Values of all Constants that are given, to be the same on every rank."""
-    constants = list(eq.bulk.constants)
-    for s in eq.surfaces:
-        constants += s.given.constants
-    for body in eq.rigid.bodies:
-        for e in body.expressions:
-            constants += extract_constants(e)
-    prescribed = map(dirichlet_value, eq.bcs)
-    constants += [value for value in prescribed if not hasattr(value, "x")]
-    return [[float(v) for v in np.ravel(c.value)] for c in constants]
 
 
 def _doubt_of_stiffness(eq: ContactEquations) -> str:

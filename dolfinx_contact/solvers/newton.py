@@ -28,9 +28,9 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses, differs
 from dolfinx_contact.equations.measures import Measures, Scales
 from dolfinx_contact.equations.touching import touches_nothing, touching
+from dolfinx_contact.equations.validation import without_normal
 from dolfinx_contact.solvers.history import Attempt, FloatingBodyError, LinearSolverError, Step
 from dolfinx_contact.solvers.linear import LinearSolver
-from dolfinx_contact.solvers.states import without_normal
 
 __all__ = ["Newton"]
 

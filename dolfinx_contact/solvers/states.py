@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""States that solve the equations and that no body can be in, and those that have no normal."""
+"""States that satisfy the equations but are not physical."""
 
 from __future__ import annotations
 
@@ -13,22 +13,10 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import closed
 
-__all__ = ["diverged", "held_across", "inverted", "without_normal"]
+__all__ = ["diverged", "held_across", "inverted"]
 
 _FAR = 1e5  # sizes of the body, a displacement that is no equilibrium
 
-#: How steeply a gap falls along the normal at a point on the obstacle, at least: 1 where a level
-#: set has a gradient, 1/m where it vanishes like the m-th power of the distance.
-_STEEPEST = -0.75
-_NO_NORMAL = (
-    "the obstacle has no normal at a contact point that is at ({}) or next to it: the gradient of "
-    "a level set vanishes there, or it is the centre of a sphere"
-)
-_TURNED = (
-    "the normal of the obstacle has turned by half a turn in this step at a contact point that is "
-    "at ({}), as where a body passes through a thin tool: how far it slipped is not known; take "
-    "shorter steps"
-)
 _ACROSS = 1e-6  # of a unit normal, a component along a held direction
 
 
@@ -88,26 +76,4 @@ def held_across(eq: ContactEquations, state: Evaluation) -> str:
                 "was tangential to the obstacle and is not where it is now, so that friction and "
                 "the support cannot be distinguished; fix all components there or leave it free"
             )
-    return ""
-
-
-def without_normal(eq: ContactEquations, state: Evaluation) -> str:
-    """Where a displaced point has no normal, in words; "" if all have one. Collective."""
-    for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-        data = found.data
-        place = found.kinematics.place
-        if place is None:
-            continue
-        fall = np.sum(found.kinematics.gap_slope * data.n, axis=1)
-        lost = ~np.isfinite(fall + found.kinematics.gap) | (
-            closed(found.statuses) & (fall > _STEEPEST)
-        )
-        # Where there is a normal the slip since then is what is lost.
-        turned = lost & np.isfinite(data.n).all(axis=1) & ~np.isfinite(fall)
-        for which, why in ((lost & ~turned, _NO_NORMAL), (turned, _TURNED)):
-            mine = sorted(np.round((s.positions + place)[which] / eq.body_size, 9).tolist())
-            places = sorted(p for part in eq.comm.allgather(mine) for p in part)
-            if places:
-                where = ", ".join(f"{c * eq.body_size:.6g}" for c in places[0])
-                return f"{s.name}: {why.format(where)}"
     return ""
