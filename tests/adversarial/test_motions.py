@@ -52,7 +52,7 @@ def flying(force, cells=(2, 2), cell=None, young=1000.0, degree=1):
     return Flying(body.u, fem.Function(body.V), problem)
 
 
-REFUSED = "not what it was|changed"
+REFUSED = "the load at the time .* changes"
 
 
 @pytest.mark.parametrize("later", [pytest.param(4.0, marks=pytest.mark.sample), 1.0])
@@ -75,13 +75,14 @@ def test_a_density_changed_by_the_load_is_refused(later):
             run()
 
 
-def test_a_density_changed_before_the_run_is_refused():
+def test_a_density_changed_before_the_run_counts():
     body = flying((0.0, 2.0))
     parts = body.constant((1.0, 0.0))
-    motion = NSCD(body.problem, parts[0] + parts[1], dt=0.25, velocity=body.velocity)
+    options = dict(dt=0.25, velocity=body.velocity, mass="consistent")
+    motion = NSCD(body.problem, parts[0] + parts[1], **options)
     parts.value[1] = 3.0
-    with pytest.raises(ValueError, match=REFUSED):
-        motion.run([0.0, 1.0])
+    motion.run([0.0, 1.0])
+    assert_close(body.mean(), [0.0, 0.5])
 
 
 def test_a_loop_over_densities_makes_its_motions_anew():
@@ -92,7 +93,7 @@ def test_a_loop_over_densities_makes_its_motions_anew():
         assert_close(body.mean()[1], speed)
 
 
-def test_a_field_of_density_changed_between_runs_is_refused():
+def test_a_field_of_density_changed_between_runs_counts():
     body = flying((0.0, 1.0, 2.0), (2, 1, 1), "tet")
     density = fem.Function(fem.functionspace(body.u.function_space.mesh, ("DG", 0)))
     density.x.array[:] = 1.0
@@ -100,8 +101,8 @@ def test_a_field_of_density_changed_between_runs_is_refused():
     motion.run([0.0, 0.5])
     assert_close(body.mean(), [0.0, 0.5, 1.0])
     density.x.array[:] = 4.0
-    with pytest.raises(ValueError, match=REFUSED):
-        motion.run([0.5, 1.0])
+    motion.run([0.5, 1.0])
+    assert_close(body.mean(), [0.0, 0.625, 1.25])
 
 
 def test_a_negative_density_is_refused():
