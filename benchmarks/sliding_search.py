@@ -25,7 +25,7 @@ from dolfinx import fem
 import dolfinx_contact.points.sliding.candidates as searching
 from dolfinx_contact import ContactPair, Frictionless
 from dolfinx_contact.equations.sliding import SlidingTerms
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 
 SHIFT = np.array([0.013, 0.007, -0.002])
 """Of the block, lengths of its edge."""

@@ -40,9 +40,14 @@ from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.equations.state import LastWrite, State
 from dolfinx_contact.equations.validation import validate
-from dolfinx_contact.points.descriptions import Contact, is_axisymmetric
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.points.descriptions import (
+    Contact,
+    ContactPair,
+    ContactSurface,
+    is_axisymmetric,
+)
 from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.pair import DiscretePair
 from dolfinx_contact.points.revolution import axis_condition
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import DiscreteSurface
@@ -64,7 +69,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.algorithms import Algorithm, PointProblem
     from dolfinx_contact.body.moving import MovingBody
 
-__all__ = ["ContactProblem"]
+__all__ = ["ContactProblem", "discretise"]
 
 
 _INCREMENTS = 8  # of the load, in the strategy of that name
@@ -122,6 +127,21 @@ def _rigid_body(contact: Contact) -> str:
     """The content of the rigid body of a surface; empty if there is none."""
     obstacle = getattr(contact, "obstacle", None)
     return str(obstacle.described()) if isinstance(obstacle, RigidBody) else ""
+
+
+def discretise(contact: Contact) -> DiscreteSurface:
+    """Create the contact points, multiplier and operators of a description. Collective.
+
+    Raises:
+        ValueError: on every rank, if the description does not fit the mesh.
+    """
+    if isinstance(contact, ContactSurface):
+        return DiscreteSurface(contact)
+    if isinstance(contact, ContactPair):
+        return DiscretePair(contact)
+    from dolfinx_contact.points.self_contact import DiscreteSelfContact
+
+    return DiscreteSelfContact(contact)
 
 
 class ContactProblem(ReadOnly):

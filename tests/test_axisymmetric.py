@@ -41,7 +41,7 @@ from dolfinx_contact.materials import (
     StVenantKirchhoff,
 )
 from dolfinx_contact.meshing import join, mesh_from_gmsh
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD

@@ -48,7 +48,7 @@ from dolfinx_contact.materials import (
     StVenantKirchhoff,
     lame,
 )
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 from dolfinx_contact.records import journal_of
 from dolfinx_contact.solvers.history import FloatingBodyError
 

@@ -17,7 +17,7 @@ from dolfinx import fem, la, mesh
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 DEGREES = [(1, 1), (2, 1), (2, 2)]  # of displacement and multiplier

@@ -18,6 +18,7 @@ from dolfinx_contact import (
     ContactSurface,
     Coulomb,
     HalfSpace,
+    NonlocalCoulomb,
     RigidBody,
     SelfContact,
     Sphere,
@@ -137,3 +138,75 @@ def test_directions_and_normals_are_scaled_to_unit_length():
         np.testing.assert_allclose(pair.normal, [0.6, 0.8])
         np.testing.assert_allclose(face.direction, [0.6, 0.8])
     np.testing.assert_array_equal(SelfContact(u, some, law=Coulomb(0.3)).direction, [0.0, 1.0])
+
+
+def surface(u, **given):
+    bottom = facets(u.function_space.mesh, 1, 0.0)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    return ContactSurface(u, bottom, **{"obstacle": floor, "law": Coulomb(0.0), **given})
+
+
+@pytest.mark.parametrize(
+    ("degrees", "axisymmetric", "default", "least"),
+    [
+        ((1, 1), False, 2, 2),
+        ((1, 1), True, 3, 3),
+        ((2, 1), False, 4, 3),
+        ((2, 1), True, 5, 4),
+        ((2, 2), False, 4, 4),
+    ],
+)
+def test_quadrature_integrates_multiplier_times_displacement(degrees, axisymmetric, default, least):
+    """The default is twice the degree of the displacement; 2 pi r takes one degree more."""
+    u = displacement(degree=degrees[0])
+    given = {"method": "integral", "multiplier_degree": degrees[1], "axisymmetric": axisymmetric}
+    assert surface(u, **given).quadrature_degree == default
+    assert surface(u, quadrature_degree=least, **given).quadrature_degree == least
+    for bad in (least - 1, float(least), "4"):
+        with pytest.raises(ValueError, match=f"at least {least} for .* P{degrees[0]} with"):
+            surface(u, quadrature_degree=bad, **given)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("method", ["nodal", "mixed", "integral"])
+def test_only_stable_pairs_of_elements_are_accepted(method, degree):
+    u = displacement(degree=degree)
+    stable = {"integral": {(1, 1), (2, 1), (2, 2)}}.get(method, {(1, 1)})
+    for multiplier in (1, 2):
+        if (degree, multiplier) in stable:
+            surface(u, method=method, multiplier_degree=multiplier)
+            continue
+        words = f"P{degree} with multiplier P{multiplier} .* of the {method} method; stable: P1/P1"
+        with pytest.raises(ValueError, match=words):
+            surface(u, method=method, multiplier_degree=multiplier)
+    for bad in (0, True, 1.0, "1"):
+        with pytest.raises(ValueError, match="multiplier_degree must be a whole number"):
+            surface(u, method=method, multiplier_degree=bad)
+    for bad in ("Nodal", 1):
+        with pytest.raises(ValueError, match="method must be one of"):
+            surface(u, method=bad)
+
+
+def punch(**given):
+    return RigidBody(HalfSpace((0.0, 0.0), (0.0, 1.0)), about=(0.0, 0.0), **given)
+
+
+def test_a_rigid_body_of_revolution_moves_along_the_axis_only():
+    u = displacement()
+    for good in (
+        punch(motion={"y": -1.0}, held=["x", "rz"]),
+        punch(free=["y"], held=["x", "rz"]),
+    ):
+        surface(u, axisymmetric=True, obstacle=good)
+    for bad in (
+        punch(motion={"x": 1.0}, held=["y", "rz"]),
+        punch(motion={"rz": 1.0}, held=["y", "x"]),
+        punch(free=["x"], held=["y", "rz"]),
+        punch(free=["rz"], held=["y", "x"]),
+    ):
+        with pytest.raises(ValueError, match="moves along the axis of revolution alone"):
+            surface(u, axisymmetric=True, obstacle=bad)
+        surface(u, obstacle=bad)
+    with pytest.raises(ValueError, match="no nonlocal friction"):
+        surface(u, axisymmetric=True, law=NonlocalCoulomb(0.3, 1.0))
+    surface(u, axisymmetric=np.False_, law=NonlocalCoulomb(0.3, 1.0))

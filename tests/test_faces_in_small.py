@@ -9,11 +9,10 @@ import pytest
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
-from dolfinx_contact import Coulomb, HalfSpace, NonlocalCoulomb, RigidBody
+from dolfinx_contact import HalfSpace, RigidBody
 from dolfinx_contact.points.clipping import Faces, basis, cover, nodal_points
 from dolfinx_contact.points.crossings import _in_loops
-from dolfinx_contact.points.opposite import Overlap
-from dolfinx_contact.points.revolution import check_revolution
+from dolfinx_contact.points.descriptions import Overlap
 from dolfinx_contact.points.search import nearest, within
 from dolfinx_contact.points.sliding.facing import Facing, Nodal
 from dolfinx_contact.points.sliding.rays import area_vector_rates, area_vectors, cast, slopes
@@ -381,35 +380,6 @@ def test_edges_that_are_of_loops():
     assert _in_loops([edges((1, 2), (1, 2))], 0).tolist() == [True, True]
     assert _in_loops([edges(), ring], 0).tolist() == []
     assert _in_loops([edges()], 0).tolist() == []
-
-
-def test_what_a_surface_of_revolution_cannot_have():
-    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-
-    def punch(**given):
-        return RigidBody(floor, about=(0.0, 0.0), **given)
-
-    law = Coulomb(0.0)
-    for good in (
-        floor,
-        punch(motion={"y": -1.0}, held=["x", "rz"]),
-        punch(free=["y"], held=["x", "rz"]),
-    ):
-        check_revolution("s", True, good, law)
-    for bad in (
-        punch(motion={"x": 1.0}, held=["y", "rz"]),
-        punch(motion={"rz": 1.0}, held=["y", "x"]),
-        punch(free=["x"], held=["y", "rz"]),
-        punch(free=["rz"], held=["y", "x"]),
-    ):
-        with pytest.raises(ValueError, match="moves along the axis of revolution alone"):
-            check_revolution("s", True, bad, law)
-        check_revolution("s", False, bad, law)
-    with pytest.raises(ValueError, match="no nonlocal friction"):
-        check_revolution("s", True, floor, NonlocalCoulomb(0.3, 1.0))
-    check_revolution("s", np.False_, floor, NonlocalCoulomb(0.3, 1.0))
-    with pytest.raises(ValueError, match="axisymmetric is True or False"):
-        check_revolution("s", 1, floor, law)
 
 
 def test_overlaps_that_are_allowed():

@@ -47,7 +47,7 @@ from dolfinx_contact.materials import (
 )
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 from dolfinx_contact.records import BranchRecord, resume, write_series
 
 COMM = MPI.COMM_WORLD

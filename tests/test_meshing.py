@@ -12,7 +12,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import NamedTags, crack, mesh_from_gmsh, read_mesh
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 

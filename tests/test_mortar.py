@@ -27,7 +27,7 @@ from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 #: Cells along the lower and the upper face, and from where to where these reach.

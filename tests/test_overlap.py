@@ -29,7 +29,7 @@ from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, lame
 from dolfinx_contact.meshing import join
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 from dolfinx_contact.records import EvolutionRecord
 
 COMM = MPI.COMM_WORLD

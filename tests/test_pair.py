@@ -37,7 +37,7 @@ from dolfinx_contact.continuation import explore
 from dolfinx_contact.continuation.ray_finder import RayFinder
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack, join, mesh_from_gmsh
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD

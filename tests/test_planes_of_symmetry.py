@@ -24,7 +24,7 @@ from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.meshing import join
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(*lame(1.0, 0.3))

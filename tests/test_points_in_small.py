@@ -19,8 +19,8 @@ from dolfinx_contact.laws import OPEN, PLUS, Border, Law, StatusPiece
 from dolfinx_contact.materials import Axisymmetric, LinearElastic
 from dolfinx_contact.obstacles import Start, has_ufl
 from dolfinx_contact.points.arcs import _SERIES, _SMALL
+from dolfinx_contact.points.descriptions import displacement_degree
 from dolfinx_contact.points.displaced import DisplacedPoints
-from dolfinx_contact.points.elements import displacement_degree
 from dolfinx_contact.points.sliding.candidates import Candidates
 from dolfinx_contact.points.sliding.faces import SlidingFaces
 from dolfinx_contact.points.surface import DiscreteSurface

@@ -16,7 +16,7 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionles
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 from dolfinx_contact.results.balance import forces_at_vertices
 from dolfinx_contact.results.result import collect
 

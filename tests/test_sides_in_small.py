@@ -38,16 +38,15 @@ from dolfinx_contact.obstacles import (
 from dolfinx_contact.points.arcs import slip_along
 from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.crossings import crossings
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.points.descriptions import Overlap
 from dolfinx_contact.points.displaced import DisplacedPoints
-from dolfinx_contact.points.elements import check_elements, check_quadrature
 from dolfinx_contact.points.evaluation import Given, ScatteredEvaluator, at_nodes, fields_of
 from dolfinx_contact.points.facing import measured, projected, projected_faces, refuse_aslant
 from dolfinx_contact.points.held_ends import receiving_vertices, shared
 from dolfinx_contact.points.kinematics import Kinematics, rotation
 from dolfinx_contact.points.memory import Memory, slid_after
 from dolfinx_contact.points.operators import Operator, multiplied, rows_of
-from dolfinx_contact.points.opposite import Opposite, Overlap, _gaps, _means, _to_surface
+from dolfinx_contact.points.opposite import Opposite, _gaps, _means, _to_surface
 from dolfinx_contact.points.revolution import axis_condition, check_section, mirrored, on_axis
 from dolfinx_contact.points.rigid_body import number
 from dolfinx_contact.points.surface import DiscreteSurface, _least
@@ -60,6 +59,7 @@ from dolfinx_contact.points.trace import (
     outward_normals,
     simplex_normals,
 )
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="numbers of one rank")
@@ -535,42 +535,6 @@ def test_how_far_faces_that_match_may_be_off(unit):
 
 
 # -- arguments ------------------------------------------------------------------------------------
-
-
-def test_degrees_of_quadratures():
-    """Twice that of the displacement, one more of revolution; no less than what is integrated."""
-    for degrees, weighted, default, least in (
-        ((1, 1), False, 2, 2),
-        ((1, 1), True, 3, 3),
-        ((2, 1), False, 4, 3),
-        ((2, 1), True, 5, 4),
-        ((2, 2), False, 4, 4),
-    ):
-        assert check_quadrature("s", degrees, None, weighted=weighted) == default
-        assert check_quadrature("s", degrees, least, weighted=weighted) == least
-        for bad in (least - 1, float(least), "4"):
-            with pytest.raises(ValueError, match=f"at least {least} for .* P{degrees[0]} with"):
-                check_quadrature("s", degrees, bad, weighted=weighted)
-
-
-def test_pairs_of_elements():
-    good = {"nodal": {(1, 1)}, "mixed": {(1, 1)}, "integral": {(1, 1), (2, 1), (2, 2)}}
-    for method, stable in good.items():
-        for pair in ((1, 1), (1, 2), (2, 1), (2, 2)):
-            if pair in stable:
-                check_elements("s", method, pair)
-                continue
-            names = (
-                f"P{pair[0]} with multiplier P{pair[1]} .* of the {method} method; stable: P1/P1"
-            )
-            with pytest.raises(ValueError, match=names):
-                check_elements("s", method, pair)
-        for bad in (0, True, 1.0, "1"):
-            with pytest.raises(ValueError, match="multiplier_degree must be a whole number"):
-                check_elements("s", method, (1, bad))
-    for bad in ("Nodal", None, 1):
-        with pytest.raises(ValueError, match="method must be one of"):
-            check_elements("s", bad, (1, 1))
 
 
 # -- obstacles ------------------------------------------------------------------------------------

@@ -18,10 +18,9 @@ from dolfinx_contact.laws.status import OPEN, PLUS
 from dolfinx_contact.meshing import join
 from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.contact_points import ContactPoints
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.points.descriptions import Overlap
 from dolfinx_contact.points.facing import candidates as facing_candidates
 from dolfinx_contact.points.mortar import coupling
-from dolfinx_contact.points.opposite import Overlap
 from dolfinx_contact.points.sliding import faces as sliding_faces
 from dolfinx_contact.points.sliding.candidates import Candidates, _found, from_rows, marks_of
 from dolfinx_contact.points.sliding.faces import SlidingFaces, _mirrors
@@ -32,6 +31,7 @@ from dolfinx_contact.points.sliding.points import (
     _require_no_edge,
 )
 from dolfinx_contact.points.sliding.spins import spins
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="numbers of one rank")

@@ -32,9 +32,9 @@ from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.meshing import join
 from dolfinx_contact.points.clipping import Faces
-from dolfinx_contact.points.discretisation import discretise
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.sliding.candidates import candidates
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(*lame(1000.0, 0.3))

@@ -25,7 +25,7 @@ from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean, lame
 from dolfinx_contact.meshing import join
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(*lame(1000.0, 0.3))

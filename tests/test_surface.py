@@ -14,7 +14,7 @@ from dolfinx import fem
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 

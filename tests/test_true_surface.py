@@ -21,7 +21,7 @@ from dolfinx_contact import (
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
-from dolfinx_contact.points.discretisation import discretise
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 INNER = 0.5  # radii of two tubes

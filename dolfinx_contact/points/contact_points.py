@@ -17,7 +17,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 from petsc4py import PETSc
 
@@ -32,6 +32,7 @@ from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.weighting import circumference
 from dolfinx_contact.laws import PointData
+from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import (
     Given,
     PointEvaluator,
@@ -51,14 +52,13 @@ from dolfinx_contact.points.operators import (
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import trace_dofs
 
-__all__ = ["ContactPoints", "Evaluator", "Given", "Method", "Trace"]
+__all__ = ["ContactPoints", "Evaluator", "Given", "Trace"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 #: Global nodes and their weights (..., k) of local nodes of the displacement.
 Trace = Callable[[npt.NDArray[np.int32]], tuple[Nodes, Array]]
 Evaluator = PointEvaluator | ScatteredEvaluator
-Method = Literal["nodal", "integral", "mixed"]
 
 
 class ContactPoints(ABC):
@@ -99,7 +99,7 @@ class ContactPoints(ABC):
         E: from multipliers to tractions at the points; None where it is the identity.
     """
 
-    method: ClassVar[Method]
+    method: ClassVar[ContactMethod]
     #: Whether they slide over another face, wherever both are (`sliding`).
     slides: ClassVar[bool] = False
 

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -20,26 +22,43 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._agreement import described
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._validate import flag, positive, scalar, vector, word
+from dolfinx_contact._errors import require
+from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import count, flag, one_of, positive, scalar, vector, word
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh
 from dolfinx_contact.obstacles import Obstacle, has_ufl
-from dolfinx_contact.points.contact_points import Method
-from dolfinx_contact.points.displaced import SlidingKind, check_sliding
-from dolfinx_contact.points.elements import (
-    check_elements,
-    check_quadrature,
-    displacement_degree,
-)
-from dolfinx_contact.points.opposite import Overlap
-from dolfinx_contact.points.revolution import check_revolution
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.trace import checked_planes
 
-__all__ = ["Contact", "ContactPair", "ContactSurface", "SelfContact", "is_axisymmetric"]
+__all__ = [
+    "Contact",
+    "ContactMethod",
+    "ContactPair",
+    "ContactSurface",
+    "Overlap",
+    "SelfContact",
+    "SlidingKind",
+    "displacement_degree",
+    "is_axisymmetric",
+]
 
 Facets: TypeAlias = GmshMesh | mesh.MeshTags | npt.NDArray[np.int32]
 
+#: Placement of the contact points (`points.contact_points`).
+ContactMethod: TypeAlias = Literal["nodal", "integral", "mixed"]
+#: Range of sliding: small compared with the radius of curvature of the obstacle, or any.
+SlidingKind: TypeAlias = Literal["small", "large"]
+
+#: Inf-sup stable degrees of displacement and multiplier, by method. P1 multipliers are traces of
+#: the displacement space or smaller; P2/P2 is stable away from Dirichlet data, where nodes are
+#: removed.
+_STABLE: dict[str, set[tuple[int, int]]] = {
+    "nodal": {(1, 1)},
+    "integral": {(1, 1), (2, 1), (2, 2)},
+    "mixed": {(1, 1)},
+}
+_ROUND_OFF = 1e-9  # relative excess of an overlap that counts as round-off
 _ACROSS = 1e-9  # part of a unit direction across a plane of symmetry that counts as round-off
 
 
@@ -55,17 +74,165 @@ def _bound_law(a: Arguments) -> Law:
     return a.law.bind(a.u.function_space.mesh)
 
 
+def _check_sliding(a: Arguments) -> None:
+    if a.sliding not in ("small", "large", None):
+        raise ValueError(f"{a.name}: sliding must be 'small', 'large' or None, got {a.sliding!r}")
+
+
+def displacement_degree(u: Any) -> int:
+    """Return the degree of a vector Lagrange displacement, or raise ``ValueError``."""
+    if not isinstance(u, fem.Function):
+        raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
+    domain = u.function_space.mesh
+    element = u.function_space.ufl_element()
+    cell = domain.basix_cell().name
+    dim = domain.geometry.dim
+    lagrange = element.family_name == "P" and not element.discontinuous
+    for right, message in (
+        (
+            domain.geometry.x.dtype == u.x.array.dtype == np.float64,
+            "the mesh and the displacement must be in double precision",
+        ),
+        (
+            cell in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"),
+            f"cells of kind {cell} are not supported",
+        ),
+        (
+            domain.topology.dim == dim and dim in (2, 3),
+            "the body must be a 2D mesh in the plane or a 3D mesh",
+        ),
+        (
+            lagrange and element.reference_value_shape == (dim,),
+            f"the displacement must be a continuous vector Lagrange Function with {dim} "
+            f"components, got {element}",
+        ),
+        (
+            element.degree in (1, 2),
+            f"displacements of degree 1 and 2 are supported, got {element.degree}",
+        ),
+    ):
+        if not right:
+            raise ValueError(message)
+    return int(element.degree)
+
+
+def _check_elements(a: Arguments, degree: int) -> None:
+    """Raise ``ValueError`` if degrees are not stable in the method, or quadrature is too coarse.
+
+    The rule must integrate multiplier times displacement exactly on flat facets, otherwise the
+    stability is lost. In bodies of revolution the weight 2 pi r takes one degree more.
+    """
+    one_of(a.method, f"{a.name}: method", sorted(_STABLE))
+    multiplier = count(a.multiplier_degree, f"{a.name}: multiplier_degree")
+    if (degree, multiplier) not in _STABLE[a.method]:
+        stable = ", ".join(f"P{d}/P{m}" for d, m in sorted(_STABLE[a.method]))
+        raise ValueError(
+            f"{a.name}: displacement P{degree} with multiplier P{multiplier} is not a stable pair "
+            f"of the {a.method} method; stable: {stable}"
+        )
+    weighted = bool(a.axisymmetric)
+    least = degree + multiplier + weighted
+    if a.quadrature_degree is None:
+        a.quadrature_degree = 2 * degree + weighted
+    if not isinstance(a.quadrature_degree, int) or a.quadrature_degree < least:
+        raise ValueError(
+            f"{a.name}: the quadrature degree must be at least {least} for a stable contact of "
+            f"P{degree} with P{multiplier}, got {a.quadrature_degree}"
+        )
+
+
+def _check_revolution(a: Arguments) -> None:
+    """Raise ``ValueError`` for a law or obstacle that a body of revolution does not support."""
+    if not flag(a.axisymmetric, f"{a.name}: axisymmetric"):
+        return
+    if a.law.averaging is not None:
+        raise ValueError(f"{a.name}: there is no nonlocal friction of bodies of revolution")
+    if isinstance(a.obstacle, RigidBody):
+        body = a.obstacle
+        given = zip(body.components, body.expressions, body.fixed, strict=True)
+        held = [c for c, e, fixed in given if fixed and isinstance(e, ufl.constantvalue.Zero)]
+        if not {"x", "rz"} <= set(held):
+            raise ValueError(
+                f"{a.name}: {body.name} moves along the axis of revolution alone; hold x and rz"
+            )
+
+
+def _is_length(value: Any) -> bool:
+    return is_number(value) and bool(np.isfinite(value)) and value > 0
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Treatment of bodies that overlap in the mesh.
+
+    Attributes:
+        most: largest overlap that is allowed in addition to round-off, a length.
+        removed: whether the overlap is subtracted from the gaps, so that the bodies start without
+            stress; otherwise it is a press fit.
+    """
+
+    most: float = 0.0
+    removed: bool = False
+
+    @property
+    def presses(self) -> bool:
+        """Whether the overlap is a press fit."""
+        return self.most > 0.0 and not self.removed
+
+    @classmethod
+    def of(cls, name: str, interference: Any, remove_overlap: Any) -> Overlap:
+        """Return the overlap of two arguments of a surface, or raise ``ValueError``."""
+        is_flag = isinstance(interference, bool | np.bool_)
+        if not (is_flag or _is_length(interference)):
+            raise ValueError(
+                f"{name}: interference is True or False, or the largest overlap, a positive "
+                f"length, got {interference!r}"
+            )
+        if remove_overlap is None:
+            without_limit = np.inf if interference else 0.0
+            return cls(without_limit if is_flag else float(interference))
+        if not _is_length(remove_overlap):
+            raise ValueError(
+                f"{name}: remove_overlap is the largest overlap that is removed, a positive "
+                f"length, got {remove_overlap!r}"
+            )
+        if not is_flag or interference:
+            raise ValueError(f"{name}: an overlap is a press fit, or is removed, and not both")
+        return cls(float(remove_overlap), removed=True)
+
+    def exceeded_by(self, gap: float) -> bool:
+        """Whether the smallest gap is negative by more than is allowed."""
+        return not gap >= -self.most * (1.0 + _ROUND_OFF)
+
+    def require(self, comm: MPI.Comm, gap: float, allowed: float, name: str, unless: str) -> None:
+        """Raise ``ValueError`` if bodies overlap by more than is allowed. Collective.
+
+        Args:
+            comm: communicator.
+            gap: smallest gap on all ranks, a length.
+            allowed: overlap that counts as round-off, a length.
+            name: name of the surface.
+            unless: further remedies, for the message.
+        """
+        remedy = f"interference=True for a press fit, {unless}"
+        if self.most > 0.0:
+            given = "remove_overlap" if self.removed else "interference"
+            remedy = f"{given} allows {self.most:.3g}"
+        good = gap >= -allowed or not self.exceeded_by(gap)
+        require(comm, good, f"{name}: the bodies overlap by {-gap:.3g}; {remedy}")
+
+
 def _check_surface(a: Arguments) -> None:
     degree = displacement_degree(a.u)
     word(a.name, "the name of a contact surface")
-    check_sliding(a.name, a.sliding)
-    degrees = (degree, a.multiplier_degree)
+    _check_sliding(a)
     a.method = a.method or ("nodal" if degree == 1 else "integral")
     a.law = _bound_law(a)
     if not isinstance(a.obstacle, Obstacle):
         known = "HalfSpace, Sphere, Cylinder, LevelSet, RigidSurface or RigidBody"
         raise ValueError(f"{a.name}: the obstacle must be a {known}")
-    check_elements(a.name, a.method, degrees)
+    _check_revolution(a)
+    _check_elements(a, degree)
     if a.interference is None:  # points inside a smooth obstacle are pushed out
         a.interference = a.remove_overlap is None and a.obstacle.outline is None
     removed = Overlap.of(a.name, a.interference, a.remove_overlap).removed
@@ -75,17 +242,13 @@ def _check_surface(a: Arguments) -> None:
             f"{a.name}: gaps of the mixed method are averages around nodes, which {what} does not "
             'support; use method="nodal" or "integral"'
         )
-    check_revolution(a.name, a.axisymmetric, a.obstacle, a.law)
-    a.quadrature_degree = check_quadrature(
-        a.name, degrees, a.quadrature_degree, weighted=bool(a.axisymmetric)
-    )
 
 
 def _check_pair(a: Arguments) -> None:
     degree = displacement_degree(a.u)
     word(a.name, "the name of a contact pair")
     flag(a.axisymmetric, f"{a.name}: axisymmetric")
-    check_sliding(a.name, a.sliding)
+    _check_sliding(a)
     dim = a.u.function_space.mesh.geometry.dim
     a.symmetry = checked_planes(a.symmetry, dim, a.name)
     tagged = a.slave is not None or a.master is not None
@@ -281,7 +444,7 @@ class ContactSurface:
     obstacle: Obstacle
     law: Law
     tag: int | str | None = None
-    method: Method | None = None
+    method: ContactMethod | None = None
     multiplier_degree: int = 1
     quadrature_degree: int | None = None
     sliding: SlidingKind | None = None
@@ -384,7 +547,7 @@ class ContactPair:
     normal: npt.ArrayLike | None = None
     interference: bool | float = False
     remove_overlap: float | None = None
-    method: Method | None = None
+    method: ContactMethod | None = None
     multiplier_degree: int = 1
     quadrature_degree: int | None = None
     sliding: SlidingKind = "small"

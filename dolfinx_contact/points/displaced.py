@@ -37,7 +37,7 @@ Whatever a law is given, `TrueGaps` has how far the points are from the obstacle
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -53,25 +53,18 @@ from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.laws.symbols import before
 from dolfinx_contact.obstacles import Obstacle, gap_at, known_displaced
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given
+from dolfinx_contact.points.descriptions import SlidingKind
 from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, fields_of, measure_of
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.rigid_body import RigidBody
 
-__all__ = ["DisplacedPoints", "SlidingKind", "TrueGaps", "check_sliding", "displaced_points"]
+__all__ = ["DisplacedPoints", "TrueGaps", "displaced_points"]
 
 Array = npt.NDArray[np.float64]
 _FACING = 0.5  # cosine of the normals of a face and of what it faces, the least
 _SAME = 1e-9  # of an overlap that is removed, by which one is that still
 _ROUND_OFF = 1e-14  # of the largest coordinate, a gap that is none
-#: How far points are expected to slide: small beside the curvature of the obstacle, or any way.
-SlidingKind: TypeAlias = Literal["small", "large"]
-
-
-def check_sliding(name: str, sliding: Any) -> None:
-    """Raise ``ValueError`` if that is no `SlidingKind`. Not collective."""
-    if sliding not in ("small", "large", None):
-        raise ValueError(f"{name}: sliding must be 'small', 'large' or None, got {sliding!r}")
 
 
 def displaced_points(

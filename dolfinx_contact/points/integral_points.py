@@ -14,7 +14,8 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._shared import SharedValues
-from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Method, Trace
+from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Trace
+from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import (
     PointEvaluator,
     ScatteredEvaluator,
@@ -36,7 +37,7 @@ Array = npt.NDArray[np.float64]
 class FacetPoints(ContactPoints):
     """The Gauss points of facets."""
 
-    method: ClassVar[Method] = "integral"
+    method: ClassVar[ContactMethod] = "integral"
 
     def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
         self._gauss = self._gauss_points(rule_degree, opposite)

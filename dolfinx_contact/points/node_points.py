@@ -14,7 +14,8 @@ import ufl
 
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.body.weighting import circumference
-from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Method, Trace
+from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Trace
+from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import Given, PointEvaluator
 from dolfinx_contact.points.held_ends import shared
 from dolfinx_contact.points.ids import point_ids
@@ -30,7 +31,7 @@ Nodes = npt.NDArray[np.int64]
 class NodePoints(ContactPoints):
     """The mesh nodes of a surface, with the vertex rule."""
 
-    method: ClassVar[Method] = "nodal"
+    method: ClassVar[ContactMethod] = "nodal"
 
     def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
         self.space = self.vertices
@@ -95,7 +96,7 @@ class NodePoints(ContactPoints):
 class AveragedPoints(NodePoints):
     """The nodes of the mixed method, at which gaps and slips are averages."""
 
-    method: ClassVar[Method] = "mixed"
+    method: ClassVar[ContactMethod] = "mixed"
 
     def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, PointEvaluator | None]:
         here, _ = super().evaluators(given, offset)

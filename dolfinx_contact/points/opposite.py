@@ -28,11 +28,11 @@ from dolfinx import fem, mesh
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
 from dolfinx_contact._mesh_mark import node_positions
-from dolfinx_contact._numbers import is_number
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, cover
+from dolfinx_contact.points.descriptions import Overlap
 from dolfinx_contact.points.evaluation import at_nodes
 from dolfinx_contact.points.facing import (
     candidates,
@@ -51,7 +51,7 @@ from dolfinx_contact.points.trace import (
     outward_normals,
 )
 
-__all__ = ["CURVED_OVERLAP", "Common", "Opposite", "OppositeFacets", "Overlap"]
+__all__ = ["CURVED_OVERLAP", "Common", "Opposite", "OppositeFacets"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -63,72 +63,6 @@ CURVED_OVERLAP = 0.05
 _ROUND_OFF = 1e-9  # of a facet's size, a gap that is none
 _FACING = 0.5  # cosine between the normal of a given surface and that of the slave, the least
 _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
-
-
-def _is_length(value: Any) -> bool:
-    """Whether it is a positive length."""
-    return is_number(value) and bool(np.isfinite(value)) and value > 0
-
-
-@dataclass(frozen=True)
-class Overlap:
-    """What becomes of bodies that start in each other.
-
-    Attributes:
-        most: the largest overlap that is allowed beside round-off, a length.
-        removed: whether gaps are less by what they are then, so that bodies start without stress;
-            else it is a press fit.
-    """
-
-    most: float = 0.0
-    removed: bool = False
-
-    @property
-    def presses(self) -> bool:
-        """Whether it is a press fit."""
-        return self.most > 0.0 and not self.removed
-
-    @classmethod
-    def of(cls, name: str, interference: Any, remove_overlap: Any) -> Overlap:
-        """That of two arguments of a surface, or ``ValueError``. Not collective."""
-        is_flag = isinstance(interference, bool | np.bool_)
-        if not (is_flag or _is_length(interference)):
-            raise ValueError(
-                f"{name}: interference is True or False, or the largest overlap, a positive "
-                f"length, got {interference!r}"
-            )
-        if remove_overlap is None:
-            without_limit = np.inf if interference else 0.0
-            return cls(without_limit if is_flag else float(interference))
-        if not _is_length(remove_overlap):
-            raise ValueError(
-                f"{name}: remove_overlap is the largest overlap that is removed, a positive "
-                f"length, got {remove_overlap!r}"
-            )
-        if not is_flag or interference:
-            raise ValueError(f"{name}: an overlap is a press fit, or is removed, and not both")
-        return cls(float(remove_overlap), removed=True)
-
-    def exceeded_by(self, worst: float) -> bool:
-        """Whether the smallest gap is an overlap by more than is allowed. Not collective."""
-        return not worst >= -self.most * (1.0 + _ROUND_OFF)
-
-    def require(self, comm: MPI.Comm, worst: float, allowed: float, name: str, unless: str) -> None:
-        """Raise ``ValueError`` if bodies overlap by more than is allowed. Collective.
-
-        Args:
-            comm: communicator.
-            worst: the smallest gap of all ranks.
-            allowed: an overlap that is none.
-            name: of the surface.
-            unless: what else it may be, in words.
-        """
-        words = f"interference=True for a press fit, {unless}"
-        if self.most > 0.0:
-            given = "remove_overlap" if self.removed else "interference"
-            words = f"{given} allows {self.most:.3g}"
-        good = worst >= -allowed or not self.exceeded_by(worst)
-        require(comm, good, f"{name}: the bodies overlap by {-worst:.3g}; {words}")
 
 
 @dataclass(frozen=True)

@@ -8,22 +8,15 @@ opposite meridians cancel; what is left of a resultant is axial.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._errors import require
 from dolfinx_contact._mesh_mark import node_positions
-from dolfinx_contact._validate import flag
-from dolfinx_contact.laws import Law
-from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.points.rigid_body import RigidBody
 
-__all__ = ["axis_condition", "check_revolution", "check_section", "mirrored", "on_axis"]
+__all__ = ["axis_condition", "check_section", "mirrored", "on_axis"]
 
 Array = npt.NDArray[np.float64]
 
@@ -57,28 +50,6 @@ def check_section(domain: mesh.Mesh, facets: npt.NDArray[np.int32], name: str) -
         count = int((np.abs(r[ends]) <= _NEAR * largest).all(axis=1).sum())
     count = comm.allreduce(count)
     require(comm, count == 0, f"{name}: {count} facets lie on the axis, and have no area")
-
-
-def check_revolution(name: str, axisymmetric: Any, obstacle: Obstacle, law: Law) -> None:
-    """``ValueError`` for what a surface of revolution cannot have. Not collective.
-
-    Args:
-        name: of the surface.
-        axisymmetric: whether it is one.
-        obstacle: a rigid body may move along the axis alone.
-        law: not one that spreads in the plane.
-    """
-    if not flag(axisymmetric, f"{name}: axisymmetric"):
-        return
-    if law.averaging is not None:
-        raise ValueError(f"{name}: there is no nonlocal friction of bodies of revolution")
-    if isinstance(obstacle, RigidBody):
-        given = zip(obstacle.components, obstacle.expressions, obstacle.fixed, strict=True)
-        held = [c for c, e, fixed in given if fixed and isinstance(e, ufl.constantvalue.Zero)]
-        if not {"x", "rz"} <= set(held):
-            raise ValueError(
-                f"{name}: {obstacle.name} moves along the axis of revolution alone; hold x and rz"
-            )
 
 
 def mirrored(V: fem.FunctionSpace, normals: Array) -> Array:

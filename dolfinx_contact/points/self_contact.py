@@ -8,8 +8,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._kept import keep
 from dolfinx_contact.meshing import tagged_facets
-from dolfinx_contact.points.descriptions import ContactSurface, SelfContact
-from dolfinx_contact.points.opposite import Overlap
+from dolfinx_contact.points.descriptions import ContactSurface, Overlap, SelfContact
 from dolfinx_contact.points.sliding.points import SlidingFacets, check_slave
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import exterior_facets

@@ -27,16 +27,19 @@ from dolfinx_contact.laws import Answers, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.meshing import tagged_facets
 from dolfinx_contact.obstacles import Obstacle, fields_within, require_uniform
-from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given, Method
-from dolfinx_contact.points.descriptions import Contact, ContactSurface
+from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given
+from dolfinx_contact.points.descriptions import (
+    Contact,
+    ContactMethod,
+    ContactSurface,
+    Overlap,
+    SlidingKind,
+    displacement_degree,
+)
 from dolfinx_contact.points.displaced import (
     DisplacedPoints,
-    SlidingKind,
     TrueGaps,
     displaced_points,
-)
-from dolfinx_contact.points.elements import (
-    displacement_degree,
 )
 from dolfinx_contact.points.integral_points import CommonFacetPoints, FacetPoints
 from dolfinx_contact.points.kinematics import Kinematics
@@ -44,7 +47,7 @@ from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.node_points import AveragedPoints, NodePoints
 from dolfinx_contact.points.operators import ConstantOperator
-from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite, Overlap
+from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody, number
 from dolfinx_contact.points.trace import exterior_facets, rounded, simplex_normals
@@ -130,7 +133,7 @@ class DiscreteSurface:
         return self._contact.obstacle
 
     @property
-    def method(self) -> Method:
+    def method(self) -> ContactMethod:
         """The method of contact."""
         assert self._contact.method is not None
         return self._contact.method
@@ -594,7 +597,7 @@ def _least(radius: Any) -> float:
     return number(ufl.algorithms.expand_derivatives(radius)) if known else np.inf
 
 
-def _points_class(method: Method, opposite: Opposite | None) -> type[ContactPoints]:
+def _points_class(method: ContactMethod, opposite: Opposite | None) -> type[ContactPoints]:
     """What contact points of a method are."""
     if opposite is not None and opposite.points is not None:
         return opposite.points

@@ -23,12 +23,13 @@ from dolfinx_contact.laws import Frictionless, LawAtPoints
 from dolfinx_contact.laws.compiled import CompiledLaw
 from dolfinx_contact.laws.symbols import before
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.points.contact_points import ContactPoints, Method
+from dolfinx_contact.points.contact_points import ContactPoints
+from dolfinx_contact.points.descriptions import ContactMethod, Overlap
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.node_points import NodePoints
 from dolfinx_contact.points.operators import Operator, Stencils
-from dolfinx_contact.points.opposite import Opposite, Overlap
+from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.sliding.faces import SlidingFaces
 from dolfinx_contact.points.sliding.operator import SlidingOperator
 from dolfinx_contact.points.trace import across_planes, nodes_on, outward_normals
@@ -191,7 +192,7 @@ def _size(comm: MPI.Comm, x: Array) -> float:
 class SlidingPoints(NodePoints):
     """The nodes of a slave that slides over its master; see `facing`."""
 
-    method: ClassVar[Method] = "mixed"
+    method: ClassVar[ContactMethod] = "mixed"
     slides: ClassVar[bool] = True
 
     def _opposite_to(self, stencils: Stencils, opposite: Opposite) -> Stencils:
