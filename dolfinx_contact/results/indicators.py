@@ -14,7 +14,7 @@ facet size of the contact surface, x, g, n, j are position, gap, normal and jump
 | `passing` | change of the contact normal in a step at a point whose way leads through the obstacle | 90 degrees |
 | `approach` | large sliding of a pair: approach in a step of points that face nothing, over the search distance | 1 |
 | `behind_plane` | large sliding of a pair: depth of nodes behind a plane of symmetry, in their own images | 0.01 facets |
-| `spin` | rotation of a face over the other one about the contact normal in a step, weighted by the frictional work | 21 degrees |
+| `spin` | rotation of a face over the other one about the contact normal in a step, weighted by the normal forces | 21 degrees |
 | `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
@@ -38,7 +38,7 @@ from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.body.rigid import largest_turn, sums_of_parts
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
-from dolfinx_contact.laws.status import closed
+from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
 from dolfinx_contact.points.displaced_faces import (
     closest_on_face,
@@ -108,12 +108,10 @@ _MESSAGES = {
     "under rotations; take materials.StVenantKirchhoff or materials.NeoHookean",
 }
 _LENGTHS = ("misfit", "penetration")  # compared with the facet size
-_SMALL_SLIDING = ("misfit", "slip", "turn")
 _LEFT = 0.5  # facets beyond the edge of a master, from which a point has left it
 _FACING = 0.5  # smallest cosine between normals of faces that face each other
 _CARRYING = 1e-3  # of the largest traction, above which an open point counts as carrying
 _ACROSS = 0.4  # cosine of the normals of body and obstacle, below which a force is across
-_ROUND_OFF = 1e-9  # of forces times facets, a work of friction that is round-off
 _SAMPLES = 4  # samples of an edge of the obstacle per facet of the body
 _STRAIGHT = 0.9  # cosine with the normal of a facet, above which a corner lies below the facet
 _TINY = float(np.finfo(np.float64).tiny)
@@ -191,13 +189,6 @@ class Indicators:
             found |= {f"{name} of {surface!r}": text for name, text in s.warnings.items()}
         return found
 
-    @property
-    def small_sliding_violated(self) -> str:
-        """Warnings of small sliding, where nothing is proved; "" if it is valid."""
-        found = self.warnings.items()
-        reasons = [f"{k}: {text}" for k, text in found if k.startswith(_SMALL_SLIDING)]
-        return "; ".join(reasons)
-
 
 def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
     """The indicators of a state in the Functions. Collective."""
@@ -220,7 +211,7 @@ def small_sliding_violated(eq: ContactEquations, state: Evaluation) -> str:
         s.name: _of_small_sliding(eq, s, state, contact, held)
         for s, contact, held in _contacts(eq, state)
     }
-    return Indicators(found).small_sliding_violated
+    return "; ".join(f"{name}: {text}" for name, text in Indicators(found).warnings.items())
 
 
 def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, SurfaceIndicators]:
@@ -441,47 +432,38 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> fl
     """Largest rotation of a connected part of the face over the other one in a step. Collective.
 
     Between bodies it is the root mean square of the angles at the points. On obstacles it is the
-    rotation of the points about their mean normal, by least squares. The displacements of linear
-    bodies in small sliding are small by assumption, at any scale.
+    rotation of the points about their mean normal, by least squares. Weights are normal forces. The
+    displacements of linear bodies in small sliding are small by assumption, at any scale.
     """
     turns = s.rigid_body is not None and s.rigid_body.turns
-    small = eq.bulk.linear and s.displaced is None and not turns
-    if s.dim == 2 or (small and not s.slides) or (s.between_bodies and not s.slides):
+    small = s.between_bodies or (eq.bulk.linear and s.displaced is None and not turns)
+    if s.dim == 2 or STICK not in s.law_at_points.codes or (small and not s.slides):
         return 0.0
     at = contact.kinematics
-    n = at.data.n
-    along = contact.traction - np.sum(contact.traction * n, axis=1)[:, None] * n
-    areas = _touching(contact, at.operator.areas)
-    work = np.abs(np.sum(along * at.increment, axis=1)) * areas
-    force = np.linalg.norm(contact.traction, axis=1) * areas
+    forces = _touching(contact, -np.sum(contact.traction * at.data.n, axis=1) * at.operator.areas)
+    weights = np.maximum(forces, 0.0)[:, None]
     part, number = s.parts[0].astype(np.int32), s.parts[1]
 
-    def sums(values: Array) -> Array:
-        return sums_of_parts(s.comm, number, part, values)
-
-    weights = sums(work)
-    rubs = weights > _ROUND_OFF * sums(force) * s.points.mean_width
-
     def means(values: Array) -> Array:
-        return np.asarray(sums(work[:, None] * values) / np.maximum(weights, _TINY)[:, None])
+        rows = weights * np.column_stack([np.ones(len(values)), values])
+        sums = sums_of_parts(s.comm, number, part, rows)
+        return np.asarray(sums[:, 1:] / np.maximum(sums[:, :1], _TINY))
 
     if s.slides:
         apart = at.operator.facing.nodal.apart[: s.points.number]  # type: ignore[attr-defined]
-        angles = np.sqrt(means(apart[:, None] ** 2)[:, 0])
-    else:
-        # the start and the end of the step in the frame of the obstacle, about their means
-        memory = at.memory
-        before = np.zeros_like(n)
-        if memory is not None:
-            before = memory.jump if memory.place is None else memory.place
-        x = at.operator.apply(s.node_positions[: s.owned_nodes])
-        x, y = (v - means(v)[part] for v in (x + before, x + at.path[0]))
-        axis = means(at.path[1])
-        axis = (axis / np.maximum(np.linalg.norm(axis, axis=1), _TINY)[:, None])[part]
-        sine = np.sum(axis * np.cross(x, y), axis=1)
-        cosine = np.sum(x * y, axis=1) - np.sum(axis * x, axis=1) * np.sum(axis * y, axis=1)
-        angles = np.abs(np.arctan2(*means(np.stack([sine, cosine], axis=1)).T))
-    return float(np.degrees(np.max(angles[rubs], initial=0.0)))
+        return float(np.degrees(np.sqrt(means(apart**2).max(initial=0.0))))
+    # the start and the end of the step in the frame of the obstacle, about their means
+    before = np.zeros_like(weights)
+    if at.memory is not None:
+        before = at.memory.jump if at.memory.place is None else at.memory.place
+    x = at.operator.apply(s.node_positions[: s.owned_nodes])
+    x, y = (v - means(v)[part] for v in (x + before, x + at.path[0]))
+    axis = means(at.path[1])[part]
+    axis = axis / np.maximum(np.linalg.norm(axis, axis=1), _TINY)[:, None]
+    sine = np.sum(axis * np.cross(x, y), axis=1)
+    cosine = np.sum(x * y, axis=1) - np.sum(axis * x, axis=1) * np.sum(axis * y, axis=1)
+    angles = np.arctan2(*means(np.stack([sine, cosine], axis=1)).T)
+    return float(np.degrees(np.max(np.abs(angles), initial=0.0)))
 
 
 # -- edges of the obstacle -----------------------------------------------------------------------
