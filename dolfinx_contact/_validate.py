@@ -7,7 +7,7 @@ makes an error on one rank one on all.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from contextlib import suppress
 from typing import Any, TypeVar
 
@@ -52,9 +52,16 @@ def number(value: Any, name: str, must: str = "a finite number", *, text: bool =
 
 
 def positive(
-    value: Any, name: str, must: str = "a positive number", *, text: bool = False
+    value: Any,
+    name: str,
+    must: str = "a positive number",
+    *,
+    text: bool = False,
+    infinite: bool = False,
 ) -> float:
-    """A finite number larger than 0; see `number`."""
+    """A number larger than 0, finite unless ``infinite``; see `number`."""
+    if infinite and is_number(value) and value == np.inf:
+        return float(value)
     if number(value, name, must, text=text) <= 0:
         raise ValueError(f"{name} must be {must}, got {value!r}")
     return float(value)
@@ -90,12 +97,26 @@ def one_of(value: _T, name: str, options: Collection[Any]) -> _T:
     return value
 
 
-def instance(value: Any, name: str, kind: type[_T]) -> _T:
-    """An instance of a class."""
+def instance(value: Any, name: str, kind: type[_T], hint: str = "") -> _T:
+    """An instance of a class.
+
+    Args:
+        value: value to validate.
+        name: name of the argument in the message.
+        kind: class.
+        hint: what else the message says of the class.
+    """
     if not isinstance(value, kind):
-        article = "an" if kind.__name__[0] in "AEIO" else "a"
-        raise ValueError(f"{name} must be {article} {kind.__name__}, got {type(value).__name__}")
+        must = f"{'an' if kind.__name__[0] in 'AEIO' else 'a'} {kind.__name__}{hint and ', '}{hint}"
+        raise ValueError(f"{name} must be {must}, got {type(value).__name__}")
     return value
+
+
+def listed(values: Any, name: str) -> list[Any]:
+    """The items of an iterable that is not a string, as a list."""
+    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+        raise ValueError(f"{name} must be a list, got {values!r}")
+    return list(values)
 
 
 def scalar(value: Any, name: str) -> Any:

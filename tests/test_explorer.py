@@ -612,7 +612,10 @@ def test_a_chart_without_curves():
 @pytest.mark.parametrize(
     ("curve", "message"),
     [
-        (dict(kind="edge", points=((0, 1), (1, 1))), "folds or events"),
+        (
+            dict(kind="edge", points=((0, 1), (1, 1))),
+            "the kind of a curve must be one of fold, event",
+        ),
         (dict(kind="fold", points=((0, 1),)), "two pairs or more"),
         (dict(kind="fold", points=((0, 1), (float("nan"), 1))), "finite"),
         (dict(kind="fold", points=((1, 1), (0, 1))), "must not fall"),
@@ -641,9 +644,12 @@ def test_arguments_that_do_not_fit(branch, folder, no_library):
         (dict(file=folder / "page.pdf"), "a page is an .html file"),
         (dict(record=3), "a folder, a journal or a chart, got int"),
         (dict(curves=[1]), "what event_curves returned"),
-        (dict(title=3), "the title must be a str"),
+        (dict(title=3), "title must be a str"),
         (dict(labels={"gamma": 3}), "labels must be a dictionary of words"),
-        (dict(units={"mass": "kg"}), "units are of length, force, stress, not of mass"),
+        (
+            dict(units={"mass": "kg"}),
+            "the quantity of a unit must be one of length, force, stress; got .mass",
+        ),
         (dict(error=0.0), "the error must be a number from"),
         (dict(error=float("nan")), "the error must be a number from"),
         (dict(counts=[3]), "what find_solutions returned"),

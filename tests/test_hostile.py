@@ -617,8 +617,8 @@ MISUSE = {
     "driven number": (lambda w: parametric(w, driven=[(1.0, w.gamma)]), "must be a Function"),
     "parameter nan": (lambda w: w.system.set_parameter(np.nan), "gamma must be a finite number"),
     # branches
-    "range inf": (lambda w: followed(w, gamma_range=(0, np.inf)), "must be a finite number"),
-    "range nan": (lambda w: followed(w, gamma_range=(np.nan, 1)), "must be a finite number"),
+    "range inf": (lambda w: followed(w, gamma_range=(0, np.inf)), "must be 2 finite numbers"),
+    "range nan": (lambda w: followed(w, gamma_range=(np.nan, 1)), "must be 2 finite numbers"),
     "range 1e-300": (lambda w: followed(w, gamma_range=(0, 1e-300)), "too short or too long"),
     "range 1e300": (lambda w: followed(w, gamma_range=(0, 1e300)), "too short or too long"),
     "range of round-off": (
@@ -627,9 +627,15 @@ MISUSE = {
     ),
     "range reversed": (lambda w: followed(w, gamma_range=(1, 0)), "of gamma is empty"),
     "range empty": (lambda w: followed(w, gamma_range=(0, 0)), "of gamma is empty"),
-    "range of three": (lambda w: followed(w, gamma_range=(0, 1, 2)), "must be two numbers"),
-    "range of words": (lambda w: followed(w, gamma_range="01"), "must be a finite number"),
-    "range number": (lambda w: followed(w, gamma_range=1.0), "must be two numbers"),
+    "range of three": (
+        lambda w: followed(w, gamma_range=(0, 1, 2)),
+        "gamma_range must be 2 finite numbers",
+    ),
+    "range of words": (lambda w: followed(w, gamma_range="01"), "must be 2 finite numbers"),
+    "range number": (
+        lambda w: followed(w, gamma_range=1.0),
+        "gamma_range must be 2 finite numbers",
+    ),
     "start beyond": (lambda w: followed(w, gamma=2.0), "must lie in the range"),
     "start nan": (lambda w: followed(w, gamma=np.nan), "gamma must be a finite number"),
     **{
@@ -663,15 +669,18 @@ MISUSE = {
         lambda w: followed(w, control={"initial": 0.1}),
         "control must be a StepControl",
     ),
-    "no steps": (lambda w: followed(w, max_steps=0), "budget of steps must be positive"),
-    "half a step": (lambda w: followed(w, max_steps=2.5), "budget of steps must be positive"),
-    "unknown route": (lambda w: followed(w, route="fast"), "must be auto, pivoting or steps"),
+    "no steps": (lambda w: followed(w, max_steps=0), "max_steps must be a whole number >= 1"),
+    "half a step": (lambda w: followed(w, max_steps=2.5), "max_steps must be a whole number >= 1"),
+    "unknown route": (
+        lambda w: followed(w, route="fast"),
+        "route must be one of auto, pivoting, steps",
+    ),
     "scale 0": (
         lambda w: follower_for(w.system, w.x, 0.0, gamma_scale=0.0),
-        "the scale of gamma must be positive",
+        "gamma_scale must be a positive number",
     ),
     "state too short": (lambda w: followed(w, x=w.short), "x does not fit the unknowns"),
-    "state Function": (lambda w: followed(w, x=w.u), "x must be a PETSc vector"),
+    "state Function": (lambda w: followed(w, x=w.u), "x must be a Vec, a PETSc vector"),
     "state nan": (lambda w: followed(w, x=w.infinite), "x has an entry that is not finite"),
     "system problem": (lambda w: followed(w, system=w.problem), "such as a ParametricContact"),
     "system None": (lambda w: followed(w, system=None), "such as a ParametricContact"),
@@ -685,13 +694,19 @@ MISUSE = {
     "starts that are no pairs": (lambda w: explored(w, [1.0]), "pairs of a state and its gamma"),
     "a start too short": (lambda w: explored(w, [(w.short, 0.0)]), "a start does not fit"),
     "a start at nan": (lambda w: explored(w, [(w.x, np.nan)]), "gamma of a start must be a finite"),
-    "no branches": (lambda w: explored(w, [(w.x, 0.0)], max_branches=0), "must be positive"),
-    "no time": (lambda w: explored(w, [(w.x, 0.0)], max_seconds=np.nan), "must be positive"),
+    "no branches": (lambda w: explored(w, [(w.x, 0.0)], max_branches=0), "must be a whole number"),
+    "no time": (
+        lambda w: explored(w, [(w.x, 0.0)], max_seconds=np.nan),
+        "must be a positive number",
+    ),
     "branches nan": (
         lambda w: explored(w, [(w.x, 0.0)], max_branches=np.nan),
-        "the budget of branches must be positive, got nan",
+        "max_branches must be a whole number >= 1, got nan",
     ),
-    "half a branch": (lambda w: explored(w, [(w.x, 0.0)], max_branches=2.5), "budget of branches"),
+    "half a branch": (
+        lambda w: explored(w, [(w.x, 0.0)], max_branches=2.5),
+        "max_branches must be a whole number",
+    ),
     # solutions at one gamma
     "solutions at nan": (lambda w: found(w, gamma=np.nan), "gamma must be a finite number"),
     "solutions at inf": (lambda w: found(w, gamma=np.inf), "gamma must be a finite number"),
@@ -700,10 +715,13 @@ MISUSE = {
     "guess no list": (lambda w: found(w, w.x), "must be lists of states"),
     "guess too short": (lambda w: found(w, [w.short]), "a guess does not fit the unknowns"),
     "guess nan": (lambda w: found(w, [w.infinite]), "a guess has an entry that is not finite"),
-    "guess array": (lambda w: found(w, [w.x.array]), "a guess must be a PETSc vector"),
+    "guess array": (lambda w: found(w, [w.x.array]), "a guess must be a Vec, a PETSc vector"),
     "known too short": (lambda w: found(w, known=[w.short]), "a known solution does not fit"),
-    "lengths < 0": (lambda w: found(w, lengths=(-1.0,)), "must be positive"),
-    "half an iteration": (lambda w: found(w, max_iterations=2.5), "positive and whole, got 2.5"),
+    "lengths < 0": (lambda w: found(w, lengths=(-1.0,)), "must be a positive number"),
+    "half an iteration": (
+        lambda w: found(w, max_iterations=2.5),
+        "max_iterations must be a whole number >= 1, got 2.5",
+    ),
     "half an iteration of Uzawa": (
         lambda w: Uzawa(max_iterations=2.5),
         "uzawa: max_iterations must not be 2.5",
@@ -713,7 +731,10 @@ MISUSE = {
         lambda w: contact_family(w.system, fem.Constant(w.V.mesh, 1.0), mu_range=(2.0, 1.0)),
         r"the range .2\.0, 1\.0. of mu is empty",
     ),
-    "tolerance of solutions nan": (lambda w: found(w, tolerance=np.nan), "must be positive"),
+    "tolerance of solutions nan": (
+        lambda w: found(w, tolerance=np.nan),
+        "must be a positive number",
+    ),
     # materials
     "stress of a trial function": (
         lambda w: MATERIAL.stress(ufl.TrialFunction(w.V)),
@@ -999,7 +1020,7 @@ DISAGREEMENT = {
         lambda w: found(w, differs([w.x], [w.x, w.x])),
         "guesses differs between ranks: 1 of them on rank 0, 2",
     ),
-    "budget of branches": (
+    "max_branches must be a whole number": (
         lambda w: explored(w, [(w.x, 0.0)], max_branches=differs(3, 4)),
         "max branches differs between ranks",
     ),

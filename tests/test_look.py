@@ -359,16 +359,16 @@ def test_the_bar_of_a_section_is_of_what_is_seen(folder):
     [
         ({"view": "front"}, "a body in 2D has no view"),
         ({"clip": "x"}, "a body in 2D has no clip"),
-        ({"zoom": 0.0}, "the factor of zoom must be positive"),
-        ({"zoom": "all"}, "zoom must be a factor, 'contact' or a box"),
+        ({"zoom": 0.0}, "the factor of zoom must be a positive number"),
+        ({"zoom": "all"}, "zoom must be a factor, 'contact' or the least"),
         ({"zoom": [[0, 0], [0, 1]]}, "least and largest coordinates of a box in 2D"),
         ({"cmap": "no colours"}, "cmap must be a name"),
         ({"fields": "heat"}, "no field is named 'heat'"),
         ({"fields": "von Mises stress"}, "needs a stress="),
         ({"fields": {"u": 1.0}}, "fields must be UFL scalars by names"),
-        ({"apart": -1.0}, "apart must be a number from 0 on"),
+        ({"apart": -1.0}, "apart must be a nonnegative number"),
         ({"units": "mm"}, "units must be those of length and stress"),
-        ({"colour": "red"}, "'colour' is no look"),
+        ({"colour": "red"}, "a look must be one of .*; got 'colour'"),
     ],
 )
 def test_looks_that_are_refused(look, words):
@@ -380,9 +380,9 @@ def test_looks_that_are_refused(look, words):
 
 def test_directions_that_are_refused():
     for look, words in (
-        ({"view": "sideways"}, "the view must be a vector or one of x, -x"),
-        ({"up": (0, 0, 0)}, "up must not be the vector 0"),
-        ({"clip": ((0, 0), "x")}, "the point of clip must be three finite numbers"),
+        ({"view": "sideways"}, "the view must be one of x, -x"),
+        ({"up": (0, 0, 0)}, "up must be 3 finite numbers, not all 0"),
+        ({"clip": ((0, 0), "x")}, "the point of clip must be 3 finite numbers"),
     ):
         with pytest.raises(ValueError, match=words):
             pictures.checked_look(look, 3, stress=False)

@@ -133,7 +133,7 @@ def test_without_a_proof():
     solutions = found_at(system, 1.0, proof_seconds=0)
     assert not solutions.complete
     assert solutions.proof is None
-    with pytest.raises(ValueError, match="must be a number from 0 on"):
+    with pytest.raises(ValueError, match="must be a nonnegative number"):
         found_at(system, 1.0, proof_seconds=-1)
 
 

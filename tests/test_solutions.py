@@ -115,7 +115,7 @@ def test_bad_input():
     system = gould()
     with pytest.raises(ValueError, match="at least one guess"):
         find_solutions(system, [], 0.0)
-    with pytest.raises(ValueError, match="must be positive"):
+    with pytest.raises(ValueError, match="must be a positive number"):
         find_solutions(system, [state(system, np.zeros(4))], 0.0, lengths=(0.0,))
 
 

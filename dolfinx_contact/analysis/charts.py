@@ -26,6 +26,7 @@ from dolfinx_contact._errors import everywhere
 from dolfinx_contact._files import part_of
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._progress import Line
+from dolfinx_contact._validate import count, flag, one_of, positive
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.analysis.solutions import prove_solutions
@@ -75,8 +76,7 @@ class ChartCell:
         if not set().union(*found) <= set(_LETTERS) or len({len(s) for s in found}) > 1:
             raise ValueError(f"solutions must be letters of {_LETTERS!r}, a point each: {found!r}")
         put(self, "solutions", tuple(found))
-        if not isinstance(self.proved, bool | np.bool_):
-            raise ValueError(f"proved must be True or False, got {self.proved!r}")
+        flag(self.proved, "proved")
         put(self, "proved", bool(self.proved))
 
     @property
@@ -111,8 +111,7 @@ class ChartCurve:
     points: tuple[tuple[float, float], ...]
 
     def __post_init__(self) -> None:
-        if self.kind not in ("fold", "event"):
-            raise ValueError(f"a curve is of folds or events, not {self.kind!r}")
+        one_of(self.kind, "the kind of a curve", ("fold", "event"))
         try:
             points = np.array(self.points, dtype=float)
         except (TypeError, ValueError) as error:
@@ -243,11 +242,12 @@ def _check(a: Arguments) -> None:
     a.mu_range = checked_range(a.mu_range, [], "mu")
     a.gamma_range = checked_range(a.gamma_range, [])
     a.cells = tuple(a.cells)
-    numbers = (*a.cells, a.depth)
-    if len(numbers) != 3 or not all(isinstance(n, int | np.integer) for n in numbers):
-        raise ValueError("cells must be two whole numbers, and depth must be one")
-    if not (min(a.cells) >= 1 and a.depth >= 0 and a.proof_seconds > 0):
-        raise ValueError("cells and seconds must be positive, and depth must not be negative")
+    if len(a.cells) != 2:
+        raise ValueError(f"cells must be two whole numbers, got {a.cells!r}")
+    for cells in a.cells:
+        count(cells, "cells")
+    count(a.depth, "depth", least=0)
+    positive(a.proof_seconds, "proof_seconds", infinite=True)
 
 
 @collective("a chart", _check)

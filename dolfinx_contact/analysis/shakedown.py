@@ -42,7 +42,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, on_root
-from dolfinx_contact._numbers import is_count, is_number
+from dolfinx_contact._validate import count, instance, listed, nonnegative, positive
 from dolfinx_contact.algorithms.complementarity import coulomb_by_lemke
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
 from dolfinx_contact.algorithms.point_problem import PointProblem
@@ -137,22 +137,17 @@ def _in_words(ranges: tuple[tuple[float, float], ...]) -> str:
 
 
 def _check(a: Arguments) -> None:
-    if not isinstance(a.problem, ContactProblem):
-        raise ValueError(f"a ContactProblem is needed, got {a.problem!r}")
-    a.loads = list(a.loads) if isinstance(a.loads, Sequence) else a.loads
-    if not isinstance(a.loads, list) or len(a.loads) < 2 or not all(map(callable, a.loads)):
+    instance(a.problem, "problem", ContactProblem)
+    a.loads = listed(a.loads, "loads")
+    if len(a.loads) < 2 or not all(map(callable, a.loads)):
         raise ValueError("loads must be two functions or more, each of which puts a load in place")
     if a.steady is not None and not callable(a.steady):
         raise ValueError(f"steady must be a function that puts a load in place, got {a.steady!r}")
-    if a.factor is not None and not (is_number(a.factor) and 0 < a.factor < np.inf):
-        raise ValueError(f"factor must be a positive number, got {a.factor!r}")
-    for name in ("cycles", "steps"):
-        if not is_count(getattr(a, name)):
-            raise ValueError(f"{name} must be 1 or more, got {getattr(a, name)!r}")
-    if not (a.starts == 0 or is_count(a.starts)):
-        raise ValueError(f"starts must be a whole number from 0 on, got {a.starts!r}")
-    if not (is_number(a.seconds) and a.seconds >= 0):
-        raise ValueError(f"seconds must be a number from 0 on, got {a.seconds!r}")
+    if a.factor is not None:
+        positive(a.factor, "factor")
+    for name, least in (("cycles", 1), ("steps", 1), ("starts", 0)):
+        count(getattr(a, name), name, least)
+    nonnegative(a.seconds, "seconds")
 
 
 @collective("shakedown", _check, local=("loads", "steady"))

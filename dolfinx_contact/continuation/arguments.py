@@ -12,8 +12,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact._numbers import is_count, is_number
 from dolfinx_contact._progress import check_progress
+from dolfinx_contact._validate import count, instance, number, one_of, vector
 from dolfinx_contact.continuation.observer import Stop, as_observer, is_observer
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
@@ -46,12 +46,9 @@ def samples_of(low: float, high: float) -> list[float]:
 
 
 def check_system(system: Any) -> None:
-    """Raise ``ValueError`` if ``system`` is none. Not collective."""
-    if not isinstance(system, System):
-        raise ValueError(
-            "what is followed must be a System, such as a ParametricContact of a contact problem "
-            f"and its parameter; got {type(system).__name__}"
-        )
+    """Validate a system. Not collective."""
+    hint = "such as a ParametricContact of a contact problem and its parameter"
+    instance(system, "what is followed", System, hint)
 
 
 def require_smooth(system: System) -> None:
@@ -68,9 +65,7 @@ def require_smooth(system: System) -> None:
 
 def checked_gamma(gamma: Any, what: str = "gamma") -> float:
     """``gamma`` as a finite number, or ``ValueError``. Not collective."""
-    if not is_number(gamma) or not np.isfinite(gamma):
-        raise ValueError(f"{what} must be a finite number, got {gamma!r}")
-    return float(gamma)
+    return number(gamma, what)
 
 
 def checked_range(
@@ -78,11 +73,7 @@ def checked_range(
 ) -> tuple[float, float]:
     """A range of a parameter that contains ``starts``, or ``ValueError``. Not collective."""
     name = f"{parameter}_range"
-    try:
-        low, high = ends
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be two numbers, got {ends!r}") from None
-    low, high = (checked_gamma(g, f"either end of {name}") for g in (low, high))
+    low, high = (float(end) for end in vector(ends, name, 2))
     if not low < high:
         raise ValueError(f"the range [{low}, {high}] of {parameter} is empty")
     if not all(low <= gamma <= high for gamma in starts):
@@ -103,11 +94,7 @@ def leads_out(gamma: float, rate: float, gamma_range: tuple[float, float]) -> bo
 def check_vectors(states: Sequence[Any], what: str) -> None:
     """Raise ``ValueError`` if a state is no vector. Not collective."""
     for x in states:
-        if not isinstance(x, PETSc.Vec):
-            raise ValueError(
-                f"{what} must be a PETSc vector of all unknowns, as system.create_vector() "
-                f"makes it and problem.write(x) fills it; got {type(x).__name__}"
-            )
+        instance(x, what, PETSc.Vec, "a PETSc vector of all unknowns, as create_vector() makes it")
 
 
 def check_states(system: System, states: Sequence[PETSc.Vec], what: str) -> None:
@@ -175,16 +162,14 @@ def check_rays(rays: Any) -> None:
     True: wherever statuses meet; False: no more of them than it takes to continue; None: by
         default.
     """
-    if rays is not None and not isinstance(rays, bool | np.bool_):
-        raise ValueError(f"rays must be True, False or None, got {rays!r}")
+    one_of(rays, "rays", (True, False, None))
 
 
 def check_steps(control: Any, max_steps: Any) -> None:
     """Raise ``ValueError`` for what is no control of step lengths, or no budget. Not collective."""
-    if control is not None and not isinstance(control, StepControl):
-        raise ValueError(f"control must be a StepControl, got {control!r}")
-    if not is_count(max_steps):
-        raise ValueError(f"the budget of steps must be positive, got {max_steps!r}")
+    if control is not None:
+        instance(control, "control", StepControl)
+    count(max_steps, "max_steps")
 
 
 def reason_to_stop(comm: MPI.Comm, what: str, stop: Stop[Any], step: Any) -> str:

@@ -20,7 +20,7 @@ from typing import Any
 from petsc4py import PETSc
 
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._numbers import is_count, is_number
+from dolfinx_contact._validate import count, positive
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
@@ -77,10 +77,8 @@ def _check(a: Arguments) -> None:
     a.gamma_range = checked_range(a.gamma_range, [gamma for _, gamma in a.starts])
     check_steps(a.control, a.max_steps)
     check_listeners(observer=a.observer, record=a.record, progress=a.progress, stop=a.stop)
-    if not is_count(a.max_branches):
-        raise ValueError(f"the budget of branches must be positive, got {a.max_branches!r}")
-    if not (is_number(a.max_seconds) and a.max_seconds > 0):
-        raise ValueError(f"the budget of seconds must be positive, got {a.max_seconds!r}")
+    count(a.max_branches, "max_branches")
+    positive(a.max_seconds, "max_seconds", infinite=True)
 
 
 @collective("explore", _check)

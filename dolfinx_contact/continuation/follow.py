@@ -19,6 +19,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._validate import one_of, positive
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
@@ -172,10 +173,8 @@ def follower_for(
             distinguished from kinks there.
     """
     require_smooth(system)
-    if not (np.isfinite(gamma_scale) and gamma_scale > 0):
-        raise ValueError(f"the scale of gamma must be positive, got {gamma_scale}")
-    if route not in ("auto", "pivoting", "steps"):
-        raise ValueError(f"the route must be auto, pivoting or steps, got {route!r}")
+    positive(gamma_scale, "gamma_scale")
+    one_of(route, "route", ("auto", "pivoting", "steps"))
     if route != "steps" and system.is_piecewise_affine:
         condensed = system.condensed(x, gamma)
         if condensed is not None:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from petsc4py import PETSc
@@ -29,7 +29,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._numbers import is_count, is_number
+from dolfinx_contact._validate import count, listed, nonnegative, positive
 from dolfinx_contact.continuation.arguments import (
     check_states,
     check_system,
@@ -136,21 +136,16 @@ def _check(a: Arguments) -> None:
     if any(isinstance(states, PETSc.Vec) for states in (a.guesses, a.known)):
         raise ValueError("guesses and known must be lists of states")
     for name in ("guesses", "known", "lengths"):
-        values = getattr(a, name)
-        if isinstance(values, str) or not isinstance(values, Iterable):
-            raise ValueError(f"{name} must be a list, got {values!r}")
-        setattr(a, name, list(values))
+        setattr(a, name, listed(getattr(a, name), name))
     if not a.guesses:
         raise ValueError("at least one guess is needed")
     check_vectors(a.guesses, "a guess")
     check_vectors(a.known, "a known solution")
-    positive = all(is_number(part) and 0 < part < np.inf for part in a.lengths)
-    if not (positive and is_number(a.tolerance) and a.tolerance > 0):
-        raise ValueError("lengths and tolerance must be positive")
-    if not is_count(a.max_iterations):
-        raise ValueError(f"max_iterations must be positive and whole, got {a.max_iterations!r}")
-    if not (is_number(a.proof_seconds) and a.proof_seconds >= 0):
-        raise ValueError(f"proof_seconds must be a number from 0 on, got {a.proof_seconds!r}")
+    for length in a.lengths:
+        positive(length, "lengths")
+    positive(a.tolerance, "tolerance")
+    count(a.max_iterations, "max_iterations")
+    nonnegative(a.proof_seconds, "proof_seconds")
 
 
 @collective("find_solutions", _check)

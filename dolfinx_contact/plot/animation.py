@@ -47,8 +47,6 @@ def _check_film(a: Arguments) -> None:
     a.scale = checked_scale(a.scale)
     a.rate = _checked_rate(a.rate)
     check_look(a)
-    if not isinstance(a.title, str):
-        raise ValueError(f"the title must be a str, got {a.title!r}")
 
 
 def _film_path(file: str | os.PathLike[str]) -> Path:
@@ -324,8 +322,6 @@ def _in_turn(comm: MPI.Comm, states: Iterable[str]) -> Iterator[str]:
     while True:
         with everywhere(comm, "the states of a film"):
             words = next(left, None)
-            if words is not None and not isinstance(words, str):
-                raise ValueError(f"what is written beside the title must be a str, got {words!r}")
         same_everywhere(comm, what_is_written=words)
         if words is None:
             return

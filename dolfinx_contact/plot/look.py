@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeAlias, TypedDict
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
+from dolfinx_contact._validate import nonnegative, number, one_of, positive, vector
 
 __all__ = ["Fields", "Heading", "Look", "checked_look", "checked_scale", "checked_units"]
 
@@ -65,9 +65,7 @@ class Look(TypedDict, total=False):
 
 def checked_scale(scale: Any) -> float:
     """The factor of a displacement as a number, or ``ValueError``. Not collective."""
-    if not (is_number(scale) and np.isfinite(scale)):
-        raise ValueError(f"the scale of the displacement must be a finite number, got {scale!r}")
-    return float(scale)
+    return number(scale, "the scale of the displacement")
 
 
 def checked_look(look: Mapping[str, Any], dim: int, *, stress: bool) -> dict[str, Any]:
@@ -82,21 +80,16 @@ def checked_look(look: Mapping[str, Any], dim: int, *, stress: bool) -> dict[str
         The entries; of ``fields`` a dictionary whose values are UFL or None, directions and boxes
         as lists.
     """
-    unknown = sorted(set(look) - set(Look.__annotations__))
-    if unknown:
-        raise ValueError(f"{unknown[0]!r} is no look: {', '.join(Look.__annotations__)} are")
-    view, up, clip = (look.get(name) for name in ("view", "up", "clip"))
-    for name, value in (("view", view), ("up", up), ("clip", clip)):
-        if value is not None and dim == 2:
+    for name, value in look.items():
+        one_of(name, "a look", list(Look.__annotations__))
+        if dim == 2 and name in ("view", "up", "clip") and value is not None:
             raise ValueError(f"a body in 2D has no {name}")
+    view, up, clip = (look.get(name) for name in ("view", "up", "clip"))
     cmap = look.get("cmap")
     if cmap is not None:
         known = optional("matplotlib", "pictures").colormaps
-        if not isinstance(cmap, str) or cmap not in known:
+        if cmap not in list(known):
             raise ValueError(f"cmap must be a name of colours that matplotlib has, got {cmap!r}")
-    apart = look.get("apart", 0.0)
-    if not (is_number(apart) and np.isfinite(apart) and apart >= 0):
-        raise ValueError(f"apart must be a number from 0 on, got {apart!r}")
     return {
         "fields": _fields(look.get("fields"), stress),
         "view": None if view is None else _direction(view, "the view", _SIDES),
@@ -104,7 +97,7 @@ def checked_look(look: Mapping[str, Any], dim: int, *, stress: bool) -> dict[str
         "clip": None if clip is None else _plane(clip),
         "zoom": _zoom(look.get("zoom", 1.0), dim),
         "cmap": cmap,
-        "apart": float(apart),
+        "apart": nonnegative(look.get("apart", 0.0), "apart"),
         "units": checked_units(look.get("units", ("", ""))),
     }
 
@@ -137,16 +130,6 @@ def _fields(fields: Any, stress: bool) -> dict[str, Any]:
     return dict.fromkeys(names)
 
 
-def _vector(value: Any, what: str) -> npt.NDArray[np.float64]:
-    try:
-        vector = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        vector = np.empty(0)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueError(f"{what} must be three finite numbers, got {value!r}")
-    return vector
-
-
 def _direction(
     value: Any, what: str, names: Mapping[str, Sequence[float]] | None = None
 ) -> list[float]:
@@ -158,14 +141,9 @@ def _direction(
     }
     known: dict[str, Any] = axes | dict(names or {})
     if isinstance(value, str):
-        if value not in known:
-            raise ValueError(f"{what} must be a vector or one of {', '.join(known)}, got {value!r}")
-        return [float(c) + 0.0 for c in known[value]]
-    vector = _vector(value, what)
-    size = np.linalg.norm(vector)
-    if size == 0:
-        raise ValueError(f"{what} must not be the vector 0")
-    return [float(c) for c in vector / size]
+        return [float(c) + 0.0 for c in known[one_of(value, what, known)]]
+    found = vector(value, what, 3, zero=False)
+    return [float(c) for c in found / np.linalg.norm(found)]
 
 
 def _plane(clip: Any) -> dict[str, list[float] | None]:
@@ -173,7 +151,7 @@ def _plane(clip: Any) -> dict[str, list[float] | None]:
     if isinstance(clip, str):
         return {"point": None, "normal": _direction(clip, "clip")}
     if isinstance(clip, Sequence | np.ndarray) and len(clip) == 2:
-        point = _vector(clip[0], "the point of clip")
+        point = vector(clip[0], "the point of clip", 3)
         return {
             "point": [float(c) for c in point],
             "normal": _direction(clip[1], "the normal of clip"),
@@ -182,21 +160,17 @@ def _plane(clip: Any) -> dict[str, list[float] | None]:
 
 
 def _zoom(zoom: Any, dim: int) -> float | str | list[list[float]]:
-    if isinstance(zoom, str):
-        if zoom != "contact":
-            raise ValueError(f"zoom must be a factor, 'contact' or a box, got {zoom!r}")
-        return zoom
     if is_number(zoom):
-        if not (np.isfinite(zoom) and zoom > 0):
-            raise ValueError(f"the factor of zoom must be positive, got {zoom!r}")
-        return float(zoom)
+        return positive(zoom, "the factor of zoom")
+    if isinstance(zoom, str) and zoom == "contact":
+        return zoom
     try:
         box = np.array(zoom, dtype=np.float64)
     except (TypeError, ValueError):
         box = np.empty(0)
     if box.shape != (2, dim) or not np.isfinite(box).all() or not (box[0] < box[1]).all():
         raise ValueError(
-            f"zoom must be a factor, 'contact', or the least and largest coordinates of a box in "
+            "zoom must be a factor, 'contact' or the least and largest coordinates of a box in "
             f"{dim}D, got {zoom!r}"
         )
     corners = np.pad(box, ((0, 0), (0, 3 - dim)))

@@ -25,6 +25,7 @@ from dolfinx_contact._errors import on_root
 from dolfinx_contact._files import part_of
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
+from dolfinx_contact._validate import instance, one_of, positive
 from dolfinx_contact.analysis import Chart, EventCurves, ProvedCount, Regions
 from dolfinx_contact.continuation import Solutions
 from dolfinx_contact.io.outside import SurfaceState
@@ -63,16 +64,14 @@ def _check(a: Arguments) -> None:
         raise ValueError(f"a record is a folder, a journal or a chart, got {kind}")
     if a.curves is not None and not isinstance(a.curves, EventCurves):
         raise ValueError(f"curves are what event_curves returned, got {type(a.curves).__name__}")
-    if not isinstance(a.title, str):
-        raise ValueError(f"the title must be a str, got {a.title!r}")
+    instance(a.title, "title", str)
     for name in ("labels", "units"):
         words = getattr(a, name) or {}
         pairs = words.items() if isinstance(words, Mapping) else [(None, None)]
         if not all(isinstance(k, str) and isinstance(v, str) for k, v in pairs):
             raise ValueError(f"{name} must be a dictionary of words by words, got {words!r}")
-    unknown = sorted(set(a.units or {}) - set(_QUANTITIES))
-    if unknown:
-        raise ValueError(f"units are of {', '.join(_QUANTITIES)}, not of {unknown[0]}")
+    for quantity in a.units or {}:
+        one_of(quantity, "the quantity of a unit", _QUANTITIES)
     if not (is_number(a.error) and _LEAST_ERROR <= a.error <= _LARGEST_ERROR):
         raise ValueError(
             f"the error must be a number from {_LEAST_ERROR} to {_LARGEST_ERROR} of the largest "
@@ -196,8 +195,7 @@ def watch(
     Raises:
         OSError, ValueError: as `explorer`, and for seconds that are not positive.
     """
-    if not (is_number(seconds) and seconds > 0):
-        raise ValueError(f"seconds must be a positive number, got {seconds!r}")
+    positive(seconds, "seconds")
     if not isinstance(record, str | os.PathLike):
         raise ValueError(f"what is watched is the folder of a record, got {record!r}")
     look = dict(counts=counts, title=title, labels=labels, units=units, error=error)
