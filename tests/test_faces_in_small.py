@@ -10,12 +10,13 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
 from dolfinx_contact import HalfSpace, RigidBody
+from dolfinx_contact._geometry import area_vector_rates, area_vectors
 from dolfinx_contact.points.clipping import Faces, basis, cover, nodal_points
 from dolfinx_contact.points.crossings import _in_loops
 from dolfinx_contact.points.descriptions import Overlap
 from dolfinx_contact.points.search import nearest, within
 from dolfinx_contact.points.sliding.facing import Facing, Nodal
-from dolfinx_contact.points.sliding.rays import area_vector_rates, area_vectors, cast, slopes
+from dolfinx_contact.points.sliding.rays import cast, slopes
 
 COMM = MPI.COMM_WORLD
 TENSOR = [0, 1, 3, 2]  # from around a facet to tensor order and back

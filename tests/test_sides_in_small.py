@@ -22,6 +22,7 @@ from dolfinx_contact import (
     LevelSet,
     Sphere,
 )
+from dolfinx_contact._geometry import area_vectors, unit
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 from dolfinx_contact.laws.symbols import SLID
@@ -57,7 +58,6 @@ from dolfinx_contact.points.trace import (
     exterior_facets,
     nodes_on,
     outward_normals,
-    simplex_normals,
 )
 from dolfinx_contact.problem import discretise
 
@@ -197,12 +197,12 @@ def test_normals_of_a_face_at_its_nodes(cell, size, unit):
 
 def test_normals_of_simplices():
     """To the right of a segment, by the right hand of a triangle, of any size; of a point none."""
-    for unit in (1e-9, 1.0, 1e9):
-        segment = unit * np.array([[[1.0, 2.0], [4.0, 6.0]]])
-        np.testing.assert_allclose(simplex_normals(segment), [[0.8, -0.6]], rtol=1e-13)
-        triangle = unit * np.array([[[1.0, 0, 0], [1.0, 2.0, 0], [1.0, 0, 3.0]]])
-        np.testing.assert_allclose(simplex_normals(triangle), [[1.0, 0.0, 0.0]], atol=1e-13)
-    np.testing.assert_array_equal(simplex_normals(np.ones((1, 2, 2))), 0.0)
+    for size in (1e-9, 1.0, 1e9):
+        segment = size * np.array([[[1.0, 2.0], [4.0, 6.0]]])
+        np.testing.assert_allclose(unit(area_vectors(segment)), [[0.8, -0.6]], rtol=1e-13)
+        triangle = size * np.array([[[1.0, 0, 0], [1.0, 2.0, 0], [1.0, 0, 3.0]]])
+        np.testing.assert_allclose(unit(area_vectors(triangle)), [[1.0, 0.0, 0.0]], atol=1e-13)
+    np.testing.assert_array_equal(unit(area_vectors(np.ones((1, 2, 2)))), 0.0)
 
 
 # -- bodies of revolution -------------------------------------------------------------------------
@@ -1021,7 +1021,7 @@ def test_sides_of_facets(cell):
     """Signs by which normals of simplices point out of the body, at places without round-off."""
     s = block(n=2, cell=cell).surfaces[0]
     corners, x, signs = s.facet_sides
-    out = signs[:, None] * simplex_normals(x[corners])
+    out = signs[:, None] * unit(area_vectors(x[corners]))
     np.testing.assert_allclose(out, np.tile(-np.eye(s.dim)[-1], (len(out), 1)), atol=1e-12)
     whole = s.points.vertices.tabulate_dof_coordinates()[:, : s.dim]
     np.testing.assert_allclose(x, whole, atol=1e-8)

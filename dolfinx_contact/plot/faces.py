@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._geometry import area_vectors, unit
 from dolfinx_contact.plot.floors import parts_of
 
 __all__ = ["along_curve", "flat_axes", "is_straight", "near_contact", "spacing_of", "turned_to"]
@@ -156,10 +157,7 @@ def turned_to(x: Array, cells: Cells, n: Array, touching: Marks) -> tuple[Array,
         n: normals into the obstacle at the vertices (m, 3).
         touching: of the vertices.
     """
-    corner = x[cells[:, 0]]
-    across = np.cross(x[cells[:, 1]] - corner, x[cells[:, 2]] - corner)
-    normals = np.asarray(across, dtype=np.float64)
-    normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+    normals = unit(area_vectors(x[cells[:, :3]]))
     at_cells = n[cells].mean(axis=1)
     normals = np.where(np.sum(normals * at_cells, axis=1)[:, None] < 0, -normals, normals)
     touches = touching[cells].any(axis=1)

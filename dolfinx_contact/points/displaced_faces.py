@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._geometry import area_vectors, dot, unit
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues
-from dolfinx_contact.points.sliding.rays import area_vectors
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
@@ -77,7 +77,7 @@ def master_simplices(
     simplices = _SIMPLICES[dim, closures.shape[1]]
     both = np.stack([X[closures], (X + u)[closures]])[:, :, simplices].reshape(2, -1, dim, dim)
     outward = np.repeat(facet_normals(domain, owned), len(simplices), axis=0)
-    inward = np.sum(area_vectors(both[0]) * outward, axis=1) < 0.0
+    inward = dot(area_vectors(both[0]), outward) < 0.0
     both[:, inward] = both[:, inward, ::-1]
     both = np.concatenate(domain.comm.allgather(both), axis=1)
     area = np.linalg.norm(area_vectors(both[0]), axis=1).mean() * len(simplices)
@@ -88,9 +88,9 @@ def closest_on_face(corners: Array, x: Array) -> Closest:
     """The closest points of simplices (n, dim, dim) to points (m, dim). Not collective."""
     cells = np.arange(corners.shape[0] * corners.shape[1]).reshape(corners.shape[:2])
     found, parts = ClosestFacets(corners.reshape(-1, corners.shape[2]), cells)(x)
-    normal = _unit(area_vectors(corners[found]))
+    normal = unit(area_vectors(corners[found]))
     feet = np.einsum("nk,nkd->nd", parts, corners[found])
-    gap = np.sum((x - feet) * normal, axis=1)
+    gap = dot(x - feet, normal)
     beyond = np.linalg.norm(x - feet - gap[:, None] * normal, axis=1)
     return Closest(gap, beyond, normal, feet)
 
@@ -106,7 +106,7 @@ def slave_triangles(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
     triangles = cells[:, _SIMPLICES[s.dim, cells.shape[1]]].reshape(-1, s.dim)
     normals = area_vectors(now[triangles])
     sense = np.repeat(vectors, len(triangles) // max(len(cells), 1), axis=0)
-    return now, triangles, _unit(normals * np.sign(np.sum(normals * sense, axis=1))[:, None])
+    return now, triangles, unit(normals * np.sign(dot(normals, sense))[:, None])
 
 
 def _slave_facets(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
@@ -131,9 +131,4 @@ def outward_at_points(s: DiscreteSurface, u: Array) -> Array:
     _, cells, vectors = _slave_facets(s, u)
     parts = np.repeat(vectors[:, None], cells.shape[1], axis=1)
     at_vertices = SharedValues(s.points.vertices.dofmap.index_map).sums(cells, parts)
-    return _unit(np.stack([s.points.from_vertices(v) for v in at_vertices.T], axis=1))
-
-
-def _unit(v: Array) -> Array:
-    """Vectors (n, dim) of length one; zero vectors remain zero."""
-    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=1), 1e-300)[:, None])
+    return unit(np.stack([s.points.from_vertices(v) for v in at_vertices.T], axis=1))

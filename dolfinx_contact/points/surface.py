@@ -19,6 +19,7 @@ from dolfinx_contact._agreement import described, refuse_displacement, refuse_ot
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import seal
+from dolfinx_contact._geometry import area_vectors
 from dolfinx_contact._kept import keep
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact.body.cells import midpoints
@@ -50,7 +51,7 @@ from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody, number
-from dolfinx_contact.points.trace import exterior_facets, rounded, simplex_normals
+from dolfinx_contact.points.trace import exterior_facets, rounded
 
 __all__ = ["DiscreteSurface"]
 
@@ -475,14 +476,14 @@ class DiscreteSurface:
         Returns:
             Local vertices (facets, k); places of all of these without the round-off in them, so
             that the first of several is the same everywhere (n, dim); signs by which
-            `trace.simplex_normals` point out of the body (facets,).
+            `area_vectors` point out of the body (facets,).
         """
         facets = self.submesh.parent_facets
         corners = self.points.vertices.dofmap.list[: len(facets)]
         x = rounded(node_positions(self.points.vertices)[:, : self.dim])
         to_cells = self.domain.topology.connectivity(self.dim - 1, self.dim)
         inside = midpoints(self.domain, to_cells.array[to_cells.offsets[facets]])
-        N = simplex_normals(x[corners[:, : self.dim]])
+        N = area_vectors(x[corners])
         return corners, x, np.sign(np.sum(N * (x[corners[:, 0]] - inside), axis=1))
 
     @cached_property

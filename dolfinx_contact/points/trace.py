@@ -15,6 +15,7 @@ import numpy.typing as npt
 import basix
 from dolfinx import fem, la, mesh
 
+from dolfinx_contact import _geometry
 from dolfinx_contact._compat import is_topology_of
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._mesh_mark import node_positions
@@ -33,7 +34,6 @@ __all__ = [
     "outward_normals",
     "owned_exterior",
     "rounded",
-    "simplex_normals",
     "trace_dofs",
 ]
 
@@ -180,35 +180,17 @@ def facet_normals(
         return np.zeros((0, dim))
     domain.topology.create_connectivity(dim - 1, dim)
     x = domain.geometry.x[mesh.entities_to_geometry(domain, dim - 1, facets)][:, :, :dim]
-    if dim == 2:
-        along = x[:, 1] - x[:, 0]
-        normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    elif x.shape[1] == 3:
-        normals = 0.5 * np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    else:  # in tensor order: half the product of the diagonals
-        normals = 0.5 * np.cross(x[:, 3] - x[:, 0], x[:, 2] - x[:, 1])
+    normals = _geometry.area_vectors(x)
     to_cells = domain.topology.connectivity(dim - 1, dim)
     inside = midpoints(domain, to_cells.array[to_cells.offsets[facets]]) - x.mean(axis=1)
     normals[np.sum(inside * normals, axis=1) > 0] *= -1.0
-    if unit:
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(normals)
+    return _geometry.unit(normals) if unit else normals
 
 
 def rounded(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Coordinates to nine digits of the largest."""
     size = 10.0 ** np.ceil(np.log10(np.max(np.abs(x), initial=1e-300)))
     return np.round(x / size, 9) * size + 0.0
-
-
-def simplex_normals(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Unit normals of simplices, to one side as their corners go."""
-    along = corners[:, 1:] - corners[:, :1]
-    if corners.shape[2] == 2:
-        n = np.stack([along[:, 0, 1], -along[:, 0, 0]], axis=1)
-    else:
-        n = np.asarray(np.cross(along[:, 0], along[:, 1]), dtype=np.float64)
-    return np.asarray(n / np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None])
 
 
 def checked_planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:

@@ -34,6 +34,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._geometry import dot, unit
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.body.rigid import largest_turn, sums_of_parts
 from dolfinx_contact.equations.contact import ContactEquations
@@ -317,24 +318,24 @@ def _of_pair(
     x = s.positions
     before = closest_on_face(master[0], x)
     after = closest_on_face(master[1], x + s.displacements(u))
-    cosine = np.clip(-np.sum(n * before.normal, axis=1), _FACING, 1.0)
-    law = s.points.data.gap - np.sum(jump * n, axis=1)
+    cosine = np.clip(-dot(n, before.normal), _FACING, 1.0)
+    law = s.points.data.gap - dot(jump, n)
     true = s.points.data.gap + (after.gap - before.gap) / cosine
     off = _off(law, true, touching)
-    faces = (np.sum(n * after.normal, axis=1) < -_FACING) & (after.beyond <= 1e-9 * found.facet)
+    faces = (dot(n, after.normal) < -_FACING) & (after.beyond <= 1e-9 * found.facet)
     beyond = after.beyond - before.beyond
     off = np.where(touching | (faces & ~held), off, 0.0)
     off = np.where(touching & (beyond > _LEFT * found.facet), np.hypot(beyond, true), off)
     # slips of points that are closed or carry something across a gap, as bonds do
     size = np.linalg.norm(contact.traction, axis=1)
     acting = touching | ((size > _CARRYING * _most(s, size)) & ~held)
-    along = np.linalg.norm(jump - np.sum(jump * n, axis=1)[:, None] * n, axis=1)
+    along = np.linalg.norm(jump - dot(jump, n)[:, None] * n, axis=1)
     area = s.comm.allreduce(float(s.points.areas.sum()))
     width = min(width, max(area ** (1 / (s.dim - 1)), found.facet))
     # normals
     outward = [outward_at_points(s, v) for v in (u, np.zeros_like(u))]
     turn = np.maximum(_angles(n, outward[0]) - _angles(n, outward[1]), 0.0)
-    forces = np.where(touching, np.maximum(-np.sum(contact.traction * n, axis=1), 0.0), 0.0)
+    forces = np.where(touching, np.maximum(-dot(contact.traction, n), 0.0), 0.0)
     forces = forces * s.points.areas
     squares = s.comm.allreduce(np.array([forces @ turn**2, forces.sum()]))
     return replace(
@@ -378,7 +379,7 @@ def _passing(s: DiscreteSurface, contact: ContactState) -> float:
         if memory is not None and memory.motion is not None:
             before = memory.motion
         normal = normal @ body.frame(before).T
-    turned = np.sum(normal * at.data.n, axis=1) < 0.0
+    turned = dot(normal, at.data.n) < 0.0
     if not s.comm.allreduce(int(turned.any())):
         return 0.0
     first, last = np.maximum(gap, 0.0), np.maximum(at.gap, 0.0)
@@ -440,7 +441,7 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> fl
     if s.dim == 2 or STICK not in s.law_at_points.codes or (small and not s.slides):
         return 0.0
     at = contact.kinematics
-    forces = _touching(contact, -np.sum(contact.traction * at.data.n, axis=1) * at.operator.areas)
+    forces = _touching(contact, -dot(contact.traction, at.data.n) * at.operator.areas)
     weights = np.maximum(forces, 0.0)[:, None]
     part, number = s.parts[0].astype(np.int32), s.parts[1]
 
@@ -458,10 +459,9 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> fl
         before = at.memory.jump if at.memory.place is None else at.memory.place
     x = at.operator.apply(s.node_positions[: s.owned_nodes])
     x, y = (v - means(v)[part] for v in (x + before, x + at.path[0]))
-    axis = means(at.path[1])[part]
-    axis = axis / np.maximum(np.linalg.norm(axis, axis=1), _TINY)[:, None]
-    sine = np.sum(axis * np.cross(x, y), axis=1)
-    cosine = np.sum(x * y, axis=1) - np.sum(axis * x, axis=1) * np.sum(axis * y, axis=1)
+    axis = unit(means(at.path[1]))[part]
+    sine = dot(axis, np.cross(x, y))
+    cosine = dot(x, y) - dot(axis, x) * dot(axis, y)
     angles = np.arctan2(*means(np.stack([sine, cosine], axis=1)).T)
     return float(np.degrees(np.max(np.abs(angles), initial=0.0)))
 
@@ -495,7 +495,7 @@ def _deepest(s: DiscreteSurface, u: Array) -> float:
         return 0.0
     found, parts = ClosestFacets(now, cells)(probes)
     off = probes - np.einsum("nk,nkd->nd", parts, corners[found])
-    height = np.sum(off * normals[found], axis=1)
+    height = dot(off, normals[found])
     distance = np.linalg.norm(off, axis=1)
     depth = radius - np.where(height < 0.0, -distance, distance)
     # subtract the depth of the nearest contact point and a removed overlap
@@ -503,7 +503,7 @@ def _deepest(s: DiscreteSurface, u: Array) -> float:
     depth = depth - np.maximum(radius - away, 0.0)
     taken = s.points.removed_at_vertices
     if taken is not None:
-        depth = depth - np.sum(parts * taken.x.array[cells[found]], axis=1)
+        depth = depth - dot(parts, taken.x.array[cells[found]])
     if radius == 0.0:  # corners beside the face, or on the far side of the body
         below = (height < -_STRAIGHT * distance) & (depth < sizes[found])
         depth = np.where(below, depth, 0.0)
@@ -568,8 +568,8 @@ def _across(
     follows = s.displaced is not None or (s.obstacle.flat and not eq.bulk.linear)
     outward = outward_at_points(s, u if follows else np.zeros_like(u))
     n = contact.data.n
-    force = np.maximum(-np.sum(contact.traction * n, axis=1), 0.0) * s.points.areas
+    force = np.maximum(-dot(contact.traction, n), 0.0) * s.points.areas
     force = np.where(held, 0.0, force)
-    aside = np.sum(n * outward, axis=1) < _ACROSS
+    aside = dot(n, outward) < _ACROSS
     sums = s.comm.allreduce(np.array([force[aside].sum(), force.sum()]))
     return float(sums[0] / sums[1]) if sums[1] > 0 else 0.0

@@ -30,6 +30,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from dolfinx_contact._geometry import area_vectors, unit
+
 __all__ = ["corner_normals", "crossed", "without_tips"]
 
 Array = npt.NDArray[np.float64]
@@ -53,10 +55,7 @@ def crossed(corners: Array) -> Array:
     Args:
         corners: of facets (k, dim, dim).
     """
-    if corners.shape[1] == 2:
-        along = corners[:, 1] - corners[:, 0]
-        return np.stack([along[:, 1], -along[:, 0]], axis=1)
-    return np.asarray(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    return np.asarray((corners.shape[1] - 1) * area_vectors(corners))
 
 
 def without_tips(corners: Array, fans: Ints) -> Ints:
@@ -73,7 +72,7 @@ def without_tips(corners: Array, fans: Ints) -> Ints:
     numbers = fans.reshape(k, dim)
     sums = np.zeros((int(fans.max()) + 1, 4))  # here, its magnitude, at the other ends, number
     for i, j in ((i, j) for i in range(dim) for j in range(dim) if i != j):
-        edge = _unit(corners[:, j] - corners[:, i])
+        edge = unit(corners[:, j] - corners[:, i])
         here = np.sum(normals[:, i] * edge, axis=1)
         there = -np.sum(normals[:, j] * edge, axis=1)
         np.add.at(sums, numbers[:, i], np.stack([here, np.abs(here), there, np.ones(k)], axis=1))
@@ -125,7 +124,7 @@ def _near(
 ) -> Array:
     """Normals (k, dim, dim) no farther from a guess than facets are from it, there or beside."""
     a, b, _ = edges_of_fans
-    off = np.linalg.norm(_unit(across)[:, None] - guess, axis=2).reshape(-1)
+    off = np.linalg.norm(unit(across)[:, None] - guess, axis=2).reshape(-1)
     first, fans = np.unique(fans, return_index=True, return_inverse=True)[1:]
     here = _most(off, fans)[first]
     most = here.copy()
@@ -134,7 +133,7 @@ def _near(
     turn = (found - guess).reshape(-1, guess.shape[1])
     size = np.maximum(np.linalg.norm(turn, axis=1), np.finfo(float).tiny)
     turn *= np.minimum(1.0, most[fans] / size)[:, None]
-    return _unit(guess + turn.reshape(guess.shape))
+    return unit(guess + turn.reshape(guess.shape))
 
 
 def _weights(corners: Array) -> Array:
@@ -149,7 +148,7 @@ def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
     k, dim = weights.shape
     sums = np.zeros((k * dim, dim))
     np.add.at(sums, fans, (weights[..., None] * across[:, None]).reshape(-1, dim))
-    return _unit(sums[fans]).reshape(k, dim, dim)
+    return unit(sums[fans]).reshape(k, dim, dim)
 
 
 def _along_edges(
@@ -184,7 +183,7 @@ def _along_edges(
         ).tocsr()
         turn = scipy.sparse.linalg.lsmr(matrix, off, damp=_DAMPED, maxiter=_STEPS, atol=1e-8)[0]
         turn = free[:, None] * turn.reshape(len(first), dim - 1)
-        normals = _unit(normals + np.einsum("vid,vd->vi", frames, turn))
+        normals = unit(normals + np.einsum("vid,vd->vi", frames, turn))
     return np.asarray(normals[fans].reshape(guess.shape))
 
 
@@ -196,7 +195,7 @@ def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
     for i in range(dim if dim == 3 else 1):
         j = (i + 1) % dim
         ends.append(np.sort(numbers[:, [i, j]], axis=1))
-        ways.append(_unit(corners[:, j] - corners[:, i]))
+        ways.append(unit(corners[:, j] - corners[:, i]))
     pairs, first = np.unique(np.concatenate(ends), axis=0, return_index=True)
     return pairs[:, 0], pairs[:, 1], np.concatenate(ways)[first]
 
@@ -206,7 +205,7 @@ def _tangents(normals: Array) -> Array:
     if normals.shape[1] == 2:
         return np.stack([-normals[:, 1], normals[:, 0]], axis=1)[:, :, None]
     axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = _unit(np.cross(normals, axis))
+    first = unit(np.cross(normals, axis))
     return np.stack([first, np.cross(normals, first)], axis=2)
 
 
@@ -227,7 +226,3 @@ def _most(values: Array, groups: Ints) -> Array:
     most = np.zeros(int(groups.max()) + 1)
     np.maximum.at(most, groups, values)
     return np.asarray(most[groups])
-
-
-def _unit(x: Array) -> Array:
-    return np.asarray(x / np.linalg.norm(x, axis=-1, keepdims=True))

@@ -23,6 +23,7 @@ from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._errors import require
+from dolfinx_contact._geometry import area_vector_rates, area_vectors, unit
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._petsc import logged
 from dolfinx_contact._shared import SharedValues
@@ -33,12 +34,7 @@ from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.revolution import on_axis
 from dolfinx_contact.points.sliding.candidates import Candidates, candidates, from_rows, marks_of
 from dolfinx_contact.points.sliding.facing import Facing, Nodal
-from dolfinx_contact.points.sliding.rays import (
-    area_vector_rates,
-    area_vectors,
-    cast,
-    slopes,
-)
+from dolfinx_contact.points.sliding.rays import cast, slopes
 from dolfinx_contact.points.sliding.spins import spins
 from dolfinx_contact.points.trace import at_global_places, facet_normals
 
@@ -267,7 +263,7 @@ class SlidingFaces:
         """The slave of this rank at positions of the local nodes."""
         mine = self._of_slave(x)
         none = np.zeros((len(mine), 0), dtype=np.int64)
-        return Faces(mine, _unit(self._area_vectors(mine)), none)
+        return Faces(mine, unit(self._area_vectors(mine)), none)
 
     def _masters(self, x: Array, reach: float) -> tuple[Faces, Array]:
         """The master of this rank, and its images that reach behind planes by less than a length.
@@ -287,7 +283,7 @@ class SlidingFaces:
             senses = np.prod(mirror) * self._master_sense[near]
             parts.append((image, self._master_nodes[near], marks_of(senses, mirror)))
         places, nodes, marks = (np.concatenate(p) for p in zip(*parts, strict=True))
-        return Faces(places, _unit(np.sign(marks)[:, None] * area_vectors(places)), nodes), marks
+        return Faces(places, unit(np.sign(marks)[:, None] * area_vectors(places)), nodes), marks
 
     def _of_itself(self, found: Candidates, direction: Array) -> Candidates:
         """Candidates of one face: those that lie behind along a direction and are no neighbours.
@@ -363,7 +359,7 @@ class SlidingFaces:
     def _within_the_body(self) -> npt.NDArray[np.bool_]:
         """Which facets start within the body: a point below their middle lies in two cells (n,)."""
         x = self._reference
-        below = x.mean(axis=1) - _BELOW * np.ptp(x, axis=1).max(axis=1)[:, None] * _unit(
+        below = x.mean(axis=1) - _BELOW * np.ptp(x, axis=1).max(axis=1)[:, None] * unit(
             self._area_vectors(x)
         )
         parts = self.comm.allgather(below)
@@ -411,8 +407,8 @@ class SlidingFaces:
         x = self._reference
         vectors = self._area_vectors(x)
         m = self.at_nodes(vectors)[self.corners]
-        n = _unit(m)
-        facet = _unit(vectors)
+        n = unit(m)
+        facet = unit(vectors)
         cosine = np.sum(n * facet[:, None], axis=2)
         turn = np.degrees(np.arccos(cosine.clip(-1.0, 1.0)))
         back = np.sum((x.mean(axis=1, keepdims=True) - x) * n, axis=2)
@@ -472,9 +468,9 @@ class SlidingFaces:
         by_corners = 0.5 * by_mine[facet], -0.5 * by_theirs[master]
         way = np.einsum("pqb,pbd->pqd", rays.weights, old_theirs[master])
         way -= np.einsum("pqa,pad->pqd", shape, old[facet])
-        o = _unit(np.einsum("pqa,pad->pqd", shape, old_m[at]))
+        o = unit(np.einsum("pqa,pad->pqd", shape, old_m[at]))
         edges = np.einsum("pqbi,pbd->pqdi", rays.slopes, old_theirs[master])
-        old_normals = _unit(old_m)
+        old_normals = unit(old_m)
         turn = rotation(o[:, :, None], old_normals[at][:, None])
         along = turn @ edges[:, :, None]
         slips = np.einsum("pqaij,pqj->pqai", turn, way)
@@ -524,8 +520,8 @@ class SlidingFaces:
     def _faces(self, found: Candidates, mine: Array, theirs: Array) -> tuple[Faces, Faces]:
         """Slave and candidates at places of their corners."""
         none = np.zeros((len(mine), 0), dtype=np.int64)
-        n = _unit(found.senses[:, None] * area_vectors(theirs))
-        return Faces(mine, _unit(self._area_vectors(mine)), none), Faces(theirs, n, found.nodes)
+        n = unit(found.senses[:, None] * area_vectors(theirs))
+        return Faces(mine, unit(self._area_vectors(mine)), none), Faces(theirs, n, found.nodes)
 
     def _measure(self, x: Array, at: Array) -> Array:
         """Area of facets (p, k, dim) by that of the reference facet, at places (p, q)."""
@@ -570,11 +566,6 @@ def _mirrors(planes: Mapping[int, float], dim: int) -> Array:
     """1, or -1 along axes across planes: of nothing, of each plane, and of several (m, dim)."""
     signs = [[1.0, -1.0] if axis in planes else [1.0] for axis in range(dim)]
     return np.array(list(product(*signs)))
-
-
-def _unit(v: Array) -> Array:
-    """Vectors (..., dim) of length one."""
-    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
 def _largest(off: Array) -> float:

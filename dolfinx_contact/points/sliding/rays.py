@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.points.clipping import basis
 
-__all__ = ["CastRays", "area_vector_rates", "area_vectors", "cast", "edges_of", "slopes"]
+__all__ = ["CastRays", "cast", "slopes"]
 
 Array = npt.NDArray[np.float64]
 _STEPS = 25
@@ -103,48 +103,3 @@ def slopes(eta: Array, corners: int) -> Array:
         by_b = np.stack([a - 1, -a, 1 - a, a], axis=-1)
         return np.stack([by_a, by_b], axis=-1)
     return np.asarray(np.broadcast_to(constant, (*eta.shape[:-1], *constant.shape)))
-
-
-def area_vectors(x: Array) -> Array:
-    """Area vectors of facets (n, k, dim), of one sense in the order of their corners."""
-    if x.shape[2] == 2:
-        along = x[:, 1] - x[:, 0]
-        return np.stack([along[:, 1], -along[:, 0]], axis=1)
-    first, second = edges_of(x)
-    return np.asarray(0.5 * np.cross(first, second))
-
-
-def area_vector_rates(x: Array) -> Array:
-    """Derivatives of `area_vectors` by the corners (n, dim, k, dim)."""
-    n, k, dim = x.shape
-    rates = np.zeros((n, dim, k, dim))
-    if dim == 2:
-        turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
-        rates[:, :, 0] = -turn
-        rates[:, :, 1] = turn
-        return rates
-    first, second = edges_of(x)
-    (a, b), (c, d) = ((1, 0), (2, 0)) if k == 3 else ((3, 0), (2, 1))
-    by_first = -0.5 * _crossing(second)
-    by_second = 0.5 * _crossing(first)
-    rates[:, :, a] += by_first
-    rates[:, :, b] -= by_first
-    rates[:, :, c] += by_second
-    rates[:, :, d] -= by_second
-    return rates
-
-
-def edges_of(x: Array) -> tuple[Array, Array]:
-    """Two edges of triangles, the diagonals of quadrilaterals in tensor order; in space."""
-    if x.shape[1] == 3:
-        return x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
-    return x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
-
-
-def _crossing(v: Array) -> Array:
-    """Matrices (n, 3, 3) of the product v x."""
-    found = np.zeros((len(v), 3, 3))
-    found[:, 0, 1] = -v[:, 2]
-    found[:, 0, 2] = v[:, 1]
-    found[:, 1, 2] = -v[:, 0]
-    return found - found.transpose(0, 2, 1)

@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._geometry import area_vector_rates, area_vectors, edges_of
 from dolfinx_contact.points.kinematics import rotation
-from dolfinx_contact.points.sliding.rays import area_vector_rates, area_vectors, edges_of
 
 __all__ = ["spins"]
 
