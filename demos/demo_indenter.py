@@ -102,7 +102,7 @@ def indented(args, comm, recovers, folder=None):
             times.extend(stops[1:])
     history = QuasiStatic(problem, load).run(times, at_jump="jump")
     if folder is not None:
-        io.write_fields(folder, problem)
+        io.write_fields(folder, problem, state=history.steps[-1].state)
     depth = [-np.interp(s.time, turns, way) for s in history.steps]
     force = [2 * s.result.tables["contact"].rn.sum() for s in history.steps]
     return np.array(depth), np.array(force), history

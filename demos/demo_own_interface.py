@@ -144,7 +144,7 @@ def main(argv=None):
     if comm.rank == 0:
         look = dict(labels=("jump at the end", "pull"), dotted={"a long bar": (u, exact)})
         plot.draw_curves(folder / "pull.png", {"glued sheet": (u, force)}, **look)
-    plot.picture_of_contact(folder / "contact.png", problem)
+    plot.picture_of_contact(folder / "contact.png", problem, state=history.steps[-1].state)
     last = history.steps[-1].result
     summary = last.summary() | found
     return io.write_summary(comm, folder, summary)

@@ -131,20 +131,22 @@ def main(argv=None):
     both, top = problem(args, comm)
     if args.static:
         result = both.solve()
+        state = both.snapshot()
         steps = [summary_of(result.tables["contact"], 0.0)]
     else:
         with io.EvolutionSeries(folder, both) as series:
             found = along_the_path(both, top, series).steps
         result = found[12].result  # at the end of the first shear
+        state = found[-1].state
         steps = []
         for step in found:
             table = step.result.tables["contact"]
             steps.append(summary_of(table, step.energies.dissipated))
     for row in steps:
         say(f"{row['status']}  dissipated {row['dissipation']:.6g}")
-    plot.picture_of_contact(folder / "contact.png", both)
-    plot.picture_of_body(folder / "body.png", both, scale=10.0)
-    io.write_fields(folder, both)
+    plot.picture_of_contact(folder / "contact.png", both, state=state)
+    plot.picture_of_body(folder / "body.png", both, state=state, scale=10.0)
+    io.write_fields(folder, both, state=state)
     io.write_contact_table(comm, folder, result.tables.values())
     summary = result.summary()
     summary["steps"] = steps

@@ -367,6 +367,7 @@ ON_TWO = {
     "test_steady_sliding": (
         *("onset", "large_problems_by_slepc", "mode_shape", "bad_input", "animation"),
     ),
+    "test_step_from": ("steps_one_by_one_are_a_history", "a_step_answers_what_a_problem_answers"),
     "test_stop": (
         *("a_run_that_is_stopped", "what_is_in_the_problem_when_it_is_asked"),
         *("what_cannot_stop", "one_rank_alone_stops", "a_record_of_a_run_that_is_stopped"),

@@ -78,7 +78,7 @@ def pulled(static, kinetic):
     history = QuasiStatic(problem, load).run(np.linspace(0.0, 0.06, 31))
     forces = np.array([step.result.resultants["contact"] for step in history.steps])
     ways = np.array([step.time for step in history.steps])
-    plot.picture_of_contact("contact.png", problem)
+    plot.picture_of_contact("contact.png", problem, state=history.steps[-1].state)
     return ways, -forces[:, 0] / forces[:, 1], history.steps[-1].result.tables["contact"]
 
 

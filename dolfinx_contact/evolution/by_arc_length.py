@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How a path by arc length continues: from a point, or from its midst, point by point."""
+"""Runs by arc length, from one accepted point to the next."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _PATIENT = 10  # such steps, and two for each contact point, are allowed
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """A point that was solved for, and what goes with it."""
+    """A solved point with its result, evaluation, forces and energies."""
 
     arrival: Arrival
     result: Result
@@ -48,11 +48,11 @@ class ByArcLength(Rule[PathTask, PathState]):
     """A path: the next point is at a given arc length from the last, under a load that is found.
 
     Args:
-        system: the contact problem and its load.
-        stepper: of the problem.
-        steps: of the run.
-        task: of the run.
-        run_state: where it begins, or continues.
+        system: contact problem with its load parameter.
+        stepper: stepper of the problem.
+        steps: steps by arc length.
+        task: task of the run.
+        run_state: state of the run where it starts or continues.
     """
 
     what = "path"
@@ -265,13 +265,13 @@ class ByArcLength(Rule[PathTask, PathState]):
         return Advance(step, SolvedStep(before, after, solved.result))
 
     def _violation(self, state: Evaluation) -> float:
-        """Of the law, beside the largest forces on the path: one may pass where there are none."""
+        """Violation of the law relative to the largest forces on the path so far. Collective."""
         eq = self._system.equations
         force, length = self._system.scales
         return violation(eq, state, force, length) if force > 0 else 0.0
 
     def _event(self, found: Arrival) -> PathEvent:
-        """What happens at an accepted point."""
+        """The event at an accepted point."""
         if found.at == "fold":
             return "smooth fold"
         a = found.point

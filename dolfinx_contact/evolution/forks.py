@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Steps at whose start the rate problem has several solutions, or other ones than the step before.
+"""Steps at whose start the rate problem has several solutions.
 
-Steps begin with the statuses of the step before. Where these do not hold, and elsewhere on
-request, all directions are looked for in which the state can continue (`step_rays`). Where no
-step is found at all their statuses are tried.
+A step is tried with the statuses of the step before first. Where these do not hold, and elsewhere
+on request, all directions are enumerated in which the state can continue (`step_rays`). If a step
+is not solved, the statuses of these directions are tried.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _SAME = 1e-6  # of the change in a step: the same end
 
 @dataclass(frozen=True)
 class Forked:
-    """A step with what is known of the rate problem at its start.
+    """A step with the solutions of the rate problem at its start.
 
     Attributes:
         solved: the step.
-        rays: solutions of the rate problem; None if they were not looked for, or cannot be found.
+        rays: solutions of the rate problem; None if they were not looked for or cannot be found.
     """
 
     solved: SolvedStep
@@ -47,12 +47,12 @@ class Forked:
 
 
 class Forks:
-    """Takes steps, and looks for the solutions of their rate problems. Collective.
+    """Takes steps and enumerates the solutions of their rate problems. Collective.
 
     Args:
-        stepper: takes the steps.
-        wanted: whether rays are looked for at every start; None: where the statuses of the step
-            before do not hold, and points are few.
+        stepper: stepper of the problem.
+        wanted: whether rays are looked for at every start; None: only where the statuses of the
+            step before do not hold, with up to sixteen contact points.
     """
 
     def __init__(self, stepper: Stepper, wanted: bool | None):
@@ -64,12 +64,12 @@ class Forks:
         """Step from an accepted state to a time.
 
         Args:
-            accepted: where it begins.
-            time: where it ends.
-            trial: how it is tried; other rays are not where it is brief.
+            accepted: state at the start of the step.
+            time: time at its end.
+            trial: strategies of the solver; other rays are not tried if it is brief.
 
         Raises:
-            ConvergenceError: if nothing solves the step; the problem is then at that state.
+            ConvergenceError: if nothing solves the step; the start is then in the Functions.
         """
         try:
             solved = self._stepper.take(accepted, time, trial=trial)

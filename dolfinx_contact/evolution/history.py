@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What an evolution leaves: its accepted steps, and how it ended."""
+"""Histories: the accepted steps of an evolution and its ending."""
 
 from __future__ import annotations
 

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a state jumps under a load that continues smoothly.
+"""Detection of jumps of the state under a load that continues smoothly.
 
-A step may end in a solution that no path of solutions leads to: where a branch of the rate problem
-folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction beyond a bound), the solver finds
-the next one. It differs from a step in which much happens in that the change does not shrink with
-the step: halving after halving it is as large, in steps of no length. Beside it the state may
-change with the load, and at kinks of its path faster than before; both shrink.
+Where a branch of the rate problem folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction
+beyond a bound), the solver finds a solution that no path of solutions leads to. Such a jump differs
+from a large change in one step: halving the step does not reduce it. Changes with the load, and
+faster changes after kinks, shrink with the step.
 
-That is no proof: the solver may have passed over a solution. So in the end the branch of solutions
-is followed from the state (`step_branch`). Nor is it a proof that a step was not solved: then
-shorter ones are tried from the same state.
+A change that does not shrink is not a proof, because the solver may have passed over a solution. So
+in the end the branch of solutions is followed from the state (`step_branch`). A step that was not
+solved is not a proof either: then shorter steps are tried from the same state.
 """
 
 from __future__ import annotations
@@ -44,15 +43,15 @@ _SHOWN = 5  # places
 
 @dataclass(frozen=True)
 class Found:
-    """What the search within a step has found.
+    """Result of the search within a step.
 
     Attributes:
-        steps: that lead on from its start.
-        far: from the end of these, a step whose end is far however short it is; None if the
-            evolution continues from there as ever.
-        proved: whether it is proved that no path of solutions leads through this step.
-        failure: why shorter steps from there were not solved; None if they were.
-        why: what is known of the solutions beyond, in words.
+        steps: steps that continue the evolution from the start of the step.
+        far: step from the end of these whose end stays far however short it is; None if the
+            evolution continues there.
+        proved: whether it is proved that no path of solutions leads through that step.
+        failure: error of shorter steps from there; None if they were solved.
+        why: facts about the solutions beyond, in words.
     """
 
     steps: Sequence[SolvedStep]
@@ -71,10 +70,10 @@ def find_jump(stepper: Stepper, step: SolvedStep, slow: Array, least: float) -> 
     become true of.
 
     Args:
-        stepper: takes the steps; the problem is left anywhere.
-        step: that is searched.
+        stepper: stepper of the problem; the Functions are left in any state.
+        step: step that is searched.
         slow: rates of `changes` up to which nothing jumps.
-        least: length of a step in which the state only jumps.
+        least: shortest length of a step.
 
     Returns:
         None if the change of state is spread over the step.
@@ -186,10 +185,10 @@ class _Search:
             time = before.time + length
 
     def _at_last(self, path: Sequence[SolvedStep], step: SolvedStep) -> Found | None:
-        """Whether solutions that lead on from the start of a least step reach its end.
+        """Decide a step of the shortest length by the branch of solutions from its start.
 
-        If they lead there it is no jump. If they lead elsewhere they are followed, as far as the
-        time that was aimed at if possible.
+        If the branch leads to the end of the step, the state does not jump. If it leads elsewhere,
+        it is followed, up to the end of the searched step if possible.
         """
         stepper = self._stepper
         far = self._change(step)
@@ -223,7 +222,7 @@ class _Search:
 
 
 def where_it_changes(stepper: Stepper, before: AcceptedState, after: AcceptedState) -> str:
-    """Places whose status differs between two moments, in words. Collective."""
+    """Places whose status differs between two states, in words. Collective."""
     words: list[str] = []
     for s, old, new in zip(stepper.problem.surfaces, before.shown, after.shown, strict=True):
         names = letters(s.dim)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a path in load and state leaves: its accepted points, its folds and kinks."""
+"""Paths in load and state: accepted points, folds and kinks."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a run by arc length is between two points."""
+"""State of a run by arc length between two points."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ class PathTask:
 
 @dataclass(frozen=True)
 class Known:
-    """What steps have found out on their way, and judge by.
+    """Scales and signs that the steps of a run have found.
 
     Attributes:
         x_scale: square of the length of x that counts as 1 where one unit of gamma does; 0 if no
             tangent has moved x yet.
-        largest_distance: of all events of the run.
-        scales: what residuals are measured by (`System.scales`).
-        signs: of the test for bifurcations; none before the first step of a run.
+        largest_distance: largest distance to a border of all events of the run.
+        scales: scales of the residuals (`System.scales`).
+        signs: signs of the test for bifurcations; empty before the first step of a run.
     """
 
     x_scale: float = 0.0
@@ -50,13 +50,13 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class PathState(RunState):
-    """All that the next step of a run depends on.
+    """State of a run between two points: everything that the next step depends on.
 
     Attributes:
-        arrived: the point of the path at the accepted state, with piece and tangent by which it was
-            come to; None at the start.
-        known: to the steps.
-        passed: arc lengths of the start of the run and of the points that it has accepted.
+        arrived: point of the path at the accepted state, with the piece and tangent of the step
+            that ended there; None at the start.
+        known: scales and signs that the steps have found.
+        passed: arc lengths of the start of the run and of its accepted points.
     """
 
     accepted: OnPath
@@ -71,7 +71,7 @@ class PathState(RunState):
 
 
 def begun(task: PathTask, run_state: PathState) -> PathState:
-    """A new run, where another one has ended or nothing has been followed yet."""
+    """The state of a new run at the start of a path or at the end of the last run."""
     before = run_state.known
     return replace(
         run_state,

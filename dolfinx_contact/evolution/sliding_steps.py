@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Steps of bodies that slide over each other, which know their size.
+"""Step lengths of bodies that slide over each other.
 
-Newton's method solves a step of about a facet of the master in a few iterations; where it fails
-shorter steps cost less than the strategies that follow it in the `ladder`, and end in the same
-states. So steps are halved down to a part of the step of the user before those are tried. In
-longer steps Newton's method may come to solutions that do not continue the state, in which a cell
-is folded together: there the smallest det F falls at once, however short the step is.
+Newton's method solves a step of about one facet of the master in a few iterations. Where it fails,
+shorter steps cost less than the further strategies of the `ladder`, and end in the same states. So
+steps are halved down to a sixteenth of the step of the user before these strategies are tried. In
+longer steps Newton's method may find solutions that do not continue the state, in which a cell is
+folded: there the smallest det F falls at once, however short the step is.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ _FOLDS = 0.5  # of the smallest det F before, or of 1: less is no continuation
 
 
 class SlidingSteps:
-    """What steps of a run are held to; nothing where no surfaces slide, or in motions.
+    """Limits of the steps of a run; there are none in motions or without sliding surfaces.
 
     Args:
-        problem: the contact problem.
-        times: of the user.
-        longest: no step is longer.
-        shortest: no step is shorter.
-        extrapolate: whether solves begin at what the step before leads to.
-        start: of the run.
+        problem: contact problem.
+        times: times of the user.
+        longest: longest length of a step.
+        shortest: shortest length of a step.
+        extrapolate: whether solves start from the extrapolated last step.
+        start: state at the start of the run.
     """
 
     def __init__(
@@ -61,12 +61,12 @@ class SlidingSteps:
         self._last: SolvedStep | None = None
 
     def trial(self, accepted: AcceptedState, time: float, end: float) -> Trial:
-        """How a step to a time is tried. Not collective.
+        """Strategies for a step to a time. Not collective.
 
         Args:
-            accepted: where it begins.
-            time: where it ends.
-            end: the time of the user it leads to.
+            accepted: state at the start of the step.
+            time: time at its end.
+            end: time of the user to which it leads.
         """
         if not self._slide:
             return Trial()

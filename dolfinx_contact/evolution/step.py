@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere, require
+from dolfinx_contact._shared import anywhere
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Constancy, placed_data
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
@@ -237,12 +238,16 @@ class Stepper:
             ValueError: on every rank, if the load sets other data the second time.
         """
         self._set(time)
-        data = Constancy(self.problem.comm, placed_data(self.problem.equations))
+        comm = self.problem.comm
+        data = placed_data(self.problem.equations)
+        # A start or a solve refuses values that are not finite, and names them.
+        bad = anywhere(comm, *(not np.isfinite(_values(d.value)).all() for d in data))
+        before = Constancy(comm, [d for d, wrong in zip(data, bad, strict=True) if not wrong])
         self._set(later)
         self._set(time)
-        changed = data.changed()
+        changed = before.changed()
         require(
-            self.problem.comm,
+            comm,
             not changed,
             f"the load at the time {time:g} depends on earlier calls: {changed} differs after the "
             f"load of {later:g}. Steps are tried with several lengths, so the load must set "

@@ -38,14 +38,14 @@ _NO_MORE = 1e-9  # of the load of a step, along a unit ray: not more
 
 @dataclass(frozen=True)
 class StepBranch:
-    """What was found of it.
+    """Result of following a branch within a step.
 
     Attributes:
-        reaches_end: whether it leads to the load of the end.
-        statuses: then those there, on this rank.
-        unknowns: and the state there, as a `AcceptedState` has it.
-        ends: whether it is proved that the load turns back on it before, and nothing else leads on.
-        why: why it ends where it does, in words.
+        reaches_end: whether it leads to the load of the end of the step.
+        statuses: statuses there, on this rank; None if it does not.
+        unknowns: owned unknowns there, as in `AcceptedState`; None if it does not.
+        ends: whether it is proved that the load turns back before, and nothing else leads on.
+        why: reason for its end, in words.
     """
 
     reaches_end: bool = False
@@ -78,7 +78,7 @@ def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> St
 
 
 def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:
-    """What the branches from a start lead to, and those that leave where they turn. Collective."""
+    """Follow the branches from a start, and those that leave where they turn. Collective."""
     found = follower.departures(x, 0.0)
     starts = _with_more(follower, x, found)
     turns = 0
@@ -136,13 +136,13 @@ def _turned(step: BranchStep) -> str:
 
 @dataclass(frozen=True)
 class _Turn:
-    """Where the load turns back on a branch.
+    """A point at which the load turns back on a branch.
 
     Attributes:
-        why: how that is known, or why it is not.
-        known: whether all that leads to more load from there is known.
-        rays: that do.
-        method: by which they are known.
+        why: evidence that it turns back, or the reason why that is unknown.
+        known: whether all rays to more load from there are known.
+        rays: rays to more load.
+        method: method by which they were found.
     """
 
     why: str
@@ -152,7 +152,7 @@ class _Turn:
 
 
 def _at_turn(follower: Follower, special: SpecialPoint) -> _Turn:
-    """What leads to more load from a fold, or where branches meet. Collective."""
+    """Find the rays to more load from a fold or a point where branches meet. Collective."""
     if special.kind == "fold" and special.smooth:
         return _Turn("the load turns back while all statuses stay", known=True)
     b = follower.bordered

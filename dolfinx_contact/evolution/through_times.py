@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How a run continues through times.
+"""Runs through times, in steps whose lengths adapt.
 
-A step that no strategy solves is tried with a quarter of the length, down to a least one; where
-bodies slide over each other it is halved first (`sliding_steps`). A step in
-which the state changes much faster than in the one before is examined more closely, by halves
-(`jumps`): where the change does not shrink with the step what was found is beyond a jump, if it is
-proved that no solution continues the evolution; else none was found that does, and that is
-reported. The times of the user are hit exactly.
+A step that no strategy solves is tried again with a quarter of the length, down to the shortest
+length; where bodies slide over each other it is halved first (`sliding_steps`). A step in which the
+state changes much faster than in the step before is searched for a jump, by halves (`jumps`). If
+the change does not shrink with the step, the state jumps, or no solution was found that continues
+the evolution; the run then ends, or jumps on request. The times of the user are hit exactly.
 """
 
 from __future__ import annotations
@@ -122,15 +121,15 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
     """Goes from time to time, in steps that may be shorter.
 
     Args:
-        stepper: takes the steps.
-        task: of the run.
-        run_state: where it begins, or continues.
-        accept: called with every step; whether it is accepted.
-        first: a step that is accepted before any other.
+        stepper: stepper of the problem.
+        task: task of the run.
+        run_state: state of the run where it starts or continues.
+        accept: function of a step that returns whether it is accepted.
+        first: step that is accepted before any other.
 
     Attributes:
-        failed: whether the run ended since nothing leads on from its last state.
-        failure: why a step was not solved, then; None if that is not why.
+        failed: whether the run ended because no step continues it.
+        failure: error of the last step; None if it was solved.
         forks: steps along other rays, which are to be followed.
     """
 
@@ -270,7 +269,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         )
 
     def _jump(self, solved: SolvedStep) -> Found | None:
-        """What is found in a step that changes the state suddenly; None if it is no jump."""
+        """Search a step for a jump if it changes the state suddenly; None if there is none."""
         if math.isinf(self.task.sudden) or not solved.before.solved:
             return None
         slow = self._sudden(solved, self.task.sudden)
@@ -426,7 +425,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
 
 
 def _aim(start: float, end: float, length: float) -> float:
-    """The end of the next of equal steps to a time that are no longer than a length."""
+    """The end of the next of equal steps to a time, none longer than a length."""
     steps = math.ceil((end - start) / length * (1 - 1e-12))
     return end if steps <= 1 else start + (end - start) / steps
 

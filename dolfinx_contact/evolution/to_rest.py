@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How a motion continues until the body is at rest."""
+"""Motions that continue until the body is at rest."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ class ToRest(ThroughTimes):
     """Continues by equal steps until the kinetic energy has been small for long enough.
 
     Args:
-        stepper: takes the steps.
-        task: of the run.
-        run_state: where it begins, or continues.
+        stepper: stepper of the motion.
+        task: task of the run.
+        run_state: state of the run where it starts or continues.
     """
 
     task: RestTask

@@ -76,17 +76,18 @@ class MasterFace:
         normals, _ = outward_normals(W, opposite.master_facets)
         self.normals = normals[trace_dofs(W, self.vertices, facets)]
 
-    def fields(self, problem: ContactProblem) -> dict[str, fem.Function]:
+    def fields(self, problem: ContactProblem | None = None) -> dict[str, fem.Function]:
         """The continuous, linear fields at the state in the Functions. Collective.
 
         Args:
-            problem: the problem, or that of a step of it.
+            problem: problem with the law of a step; by default the problem of the face.
 
         Returns:
             By name: ``displacement``, ``traction`` (of contact, on the master), ``pressure``, its
             part against the outward normal, and ``support``, the reaction of Dirichlet data on the
             body over the area of a vertex.
         """
+        problem = self._problem if problem is None else problem
         eq = problem.equations
         state = problem.evaluate()
         dim = eq.dim
