@@ -24,8 +24,8 @@ from dolfinx_contact.io import several, write_contact_table, write_fields, write
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
 from dolfinx_contact.records import BranchRecord, lock, read_journal, resume, write_series
-from dolfinx_contact.records.journal import Journal
-from dolfinx_contact.records.lines import FILE_NAME, FORMAT, JournalFile
+from dolfinx_contact.records.journal import FILE_NAME, FORMAT, Journal
+from dolfinx_contact.records.journal_file import JournalFile
 
 COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[1]

@@ -26,7 +26,7 @@ from dolfinx_contact.continuation import Ending
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
-from dolfinx_contact.records.lines import FILE_NAME
+from dolfinx_contact.records.journal import FILE_NAME
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -218,7 +218,7 @@ def test_what_is_refused(whole, folder):
     if COMM.rank == 0:
         (folder / FILE_NAME).write_bytes(b"".join([*lines[:5], *lines[6:]]))
     COMM.barrier()
-    with pytest.raises(ValueError, match="line 6 of the journal is damaged: state 3 follows"):
+    with pytest.raises(ValueError, match="line 6 of the journal is damaged: it is not line 6"):
         EvolutionRecord(folder, evolution, resume=True)
     problem, _ = dragged()
     system = ParametricContact(problem, problem.surfaces[0].law.friction)

@@ -31,7 +31,7 @@ from dolfinx_contact.plot.page.of_charts import scene_of_chart
 from dolfinx_contact.plot.page.packing import Arrays, largest_value, packed_field
 from dolfinx_contact.plot.page.scene import Mark, Scene, SeriesShown
 from dolfinx_contact.records import EvolutionRecord, PathRecord, read_journal
-from dolfinx_contact.records.lines import FILE_NAME
+from dolfinx_contact.records.journal import FILE_NAME
 
 COMM = MPI.COMM_WORLD
 KEPT = {"surface_displacement": True}

@@ -449,7 +449,7 @@ def test_a_branch_between_bodies(folder):
         found = special[special["kind"] == "event"].to_dict("records")
         changes = [[(c["before"], c["after"]) for c in e["changes"]] for e in found]
         paths.append(list(zip([e["gamma"] for e in found], changes, strict=True)))
-        last = records.read_journal(folder / route).table().iloc[-1]
+        last = records.read_journal(folder / route).to_pandas().iloc[-1]
         fresh, _ = sheared()
         fresh.set_parameter(1.0)
         result = fresh.problem.solve()

@@ -23,7 +23,7 @@ from dolfinx_contact.records import (
     read_journal,
     resume,
 )
-from dolfinx_contact.records.lines import FILE_NAME
+from dolfinx_contact.records.journal import FILE_NAME
 
 COMM = MPI.COMM_WORLD
 

@@ -190,7 +190,7 @@ def test_the_command_that_pip_installs(monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("package", "extra", "do"),
     [
-        ("pandas", "records", lambda: Journal().table()),
+        ("pandas", "records", lambda: Journal().to_pandas()),
         ("pandas", "records", lambda: Journal().special()),
         ("pandas", "records", lambda: block(n=2).solve().tables["contact"].to_pandas()),
         ("matplotlib", "pictures", lambda: draw_diagram("x.png", Journal())),

@@ -13,7 +13,7 @@ from test_evolution_record import Stop, require_same, stopping
 
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.records import EvolutionJournal, EvolutionRecord, PathRecord, read_journal
-from dolfinx_contact.records.lines import FILE_NAME, parse
+from dolfinx_contact.records.journal import FILE_NAME, parse
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -233,7 +233,8 @@ def test_what_is_refused(whole, folder):
             kept.show(3)
     with PathRecord(folder / "run", made("crack"), resume=True) as kept:
         with pytest.raises(
-            ValueError, match=r"gamma_range \(\(-1.0, 1.0\) recorded, \(-1.0, 2.0\) now\)"
+            ValueError,
+            match=r"differs in the task of the run: gamma_range \(-1, 1 recorded, -1, 2 now\)",
         ):
             kept.path.run(gamma_range=(-1.0, 2.0), start=STARTS[kept.path], record=kept)
         with pytest.raises(ValueError, match="the path is at the arc length 0 and not at the end"):

@@ -41,8 +41,8 @@ from dolfinx_contact.records import (
     resume,
     write_series,
 )
-from dolfinx_contact.records.lines import FILE_NAME, FORMAT, JournalFile, parse
-from dolfinx_contact.records.manifest import mesh_hash
+from dolfinx_contact.records.journal import FILE_NAME, FORMAT, parse
+from dolfinx_contact.records.journal_file import JournalFile
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -81,7 +81,7 @@ def whole(tmp_path_factory):
 
 def test_journal_says_what_was_followed(whole):
     _, branch, journal = whole
-    table = journal.table()
+    table = journal.to_pandas()
     assert table["gamma"].tolist() == [p.gamma for p in branch.points]
     assert table["step"].tolist() == [p.step for p in branch.points]
     assert table["index"].tolist() == list(range(len(branch.points)))
@@ -98,7 +98,7 @@ def test_journal_says_what_was_followed(whole):
     counted = [[s.count(c) for c in "ok"] for s in table["status"]]
     assert table[["open", "stick"]].to_numpy().tolist() == counted
     with pytest.raises(ValueError, match="no branch 3"):
-        journal.table(3)
+        journal.to_pandas(3)
 
 
 @pytest.mark.verifies(
@@ -242,7 +242,7 @@ def test_a_damaged_line_is_an_error(whole, folder):
 
 
 def numbered(lines, numbers):
-    """Lines with other numbers, or with none, as earlier versions wrote them."""
+    """Lines with other numbers."""
     found = []
     for line, number in zip(lines, numbers, strict=True):
         entry = {k: v for k, v in json.loads(line).items() if k not in ("crc", "line")}
@@ -265,24 +265,8 @@ def test_a_line_that_is_missing_is_noticed(whole):
     at_its_place = [*lines[:8], *numbered(end, [9])]
     assert parse(b"".join(at_its_place), Journal).branches[0].ending is Ending.BUDGET
     beyond = [*lines[:8], *numbered(end, [10])]
-    with pytest.raises(ValueError, match=r"line 9 .*it was written as line 10: lines are missing"):
+    with pytest.raises(ValueError, match=r"line 9 .*it is not line 9: lines are missing"):
         parse(b"".join(beyond), Journal)
-
-
-def test_journals_without_numbers_of_lines_are_read(whole, folder):
-    """And gone on with, from there with numbers."""
-    lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
-    old = b"".join(numbered(lines, [None] * len(lines)))
-    require_same(parse(old, Journal), whole[2], tolerance=0)
-    if COMM.rank == 0:
-        shutil.copytree(whole[0], folder / "r")
-        (folder / "r" / FILE_NAME).write_bytes(old)
-    COMM.barrier()
-    resume(folder / "r", *moved_block(COMM))
-    found = (folder / "r" / FILE_NAME).read_bytes()
-    assert found.startswith(old)
-    session = json.loads(found[len(old) :])
-    assert (session["type"], session["line"]) == ("session", len(lines) + 1)
 
 
 @pytest.mark.parametrize(
@@ -401,7 +385,8 @@ def test_another_task_is_refused(folder):
         point, stepping = r.state(0, 0)
         r.begin(task(r, gamma_scale=1.1), stepping)
         with pytest.raises(
-            ValueError, match=r"branch 0 differs: gamma_scale \(1\.1 recorded, 2\.0 now\)"
+            ValueError,
+            match=r"differs in the task of branch 0: gamma_scale \(1\.1 recorded, 2\.0 now\)",
         ):
             r.begin(task(r, gamma_scale=2.0), stepping)
         with pytest.raises(ValueError, match="point 9 cannot follow the 4 recorded"):
@@ -703,14 +688,14 @@ def test_several_branches_in_one_record(folder):
             )
     journal = read_journal(folder)
     assert sorted(journal.branches) == [0, 3]
-    assert len(journal.table()) == 13 + 5
-    assert len(journal.table(3)) == 5
+    assert len(journal.to_pandas()) == 13 + 5
+    assert len(journal.to_pandas(3)) == 5
     for branch in (3, 0):
         done = resume(folder, system, functionals, branch=branch, max_steps=100)
         assert done.reason == "gamma reached the end of its range"
     journal = read_journal(folder)
-    assert journal.table(3)["gamma"].iloc[-1] == pytest.approx(-0.2, abs=1e-12)
-    assert journal.table(0)["gamma"].iloc[-1] == pytest.approx(0.2, abs=1e-12)
+    assert journal.to_pandas(3)["gamma"].iloc[-1] == pytest.approx(-0.2, abs=1e-12)
+    assert journal.to_pandas(0)["gamma"].iloc[-1] == pytest.approx(0.2, abs=1e-12)
     np.testing.assert_allclose(journal.places["contact"], [(x, 0) for x in np.arange(5) / 4])
     if COMM.rank == 0:
         file = draw_diagram(folder / "two.png", journal, "force", label="$F$", title="Two")
@@ -734,7 +719,7 @@ def test_several_branches_in_one_record(folder):
             assert steps == len(kept)
             if COMM.size == 1:  # on more ranks there is a block of values for each
                 gammas = [np.unique(f.read("gamma", step_selection=[i, 1])) for i in range(steps)]
-                expected = journal.table(3)["gamma"].iloc[kept]
+                expected = journal.to_pandas(3)["gamma"].iloc[kept]
                 np.testing.assert_array_equal(np.ravel(gammas), expected)
 
 
@@ -759,17 +744,6 @@ def test_progress(folder):
         assert live.getvalue().count("\n") == 1
     else:
         assert plain.getvalue() == live.getvalue() == ""
-
-
-def test_a_mesh_has_one_hash():
-    """It does not depend on ranks; it changes with a coordinate, and with the cells."""
-    hashes = [mesh_hash(box(comm, n, cell)) for comm in (COMM, MPI.COMM_SELF)
-              for n, cell in ((3, "quad"), (3, "tri"), (4, "tri"), (2, "tet"))]  # fmt: skip
-    assert hashes[:4] == hashes[4:]
-    assert len(set(hashes)) == 4
-    moved = box(COMM, 3, "quad")
-    moved.geometry.x[:] *= 1 + 1e-15
-    assert mesh_hash(moved) not in hashes
 
 
 # -- kills -----------------------------------------------------------------------------------------

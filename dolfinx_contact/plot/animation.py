@@ -25,8 +25,8 @@ from dolfinx_contact.plot.look import Look, checked_look, checked_scale
 from dolfinx_contact.plot.pictures import body_seen, check_look, draw, magnified, surface_seen
 from dolfinx_contact.plot.render import known_range
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.records.entries import StateEntry
-from dolfinx_contact.records.lines import Lines
+from dolfinx_contact.records.columns import StateEntry
+from dolfinx_contact.records.journal import AnyJournal
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["animate", "draw_record", "film"]
@@ -192,7 +192,7 @@ def animate(
 
 def draw_record(
     file: str | os.PathLike[str],
-    journal: Lines,
+    journal: AnyJournal,
     *,
     points: Sequence[int] | slice | None = None,
     branch: int = 0,
@@ -235,7 +235,7 @@ def draw_record(
             plot.draw_record("output/last.png", journal)
             plot.draw_record("output/branch.gif", journal, scale=10.0)
     """
-    if not isinstance(journal, Lines):
+    if not isinstance(journal, AnyJournal):
         kind = type(journal).__name__
         raise ValueError(f"the journal must be one of records.read_journal, got {kind}")
     path = Path(file)

@@ -1,19 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The record of a continuation on the disk, from which a killed run is resumed.
+"""The record of a continuation, from which a killed run is resumed.
 
-A record is a folder with the journal (`journal.py`: gamma, functionals, statuses, step data and
-special points of every accepted point) and checkpoints (`fields.py`: unknowns and tangent of
-some). A run may be killed at any moment; resumed, on any number of ranks, it continues from the
-last checkpoint to the same points. Those that had been recorded beyond it are computed once more
-and are not recorded again.
+A record is a folder with the journal (gamma, functionals, statuses, step data and special points of
+every accepted point) and checkpoints (unknowns and tangent of some points). A resumed run continues
+from the last checkpoint to the same points; points that were recorded after it are computed again
+and not recorded again.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
 
@@ -37,17 +36,14 @@ from dolfinx_contact.continuation import (
 from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.data import data_within
-from dolfinx_contact.records.entries import (
+from dolfinx_contact.records.columns import (
     BranchTask,
     EndEntry,
     JournalEdge,
     JournalNode,
+    plain,
 )
-from dolfinx_contact.records.journal import (
-    Explored,
-    Journal,
-    JournalBranch,
-)
+from dolfinx_contact.records.journal import Explored, Journal
 from dolfinx_contact.records.manifest import manifest_of, values_of
 from dolfinx_contact.records.points import (
     Functional,
@@ -56,7 +52,7 @@ from dolfinx_contact.records.points import (
     functional_forms,
     node_of,
 )
-from dolfinx_contact.records.problem_record import ProblemRecord, Resume
+from dolfinx_contact.records.record import Record, Resume
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
@@ -64,11 +60,15 @@ if TYPE_CHECKING:
 __all__ = ["BranchRecord", "resume"]
 
 
-class BranchRecord(ProblemRecord[Journal]):
-    """Records branches of a contact problem in a folder. Collective.
+#: Items of a task that may change when a branch is continued.
+_MAY_CHANGE = ("max_steps", "to_node")
 
-    While it is open no other process can record there; ranks that outlive a killed ``mpirun`` hold
-    it until they are ended.
+
+class BranchRecord(Record[Journal]):
+    """A record of branches of a contact problem in a folder. Collective.
+
+    While the record is open no other process can write to it; ranks that outlive a killed
+    ``mpirun`` hold it until they are ended.
 
     A record is resumed with the same problem only. It stores a manifest: the mesh, the forms and
     their domains of integration, Dirichlet conditions and the expressions that drive them, surfaces
@@ -76,20 +76,21 @@ class BranchRecord(ProblemRecord[Journal]):
     resumption the manifest is compared once, and the error names the first item that differs.
 
     Args:
-        folder: of the record, made if need be.
-        system: what is followed.
-        functionals: by name, scalar UFL forms in the problem's Functions, or functions of the
-            problem that return a number; these are called on every rank. The same functionals are
-            required when a record is resumed; of functions only the names are compared.
-        every: fields are kept at every so many points, at special points, and at both ends.
-        surface_displacement: whether that of the outer surface of the bodies is kept at every
+        folder: folder of the record, created if necessary.
+        system: contact problem with a parameter whose branches are followed.
+        functionals: scalar UFL forms in the problem's Functions, or functions of the problem that
+            return a real number, by name; functions are called on every rank. A record is resumed
+            with the same functionals; of functions only the names are compared.
+        every: number of points between two checkpoints; special points and both ends have one as
+            well.
+        surface_displacement: whether the displacement of the outer surface is kept at every
             point, in single precision, for `plot.draw_record`. A record that is resumed continues
             as it began.
         resume: True to continue a record that exists, False to begin one where there is none,
             "if_exists" for either.
 
     Attributes:
-        journal: what has been recorded, on every rank.
+        journal: content of the journal, on every rank.
 
     Raises:
         OSError: on every rank, if the folder cannot be written to, another run records there,
@@ -105,7 +106,7 @@ class BranchRecord(ProblemRecord[Journal]):
             push = {"push": ufl.dot(traction, u) * ds}
             with BranchRecord("output/branch", system, push) as record:
                 branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), record=record)
-            table = read_journal("output/branch").table()  # pandas, a row a point
+            table = read_journal("output/branch").to_pandas()  # pandas, a row a point
 
         If the run is killed, the same script continues with ``resume``::
 
@@ -167,18 +168,13 @@ class BranchRecord(ProblemRecord[Journal]):
             )
         if header:
             self._require_same(header, now)
-        self._begin(now, functionals=list(functionals), gamma=gamma)
+        self._begin_session(now, functionals=list(functionals), gamma=gamma)
 
     def close(self) -> None:
         """Close the journal; the record can then be resumed."""
         super().close()
         for v in (self._x, self._mx):
             v.destroy()
-
-    def _append(self, entry: Mapping[str, Any]) -> None:
-        super()._append(entry)
-        if entry["type"] in ("branch", "point", "end", "node", "edge"):
-            self.journal.explored = Explored()  # the diagram goes on
 
     # -- Observer --------------------------------------------------------------------------------
 
@@ -193,12 +189,11 @@ class BranchRecord(ProblemRecord[Journal]):
         )
         known = self.journal.branches.get(branch)
         if known is None:
-            self._append({"type": "branch", "branch": branch, "task": new.line()})
-            self.journal.branches[branch] = JournalBranch(task=new)
+            self._append({"type": "branch", "branch": branch, "task": plain(new)})
             return
-        recorded = self._task(branch).line()
-        lasting = {k: v for k, v in new.line().items() if k not in ("max_steps", "to_node")}
-        self._require_task(f"branch {branch}", recorded, lasting)
+        tasks = [plain(self._task(branch)), plain(new)]
+        recorded, now = ({k: v for k, v in t.items() if k not in _MAY_CHANGE} for t in tasks)
+        self._require_same({"task": recorded}, {"task": now}, f" in the task of branch {branch}")
 
     def step(self, step: BranchStep, state: Stepping) -> None:
         branch = step.branch
@@ -222,7 +217,7 @@ class BranchRecord(ProblemRecord[Journal]):
             self._put(point)  # a functional may have written to the Functions
             values[name] = functional()
         self._put(point)
-        surface = self._write_surface(_name(branch, index)) if self._shows else None
+        surface = self._write_surface(_name(branch, index), self.problem) if self._shows else None
         entry = replace(
             entry,
             functionals=values,
@@ -236,13 +231,10 @@ class BranchRecord(ProblemRecord[Journal]):
             ending=state.ending,
             reason=state.reason if ends else None,
         )
-        line = entry.line_after(recorded[-1] if recorded else None)
+        line = plain(entry)
+        if recorded and recorded[-1].status == entry.status:
+            del line["status"]
         self._append({"type": "point", "branch": branch, **line})
-        recorded.append(entry)
-        known = self.journal.branches[branch]
-        known.go_on()
-        if state.ending is not None:
-            known.end(state.ending, state.reason)
 
     def end(self, ended: Ends) -> None:
         branch = self._branch
@@ -251,13 +243,12 @@ class BranchRecord(ProblemRecord[Journal]):
             return
         point, stepping = self._last
         if stepping.index < len(known.points) - 1:
-            return  # more was recorded before, behind which this is no end
+            return  # more was recorded before, after which this is not the end
         end = EndEntry(ending=ended.ending, reason=ended.reason)
         if known.points[-1].checkpoint is None:
             name, check_sum = self._checkpoint(branch, stepping.index, point)
             end = replace(end, checkpoint=name, sum=check_sum)
-        self._append({"type": "end", "branch": branch, **end.line()})
-        known.end_with(end)
+        self._append({"type": "end", "branch": branch, **plain(end)})
 
     def explored(self, diagram: Diagram) -> None:
         journal = self.journal
@@ -267,27 +258,24 @@ class BranchRecord(ProblemRecord[Journal]):
             found = JournalEdge(branch=number, start=edge.start, end=edge.end)
             if number < len(journal.edges):
                 continue
-            self._append({"type": "edge", **found.line()})
-            journal.edges.append(found)
+            self._append({"type": "edge", **plain(found)})
         ended = Explored(diagram.ending, diagram.reason, diagram.complete)
         if diagram.ending is not None and ended != journal.explored:
-            self._append({"type": "explored", **asdict(ended), "ending": diagram.ending.name})
-            journal.explored = ended
+            self._append({"type": "explored", **plain(ended)})
 
     def _keep_node(self, number: int, found: JournalNode) -> None:
-        """Write a node, where not all of it is known. Collective."""
+        """Write a node, unless all of it is recorded. Collective."""
         nodes = self.journal.nodes
         if number < len(nodes):
             known = nodes[number]
-            # What is explored again comes to fewer rays at first.
+            # A repeated exploration knows fewer rays at first.
             edges = zip(found.edges, known.edges, strict=False)
             if len(found.rays) <= len(known.rays) and all(e in (None, k) for e, k in edges):
                 return
-        self._append({"type": "node", "node": number, **found.line()})
-        nodes[number : number + 1] = [found]
+        self._append({"type": "node", "node": number, **plain(found)})
 
     def _checkpoint(self, branch: int, index: int, point: BranchPoint) -> tuple[str, str]:
-        """Keep unknowns and tangent of a point; name and check sum of the checkpoint."""
+        """Write unknowns and tangent of a point; name and fingerprint of the checkpoint."""
         name = _name(branch, index)
         t = self.system.create_vector()
         t.array[:] = point.tangent.array_r[: t.getLocalSize()]
@@ -315,7 +303,7 @@ class BranchRecord(ProblemRecord[Journal]):
         kept = known.kept if known else []
         if not kept:
             return None
-        return self._last_whole(kept[::-1], lambda index: self.state(branch, index))
+        return self._last_undamaged(kept[::-1], lambda index: self.state(branch, index))
 
     def state(self, branch: int, index: int) -> tuple[BranchPoint, Stepping]:
         """A point whose fields were kept, and what is needed to continue from it. Collective.
@@ -436,7 +424,7 @@ class BranchRecord(ProblemRecord[Journal]):
 
 
 def _name(branch: int, index: int) -> str:
-    """Of the checkpoint of a point, and of the file with its outer surface."""
+    """Name of the checkpoint of a point, and of the file with its outer surface."""
     return f"branch_{branch:04d}_point_{index:06d}"
 
 
@@ -455,12 +443,12 @@ def resume(
     """Continue a recorded branch as if the run had never been killed. Collective.
 
     Args:
-        folder: of the record.
+        folder: folder of the record.
         system: the same problem, on any number of ranks.
-        functionals: the same as recorded.
+        functionals: the recorded functionals.
         branch: see `BranchRecord.go_on`, as for the budget, the observer, errors and the result.
-        every: fields are kept at every so many points.
-        max_steps: another budget.
+        every: number of points between two checkpoints.
+        max_steps: another budget of steps.
         stop: the same stop condition as at the beginning.
         observer: called with every point, beside the record.
         progress: see `follow`.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The record of an evolution on the disk, from which a killed run is resumed; see `StepsRecord`.
+"""The record of a history or motion, from which a killed run is resumed; see `StepsRecord`.
 
-Beside what all have a state has the Functions that its evolution keeps, as velocities. Steps that
-were found together, on the way to a jump, do not suffice to continue the run: they are found once
-more.
+A state has in addition the Functions that its evolution keeps, such as the velocity. Steps that
+were found together, on the way to a jump, do not suffice to continue the run: they are computed
+again.
 """
 
 from __future__ import annotations
@@ -12,12 +12,10 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any
 
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import ObserverLike, Stop
@@ -26,9 +24,10 @@ from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.through_times import Accept, HistoryTask
-from dolfinx_contact.records.entries import HistoryGoesOn, StateEntry
+from dolfinx_contact.records.arrays import Arrays
+from dolfinx_contact.records.columns import HistoryGoesOn, StateEntry
 from dolfinx_contact.records.journal import EvolutionJournal
-from dolfinx_contact.records.problem_record import Resume
+from dolfinx_contact.records.record import Resume
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["EvolutionRecord"]
@@ -37,10 +36,10 @@ _WITHOUT_CONTINUATION = (Ending.NO_SOLUTION, Ending.NOT_FOUND, Ending.NOT_SOLVED
 
 
 class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
-    """Records the runs of an evolution in a folder. Collective.
+    """A record of the runs of an evolution in a folder. Collective.
 
-    While it is open no other process can record there; ranks that outlive a killed ``mpirun`` hold
-    it until they are ended.
+    While the record is open no other process can write to it; ranks that outlive a killed
+    ``mpirun`` hold it until they are ended.
 
     A record is resumed with the same problem only. It stores a manifest: the mesh, the forms and
     their domains of integration, Dirichlet conditions, surfaces and laws, and at every state the
@@ -49,8 +48,8 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
     of the load cannot be compared.
 
     Args:
-        folder: of the record, made if need be.
-        evolution: whose runs are recorded.
+        folder: folder of the record, created if necessary.
+        evolution: evolution whose runs are recorded.
         surface_displacement: whether that of the outer surface of the bodies is kept at every step,
             in single precision, for `plot.draw_record`. A record that is resumed continues as it
             began.
@@ -58,7 +57,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             "if_exists" for either.
 
     Attributes:
-        journal: what has been recorded, on every rank.
+        journal: content of the journal, on every rank.
 
     Raises:
         OSError: on every rank, if the folder cannot be written to, another run records there,
@@ -109,7 +108,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
     def _load(self, state: StateEntry[HistoryGoesOn]) -> None:
         self.evolution.load(state.time)
 
-    def _entry_of(self, run_state: RunState) -> HistoryGoesOn:
+    def _goes_on(self, run_state: RunState) -> HistoryGoesOn:
         return HistoryGoesOn(
             number=run_state.number,
             length=run_state.length,
@@ -131,16 +130,15 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         self,
         state: StateEntry[HistoryGoesOn],
         vectors: Mapping[str, PETSc.Vec],
-        found: Mapping[str, npt.NDArray[Any]],
-        first: bool,
+        arrays: Arrays,
     ) -> RunState:
         n = self.problem.equations.owned_sizes[0]
         for name, f in self.evolution.kept.items():
             f.x.array[:n] = vectors[name].array_r[:n]
             f.x.scatter_forward()
-        memory = self._points.memory(found)
+        memory = self._points.memory(arrays)
         energies = self.evolution.account(**state.energies)
-        accepted = self.evolution.recalled(state.time, memory, energies, first=first)
+        accepted = self.evolution.recalled(state.time, memory, energies, first=state.first)
         return RunState(
             accepted,
             state.run.length,
@@ -178,7 +176,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         """
         run = self._last_run()
         if run.ending is not None:
-            run_state = replace(self._ended(), length=math.inf)
+            run_state = replace(self._stand_at([len(self.journal.states) - 1]), length=math.inf)
             self.evolution.put(run_state)
             history = History(run_state.accepted.time, run_state.accepted.energies)
             history.end(run.ending, run.reason)
@@ -188,7 +186,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         task = HistoryTask(**run.task | {"times": tuple(run.task["times"])})
         states = self.journal.states
         known = [i for i in range(run.after + 1, len(states)) if states[i].run.settled]
-        run_state = self._resumed(run, known)
+        run_state = self._stand_at([*reversed(known), run.after])
         if self._index == run.after:
             run_state = replace(run_state, length=task.longest, ending=None, reason="")
         self._resumed_state = run_state

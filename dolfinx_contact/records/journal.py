@@ -1,20 +1,25 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Journals of branches, of evolutions and of paths, and their reader.
+"""Journals of branches, evolutions and paths: their format, their content, and their reader.
 
-All have one form on the disk (`lines.py`); its kind decides which lines there are and what is in
-them. Of branches every one has a line where it begins, a line for every point and a line where it
-ends; of diagrams there are lines for nodes and edges, too.
-Of evolutions and paths there are a line for the start, one where a run begins, one for every
-accepted step, and one where a run ends.
+A journal is one JSON object a line, and lines are only ever appended. The first line is the header
+with the manifest of the problem; a line for the session follows for every run that recorded. A
+journal of branches has a line where a branch begins, one for every point and one where the branch
+ends, and lines for the nodes and edges of a diagram. A journal of an evolution or a path has a line
+for the start, one where a run begins, one for every accepted step, and one where a run ends.
+
+Every line has its number and ends with the CRC-32 of the text before. A run may be killed at any
+moment: a last line without an end is not counted. Any other damaged or missing line is an error.
 """
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,70 +27,286 @@ import numpy.typing as npt
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.records.entries import (
+from dolfinx_contact.io.outside import OuterSurface, SurfaceState
+from dolfinx_contact.records.arrays import DamagedFile, check, load
+from dolfinx_contact.records.columns import (
     BranchTask,
     EndEntry,
-    Entry,
-    HistoryGoesOn,
     JournalEdge,
     JournalNode,
-    PathGoesOn,
     PointEntry,
     SpecialEntry,
     StateEntry,
-)
-from dolfinx_contact.records.lines import (
-    FILE_NAME,
-    Followed,
-    Lines,
-    kind_of,
-    parse,
+    made,
+    plain,
 )
 
 __all__ = [
+    "FILE_NAME",
+    "FORMAT",
+    "AnyJournal",
     "EvolutionJournal",
     "EvolutionRun",
     "Explored",
     "Journal",
     "JournalBranch",
     "PathJournal",
+    "checkpoint_file",
+    "encoded",
+    "outer_surface_file",
+    "parse",
     "read_journal",
+    "reread",
+    "surface_file",
 ]
+
+FILE_NAME = "journal.jsonl"
+FORMAT = 3
+_CRC = ', "crc": "'
+
+
+def checkpoint_file(folder: Path, name: str) -> Path:
+    """The file with the fields of a point or state of a record."""
+    return folder / "checkpoints" / f"{name}.npz"
+
+
+def surface_file(folder: Path, name: str) -> Path:
+    """The file with the outer surface at a point or state of a record."""
+    return folder / "surface" / f"{name}.npz"
+
+
+def outer_surface_file(folder: Path) -> Path:
+    """The file of a record with the outer surface before anything moves."""
+    return folder / "surface.npz"
+
+
+# -- lines -----------------------------------------------------------------------------------------
+
+
+class _Refused(ValueError):
+    """An undamaged journal of another kind or format."""
+
+
+def encoded(entry: Mapping[str, Any]) -> bytes:
+    """The line of an entry, with its CRC; numbers keep all digits."""
+    body = json.dumps(plain(entry), allow_nan=False)[:-1]
+    return f'{body}{_CRC}{zlib.crc32(body.encode()):08x}"}}\n'.encode()
+
+
+def reread(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """An entry as it is read from its line."""
+    return _decoded(encoded(entry).rstrip(b"\n"))
+
+
+def _decoded(line: bytes) -> dict[str, Any]:
+    """The entry of a line.
+
+    Raises:
+        ValueError: if its CRC is wrong.
+    """
+    body, mark, crc = line.decode().rpartition(_CRC)
+    if not mark or crc != f'{zlib.crc32(body.encode()):08x}"}}':
+        raise ValueError("its check sum is wrong")
+    return dict(json.loads(body + "}", object_hook=_number))
+
+
+def _number(entry: dict[str, Any]) -> Any:
+    """The number that an object stands for (see `plain`), or the object itself."""
+    word = entry.get("float")
+    return float(word) if len(entry) == 1 and isinstance(word, str) else entry
+
+
+# -- journals --------------------------------------------------------------------------------------
 
 
 @dataclass
-class JournalBranch(Followed):
-    """What is known of one branch.
+class AnyJournal:
+    """The common content of all journals.
 
     Attributes:
-        task: what it is to do; None of what is in memory only.
-        points: in order.
+        header: manifest of the problem, and places of the contact points.
+        sessions: one dictionary for every run that recorded: ranks, versions and time of its start;
+            the first has the fingerprint of the outer surface.
+        lines: number of complete lines.
+        length: size of these in bytes.
+        torn: whether the last line lacks its end.
+        folder: folder of the record; None of a journal in memory only.
+    """
+
+    kind: ClassVar[str]
+    header: dict[str, Any] = field(default_factory=dict)
+    sessions: list[dict[str, Any]] = field(default_factory=list)
+    lines: int = 0
+    length: int = 0
+    torn: bool = False
+    folder: Path | None = None
+
+    @property
+    def places(self) -> dict[str, npt.NDArray[np.float64]]:
+        """Coordinates (n, dim) of contact points by surface, in the order of the statuses."""
+        return {k: np.array(x, float) for k, x in self.header["points"].items()}
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no branch or state was recorded yet."""
+        raise NotImplementedError
+
+    def entries(self, branch: int = 0) -> Sequence[PointEntry | StateEntry[Any]]:
+        """The entries of all points of a branch, or of all states of a history or path.
+
+        Raises:
+            ValueError: if there is no such branch.
+        """
+        raise NotImplementedError
+
+    def all_entries(self) -> Iterator[PointEntry | StateEntry[Any]]:
+        """The entries of all points of all branches, or of all states."""
+        raise NotImplementedError
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """All points or steps as numpy arrays by name."""
+        raise NotImplementedError
+
+    def to_pandas(self) -> Any:
+        """All points or steps as a pandas DataFrame; see `columns`."""
+        return optional("pandas", "records").DataFrame(self.columns())
+
+    def surface(self) -> OuterSurface:
+        """The outer surface of the bodies before they move, on this rank alone.
+
+        Raises:
+            ValueError: if the record has no outer surface yet, or it is damaged.
+        """
+        folder = self._on_disk()
+        if not self.sessions:
+            raise ValueError(f"the record in {folder} has no outer surface yet")
+        file = outer_surface_file(folder)
+        arrays = load(file, self.sessions[0]["outer_surface"])
+        try:
+            return OuterSurface.of_arrays(arrays)
+        except KeyError as error:
+            raise DamagedFile(f"{file} is damaged: {error} is missing") from None
+
+    def surface_at(self, index: int, branch: int = 0) -> SurfaceState:
+        """The outer surface at a recorded point, on this rank alone.
+
+        Args:
+            index: number of the point; of a history or path number of the step, 0 for the start.
+            branch: number of the branch; 0 for histories and paths.
+
+        Raises:
+            ValueError: if there is no such point, its displacement was not recorded, or is damaged.
+        """
+        entries = self.entries(branch)
+        if not 0 <= index < len(entries):
+            raise ValueError(f"points 0 to {len(entries) - 1} are recorded, not {index}")
+        entry = entries[index]
+        if entry.surface is None or entry.surface_sum is None:
+            raise ValueError(
+                f"no displacement was recorded at point {index}: record with "
+                "surface_displacement=True"
+            )
+        file = surface_file(self._on_disk(), entry.surface)
+        arrays = load(file, entry.surface_sum)
+        try:
+            return SurfaceState.of_arrays(arrays)
+        except KeyError as error:
+            raise DamagedFile(f"{file} is damaged: {error} is missing") from None
+
+    def check_surfaces(self) -> None:
+        """Raise ``ValueError`` if a file with the outer surface is missing or was exchanged."""
+        if self.folder is None or not self.sessions:
+            return
+        check(outer_surface_file(self.folder), self.sessions[0]["outer_surface"])
+        for entry in self.all_entries():
+            if entry.surface is not None and entry.surface_sum is not None:
+                check(surface_file(self.folder, entry.surface), entry.surface_sum)
+
+    def take(self, entry: dict[str, Any]) -> None:
+        """Add the entry of the next line.
+
+        Raises:
+            ValueError, KeyError, TypeError, IndexError: if it does not follow the lines before.
+        """
+        kind = entry.pop("type")
+        self.lines += 1
+        if entry.pop("line") != self.lines:
+            raise ValueError(f"it is not line {self.lines}: lines are missing before it")
+        if (kind == "header") != (not self.header):
+            raise ValueError("a journal has one header, as its first line")
+        if kind == "header":
+            self._require_kind(entry)
+            self.header = entry
+        elif kind == "session":
+            self.sessions.append(entry)
+        else:
+            self._take(kind, entry)
+
+    def _require_kind(self, header: Mapping[str, Any]) -> None:
+        if header["format"] != FORMAT:
+            raise _Refused(
+                f"the journal is in format {header['format']}, and this version of "
+                f"dolfinx_contact reads and writes format {FORMAT} alone: use the version that "
+                f"wrote it ({header.get('package', 'unknown')}), or record again"
+            )
+        if header["of"] != self.kind:
+            raise _Refused(f"it is the journal of {header['of']}, not of {self.kind}")
+
+    def _take(self, kind: str, entry: dict[str, Any]) -> None:
+        """Add an entry that is not a header or session."""
+        raise NotImplementedError
+
+    def _on_disk(self) -> Path:
+        if self.folder is None:
+            raise ValueError("the journal is in memory only, and has no surface")
+        return self.folder
+
+
+@dataclass
+class JournalBranch(Ends):
+    """A recorded branch.
+
+    Attributes:
+        task: task of the branch; None of a branch in memory only.
+        points: its points in order.
+        ending: the way in which it ended; None if it has not.
+        reason: reason, as a sentence.
     """
 
     task: BranchTask | None = None
     points: list[PointEntry] = field(default_factory=list)
+    ending: Ending | None = None
+    reason: str = ""
 
     @property
     def kept(self) -> list[int]:
-        """Indices of the points of which fields were kept."""
+        """Indices of the points with a checkpoint."""
         return [p.index for p in self.points if p.checkpoint is not None]
 
+    def add(self, point: PointEntry) -> None:
+        """Add a point, which may be the end."""
+        if point.index != len(self.points):
+            raise ValueError(f"point {point.index} follows after {len(self.points)} points")
+        self.points.append(point)
+        self.go_on()
+        if point.ending is not None:
+            self.end(point.ending, point.reason or "")
+
     def end_with(self, end: EndEntry) -> None:
-        """End it at its last point, of which a checkpoint may have been kept since."""
+        """End the branch at its last point, which may have a checkpoint now."""
         self.end(end.ending, end.reason)
         if end.checkpoint is not None:
-            last = replace(self.points[-1], checkpoint=end.checkpoint, sum=end.sum)
-            self.points[-1] = last
+            self.points[-1] = replace(self.points[-1], checkpoint=end.checkpoint, sum=end.sum)
 
 
 @dataclass
 class Explored(Ends):
-    """How a recorded exploration ended.
+    """The end of a recorded exploration.
 
     Attributes:
-        ending: how; None if it has not.
-        reason: why, in words.
-        complete: whether every ray has been followed, and every node knows all of its rays.
+        ending: the way in which it ended; None if it has not.
+        reason: reason, as a sentence.
+        complete: whether every ray was followed, and all rays of every node are known.
     """
 
     ending: Ending | None = None
@@ -94,32 +315,14 @@ class Explored(Ends):
 
 
 @dataclass
-class EvolutionRun(Followed):
-    """What is known of one run.
+class Journal(AnyJournal):
+    """The journal of branches.
 
     Attributes:
-        task: what it was to do, as times or a range of gamma.
-        after: index of the state at which it begins.
-    """
-
-    task: dict[str, Any] = field(default_factory=dict)
-    after: int = 0
-
-    @property
-    def complete(self) -> bool:
-        """Whether it reached the last of its times, or the end of its range."""
-        return self.ending is Ending.REACHED
-
-
-@dataclass
-class Journal(Lines):
-    """What was recorded of branches; the ``header`` has the names of the functionals.
-
-    Attributes:
-        branches: by number.
-        nodes: bifurcations of a diagram, by number; none of branches that were followed one by one.
-        edges: what its branches lead from and to, by their number.
-        explored: how the diagram ended; not at all if something was recorded since.
+        branches: branches by number.
+        nodes: bifurcations of a diagram by number; empty if branches were followed one by one.
+        edges: branches of a diagram with the nodes where they start and end, by number.
+        explored: the end of the exploration; empty if something was recorded since.
     """
 
     kind: ClassVar[str] = "branches"
@@ -135,9 +338,21 @@ class Journal(Lines):
 
     @property
     def is_diagram(self) -> bool:
-        """Whether its branches are those of an exploration, which end at nodes."""
+        """Whether the branches are those of an exploration, which end at nodes."""
         tasks = [branch.task for branch in self.branches.values()]
         return bool(self.edges) or any(task is not None and task.to_node for task in tasks)
+
+    @property
+    def is_empty(self) -> bool:
+        return not self.branches
+
+    def entries(self, branch: int = 0) -> list[PointEntry]:
+        (chosen,) = self._chosen(branch)
+        return self.branches[chosen].points
+
+    def all_entries(self) -> Iterator[PointEntry]:
+        for branch in self.branches.values():
+            yield from branch.points
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
         """All points as numpy arrays by name, of one branch or of all, in order.
@@ -146,8 +361,7 @@ class Journal(Lines):
         functionals, the numbers of points ``open``, ``stick``, ``slip`` and ``clamped``,
         ``special`` (kinds of special points on the way to the point) and ``status``.
         """
-        chosen = self._chosen(branch)
-        rows = [(b, p) for b in chosen for p in self.branches[b].points]
+        rows = [(b, p) for b in self._chosen(branch) for p in self.branches[b].points]
         columns: dict[str, npt.NDArray[Any]] = {"branch": np.array([b for b, _ in rows], int)}
         for name in ("index", "corrections"):
             columns[name] = np.array([getattr(p, name) for _, p in rows], int)
@@ -155,8 +369,9 @@ class Journal(Lines):
             columns[name] = np.array([getattr(p, name) for _, p in rows], float)
         for name in self.functionals:
             columns[name] = np.array([p.functionals[name] for _, p in rows], float)
+        counts = [p.counts for _, p in rows]
         for name in ("open", "stick", "slip", "clamped"):
-            columns[name] = np.array([p.counts[name] for _, p in rows], int)
+            columns[name] = np.array([c[name] for c in counts], int)
         kinds = [" ".join(s.kind for s in p.special) for _, p in rows]
         columns["special"] = np.array(kinds, dtype=object)
         columns["status"] = np.array([p.status for _, p in rows], dtype=object)
@@ -168,7 +383,7 @@ class Journal(Lines):
         """All points as dictionaries, of one branch or of all, in order.
 
         Args:
-            branch: its number.
+            branch: number of the branch; None for all.
             columns: names of `columns`; by default ``gamma``, the functionals, and the ``status``
                 of the points that are not clamped.
         """
@@ -189,8 +404,7 @@ class Journal(Lines):
         last of `rows` as ``end``.
         """
         rows = self.rows(branch)
-        points = self.branches[branch].points
-        special = [(s, p.index) for p in points for s in p.special]
+        special = [(s, p.index) for p in self.branches[branch].points for s in p.special]
         folds = [
             {
                 "gamma": s.gamma,
@@ -208,8 +422,8 @@ class Journal(Lines):
             "end": rows[-1],
         }
 
-    def table(self, branch: int | None = None) -> Any:
-        """All points as a pandas DataFrame; see `columns`."""
+    def to_pandas(self, branch: int | None = None) -> Any:
+        """All points as a pandas DataFrame, of one branch or of all; see `columns`."""
         return optional("pandas", "records").DataFrame(self.columns(branch))
 
     def special(self, branch: int | None = None) -> Any:
@@ -222,59 +436,42 @@ class Journal(Lines):
         """
         names = ["branch", "index", *(f.name for f in fields(SpecialEntry))]
         rows = [
-            {"branch": b, "index": p.index, **s.line()}
+            {"branch": b, "index": p.index, **asdict(s)}
             for b in self._chosen(branch)
             for p in self.branches[b].points
             for s in p.special
         ]
         return optional("pandas", "records").DataFrame(rows, columns=names)
 
-    @property
-    def is_empty(self) -> bool:
-        return not self.branches
-
-    def all_entries(self) -> Iterator[PointEntry]:
-        for branch in self.branches.values():
-            yield from branch.points
-
-    def entries(self, branch: int = 0) -> list[PointEntry]:
-        (chosen,) = self._chosen(branch)
-        return self.branches[chosen].points
-
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind != "explored":
             self.explored = Explored()
         if kind == "branch":
-            if entry["branch"] in self.branches:
-                raise ValueError(f"branch {entry['branch']} begins twice")
-            task = BranchTask.of_line(entry["task"])
-            self.branches[entry["branch"]] = JournalBranch(task=task)
+            number = entry["branch"]
+            if number in self.branches:
+                raise ValueError(f"branch {number} begins twice")
+            self.branches[number] = JournalBranch(made(BranchTask, entry["task"]))
         elif kind == "point":
-            branch = self.branches[entry["branch"]]
-            point = PointEntry.of_line_after(entry, branch.points)
-            if point.index != len(branch.points):
-                raise ValueError(f"point {point.index} follows after {len(branch.points)} points")
-            branch.points.append(point)
-            branch.go_on()
-            if point.ending is not None:
-                branch.end(point.ending, point.reason or "")
+            branch = self.branches[entry.pop("branch")]
+            if "status" not in entry:  # as at the point before
+                entry["status"] = branch.points[-1].status
+            branch.add(made(PointEntry, entry))
         elif kind == "end":
-            branch = self.branches[entry["branch"]]
-            branch.end_with(EndEntry.of_line(entry))
+            self.branches[entry.pop("branch")].end_with(made(EndEntry, entry))
         elif kind == "node":
-            number = entry["node"]
+            number = entry.pop("node")
             if not 0 <= number <= len(self.nodes):
                 raise ValueError(f"node {number} follows after {len(self.nodes)} nodes")
-            self.nodes[number : number + 1] = [JournalNode.of_line(entry)]  # anew when it changes
+            self.nodes[number : number + 1] = [made(JournalNode, entry)]  # again when it changes
         elif kind == "edge":
-            edge = JournalEdge.of_line(entry)
+            edge = made(JournalEdge, entry)
             if edge.branch != len(self.edges):
                 raise ValueError(f"edge {edge.branch} follows after {len(self.edges)} edges")
             self.edges.append(edge)
         elif kind == "explored":
-            self.explored = Explored(Ending[entry["ending"]], entry["reason"], entry["complete"])
+            self.explored = made(Explored, entry)
         else:
-            raise ValueError(f"lines of the kind {kind!r} are not known")
+            raise ValueError(f"unknown kind of line {kind!r}")
 
     def _chosen(self, branch: int | None) -> list[int]:
         known = branch is None or (is_number(branch) and branch in self.branches)
@@ -284,26 +481,58 @@ class Journal(Lines):
 
 
 @dataclass
-class EvolutionJournal(Lines):
-    """What was recorded of the runs of an evolution.
+class EvolutionRun(Ends):
+    """A recorded run.
+
+    Attributes:
+        task: task of the run, such as its times or range of gamma.
+        after: index of the state where it begins.
+        ending: the way in which it ended; None if it has not.
+        reason: reason, as a sentence.
+    """
+
+    task: dict[str, Any] = field(default_factory=dict)
+    after: int = 0
+    ending: Ending | None = None
+    reason: str = ""
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run reached the last of its times, or the end of its range."""
+        return self.ending is Ending.REACHED
+
+
+@dataclass
+class EvolutionJournal(AnyJournal):
+    """The journal of the runs of an evolution.
 
     Attributes:
         states: the start and every accepted step, in order.
-        runs: in order.
+        runs: runs in order.
     """
 
     kind: ClassVar[str] = "an evolution"
-    #: How a run continues from a state.
-    run_entry: ClassVar[type[Entry]] = HistoryGoesOn
     states: list[StateEntry[Any]] = field(default_factory=list)
     runs: list[EvolutionRun] = field(default_factory=list)
+
+    @property
+    def is_empty(self) -> bool:
+        return not self.states
+
+    def entries(self, branch: int = 0) -> list[StateEntry[Any]]:
+        if branch != 0:
+            raise ValueError(f"{self.kind} has no branches, so no branch {branch}")
+        return self.states
+
+    def all_entries(self) -> Iterator[StateEntry[Any]]:
+        yield from self.states
 
     def rows(self) -> list[dict[str, Any]]:
         """The table of all steps, with their ``status``, for `write_rows`."""
         return [s.row | {"status": s.status} for s in self.states if s.row is not None]
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The same as numpy arrays by name; those that hold words or None are of objects."""
+        """`rows` as numpy arrays by name; columns with words or None are arrays of objects."""
         rows = self.rows()
         found = {}
         for name in rows[0] if rows else ():
@@ -319,24 +548,12 @@ class EvolutionJournal(Lines):
             found |= state.data
         return found
 
-    @property
-    def is_empty(self) -> bool:
-        return not self.states
-
-    def all_entries(self) -> Iterator[StateEntry[Any]]:
-        yield from self.states
-
-    def entries(self, branch: int = 0) -> list[StateEntry[Any]]:
-        if branch != 0:
-            raise ValueError(f"{self.kind} has no branches, so no branch {branch}")
-        return self.states
-
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind == "state":
-            state: StateEntry[Any] = StateEntry.of_line(entry, run=self.run_entry)
+            state = made(StateEntry, entry)
             if state.index != len(self.states):
                 raise ValueError(f"state {state.index} follows after {len(self.states)} states")
-            if (state.row is None) != (not self.states):
+            if (state.row is None) != (state.index == 0):
                 raise ValueError("steps have a row of the table, and the start has none")
             if self.states:
                 self.runs[-1].go_on()
@@ -344,20 +561,19 @@ class EvolutionJournal(Lines):
         elif kind == "run":
             if not entry["after"] == len(self.states) - 1 >= 0:
                 raise ValueError(f"a run begins at state {entry['after']}")
-            self.runs.append(EvolutionRun(task=entry["task"], after=entry["after"]))
+            self.runs.append(EvolutionRun(**entry))
         elif kind == "end":
-            end = EndEntry.of_line(entry)
+            end = made(EndEntry, entry)
             self.runs[-1].end(end.ending, end.reason)
         else:
-            raise ValueError(f"lines of the kind {kind!r} are not known")
+            raise ValueError(f"unknown kind of line {kind!r}")
 
 
 @dataclass
 class PathJournal(EvolutionJournal):
-    """What was recorded of a path by arc length, as an `EvolutionJournal`; times are lengths."""
+    """The journal of a path by arc length, as an `EvolutionJournal`; times are lengths."""
 
     kind: ClassVar[str] = "a path"
-    run_entry: ClassVar[type[Entry]] = PathGoesOn
 
     @property
     def gammas(self) -> npt.NDArray[np.float64]:
@@ -375,23 +591,51 @@ class PathJournal(EvolutionJournal):
         return [row for row in self.rows() if row["event"] == "kink"]
 
 
+J = TypeVar("J", bound=AnyJournal)
 _KINDS: dict[str, type[Journal | EvolutionJournal | PathJournal]] = {
     kind.kind: kind for kind in (Journal, EvolutionJournal, PathJournal)
 }
 
 
-def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal | PathJournal:
-    """Read the journal of a folder, on this rank alone; it may be that of a run that continues.
+def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
+    """The journal in the content of a file; a last line without an end is left out.
 
-    Returns:
-        The journal of the kind that it is.
+    Args:
+        data: content of the file.
+        kind: class of the journal.
+        folder: folder of the record.
 
     Raises:
-        OSError: if there is none.
-        ValueError: if it is damaged, no journal, or one of something that is not known.
+        ValueError: if a line is damaged or does not follow the lines before, or the journal is of
+            another kind or format.
+    """
+    *lines, rest = data.split(b"\n")
+    journal = kind(length=len(data) - len(rest), torn=bool(rest), folder=folder)
+    for number, line in enumerate(lines, 1):
+        try:
+            journal.take(_decoded(line))
+        except _Refused:
+            raise
+        except (ValueError, KeyError, TypeError, IndexError) as error:
+            raise ValueError(f"line {number} of the journal is damaged: {error}") from None
+    return journal
+
+
+def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal | PathJournal:
+    """Read the journal of a folder, on this rank alone; the run may still continue.
+
+    Returns:
+        The journal, of the class of its kind.
+
+    Raises:
+        OSError: if there is no journal.
+        ValueError: if it is damaged, or of an unknown kind.
     """
     data = (Path(folder) / FILE_NAME).read_bytes()
-    name = kind_of(data) or Journal.kind  # what has no kind is refused as any of them
+    try:
+        name = str(_decoded(data.partition(b"\n")[0])["of"])
+    except (ValueError, KeyError):  # damaged: `parse` says so
+        name = Journal.kind
     if name not in _KINDS:
         known = ", ".join(_KINDS)
         raise ValueError(f"{folder} has the journal of {name}; known are those of {known}")

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The record of a path by arc length on the disk, from which a killed run is resumed.
+"""The record of a path by arc length, from which a killed run is resumed; see `StepsRecord`.
 
-Beside what all have (`StepsRecord`) a state has the tangent by which it was reached, and all that
-the next step depends on, so that a run continues with the same points.
+A state has in addition the tangent of the step to it and everything that the next step depends on,
+so that a run continues with the same points.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 from petsc4py import PETSc
-
-import numpy.typing as npt
 
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.layout import Layout
@@ -23,29 +21,30 @@ from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution import ArcLength, PathHistory, PathStep
 from dolfinx_contact.evolution.listeners import Listeners
 from dolfinx_contact.evolution.path_state import PathState, PathTask, begun
-from dolfinx_contact.records.entries import Arrived, PathGoesOn, StateEntry
+from dolfinx_contact.records.arrays import Arrays
+from dolfinx_contact.records.columns import Arrived, PathGoesOn, StateEntry, plain
 from dolfinx_contact.records.journal import PathJournal
-from dolfinx_contact.records.problem_record import Resume
+from dolfinx_contact.records.record import Resume
 from dolfinx_contact.records.steps_record import StepsRecord
 
 __all__ = ["PathRecord"]
 
 
 class PathRecord(StepsRecord[PathJournal, PathState]):
-    """Records the runs of a path by arc length in a folder. Collective.
+    """A record of the runs of a path by arc length in a folder. Collective.
 
-    While it is open no other process can record there; ranks that outlive a killed ``mpirun`` hold
-    it until they are ended.
+    While the record is open no other process can write to it; ranks that outlive a killed
+    ``mpirun`` hold it until they are ended.
 
     Args:
-        folder: of the record, made if need be.
-        path: whose runs are recorded.
-        surface_displacement: as for `EvolutionRecord`.
+        folder: folder of the record, created if necessary.
+        path: path whose runs are recorded.
+        surface_displacement: see `EvolutionRecord`.
         resume: True to continue a record that exists, False to begin one where there is none,
             "if_exists" for either.
 
     Attributes:
-        journal: what has been recorded, on every rank.
+        journal: content of the journal, on every rank.
 
     Raises:
         OSError, ValueError: on every rank, as `EvolutionRecord`.
@@ -93,7 +92,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
     def _load(self, state: StateEntry[PathGoesOn]) -> None:
         self.path.parametric._set(state.run.gamma)
 
-    def _entry_of(self, run_state: PathState) -> PathGoesOn:
+    def _goes_on(self, run_state: PathState) -> PathGoesOn:
         point = run_state.arrived
         arrived = None
         if point is not None:
@@ -126,14 +125,13 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         self,
         state: StateEntry[PathGoesOn],
         vectors: Mapping[str, PETSc.Vec],
-        found: Mapping[str, npt.NDArray[Any]],
-        first: bool,
+        arrays: Arrays,
     ) -> PathState:
         gamma = state.run.gamma
         arrived = None
         energies = self.path.account(**state.energies)
-        memory = self._points.memory(found)
-        accepted = self.path.recalled(state.time, gamma, memory, energies, first=first)
+        memory = self._points.memory(arrays)
+        accepted = self.path.recalled(state.time, gamma, memory, energies, first=state.first)
         if (at := state.run.arrived) is not None:
             arrived = BranchPoint(
                 self._layout.joined(vectors["x"], gamma),
@@ -164,8 +162,8 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         """
         runs = self.journal.runs
         if runs and runs[-1].ending is None and self._last is None:
-            recorded = asdict(_task(runs[-1].task))
-            self._require_task(f"the run in {self.folder}", recorded, asdict(task))
+            recorded = plain(_task(runs[-1].task))
+            self._require_same({"task": recorded}, {"task": plain(task)}, " in the task of the run")
         super().begin(task, state)
 
     def go_on(
@@ -193,7 +191,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         """
         run = self._last_run()
         if run.ending is not None:
-            run_state = self._ended()
+            run_state = self._stand_at([len(self.journal.states) - 1])
             self.path.put(run_state)
             history = PathHistory(run_state.accepted.time, run_state.accepted.energies)
             history.gamma = run_state.gamma
@@ -201,7 +199,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
             return history
         task = _task(run.task)
         states = self.journal.states
-        run_state = self._resumed(run, range(run.after + 1, len(states)))
+        run_state = self._stand_at(range(len(states) - 1, run.after - 1, -1))
         passed = tuple(s.time for s in states[run.after : self._index + 1])
         run_state = replace(run_state, passed=passed)
         if self._index == run.after:

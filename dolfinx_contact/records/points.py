@@ -22,7 +22,7 @@ from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.data import placed_data
 from dolfinx_contact.equations.order import Gathered, by_coordinates
 from dolfinx_contact.laws import status
-from dolfinx_contact.records.entries import (
+from dolfinx_contact.records.columns import (
     ChangeEntry,
     JournalNode,
     NodePoint,
@@ -76,7 +76,6 @@ def entry_of(
         corrections=point.corrections,
         tau=point.tau,
         status=letters,
-        counts=status.count(letters),
         special=[SpecialEntry(**_described(system, s)) for s in special],
         norm=norm,
         functionals={},

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What records of histories and of paths share: states step by step, on the disk and from there.
+"""The common part of the records of histories, motions and paths: states step by step.
 
-A record is a folder with the journal (`journal.py`: energies and statuses of every
-accepted step) and a checkpoint of every step: displacement, multipliers, rigid bodies, statuses and
-memory. All of a step is on the disk before the next one is computed. Resumed, on any number of
-ranks, a run continues from the last step that suffices for it. Those recorded beyond it are
-computed once more and are not recorded again.
+A record is a folder with the journal (energies and statuses of every accepted step) and a
+checkpoint of every step (displacement, multipliers, rigid bodies, statuses and memory). A run is
+resumed from the last step that suffices to continue it; later recorded steps are computed again
+and not recorded again.
 """
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,7 +18,6 @@ from typing import Any, ClassVar, Generic, TypeVar
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 
@@ -34,45 +31,47 @@ from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.records.entries import EndEntry, Entry, StateEntry
+from dolfinx_contact.records.arrays import Arrays
+from dolfinx_contact.records.columns import (
+    EndEntry,
+    HistoryGoesOn,
+    PathGoesOn,
+    StateEntry,
+    plain,
+)
 from dolfinx_contact.records.fields import PointArrays
 from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun
 from dolfinx_contact.records.manifest import data_restored, manifest_of, values_of
-from dolfinx_contact.records.problem_record import ProblemRecord, Resume
+from dolfinx_contact.records.record import Record, Resume
 
 __all__ = ["StepsRecord"]
-
-logger = logging.getLogger(__name__)
-
-Arrays = dict[str, npt.NDArray[Any]]
 
 J = TypeVar("J", bound=EvolutionJournal)
 S = TypeVar("S", bound=RunState)
 
 
-class StepsRecord(ProblemRecord[J], Generic[J, S]):
-    """Records runs step by step in a folder. Collective, as a context.
+class StepsRecord(Record[J], Generic[J, S]):
+    """A record of runs, step by step. Collective, as a context.
 
     Args:
-        folder: of the record, made if need be.
-        system: the contact problem, or it and its load, which are put back after a look.
-        kind: of the journal.
-        method: what the runs are known by beside the problem, in words.
-        surface_displacement: see `EvolutionRecord`, as for the following.
-        resume: True to continue a record that exists, False to begin one where there is none,
-            "if_exists" for either.
-        data: Functions and Constants beside those of the problem, with their places.
-        forms: beside those of the problem, by name.
+        folder: folder of the record, created if necessary.
+        system: the contact problem, or the problem with its load.
+        kind: class of the journal.
+        method: words for the method of the runs and its parameters.
+        surface_displacement: see `EvolutionRecord`, also for the following argument.
+        resume: whether a record is continued.
+        data: further Functions and Constants, with their places.
+        forms: further forms, by name.
         driven: expressions by which a load drives Dirichlet data.
 
     Attributes:
-        journal: what has been recorded, on every rank.
+        journal: content of the journal, on every rank.
 
     Raises:
         OSError, ValueError: on every rank, see `EvolutionRecord`.
     """
 
-    #: What is recorded, and what its states are distinguished by.
+    #: Words for the recorded evolution, and for the coordinate of its states.
     _what: ClassVar[str]
     _along: ClassVar[str]
 
@@ -94,26 +93,24 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             folder, problem, kind, surface_displacement=surface_displacement, resume=resume
         )
         self._system = system
+        self._more_data = data
         self._points = PointArrays(problem)
-        self._last: AcceptedState | None = None  # where the runs stand
-        self._index = -1  # of that state
-        self._resumed_state: S | None = None  # where a run that was recorded continues
-        self._more = data
+        self._index = -1  # number of the state where the runs are
+        self._last: AcceptedState | None = None  # that state
+        self._resumed_state: S | None = None  # state from which a recorded run continues
         try:
             now = manifest_of(problem, method=method, forms=forms, driven=driven)
             if self.journal.header:
                 self._require_same(self.journal.header, now)
-            self._require_load()
-            self._begin(now)
+            if self.journal.states:
+                self._require_load(self.journal.states[-1])
+            self._begin_session(now)
         except Exception:
             self.close()
             raise
 
-    def _require_load(self) -> None:
-        """Refuse other data than the recorded ones under the load of the last state. Collective."""
-        if not self.journal.states:
-            return
-        state = self.journal.states[-1]
+    def _require_load(self, state: StateEntry[Any]) -> None:
+        """Refuse other data than the recorded ones under the load of a state. Collective."""
         at = f"{self._along} {state.time:.10g}"
         with self.looking():
             with everywhere(self.comm, f"the load at {at}"):
@@ -124,51 +121,46 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
 
     def _values(self) -> dict[str, Any]:
         """The values of all data as they are now. Collective."""
-        return values_of(self.problem, more=self._more)
+        return values_of(self.problem, more=self._more_data)
 
-    # -- what records of one kind have ---------------------------------------------------------
+    # -- differences between histories and paths -------------------------------------------------
 
     def _load(self, state: StateEntry[Any]) -> None:
         """Put the load of a state into the data of the problem. Collective."""
         raise NotImplementedError
 
-    def _entry_of(self, run_state: S) -> Entry:
-        """The entry of the journal for how a run continues. Collective."""
+    def _goes_on(self, run_state: S) -> HistoryGoesOn | PathGoesOn:
+        """The entry for the continuation of a run. Collective."""
         raise NotImplementedError
 
     def _names(self) -> Iterable[str]:
-        """Of what a state has beside the unknowns, as vectors of unknowns."""
+        """Names of the vectors that a state has in addition to the unknowns."""
         raise NotImplementedError
 
     def _fill(self, vectors: Mapping[str, PETSc.Vec], run_state: S) -> None:
-        """Put what a state has beside the unknowns into vectors, which are 0."""
+        """Fill these vectors, which are 0."""
         raise NotImplementedError
 
     def _recalled(
-        self,
-        state: StateEntry[Any],
-        vectors: Mapping[str, PETSc.Vec],
-        found: Mapping[str, npt.NDArray[Any]],
-        first: bool,
+        self, state: StateEntry[Any], vectors: Mapping[str, PETSc.Vec], arrays: Arrays
     ) -> S:
-        """The state of a run at a recorded state, which has been put into the problem. Collective.
+        """The state of a run at a recorded state, which is in the problem. Collective.
 
         Args:
-            state: its entry in the journal.
-            vectors: that were kept.
-            found: arrays at the points.
-            first: whether statuses at the state are not known.
+            state: entry of the state.
+            vectors: vectors of its checkpoint, by name.
+            arrays: arrays at the points of its checkpoint.
         """
         raise NotImplementedError
 
-    # -- events of a run --------------------------------------------------------------------------
+    # -- recording -------------------------------------------------------------------------------
 
     def begin(self, task: Any, state: S) -> None:
-        """A run begins; of one that continues nothing is recorded. Collective.
+        """Record the beginning of a run; nothing for a run that continues. Collective.
 
         Raises:
-            ValueError: on every rank, if this is closed, or it does not begin where the record
-                ends.
+            ValueError: on every rank, if the record is closed, or the run does not begin where the
+                record ends.
         """
         self._require_open()
         if state is self._resumed_state:
@@ -176,27 +168,25 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         states = self.journal.states
         accepted = state.accepted
         if not states:
-            self._keep(state, self._letters())
+            tables = [self.problem.table(s) for s in self.problem.surfaces]
+            self._keep(state, "".join(table.status for table in tables))
         elif len(states) == 1 and self._last is None:
             self._index = 0
             self._last = accepted
+        last = self._last
+        at_the_end = (
+            last is not None
+            and self._index == len(states) - 1
+            and last.time == accepted.time
+            and np.array_equal(last.unknowns, accepted.unknowns)
+        )
         message = (
             f"the {self._what} is at {self._along} {accepted.time:.10g} and not at the end of the "
             f"record in {self.folder}, which is at {states[-1].time:.10g}: continue with "
             f"{type(self).__name__}(..., resume=True).go_on(), or record to another folder"
         )
-        at_the_end = self._index == len(states) - 1 and self._is_at(accepted)
         require(self.comm, at_the_end, message)
-        run = EvolutionRun(task=asdict(task), after=self._index)
-        self._append({"type": "run", "task": run.task, "after": run.after})
-        self.journal.runs.append(run)
-
-    def _is_at(self, accepted: AcceptedState) -> bool:
-        """Whether a state is that at which the record stands. Not collective."""
-        last = self._last
-        if last is None or last.time != accepted.time:
-            return False
-        return np.array_equal(last.unknowns, accepted.unknowns)
+        self._append({"type": "run", "task": asdict(task), "after": self._index})
 
     def step(self, step: EvolutionStep, state: S) -> None:
         if self._index + 1 < len(self.journal.states):  # recorded before the run was killed
@@ -206,37 +196,33 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         self._keep(state, step.status, step.row())
 
     def end(self, ended: Ends) -> None:
-        run = self.journal.runs[-1]
         if ended.ending is None or self._index < len(self.journal.states) - 1:
             return  # more was recorded before, after which this is not the end
         end = EndEntry(ending=ended.ending, reason=ended.reason)
-        self._append({"type": "end", **end.line()})
-        run.end(ended.ending, ended.reason)
+        self._append({"type": "end", **plain(end)})
 
     def _keep(self, run_state: S, letters: str, row: dict[str, Any] | None = None) -> None:
-        """Put a state, which is in the problem, on the disk. Collective.
+        """Record a state, which is in the problem. Collective.
 
         Args:
-            run_state: the state and how the run continues from it.
+            run_state: the state, and the continuation of the run.
             letters: letters of its statuses.
             row: its row of the table of steps; None at the start.
         """
         accepted = run_state.accepted
-        self._law = self.problem.with_memory(accepted.state.previous)
         index = self._index + 1
         name = f"state_{index:06d}"
         values = self._values()
+        before = self.journal.data_at(index - 1)
         square = self.comm.allreduce(float(np.dot(accepted.unknowns, accepted.unknowns)))
-        run = self._entry_of(run_state)
+        goes_on = self._goes_on(run_state)
         vectors = self._vectors()
         self._fill(vectors, run_state)
         self.problem.write(vectors["x"])
-        arrays = self._points.gathered(accepted)
-        check_sum = self._write_fields(name, vectors, arrays)
+        fingerprint = self._write_fields(name, vectors, self._points.gathered(accepted))
         for x in vectors.values():
             x.destroy()
-        surface = self._write_surface(name) if self._shows else None
-        before = self.journal.data_at(index - 1)
+        law = self.problem.with_memory(accepted.state.previous)
         entry = StateEntry(
             index=index,
             time=accepted.time,
@@ -246,26 +232,21 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             data={place: v for place, v in values.items() if before.get(place) != v},
             row=row,
             first=accepted.statuses is None,
-            run=run,
+            run=goes_on,
             checkpoint=name,
-            sum=check_sum,
+            sum=fingerprint,
             surface=name if self._shows else None,
-            surface_sum=surface,
+            surface_sum=self._write_surface(name, law) if self._shows else None,
         )
-        self._append({"type": "state", **entry.line()})
-        self.journal.states.append(entry)
+        self._append({"type": "state", **plain(entry)})
         self._index = index
         self._last = accepted
 
     def _vectors(self) -> dict[str, PETSc.Vec]:
-        """For what a state has, the unknowns last. Collective."""
+        """New vectors for a state, the unknowns last. Collective."""
         return {name: self.problem.create_vector() for name in (*self._names(), "x")}
 
-    def _letters(self) -> str:
-        """Letters of the statuses that stand in the surfaces, as those of a step. Collective."""
-        return "".join(self.problem.table(s).status for s in self.problem.surfaces)
-
-    # -- continuing --------------------------------------------------------------------------------
+    # -- resuming --------------------------------------------------------------------------------
 
     def _last_run(self) -> EvolutionRun:
         if not self.journal.runs:
@@ -275,24 +256,13 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
             )
         return self.journal.runs[-1]
 
-    def _ended(self) -> S:
-        """The state of a run that has ended, which is the last state. Collective."""
-        self._index = len(self.journal.states) - 1
-        run_state = self._run_state(self._index)
-        self._last = run_state.accepted
-        return run_state
-
-    def _resumed(self, run: EvolutionRun, known: Sequence[int]) -> S:
-        """The state of a run at the last state from which it can continue. Collective.
-
-        A damaged checkpoint is passed over, with a warning in the log.
+    def _stand_at(self, indices: Sequence[int]) -> S:
+        """Go to the first of several recorded states that is undamaged. Collective.
 
         Args:
-            run: that has not ended.
-            known: indices of the states that suffice to continue it, beside that where it begins.
+            indices: numbers of the states, from the last one back.
         """
-        indices = (*reversed(known), run.after)
-        index, run_state = self._last_whole(indices, lambda i: (i, self._run_state(i)))
+        index, run_state = self._last_undamaged(indices, lambda i: (i, self._run_state(i)))
         self._index = index
         self._last = run_state.accepted
         return run_state
@@ -301,31 +271,32 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         """The state of a run at a recorded state, which is put into the problem. Collective.
 
         Raises:
-            ValueError: on every rank, if it is damaged.
+            ValueError: on every rank, if its checkpoint is damaged.
         """
-        problem = self.problem
         state = self.journal.states[index]
         vectors = self._vectors()
-        found = self._read_fields(state.checkpoint, state.sum, vectors)
-        problem.put(vectors["x"], self._points.statuses(found))
-        run_state = self._recalled(state, vectors, found, state.first)
+        arrays = self._read_fields(state.checkpoint, state.sum, vectors)
+        self.problem.put(vectors["x"], self._points.statuses(arrays))
+        run_state = self._recalled(state, vectors, arrays)
         for x in vectors.values():
             x.destroy()
         return run_state
 
+    # -- showing ---------------------------------------------------------------------------------
+
     def show(self, index: int) -> ContactProblem:
         """Put a recorded state into the problem, for tables, fields and pictures. Collective.
 
-        Runs stay where they are, and what they stand at is put back by the next one.
+        Runs are not affected: the next run puts its own state back.
 
         Args:
-            index: of the step; 0 is the start.
+            index: number of the step, 0 for the start.
 
         Returns:
             The problem under the law of the step, for evaluations such as `ContactProblem.table`.
 
         Raises:
-            ValueError: on every rank, if there is none, or it is damaged.
+            ValueError: on every rank, if there is no such step, or it is damaged.
         """
         same_everywhere(self.comm, index=index)
         last = len(self.journal.states) - 1
@@ -340,7 +311,7 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
 
     @contextmanager
     def looking(self) -> Iterator[None]:
-        """Put back at the end what is in the problem, whatever was shown. Collective."""
+        """Restore the state and the data of the problem at the end. Collective."""
         with data_restored(self.problem), self._system.restored(always=True):
             yield
 
@@ -350,8 +321,8 @@ class StepsRecord(ProblemRecord[J], Generic[J, S]):
         The problem stays as it is.
 
         Args:
-            folder: where to, made if need be.
-            index: of the step; 0 is the start.
+            folder: folder of the file, created if necessary.
+            index: number of the step, 0 for the start.
 
         Raises:
             OSError: on every rank, with the path, if it cannot be written.

@@ -11,9 +11,8 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation import Branch, SpecialPoint
-from dolfinx_contact.records.entries import PointEntry
-from dolfinx_contact.records.journal import Journal, JournalBranch
-from dolfinx_contact.records.lines import FORMAT
+from dolfinx_contact.records.columns import PointEntry
+from dolfinx_contact.records.journal import FORMAT, Journal, JournalBranch
 from dolfinx_contact.records.points import Functional, compiled, entry_of, places
 
 if TYPE_CHECKING:

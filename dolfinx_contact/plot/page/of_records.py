@@ -12,9 +12,15 @@ from typing import Any
 import numpy as np
 
 from dolfinx_contact.plot.page.scene import Array, Mark, Scene, SeriesShown
-from dolfinx_contact.records.entries import PathGoesOn, SpecialEntry, StateEntry
-from dolfinx_contact.records.journal import EvolutionJournal, Journal, PathJournal, read_journal
-from dolfinx_contact.records.lines import FILE_NAME, Lines
+from dolfinx_contact.records.columns import PathGoesOn, SpecialEntry, StateEntry
+from dolfinx_contact.records.journal import (
+    FILE_NAME,
+    AnyJournal,
+    EvolutionJournal,
+    Journal,
+    PathJournal,
+    read_journal,
+)
 
 __all__ = ["has_points", "scene_of_record"]
 
@@ -24,7 +30,7 @@ _OF_POINTS = ("open", "stick", "slip", "clamped", "norm", "step", "corrections")
 _WORDS = ("strategy", "event", "before", "after", "status")
 
 
-def scene_of_record(record: str | os.PathLike[str] | Lines) -> Scene:
+def scene_of_record(record: str | os.PathLike[str] | AnyJournal) -> Scene:
     """The scene of a record, on this rank alone; it may be that of a run that continues.
 
     Args:
@@ -34,8 +40,8 @@ def scene_of_record(record: str | os.PathLike[str] | Lines) -> Scene:
         OSError: if there is no journal.
         ValueError: if it is damaged, or nothing was recorded in it yet.
     """
-    if isinstance(record, Lines):
-        journal: Lines = record
+    if isinstance(record, AnyJournal):
+        journal: AnyJournal = record
     else:
         if not (Path(record) / FILE_NAME).is_file():
             raise FileNotFoundError(f"{record} is no record: there is no {FILE_NAME} in it")
@@ -70,7 +76,7 @@ def has_points(record: str | os.PathLike[str]) -> bool:
     return _any_point(read_journal(record))
 
 
-def _any_point(journal: Lines) -> bool:
+def _any_point(journal: AnyJournal) -> bool:
     if isinstance(journal, Journal):
         return any(branch.points for branch in journal.branches.values())
     return not journal.is_empty
@@ -176,7 +182,7 @@ def _of_steps(journal: EvolutionJournal) -> Scene:
     return scene
 
 
-def _forces(journal: Lines, columns: Mapping[str, Array]) -> list[str]:
+def _forces(journal: AnyJournal, columns: Mapping[str, Array]) -> list[str]:
     """Contact forces among columns, that which changes most in front."""
     known = [f"{name}_{axis}" for name in journal.places for axis in "xyz"]
     forces = [name for name in known if name in columns]
@@ -195,7 +201,7 @@ def _number(value: Any) -> float:
     return float(value) if isinstance(value, int | float | np.number) else float("nan")
 
 
-def _states(scene: Scene, journal: Lines, branch: int) -> list[int]:
+def _states(scene: Scene, journal: AnyJournal, branch: int) -> list[int]:
     """Numbers of the states of the points of a branch, which the scene is given."""
     found: list[int] = []
     for index, entry in enumerate(journal.entries(branch)):

@@ -35,7 +35,7 @@ from dolfinx_contact.plot.page.of_charts import scene_of_chart
 from dolfinx_contact.plot.page.of_records import has_points, scene_of_record
 from dolfinx_contact.plot.page.packing import Arrays, largest_value, packed_field
 from dolfinx_contact.plot.page.scene import Scene, SolutionCount
-from dolfinx_contact.records.lines import FILE_NAME, Lines
+from dolfinx_contact.records.journal import FILE_NAME, AnyJournal
 
 __all__ = ["SCRIPTS", "explorer", "watch"]
 
@@ -51,14 +51,14 @@ _LARGEST_ERROR = 0.1
 _SMALL = 0.03  # of the size of the body: a displacement that is drawn as it is
 _SHOWN = 0.1  # of the size, as which a smaller one is drawn
 
-Record = str | os.PathLike[str] | Lines | Chart | Regions
+Record = str | os.PathLike[str] | AnyJournal | Chart | Regions
 
 
 def _check(a: Arguments) -> None:
     a.file = Path(a.file)
     if a.file.suffix != ".html":
         raise ValueError(f"a page is an .html file, not {a.file.name}")
-    known = isinstance(a.record, str | os.PathLike | Lines | Chart | Regions)
+    known = isinstance(a.record, str | os.PathLike | AnyJournal | Chart | Regions)
     if not known:
         kind = type(a.record).__name__
         raise ValueError(f"a record is a folder, a journal or a chart, got {kind}")
@@ -236,7 +236,7 @@ def _scene(record: Record, curves: EventCurves | None) -> Scene:
 def _name(record: Record) -> str:
     if isinstance(record, Chart | Regions):
         return "Numbers of solutions"
-    if isinstance(record, Lines):
+    if isinstance(record, AnyJournal):
         return record.folder.name if record.folder is not None else "Solutions"
     return Path(os.path.abspath(record)).name
 

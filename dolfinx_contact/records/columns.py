@@ -1,0 +1,369 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Columns of journals: the lines for points of branches, states of evolutions, nodes and ends.
+
+A journal is one JSON object a line. Every class here is a line or a part of one, and its fields are
+the keys; fields that are None are left out. There are three sets of columns: those of branches
+(`PointEntry`), of histories and motions (`StateEntry` with `HistoryGoesOn`), and of paths by arc
+length (`StateEntry` with `PathGoesOn`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from enum import Enum
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.evolution.path_state import Known
+from dolfinx_contact.laws import status
+
+__all__ = [
+    "Arrived",
+    "BranchTask",
+    "ChangeEntry",
+    "EndEntry",
+    "HistoryGoesOn",
+    "JournalEdge",
+    "JournalNode",
+    "NodePoint",
+    "PathGoesOn",
+    "PointEntry",
+    "RayEntry",
+    "SpecialEntry",
+    "StateEntry",
+    "made",
+    "plain",
+]
+
+T = TypeVar("T")
+G = TypeVar("G", bound="HistoryGoesOn | PathGoesOn")
+
+
+class _Columns:
+    """A line of a journal, or a part of one."""
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON can hold it; numbers that are not finite become ``{"float": "nan"}``."""
+    if isinstance(value, _Columns):
+        known = {f.name: getattr(value, f.name) for f in fields(value)}  # type: ignore[arg-type]
+        return {name: plain(v) for name, v in known.items() if v is not None}
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"float": str(value)}
+    return value
+
+
+def made(kind: type[T], line: Mapping[str, Any]) -> T:
+    """The entry of a line.
+
+    Raises:
+        TypeError: if a key is missing or unknown.
+    """
+    read = {name: _READ.get(name, _as_it_is)(value) for name, value in line.items()}
+    return kind(**read)
+
+
+def _as_it_is(value: Any) -> Any:
+    return value
+
+
+# -- branches and diagrams -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchTask(_Columns):
+    """The task of a branch; see `continuation.Task`."""
+
+    gamma_range: list[float]
+    gamma_scale: float
+    control: StepControl
+    max_steps: int
+    to_node: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangeEntry(_Columns):
+    """A contact point that changes its status.
+
+    Attributes:
+        surface: name of its surface.
+        x: coordinates, shape (dim,).
+        before: letter of the status before the change.
+        after: letter of the status after the change.
+    """
+
+    surface: str
+    x: list[float]
+    before: str
+    after: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpecialEntry(_Columns):
+    """A special point; see `continuation.SpecialPoint`.
+
+    Attributes:
+        kind: "fold", "event" or "bifurcation".
+        smooth: whether no status changes.
+        gamma: parameter at the point.
+        parity: sign change of the test for bifurcations.
+        others: number of further rays.
+        complete: whether all rays are known.
+        bracket: values of gamma between which the point lies; None if it is located.
+        changes: changes of statuses, in the order of coordinates.
+    """
+
+    kind: str
+    smooth: bool
+    gamma: float
+    parity: Any = None
+    others: int
+    complete: Any = None
+    bracket: list[float] | None = None
+    changes: list[ChangeEntry]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodePoint(SpecialEntry):
+    """The special point of a node.
+
+    Attributes:
+        method: method by which its rays were found.
+    """
+
+    method: Any = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayEntry(_Columns):
+    """A ray of a node.
+
+    Attributes:
+        status: statuses of its piece.
+        gamma: component of its unit tangent along gamma.
+    """
+
+    status: str
+    gamma: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class JournalNode(_Columns):
+    """A bifurcation of a recorded diagram; see `continuation.Node`.
+
+    Attributes:
+        point: the special point.
+        rays: its rays.
+        edges: number of the branch along each ray; None if no branch has taken it.
+    """
+
+    point: NodePoint
+    rays: list[RayEntry]
+    edges: list[int | None]
+
+    @property
+    def gamma(self) -> float:
+        """Parameter at the node."""
+        return float(self.point.gamma)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JournalEdge(_Columns):
+    """A branch of a recorded diagram; see `continuation.Edge`.
+
+    Attributes:
+        branch: its number; a branch that could not be begun is not among the branches.
+        start: number of the node where it starts, None at a start of the exploration.
+        end: number of the node where it ends, None if it ends otherwise.
+    """
+
+    branch: int
+    start: int | None = None
+    end: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointEntry(_Columns):
+    """A point of a branch; see `continuation.BranchPoint` and `continuation.Stepping`.
+
+    Attributes:
+        index: number of the point.
+        gamma: parameter.
+        step: length of the step to the point.
+        corrections: number of corrections of that step.
+        tau: fraction of the step that was taken.
+        status: letters of the statuses of all contact points.
+        special: special points on the way to the point.
+        norm: length of the unknowns in the units of steps, 0 while these are unknown; in memory
+            only (`journal_of`) in those of the metric of the system.
+        functionals: values of the functionals, by name.
+        next_step: length of the next step; like the following items NaN in memory only.
+        x_scale: square of the length of x that counts as 1.
+        largest_distance: largest distance of all events up to the point.
+        scales: measures of residuals.
+        tangent_gamma: component of the tangent along gamma.
+        checkpoint: name of the checkpoint, if fields were kept.
+        sum: fingerprint of the checkpoint.
+        surface: name of the file with the outer surface, if it was kept.
+        surface_sum: fingerprint of that file.
+        ending: the way in which the branch ends at the point.
+        reason: reason for that, as a sentence.
+    """
+
+    index: int
+    gamma: float
+    step: float
+    corrections: int
+    tau: float
+    status: str
+    special: list[SpecialEntry]
+    norm: float
+    functionals: dict[str, float]
+    next_step: float = math.nan
+    x_scale: float = math.nan
+    largest_distance: float = math.nan
+    scales: Sequence[float] = ()
+    tangent_gamma: float = math.nan
+    checkpoint: str | None = None
+    sum: str | None = None
+    surface: str | None = None
+    surface_sum: str | None = None
+    ending: Ending | None = None
+    reason: str | None = None
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Numbers of points by status: open, stick, slip and clamped."""
+        return status.count(self.status)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EndEntry(_Columns):
+    """The end of a branch or run.
+
+    Attributes:
+        ending: the way in which it ended.
+        reason: reason, as a sentence.
+        checkpoint: checkpoint of the last point of a branch, if it is kept now.
+        sum: fingerprint of that checkpoint.
+    """
+
+    ending: Ending
+    reason: str
+    checkpoint: str | None = None
+    sum: str | None = None
+
+
+# -- histories, motions and paths ------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryGoesOn(_Columns):
+    """The continuation of a history from a state; see `evolution.run_state.RunState`."""
+
+    number: int
+    length: float
+    rate: list[float] | None = None
+    settled: bool
+    ending: Ending | None = None
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arrived(_Columns):
+    """The step by which a path arrived at a state.
+
+    Attributes:
+        tangent: component of the tangent along gamma.
+        piece: letters of the statuses of the piece.
+        step: length of the step.
+        corrections: number of corrections of the step.
+        tau: fraction of the step that was taken.
+    """
+
+    tangent: float
+    piece: str
+    step: float
+    corrections: int
+    tau: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathGoesOn(_Columns):
+    """The continuation of a path from a state; see `evolution.path_state.PathState`."""
+
+    gamma: float
+    arrived: Arrived | None = None
+    number: int
+    length: float
+    known: Known
+    ending: Ending | None = None
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateEntry(_Columns, Generic[G]):
+    """The start or an accepted step of a history, a motion or a path.
+
+    Attributes:
+        index: number of the state, 0 for the start.
+        time: time; of paths the arc length.
+        status: letters of the statuses of all contact points, surface by surface.
+        size: Euclidean norm of all unknowns.
+        energies: energies by name.
+        data: values of the data that have changed since the state before, by place (`values_of`).
+        row: row of the table of steps; None at the start.
+        first: whether the statuses are unknown.
+        run: the continuation of the run from the state.
+        checkpoint: name of the checkpoint.
+        sum: fingerprint of the checkpoint.
+        surface: name of the file with the outer surface, if it was kept.
+        surface_sum: fingerprint of that file.
+    """
+
+    index: int
+    time: float
+    status: str
+    size: float
+    energies: dict[str, float]
+    data: dict[str, Any]
+    row: dict[str, Any] | None = None
+    first: bool
+    run: G
+    checkpoint: str
+    sum: str
+    surface: str | None = None
+    surface_sum: str | None = None
+
+
+def _goes_on(line: Mapping[str, Any]) -> HistoryGoesOn | PathGoesOn:
+    return made(PathGoesOn, line) if "known" in line else made(HistoryGoesOn, line)
+
+
+#: Functions that read the values of keys that are not plain.
+_READ: dict[str, Callable[[Any], Any]] = {
+    "arrived": lambda line: made(Arrived, line),
+    "changes": lambda lines: [made(ChangeEntry, line) for line in lines],
+    "control": lambda line: StepControl(**line),
+    "ending": lambda name: Ending[name],
+    "known": lambda line: Known(**line),
+    "point": lambda line: made(NodePoint, line),
+    "rays": lambda lines: [made(RayEntry, line) for line in lines],
+    "run": _goes_on,
+    "special": lambda lines: [made(SpecialEntry, line) for line in lines],
+}

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The record of one contact problem in a folder: a locked journal and files of arrays.
+
+A point or state is on the disk before the next one is computed: first its files, then the line of
+the journal that names them. A run may therefore be killed at any moment, and is resumed on any
+number of ranks.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
+
+from petsc4py import PETSc
+
+from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
+from dolfinx_contact._files import os_error
+from dolfinx_contact.continuation.observer import Observer
+from dolfinx_contact.io.folder import agreed_path, output_folder
+from dolfinx_contact.io.outside import Outside
+from dolfinx_contact.records.arrays import Arrays, DamagedFile, load, save
+from dolfinx_contact.records.fields import FieldArrays
+from dolfinx_contact.records.journal import (
+    FORMAT,
+    AnyJournal,
+    checkpoint_file,
+    outer_surface_file,
+    reread,
+    surface_file,
+)
+from dolfinx_contact.records.journal_file import JournalFile, has_journal
+from dolfinx_contact.records.lock import processes
+from dolfinx_contact.records.manifest import difference
+from dolfinx_contact.records.points import places
+
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["Record", "Resume"]
+
+logger = logging.getLogger(__name__)
+
+#: Whether a record is continued: it must exist, must not exist, or may exist.
+Resume: TypeAlias = "bool | Literal['if_exists']"
+J = TypeVar("J", bound=AnyJournal)
+T = TypeVar("T")
+R = TypeVar("R", bound="Record[Any]")
+
+
+class Record(Observer, Generic[J]):
+    """A folder with the journal and the arrays of one contact problem. Collective.
+
+    While the record is open no other process can write to it; ranks that outlive a killed
+    ``mpirun`` hold it until they are ended.
+
+    Args:
+        folder: folder of the record, created if necessary.
+        problem: contact problem that is recorded.
+        kind: class of the journal.
+        surface_displacement: whether the displacement of the outer surface is kept at every point;
+            ignored when a record is resumed, which continues as it began.
+        resume: True to continue a record that exists, False to begin one where there is none,
+            "if_exists" for either.
+
+    Attributes:
+        journal: content of the journal, on every rank.
+
+    Raises:
+        OSError: on every rank, if the folder cannot be written to, another run records there,
+            there is a record and it is not to be resumed, or the other way round.
+        ValueError: on every rank, if the journal is damaged or of another kind.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        problem: ContactProblem,
+        kind: type[J],
+        *,
+        surface_displacement: bool,
+        resume: Resume,
+    ):
+        self.problem = problem
+        self.comm = problem.comm
+        known = resume in (False, True, "if_exists")
+        require(self.comm, known, f"resume must be True, False or 'if_exists', got {resume!r}")
+        self._shows = bool(surface_displacement)
+        same_everywhere(self.comm, surface_displacement=self._shows, resume=str(resume))
+        agreed = agreed_path(self.comm, folder, "folder")
+        self.folder = agreed if resume is True else output_folder(self.comm, agreed)
+        self._file: JournalFile[J] | None = None
+        holders = processes(self.comm)
+
+        def opened() -> J:
+            new = not (has_journal(self.folder) if resume == "if_exists" else resume)
+            self._file = JournalFile(self.folder, kind, new=new, holders=holders)
+            return self._file.journal
+
+        self.journal: J = on_root(self.comm, opened)
+        if self._file is not None:
+            self.journal = self._file.journal  # the object to which written lines are added
+        try:
+            with everywhere(self.comm, "the fields of a record"):
+                self._fields = FieldArrays(problem)
+                self._outside = Outside(problem)
+        except Exception:
+            self.close()
+            raise
+
+    # -- sessions ----------------------------------------------------------------------------------
+
+    def _require_same(
+        self, recorded: Mapping[str, Any], now: Mapping[str, Any], at: str = ""
+    ) -> None:
+        """Refuse another problem than the recorded one. Collective.
+
+        Args:
+            recorded: sections of the manifest, by name, as recorded.
+            now: the same sections as they are now.
+            at: place where they are compared, such as " at the time 1".
+
+        Raises:
+            ValueError: on every rank, with the first item that differs.
+        """
+        items = (difference(recorded[section], now[section]) for section in now)
+        item = next((words for words in items if words), "")
+        message = f"{self.folder} has the record of another problem; differs{at}: {item}"
+        require(self.comm, not item, message)
+
+    def _begin_session(self, manifest: Mapping[str, Any], **more: Any) -> None:
+        """Write the header, if there is none, and the line of a session. Collective.
+
+        Args:
+            manifest: sections of the manifest (`manifest_of`).
+            more: further items of the header, by name.
+
+        Raises:
+            ValueError: on every rank, if a recorded outer surface is missing or was exchanged.
+        """
+        from dolfinx_contact import __version__
+
+        header = self.journal.header
+        if header and header["package"] != __version__ and self.comm.rank == 0:
+            logger.warning("recorded by %s, resumed by %s", header["package"], __version__)
+        on_root(self.comm, self.journal.check_surfaces)
+        on_root(self.comm, lambda: self._file.drop_torn_line() if self._file else None)
+        if not header:
+            new = {"of": self.journal.kind, "format": FORMAT, "package": __version__}
+            new |= {"points": places(self.problem), "surface_displacement": self._shows}
+            self._append({"type": "header", **new, **more, **manifest})
+        self._shows = self.journal.header["surface_displacement"]
+        session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
+        if not self.journal.sessions:
+            surface = self._outside.surface()
+            arrays = {} if surface is None else surface.arrays()
+            session["outer_surface"] = self._save(outer_surface_file(self.folder), arrays)
+        self._append({"type": "session", **session})
+
+    # -- writing -----------------------------------------------------------------------------------
+
+    def _write_fields(
+        self, name: str, vectors: Mapping[str, PETSc.Vec], arrays: Arrays | None = None
+    ) -> str:
+        """Write the checkpoint of a point, and return its fingerprint. Collective.
+
+        Args:
+            name: name of the point.
+            vectors: vectors of unknowns by name; the last stays in the Functions of the problem.
+            arrays: further arrays, on rank 0.
+
+        Raises:
+            OSError: on every rank, with the path, if it cannot be written; nothing is left then.
+        """
+        found = self._fields.gathered(vectors) | (arrays or {})
+        return self._save(checkpoint_file(self.folder, name), found)
+
+    def _write_surface(self, name: str, law: ContactProblem) -> str:
+        """Write the outer surface at the present displacement; its fingerprint. Collective.
+
+        Args:
+            name: name of the point.
+            law: problem under whose law the tables of contact points are evaluated.
+
+        Raises:
+            OSError: on every rank, with the path, if it cannot be written; nothing is left then.
+        """
+        state = self._outside.state(law)
+        return self._save(surface_file(self.folder, name), {} if state is None else state.arrays())
+
+    def _save(self, file: Path, arrays: Arrays) -> str:
+        """Write the arrays of rank 0 to a file, and return its fingerprint. Collective."""
+
+        def write() -> str:
+            try:
+                file.parent.mkdir(exist_ok=True)
+            except OSError as error:
+                raise os_error(error, file.parent) from None
+            return save(file, arrays)
+
+        return on_root(self.comm, write)
+
+    def _append(self, entry: Mapping[str, Any]) -> None:
+        """Write a line of the journal, and add it to the journal in memory. Collective.
+
+        Raises:
+            OSError: on every rank, if the line cannot be written; the files that it names are
+                removed.
+            ValueError: on every rank, if the record is closed.
+        """
+        self._require_open()
+        try:
+            on_root(self.comm, lambda: self._file.append(entry) if self._file else None)
+        except OSError:
+            for key, file_of in (("checkpoint", checkpoint_file), ("surface", surface_file)):
+                if self.comm.rank == 0 and key in entry:
+                    file_of(self.folder, entry[key]).unlink(missing_ok=True)
+            raise
+        if self.comm.rank:
+            self.journal.take(reread({**entry, "line": self.journal.lines + 1}))
+
+    def _require_open(self) -> None:
+        """Raise ``ValueError`` on every rank if the journal is closed. Collective."""
+        closed = self.comm.rank == 0 and self._file is None
+        message = f"the record in {self.folder} is closed: open it with resume=True"
+        require(self.comm, not closed, message)
+
+    # -- reading -----------------------------------------------------------------------------------
+
+    def _read_fields(self, name: str, fingerprint: str, vectors: Mapping[str, PETSc.Vec]) -> Arrays:
+        """Fill vectors from a checkpoint, and return its arrays at points. Collective.
+
+        Raises:
+            DamagedFile: on every rank, if the checkpoint is damaged or missing.
+        """
+        found: Arrays = {}
+        file = checkpoint_file(self.folder, name)
+        on_root(self.comm, lambda: found.update(load(file, fingerprint)))
+        self._fields.fill(vectors, found)
+        at_points = {k: v for k, v in found.items() if k.startswith(("statuses.", "memory."))}
+        return self.comm.bcast(at_points)
+
+    def _last_undamaged(self, indices: Sequence[int], read: Callable[[int], T]) -> T:
+        """The first of several states that can be read. Collective.
+
+        A damaged checkpoint is passed over, with a warning in the log.
+
+        Args:
+            indices: indices of the states, from the last one back.
+            read: function that reads a state.
+
+        Raises:
+            ValueError: on every rank, if all checkpoints are damaged.
+        """
+        for index in indices[:-1]:
+            try:
+                return read(index)
+            except DamagedFile as error:
+                if self.comm.rank == 0:
+                    logger.warning("%s; going back to one before", error)
+        return read(indices[-1])
+
+    def close(self) -> None:
+        """Close the journal; the record can then be resumed."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def __enter__(self: R) -> R:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
