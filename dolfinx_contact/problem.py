@@ -783,7 +783,7 @@ class ContactProblem(ReadOnly):
             try:
                 validate(eq, x)
                 evaluation = problem.evaluate()
-                require_solution(eq, evaluation)
+                require_solution(problem)
                 found = uniqueness(
                     eq, problem._linear, x, evaluation, proof_seconds, problem.state_at
                 )

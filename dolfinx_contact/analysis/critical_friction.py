@@ -193,7 +193,7 @@ def critical_friction(
     eq = static_equations(problem)
     state = problem.evaluate()
     if isinstance(direction, str):
-        require_solution(eq, state)
+        require_solution(problem)
     slip = Slip(eq, SlipPattern.of(eq, direction, state, by_law=True), hold_across=True)
     slip.require_held()
     operator = _PressureByShear(eq, slip, state.u, solver)

@@ -129,7 +129,7 @@ def renard_criterion(
     require(eq.comm, eq.bulk.linear, "the criterion needs a bulk that is linear in u")
     state = problem.evaluate()
     if directions is None:
-        require_solution(eq, state)
+        require_solution(problem)
     effort = _EFFORT if weights else 0
     found = criterion_at(
         eq, state, directions=directions, dense=dense or (weights or None), effort=effort

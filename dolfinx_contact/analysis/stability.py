@@ -147,7 +147,7 @@ def stability_at_rest(
         message = f"{s.name}: stability at rest is for Coulomb's friction or none, not {s.law.name}"
         require(eq.comm, known, message)
     state = problem.evaluate()
-    require_solution(eq, state)
+    require_solution(problem)
     doubt = small_sliding_violated(eq, state)
     if doubt:
         return Stability("not decided", 0.0, 0, 0, doubt)

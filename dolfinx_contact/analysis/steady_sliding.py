@@ -143,7 +143,7 @@ class SteadySliding(ReadOnly):
         self.comm = eq.comm
         state = problem.evaluate()
         if isinstance(direction, str):
-            require_solution(eq, state)
+            require_solution(problem)
         pattern = SlipPattern.of(eq, direction, state)
         self._slip = Slip(eq, pattern, hold_across=hold_across)
         self._body = body_of(eq, state.u, density, damping)

@@ -109,15 +109,22 @@ class Scales:
         return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
 
 
-def require_solution(equations: ContactEquations, state: Evaluation) -> None:
-    """Raise ``ValueError`` unless a state solves the problem as it is now. Collective.
+def require_solution(problem: Any) -> None:
+    """Raise ``ValueError`` unless the state in the Functions solves the problem as it is now.
 
-    A question about a solution has no meaning elsewhere, for example after data have changed.
+    Collective. A question about a solution has no meaning elsewhere, for example after data have
+    changed. The residual is that of the statuses that the unknowns determine now: those of the last
+    write satisfy their own rows even if the coefficient of friction has changed since.
 
     Args:
-        equations: contact problem.
-        state: evaluation of the state, with the rows of H.
+        problem: contact problem, or that of a step.
     """
+    equations = problem.equations
+    x = problem.create_vector()
+    b = problem.create_vector()
+    problem.write(x)
+    state = equations.residual(x, b)
+    x.destroy(), b.destroy()
     tolerance = equations.options.value("snes_rtol")
     allowed = max(_SOLVED, 10.0 * float(tolerance or 0.0))
     residual = Scales(equations, settled=True).measure(state).worst

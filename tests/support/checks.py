@@ -56,8 +56,8 @@ def on_rank_0(evaluate: Callable[[], T]) -> T:
     return value
 
 
-def verdict(problem: Any, result: Any) -> str:
-    """Return whether the solution of a result is the only one: "proved", "not proved", ..."""
+def verdict(problem: Any) -> str:
+    """Return whether the solution in the Functions is the only one: "proved", "not proved", ..."""
     return problem.uniqueness().verdict
 
 
