@@ -31,7 +31,7 @@ from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_expression
 from dolfinx_contact._frozen import ReadOnly
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import positive
 
 __all__ = [
     "Cylinder",
@@ -206,10 +206,7 @@ def _radius(domain: mesh.Mesh, value: Any) -> Any:
             raise ValueError(f"the radius must be a number, got shape {value.ufl_shape}")
         refuse_other_mesh(value, domain, "the radius")
         return value
-    number = is_number(value)
-    if not (number and np.isfinite(value) and value > 0):
-        raise ValueError(f"the radius must be positive, got {value!r}")
-    return fem.Constant(domain, float(value))
+    return fem.Constant(domain, positive(value, "the radius", "positive"))
 
 
 class Outline(NamedTuple):

@@ -227,7 +227,7 @@ def test_conditions_of_pieces_that_are_none(place):
         exists, where = (bad, None) if place == "exists" else (None, bad)
         borders = [Border(ufl.as_ufl(1.0), OPEN), Border(ufl.as_ufl(1.0), OPEN, where)]
         pieces = {OPEN: StatusPiece(zero, []), PLUS: StatusPiece(zero, borders, exists)}
-        with pytest.raises(ValueError, match="status 2: exists and where must be UFL conditions"):
+        with pytest.raises(ValueError, match="status 2: exists and where must be a Condition"):
             checked_pieces(pieces, 2)
 
 

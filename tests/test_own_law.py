@@ -255,10 +255,16 @@ def test_statuses_that_are_none():
         (lambda a: {}, "a dictionary of StatusPieces"),
         (lambda a: {24: free(0.0 * a.n, [Border(a.p, 24)])}, "status 24 is none of"),
         (lambda a: {"x": free(0.0 * a.n, [])}, "status 'x' is none of"),
-        (lambda a: {OPEN: free(0.0 * a.n, [Border(-a.p, 9)])}, "beyond a border is 9"),
+        (
+            lambda a: {OPEN: free(0.0 * a.n, [Border(-a.p, 9)])},
+            "the target of a border must be one of 0; got 9",
+        ),
         (lambda a: {OPEN: free(a.p, [])}, "a UFL vector of 2 components"),
-        (lambda a: {OPEN: free(0.0 * a.n, [Border(a.traction, OPEN)])}, "a UFL scalar distance"),
-        (lambda a: {OPEN: 0.0 * a.n}, "a StatusPiece is needed"),
+        (
+            lambda a: {OPEN: free(0.0 * a.n, [Border(a.traction, OPEN)])},
+            "distance of a border must be a UFL scalar",
+        ),
+        (lambda a: {OPEN: 0.0 * a.n}, "must be a StatusPiece"),
     ]:
         with pytest.raises(ValueError, match=message):
             block(law=law(make))

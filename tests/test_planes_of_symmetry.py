@@ -257,7 +257,7 @@ def test_refused():
     u = displacement(body.mesh)
     given = dict(law=Coulomb(0.3), slave=SLAVE, master=MASTER, sliding="large")
     for symmetry, words in (
-        ({2: 0.0}, "planes by their axis, 0 to 1"),
+        ({2: 0.0}, "an axis of symmetry must be one of 0, 1; got 2"),
         ([0], "planes by their axis"),
         ({0: 0.5}, r"x = 0.5 does not end the face: \d of its nodes lie on it, [1-9] below"),
         ({0: -1.0}, "0 of its nodes lie on it"),

@@ -82,7 +82,7 @@ def test_tags_of_something_else():
         (dict(facet_tags=[cells_of(a), cells_of(b)]), "must be those of facets, and .* cells"),
         (dict(cell_tags=[here, there]), "must be those of cells, and are those of facets"),
         (dict(facet_tags=["x", "y"]), "must be MeshTags, got 'x'"),
-        (dict(facet_tags=here), "must be a list of MeshTags"),
+        (dict(facet_tags=here), "_tags must be a list"),
     ):
         with pytest.raises(ValueError, match=message):
             meshing.join([a, b], **given)

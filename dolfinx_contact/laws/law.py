@@ -28,6 +28,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._frozen import ReadOnly
+from dolfinx_contact._validate import instance, one_of
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, MINUS, WHERE_OPEN
 
 __all__ = [
@@ -443,24 +444,22 @@ def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
     """What `Law.pieces` returned, or ``ValueError`` if that is no law."""
     if not isinstance(pieces, Mapping) or not pieces:
         raise ValueError(f"pieces must return a dictionary of StatusPieces, got {pieces!r}")
+    codes = [c for c in range(BROKEN + DAMAGING) if c % DAMAGING <= MINUS + WHERE_OPEN]
     for code, piece in pieces.items():
         where = f"status {code!r}"
-        known = isinstance(code, int | np.integer) and 0 <= code < BROKEN + DAMAGING
-        known = known and code % DAMAGING <= MINUS + WHERE_OPEN
-        if not known:
+        if code not in codes:
             raise ValueError(f"{where} is none of laws.status: OPEN, STICK, PLUS, MINUS, ...")
-        if not isinstance(piece, StatusPiece):
-            raise ValueError(f"{where}: a StatusPiece is needed, got {type(piece).__name__}")
+        instance(piece, where, StatusPiece)
         if _shape(piece.answer) != (dim,):
             raise ValueError(f"{where}: the answer must be a UFL vector of {dim} components")
         for border in piece.borders:
-            if not isinstance(border, Border) or _shape(border.distance) != ():
-                raise ValueError(f"{where}: borders must be Borders with a UFL scalar distance")
-            if border.target not in pieces:
-                raise ValueError(f"{where}: beyond a border is {border.target!r}, no status of it")
+            instance(border, f"{where}: a border", Border)
+            if _shape(border.distance) != ():
+                raise ValueError(f"{where}: the distance of a border must be a UFL scalar")
+            one_of(border.target, f"{where}: the target of a border", pieces)
         for condition in (piece.exists, *(b.where for b in piece.borders)):
-            if condition is not None and not isinstance(condition, ufl.classes.Condition):
-                raise ValueError(f"{where}: exists and where must be UFL conditions")
+            if condition is not None:
+                instance(condition, f"{where}: exists and where", ufl.classes.Condition)
     return {int(code): piece for code, piece in pieces.items()}
 
 

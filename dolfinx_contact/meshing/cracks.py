@@ -23,6 +23,7 @@ from dolfinx import mesh
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._kept import keep
+from dolfinx_contact._validate import listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 from dolfinx_contact.meshing.whole import WholeMesh, check_tags, distributed, gathered
 
@@ -126,9 +127,7 @@ def _mesh_of(body: GmshMesh | mesh.Mesh) -> mesh.Mesh:
 
 def _listed(groups: Iterable[int | str]) -> list[int | str]:
     """Names and tags of groups, or ``ValueError`` if they are none."""
-    if isinstance(groups, str | int) or not isinstance(groups, Iterable):
-        raise ValueError(f"groups must be a list of names or tags, got {groups!r}")
-    chosen = list(groups)
+    chosen = listed(groups, "groups")
     kinds = str | int | np.integer
     if not chosen or not all(isinstance(g, kinds) and g is not True for g in chosen):
         raise ValueError(f"a crack needs names or tags of groups, got {chosen!r}")

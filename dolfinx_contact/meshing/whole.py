@@ -28,6 +28,7 @@ from dolfinx_contact._compat import (
 )
 from dolfinx_contact._errors import require
 from dolfinx_contact._kept import keep
+from dolfinx_contact._validate import listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 
 __all__ = ["WholeMesh", "check_tags", "distributed", "gathered", "join"]
@@ -176,15 +177,12 @@ def _check(a: Arguments) -> None:
         raise ValueError(f"a list of meshes is needed, all of one kind, got {given!r}")
     kinds = {(m.basix_cell(), m.geometry.dim) for m in bodies}
     if len(kinds) > 1:
-        kind = sorted(map(str, kinds))
-        raise ValueError(f"meshes of different kinds cannot be joined: {kind}")
+        raise ValueError(f"meshes of different kinds cannot be joined: {sorted(map(str, kinds))}")
     tdim = bodies[0].topology.dim
     for what, dim, tags in (("cell", tdim, a.cell_tags), ("facet", tdim - 1, a.facet_tags)):
         if tags is None:
             continue
-        if not isinstance(tags, list | tuple):
-            raise ValueError(f"{what}_tags must be a list of MeshTags, got {tags!r}")
-        if len(tags) != len(bodies):
+        if len(listed(tags, f"{what}_tags")) != len(bodies):
             raise ValueError(f"{len(bodies)} meshes need as many tags, got {len(tags)}")
         for i, (m, t) in enumerate(zip(bodies, tags, strict=True), 1):
             check_tags(m, t, dim, f"the {what}_tags of mesh {i}")

@@ -36,6 +36,7 @@ from ufl.utils.stacks import StackDict
 
 from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._frozen import ReadOnlyDict
+from dolfinx_contact._validate import listed, scalar, vector, word
 from dolfinx_contact.obstacles import Obstacle, Outline, gap_at, has_ufl
 
 __all__ = ["COMPONENTS", "RigidBody", "number"]
@@ -105,8 +106,7 @@ class RigidBody(Obstacle):
         held: Sequence[str] = (),
         name: str = "rigid body",
     ):
-        if not isinstance(name, str) or not name:
-            raise ValueError(f"the name of a rigid body must be a word, got {name!r}")
+        word(name, "the name of a rigid body")
         if not isinstance(shape, Obstacle) or isinstance(shape, RigidBody) or shape.opposite:
             raise ValueError(
                 f"{name}: its shape must be a HalfSpace, Sphere, Cylinder, LevelSet or RigidSurface"
@@ -367,15 +367,7 @@ def _point(about: Any, name: str) -> Array:
             f"{name}: the reference point is copied, and must be numbers, got {about!r}; what is "
             "to move the body is its motion"
         )
-    try:
-        point = np.array(about, dtype=np.float64)
-    except (TypeError, ValueError):
-        point = np.empty(0)
-    if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
-        raise ValueError(
-            f"{name}: the reference point must have 2 or 3 finite components, got {about!r}"
-        )
-    return point
+    return vector(about, f"{name}: the reference point", 3 if np.size(about) == 3 else 2)
 
 
 def _mapping(given: Any, name: str) -> dict[str, Any]:
@@ -387,11 +379,7 @@ def _mapping(given: Any, name: str) -> dict[str, Any]:
 
 
 def _names(given: Any, name: str) -> list[str]:
-    if isinstance(given, str) or not isinstance(given, Sequence | set | frozenset):
-        raise ValueError(f"{name}: free and held are lists of components, got {given!r}")
-    words = list(given)
-    if not all(isinstance(word, str) for word in words):
-        raise ValueError(f"{name}: components are named by words, got {given!r}")
+    words = [word(w, f"{name}: a component") for w in listed(given, f"{name}: free and held")]
     if len(set(words)) < len(words):
         raise ValueError(f"{name}: a component is named twice in {given!r}")
     return words
@@ -399,14 +387,7 @@ def _names(given: Any, name: str) -> list[str]:
 
 def _scalar(value: Any, what: str) -> Any:
     """A load or motion as a UFL scalar of Constants, or ``ValueError``."""
-    if isinstance(value, bool | np.bool_):
-        raise ValueError(f"{what} must be a number or a UFL scalar, got {value!r}")
-    if isinstance(value, int | float | np.number):
-        if not np.isfinite(value):
-            raise ValueError(f"{what} must be finite, got {value!r}")
-        return ufl.as_ufl(float(value))
-    if not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():
-        raise ValueError(f"{what} must be a number or a UFL scalar, got {value!r}")
+    value = ufl.as_ufl(scalar(value, what))
     position = any(isinstance(t, ufl.geometry.GeometricQuantity) for t in _terminals(value))
     if ufl.algorithms.extract_coefficients(value) or position:
         raise ValueError(f"{what} may contain Constants, but neither Functions nor the position")

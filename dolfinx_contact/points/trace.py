@@ -19,8 +19,8 @@ from dolfinx_contact import _geometry
 from dolfinx_contact._compat import is_topology_of
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._mesh_mark import node_positions
-from dolfinx_contact._numbers import is_number
 from dolfinx_contact._shared import SharedValues, anywhere
+from dolfinx_contact._validate import instance, number, one_of
 from dolfinx_contact.body.cells import midpoints
 
 __all__ = [
@@ -197,20 +197,12 @@ def checked_planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:
     """Planes of symmetry, by their axis, or ``ValueError`` if these are none. Not collective."""
     if symmetry is None:
         return {}
-    good = isinstance(symmetry, Mapping) and all(
-        isinstance(axis, int | np.integer)
-        and not isinstance(axis, bool)
-        and 0 <= axis < dim
-        and is_number(place)
-        and np.isfinite(place)
+    instance(symmetry, f"{name}: symmetry", dict, "planes by their axis, as {0: 0.0} for x = 0")
+    planes = {
+        one_of(axis, f"{name}: an axis of symmetry", range(dim)): number(place, f"{name}: a plane")
         for axis, place in symmetry.items()
-    )
-    if not good:
-        raise ValueError(
-            f"{name}: symmetry has planes by their axis, 0 to {dim - 1}, as {{0: 0.0}} for x = 0, "
-            f"got {symmetry!r}"
-        )
-    return {int(axis): float(place) for axis, place in sorted(symmetry.items())}
+    }
+    return dict(sorted(planes.items()))
 
 
 def across_planes(

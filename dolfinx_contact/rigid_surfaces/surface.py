@@ -21,6 +21,7 @@ from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._frozen import copy_with
 from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import positive, word
 from dolfinx_contact.obstacles import Measured, Obstacle, Outline, Start
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.distance import Distances, distances_from
@@ -116,8 +117,7 @@ class RigidSurface(Obstacle):
         mend: bool = False,
         name: str = "rigid surface",
     ):
-        if not isinstance(name, str) or not name:
-            raise ValueError(f"the name of a rigid surface must be a word, got {name!r}")
+        word(name, "the name of a rigid surface")
         for what, value, most in (("crease", crease, 180.0), ("rounding", rounding, np.inf)):
             if not (is_number(value) and np.isfinite(value) and 0 <= value <= most):
                 limit = f" to {most:g} degrees" if np.isfinite(most) else ""
@@ -279,8 +279,7 @@ def _check_apart(surface: Triangulation, name: str) -> None:
 
 def _check_file(a: Arguments) -> None:
     a.path = Path(a.path)
-    if not (is_number(a.scale) and np.isfinite(a.scale) and a.scale > 0):
-        raise ValueError(f"{a.path}: scale must be a positive number, got {a.scale!r}")
+    positive(a.scale, f"{a.path}: scale")
     named = isinstance(a.group, str | int | None) and not isinstance(a.group, bool)
     if not named:
         raise ValueError(f"{a.path}: a group is a name or a tag, got {a.group!r}")
