@@ -80,6 +80,7 @@ def test_searches_and_condensations_follow_the_data():
         assert_close(found[1][1], young * 0.01 * size)
 
 
+@pytest.mark.sample
 def test_friction_that_is_changed_counts_in_the_next_solve():
     _, problem, contact = lowered(Coulomb(0.1), aside=0.05)
     for friction in (0.1, 0.3, 0.2):
@@ -246,12 +247,14 @@ def attributes():
     ]
 
 
+@pytest.mark.sample
 def test_attributes_that_would_be_ignored_cannot_be_set():
     for thing, name, value in attributes():
         with pytest.raises((ValueError, AttributeError)):
             setattr(thing, name, value)
 
 
+@pytest.mark.sample
 def test_a_mesh_that_moved_is_refused():
     body, problem, _ = lowered()
     assert_close(normal_force(problem.solve()), 10.0)

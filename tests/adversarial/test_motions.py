@@ -285,6 +285,7 @@ def at_rest(solved):
     return max(step.energies.kinetic for step in history.steps)
 
 
+@pytest.mark.sample
 def test_a_start_off_the_dirichlet_data_is_refused():
     with pytest.raises(ValueError, match="Dirichlet data"):
         at_rest(False)
@@ -394,6 +395,7 @@ def meet(length, mass):
     return forces, body.u.x.array / length, last.energies.kinetic / mass / length**2
 
 
+@pytest.mark.sample
 def test_an_impact_does_not_depend_on_units():
     expected = meet(1.0, 1.0)
     assert np.max(expected[0]) > 0

@@ -312,6 +312,7 @@ def test_a_killed_run_resumed_with_its_data_is_the_whole_run(name, folder):
     assert_same_end(resumed(folder / "record", make(*first)), make(*first).run(TIMES))
 
 
+@pytest.mark.sample
 def test_the_start_of_a_motion_is_in_its_record(folder):
     """The second script sets neither velocity nor displacement."""
 

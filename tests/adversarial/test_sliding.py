@@ -82,6 +82,7 @@ def test_units_do_not_hide_the_edge(caplog, unit):
     assert_doubted(caplog, problem, problem.solve())
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("unit", [1.0, 1e-9])
 def test_a_small_way_is_right_and_nothing_is_said(caplog, unit):
     """2 % of a facet: two springs in a row."""
@@ -283,6 +284,7 @@ def test_no_theorem_proves_a_body_off_the_edge(caplog, law):
     assert not renard_criterion(problem).unique
 
 
+@pytest.mark.sample
 def test_a_history_that_leaves_the_edge_in_small_steps_says_so_once(caplog):
     both = two_blocks((2, 1), (4, 1))
     problem = pressed(both, 0.0, 0.001, law=Coulomb(0.2))

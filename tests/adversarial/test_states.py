@@ -74,6 +74,7 @@ def test_a_state_survives_pickling_and_cannot_be_written_to():
     assert_close(table_of(problem).force, table.force, 0.0)
 
 
+@pytest.mark.sample
 def test_the_state_of_another_problem_is_refused():
     _, problem = dragged()
     problem.solve()
@@ -85,6 +86,7 @@ def test_the_state_of_another_problem_is_refused():
     assert np.all(other.u.x.array == 0.0)
 
 
+@pytest.mark.sample
 def test_a_solve_after_a_history_means_the_static_law():
     """Dragged to the right and half way back: the slip to the left of a step, or of the whole."""
     body, problem = dragged(0.0)
@@ -229,6 +231,7 @@ def test_points_of_a_branch_refer_to_the_friction_as_it_is_now():
         points_at(system, branch, 0.5, gamma_range=(0.1, 1.0))
 
 
+@pytest.mark.sample
 def test_a_result_survives_pickling():
     _, problem = dragged()
     result = problem.solve()
@@ -240,6 +243,7 @@ def test_a_result_survives_pickling():
     assert str(again) == str(result)
 
 
+@pytest.mark.sample
 def test_results_can_be_read_on_one_rank_alone():
     """Numbers and tables are on every rank; reading them is not collective."""
     _, problem = dragged()
