@@ -799,10 +799,11 @@ def test_points_of_a_branch_of_other_data(route):
     for attempt in (
         lambda: points_at(system, branch, 1.5, **given),
         lambda: journal_of(system, [branch]),
-        lambda: prove_counts(system, Diagram([Edge(branch, None, None)])),
     ):
         with pytest.raises(ValueError, match="not a solution of the problem as it is now"):
             attempt()
+    counts = prove_counts(system, Diagram([Edge(branch, None, None)]))
+    assert any(count.unfound for count in counts.counts)
     friction.value = 0.4
     assert len(points_at(system, branch, 1.5, **given)) == 1
 

@@ -133,17 +133,17 @@ class Constancy:
             return ""
         pairs = list(zip(self._data, self._values, strict=True))
         mine = [
-            (np.max(np.abs(d.values - v), initial=0.0), np.max(np.abs(v), initial=0.0))
+            (np.max(_change(d.values, v), initial=0.0), np.max(np.abs(v), initial=0.0))
             for d, v in pairs
         ]
         found: Any = largest(self._comm, mine)
         for (d, v), (here, _), (away, size) in zip(pairs, mine, found, strict=True):
-            if not away <= _SAME * size:
+            if away > 0 and not away <= _SAME * size:  # the size is NaN where a datum is
                 text = d.place
                 if not hasattr(d.value, "x"):
                     text += f" ({v.tolist()} before, {d.values.tolist()} now)"
                 # In the words of a rank on which it has changed.
-                told = self._comm.allgather("" if here <= _SAME * size else text)
+                told = self._comm.allgather(text if here > 0 and not here <= _SAME * size else "")
                 return next(w for w in told if w)
         return ""
 
@@ -151,3 +151,10 @@ class Constancy:
         """Put the values back, bit by bit. Not collective."""
         for d, values in zip(self._data, self._values, strict=True):
             d.values[...] = values
+
+
+def _change(a: npt.NDArray[Any], b: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Absolute differences; 0 where both are NaN, infinite where one of them is not finite."""
+    away = np.full(np.shape(a), np.inf)
+    np.subtract(a, b, out=away, where=np.isfinite(a) & np.isfinite(b))
+    return np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, np.abs(away))

@@ -11,6 +11,7 @@ import numpy as np
 
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation import Branch, SpecialPoint
+from dolfinx_contact.continuation.points import require_solutions
 from dolfinx_contact.records.columns import PointEntry
 from dolfinx_contact.records.journal import FORMAT, Journal, JournalBranch
 from dolfinx_contact.records.points import Functional, compiled, entry_of, places
@@ -39,8 +40,8 @@ def journal_of(
         The journal, on every rank. ``norm`` is that of the metric of the system.
 
     Raises:
-        ValueError: on every rank, as for `BranchRecord`, or if the numbers of branches or points
-            differ between ranks.
+        ValueError: on every rank, as for `BranchRecord`, if the numbers of branches or points
+            differ between ranks, or a point is not a solution of the system as it is now.
 
     Example:
         ::
@@ -55,6 +56,8 @@ def journal_of(
             raise ValueError("branches must be Branches, as `follow` and `explore` return them")
     same_everywhere(system.comm, points_of_the_branches=[len(b.points) for b in branches])
     system.equations.require_same_mesh()
+    for branch in branches:
+        require_solutions(system, branch)
     values = compiled(system.problem, functionals or {})
     header = {"functionals": list(values), "points": places(system.problem), "format": FORMAT}
     journal = Journal(header=header)
