@@ -776,6 +776,21 @@ def test_bodies_that_pass_through_each_other(slave, caplog):
     assert COMM.rank > 0 or "passed through each other" in caplog.text
 
 
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.verifies("sliding pairs", reference="closed form: no force", aspects=("2D", "pairs"))
+def test_bodies_that_are_pulled_apart(slave):
+    """A step away from each other that is longer than the search distance gives no warning."""
+    bodies = Bodies(lowered(0.0), slave, Frictionless(), search_distance=0.02)
+
+    def load(t):
+        bodies.move(lambda X: np.tile([0.0, 0.15 * t], (len(X), 1)))
+
+    result = QuasiStatic(bodies.problem, load).run([0.0, 1.0]).steps[-1].result
+    assert result.counts["open"] + result.counts["clamped"] == len(result.tables["contact"].x)
+    assert result.indicators.surfaces["contact"].approach == 0.0
+    assert not result.warnings
+
+
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
 def test_what_needs_one_operator_is_refused():
     bodies = Bodies(blocks(2, "quad"), 3, Coulomb(0.3), LinearElastic(*lame(1000.0, 0.3)))

@@ -7,7 +7,7 @@ facet size of the contact surface, x, g, n, j are position, gap, normal and jump
 
 | indicator | definition | threshold |
 |---|---|---|
-| `misfit` | small sliding: abs(true gap of the displaced point - gap of the law) of closed points; of open points the depth that the law does not see | 0.01 facets |
+| `misfit` | small sliding: abs(true gap of the displaced point - gap of the law) of closed points; of open points the depth that the law does not see | 0.03 facets |
 | `slip` | small sliding of a pair: slip since the mesh over the facet size of the other face | 0.5 |
 | `turn` | small sliding of a pair: angle between the displaced normal and the normal of the law, root mean square weighted by the normal forces | 3 degrees |
 | `slip_in_step` | slip in a step over the facet size of the other face (large sliding, surfaces of facets) | 2 |
@@ -65,7 +65,7 @@ Marks = npt.NDArray[np.bool_]
 
 #: Thresholds of the indicators; a warning is issued above them (of `min_det_F` at or below).
 LIMITS = {
-    "misfit": 0.01,
+    "misfit": 0.03,
     "slip": 0.5,
     "turn": 3.0,
     "slip_in_step": 2.0,
