@@ -23,7 +23,7 @@ from dolfinx_contact.materials import (
     lame,
 )
 from dolfinx_contact.plot.pictures import body_seen
-from dolfinx_contact.records.points import compiled
+from dolfinx_contact.records.functionals import compiled
 
 COMM = MPI.COMM_WORLD
 YOUNG = 2.0

@@ -234,7 +234,7 @@ def test_what_is_refused(whole, folder):
     with PathRecord(folder / "run", made("crack"), resume=True) as kept:
         with pytest.raises(
             ValueError,
-            match=r"differs in the task of the run: gamma_range \(-1, 1 recorded, -1, 2 now\)",
+            match=r"in the task of the run: gamma_range \(-1\.0, 1\.0 recorded, -1\.0, 2\.0 now\)",
         ):
             kept.path.run(gamma_range=(-1.0, 2.0), start=STARTS[kept.path], record=kept)
         with pytest.raises(ValueError, match="the path is at the arc length 0 and not at the end"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Records of branches, histories and paths: journals and checkpoints, which are resumed."""
+"""Records of branches, histories and paths: journals and checkpoints, for resumption."""
 
 from dolfinx_contact.records.branch_record import BranchRecord, resume
 from dolfinx_contact.records.evolution_record import EvolutionRecord

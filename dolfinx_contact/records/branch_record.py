@@ -43,15 +43,10 @@ from dolfinx_contact.records.columns import (
     JournalNode,
     plain,
 )
+from dolfinx_contact.records.functionals import Functional, compiled, functional_forms
 from dolfinx_contact.records.journal import Explored, Journal
 from dolfinx_contact.records.manifest import manifest_of, values_of
-from dolfinx_contact.records.points import (
-    Functional,
-    compiled,
-    entry_of,
-    functional_forms,
-    node_of,
-)
+from dolfinx_contact.records.points import entry_of, node_of
 from dolfinx_contact.records.record import Record, Resume
 
 if TYPE_CHECKING:

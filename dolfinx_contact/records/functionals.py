@@ -1,31 +1,58 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Functionals of contact points, for records, journals and diagrams of branches.
+"""Functionals of records and journals of branches: UFL forms, and functions of the problem.
 
-Scalars are those of the tables: in 2D along the tangent, in 3D norms.
+The functions `leftmost`, `rightmost` and `total` are those of contact points: in 2D the components
+along the tangent, in 3D norms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact._agreement import described
+from dolfinx_contact._compat import merge_entity_maps
+from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.body.weighting import weighted
+from dolfinx_contact.equations.data import placed_data
+from dolfinx_contact.laws import status
 from dolfinx_contact.results.tables import ContactTable
 
 if TYPE_CHECKING:
+    from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Quantity", "leftmost", "rightmost", "total"]
+__all__ = [
+    "Functional",
+    "Quantity",
+    "compiled",
+    "functional_forms",
+    "leftmost",
+    "rightmost",
+    "total",
+]
 
+#: A scalar UFL form in the problem's Functions, or a function of the problem. In a body of
+#: revolution the problem multiplies the integrals of forms by 2 pi r.
+Functional: TypeAlias = "ufl.Form | Callable[[ContactProblem], float]"
 #: Gap and tangential displacement, normal and tangential force.
 Quantity: TypeAlias = Literal["un", "ut", "rn", "rt"]
 OfProblem: TypeAlias = "Callable[[ContactProblem], float]"
 
+_SAME = 1e-12  # relative difference of sums over the ranks
+_COLUMNS = ("branch", "index", "gamma", "step", "corrections", "tau", "norm", "special", "status")
+
 
 def leftmost(quantity: Quantity, surface: str | None = None) -> OfProblem:
-    """The value at the first contact point in order of coordinates.
+    """The value at the first contact point in the order of coordinates.
 
     Args:
         quantity: ``"un"``, ``"ut"``, ``"rn"`` or ``"rt"``, as in `ContactTable`.
@@ -72,3 +99,103 @@ def _of_table(quantity: str, surface: str | None, value: Callable[[Any, Any], fl
         return value(t.along(column) if quantity in ("ut", "rt") else column, t)
 
     return functional
+
+
+# -- evaluation ------------------------------------------------------------------------------------
+
+
+def compiled(
+    problem: ContactProblem, functionals: Mapping[str, Functional]
+) -> dict[str, Callable[[], float]]:
+    """Functions that evaluate functionals at the state in the problem. Collective.
+
+    Raises:
+        ValueError: on every rank, if a functional is neither a scalar form nor a function, has no
+            name or the name of a column, or the functionals or their order differ between ranks.
+    """
+    with everywhere(problem.comm, "the functionals"):
+        _check_names(functionals)
+        kinds = {name: _kind(problem, name, f) for name, f in functionals.items()}
+    same_everywhere(problem.comm, functionals=list(kinds))
+    same_everywhere(problem.comm, functionals=kinds)
+    return {name: _evaluator(problem, name, f) for name, f in functionals.items()}
+
+
+def functional_forms(
+    system: ParametricContact, functionals: Mapping[str, Functional]
+) -> dict[str, str]:
+    """The section ``forms`` of the manifest for functionals. Not collective.
+
+    A form is known by the hash of its signature and of the places of its Functions and Constants in
+    the problem, a Python function only by its name.
+    """
+    problem = system.problem
+    places = {id(d.value): d.place for d in placed_data(problem.equations)}
+    places |= {id(problem.u): "the displacement", id(system.constant): "gamma"}
+    found = {}
+    for name, f in functionals.items():
+        text = "a function"
+        if isinstance(f, ufl.Form):
+            data = (*f.coefficients(), *f.constants())
+            signature = "; ".join([f.signature(), *(places.get(id(d), "another") for d in data)])
+            text = hashlib.sha256(signature.encode()).hexdigest()[:32]
+        found[f"the functional {name!r}"] = text
+    return found
+
+
+def _check_names(functionals: Mapping[str, Functional]) -> None:
+    for name in functionals:
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"the name of a functional must be a word, got {name!r}")
+    clash = sorted({*_COLUMNS, *status.KINDS} & set(functionals))
+    if clash:
+        raise ValueError(f"functionals must not have the names of columns: {', '.join(clash)}")
+
+
+def _kind(problem: ContactProblem, name: str, f: Functional) -> str:
+    """The content of a functional, equal on ranks that mean the same."""
+    if isinstance(f, ufl.Form):
+        if f.arguments():
+            raise ValueError(f"the functional {name!r} must be a scalar form")
+        return described(f, problem.V.mesh)
+    if not callable(f):
+        raise ValueError(f"the functional {name!r} is neither a UFL form nor a function")
+    return "a function"
+
+
+def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[], float]:
+    comm = problem.comm
+    if isinstance(f, ufl.Form):
+        maps = merge_entity_maps([s.submesh for s in problem.surfaces])
+        form = compiled_form(weighted(f, axisymmetric=problem.equations.axisymmetric), maps)
+        return lambda: _real(name, comm.allreduce(fem.assemble_scalar(form)))
+
+    def value() -> float:
+        with everywhere(comm, f"the functional {name!r}"):
+            found = f(problem)
+            try:
+                number = complex(found)
+            except (TypeError, ValueError):
+                raise ValueError(f"the functional {name!r} did not return a number") from None
+            number = _real(name, number)
+        numbers = comm.allgather(number)
+        same = np.allclose(numbers, numbers[0], rtol=_SAME, atol=0, equal_nan=True)
+        message = f"the functional {name!r} differs between ranks ({numbers[:4]}): sum over them"
+        require(comm, same, message)
+        return float(numbers[0])
+
+    return value
+
+
+def _real(name: str, value: complex) -> float:
+    """The value of a functional.
+
+    Raises:
+        ValueError: if it is not real.
+    """
+    if np.imag(value) != 0.0:
+        raise ValueError(
+            f"the functional {name!r} must be real, got {value}: record its real and imaginary "
+            "parts as two functionals"
+        )
+    return float(np.real(value))

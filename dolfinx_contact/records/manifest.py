@@ -206,16 +206,10 @@ def _close(a: Sequence[float], b: Sequence[float], tolerance: Any) -> bool:
 
 
 def _both(recorded: Any, now: Any) -> str:
-    """Both values in brackets; "" for hashes and projections."""
-    if _is_constant(recorded) and _is_constant(now):
-        for digits in (6, 10, 17):
-            words = [", ".join(f"{v:.{digits}g}" for v in values) for values in (recorded, now)]
-            if words[0] != words[1]:
-                break
-    else:
-        words = [str(recorded), str(now)]
-    hashes = isinstance(recorded, dict) or re.fullmatch("[0-9a-f]{32}", words[0])
-    if hashes or max(map(len, words)) > _LONGEST:
+    """Both values in brackets; "" for hashes, projections and long values."""
+    words = [", ".join(map(repr, v)) if _is_constant(v) else str(v) for v in (recorded, now)]
+    hidden = isinstance(recorded, dict) or re.fullmatch("[0-9a-f]{32}", words[0])
+    if hidden or max(map(len, words)) > _LONGEST:
         return ""
     return f" ({words[0]} recorded, {words[1]} now)"
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A recorded branch for ParaView: its deformed states one after the other.
+"""A recorded branch for ParaView, as a series of its deformed states.
 
-The series is written from the checkpoints once the branch has been followed, so that a run that is
-killed leaves no half of a series behind.
+The series is written from the checkpoints after the branch was followed, so that a killed run does
+not leave an incomplete series.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ def write_series(
     time of the series is the index of the point in the journal.
 
     Args:
-        folder: where to, made if need be. Files of before are replaced when the series is complete.
-        record: whose problem's Functions follow the points.
+        folder: folder of the files, created if necessary. Older files are replaced when the series
+            is complete.
+        record: record of the branch; the Functions of its problem follow the points.
         branch: number of the branch.
         format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
 
@@ -82,7 +83,7 @@ def write_series(
 def _fields(
     record: BranchRecord, on_faces: Sequence[Face], branch: int, index: int
 ) -> list[FieldsOfFile]:
-    """What files have of a recorded point: of faces gamma too. Collective."""
+    """The fields of all files at a recorded point, on faces with gamma. Collective."""
     system = record.system
     point, _ = record.state(branch, index)
     x = system.create_vector()

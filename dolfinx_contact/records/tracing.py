@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Journals of branches in memory: the content of a record, without the disk."""
+"""Journals of branches in memory: the content of a record without the disk."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation import Branch, SpecialPoint
 from dolfinx_contact.continuation.points import require_solutions
 from dolfinx_contact.records.columns import PointEntry
+from dolfinx_contact.records.functionals import Functional, compiled
 from dolfinx_contact.records.journal import FORMAT, Journal, JournalBranch
-from dolfinx_contact.records.points import Functional, compiled, entry_of, places
+from dolfinx_contact.records.points import entry_of, places
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
@@ -34,7 +35,7 @@ def journal_of(
     Args:
         system: the problem that the branches belong to; it is left as it was.
         branches: their numbers in the journal are their places here.
-        functionals: by name, as for `BranchRecord`.
+        functionals: functionals by name, as for `BranchRecord`.
 
     Returns:
         The journal, on every rank. ``norm`` is that of the metric of the system.
