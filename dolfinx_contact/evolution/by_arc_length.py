@@ -67,7 +67,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         run_state: PathState,
     ):
         super().__init__(task, run_state)
-        self._parametric = system
+        self._system = system
         self._stepper = stepper
         self._steps = steps
         self._accepted = run_state.accepted
@@ -85,7 +85,7 @@ class ByArcLength(Rule[PathTask, PathState]):
 
     def _under(self, memory: Sequence[Memory | None]) -> None:
         """Continue with the memory of an accepted state. Collective."""
-        self._system = self._parametric.with_memory(memory)
+        self._system = self._system.with_memory(memory)
         self._steps.bordered.system = self._system
 
     @property

@@ -61,10 +61,12 @@ class Runnable(ReadOnly, Generic[T, S, H]):
         Returns:
             The history of the remaining steps. Errors are those of a run.
         """
+        self._has_begun()
         return self._run(task, run_state, listeners)
 
     def put(self, run_state: S) -> None:
         """Put the end of a run into the problem, from which the next run continues. Collective."""
+        self._has_begun()
         self._run_state = run_state
         self._stepper(None).put(run_state.accepted)
 
