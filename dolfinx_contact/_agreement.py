@@ -21,8 +21,6 @@ from dolfinx_contact._numbers import is_number
 __all__ = [
     "data_of",
     "described",
-    "described_condition",
-    "described_number",
     "refuse_displacement",
     "refuse_other_condition",
     "refuse_other_mesh",
@@ -93,42 +91,37 @@ def _is_or_has(part: Any, whole: Any) -> str:
     return "is" if part is whole else "contains"
 
 
-def described(expression: Any, domain: mesh.Mesh) -> str:
-    """The content of a UFL expression or form of ``domain``, equal on ranks that mean the same.
+def described(value: Any, domain: mesh.Mesh) -> str:
+    """The content of an argument, equal on ranks that mean the same.
 
-    The values of its Constants and its signature, in which neither the counts of UFL's objects nor
-    the values of Functions, which are spread over the ranks, occur.
+    For UFL these are the values of its Constants and its signature, in which neither the counts of
+    UFL's objects nor the values of Functions, which are spread over the ranks, occur.
+
+    Args:
+        value: number, UFL expression or form of ``domain``, Dirichlet condition, or anything with
+            a `repr`.
+        domain: mesh.
     """
-    if isinstance(expression, ufl.Form):
-        form = expression
-    else:
-        expression = ufl.as_ufl(expression)
-        if isinstance(expression, ufl.constantvalue.Zero):
-            return "0"
-        form = ufl.inner(expression, expression) * ufl.dx(domain=domain)
-    values = [np.asarray(c.value).tolist() for c in form.constants()]
-    return f"{', '.join(map(repr, values)) or 'an expression'} (form {form.signature()[:12]})"
-
-
-def described_condition(bc: fem.DirichletBC) -> str:
-    """A Dirichlet condition on every rank: its value, or that it is a Function."""
-    value = dirichlet_value(bc)
-    if hasattr(value, "function_space"):
-        return "a Function"
-    return repr(np.asarray(value.value).tolist())
-
-
-def described_number(value: Any) -> str:
-    """A number of any type by its value, anything else by its `repr`."""
+    if isinstance(value, fem.DirichletBC):
+        value = dirichlet_value(value)
+        if hasattr(value, "function_space"):
+            return "a Function"
+        return repr(np.asarray(value.value).tolist())
     if is_number(value):
         return repr(float(value))
-    return repr(value)
+    if isinstance(value, ufl.constantvalue.Zero):
+        return "0"
+    if isinstance(value, ufl.core.expr.Expr):
+        value = ufl.inner(value, value) * ufl.dx(domain=domain)
+    if not isinstance(value, ufl.Form):
+        return repr(value)
+    values = [np.asarray(c.value).tolist() for c in value.constants()]
+    return f"{', '.join(map(repr, values)) or 'an expression'} (form {value.signature()[:12]})"
 
 
 def refuse_other_condition(bc: fem.DirichletBC, domain: mesh.Mesh) -> None:
     """Raise ``ValueError`` if a Dirichlet condition or its Function is of another mesh."""
-    if not is_mesh_of(domain, bc.function_space):
-        raise ValueError("a Dirichlet condition is on a space of another mesh")
     value = dirichlet_value(bc)
-    if hasattr(value, "function_space") and not is_mesh_of(domain, value.function_space):
-        raise ValueError("the value of a Dirichlet condition is a Function of another mesh")
+    spaces = [bc.function_space, getattr(value, "function_space", bc.function_space)]
+    if not all(is_mesh_of(domain, space) for space in spaces):
+        raise ValueError("a Dirichlet condition, or its value, is on a space of another mesh")

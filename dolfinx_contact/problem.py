@@ -17,20 +17,17 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._agreement import (
-    described,
-    described_condition,
-    described_number,
-)
+from dolfinx_contact._agreement import described
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly, ReadOnlyList, copy_with
 from dolfinx_contact._kept import keep
-from dolfinx_contact._numbers import is_count, is_number
+from dolfinx_contact._numbers import is_count
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import check_progress
 from dolfinx_contact._shared import anywhere
+from dolfinx_contact._validate import instance, positive
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.weighting import weighted
@@ -101,24 +98,24 @@ def _check_solve(a: Arguments) -> None:
 
 def _check(a: Arguments) -> None:
     require_real()
-    if not isinstance(a.u, fem.Function):
-        raise ValueError(f"the displacement must be a Function, got {type(a.u).__name__}")
+    instance(a.u, "the displacement", fem.Function)
     a.surfaces, a.bcs = lists(a.surfaces, a.bcs)
     check(a.bulk, a.u, a.surfaces, a.bcs)
-    if a.r is not None and not (is_number(a.r) and np.isfinite(a.r) and a.r > 0):
-        raise ValueError(f"the augmentation parameter r must be positive, got {a.r}")
+    if a.r is not None:
+        positive(a.r, "the augmentation parameter r", "positive")
     a.petsc_options = {} if a.petsc_options is None else a.petsc_options
     check_options(a.petsc_options_prefix, a.petsc_options)
 
 
 def _described(a: Arguments) -> dict[str, Any]:
+    domain = a.u.function_space.mesh
     return {
         "contact_surfaces": [s.name for s in a.surfaces],
-        "Dirichlet_data": [described_condition(bc) for bc in a.bcs],
-        "bulk": lambda: described(a.bulk, a.u.function_space.mesh),
-        "r": described_number(a.r),
+        "Dirichlet_data": [described(bc, domain) for bc in a.bcs],
+        "bulk": lambda: described(a.bulk, domain),
+        "r": described(a.r, domain),
         "rigid_bodies": [_rigid_body(s) for s in a.surfaces],
-        "petsc_options": sorted((k, described_number(v)) for k, v in a.petsc_options.items()),
+        "petsc_options": sorted((k, described(v, domain)) for k, v in a.petsc_options.items()),
         "PETSc_database": sorted(in_database(a.petsc_options_prefix).items()),
     }
 

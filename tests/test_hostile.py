@@ -353,15 +353,15 @@ MISUSE = {
     "bulk number": (lambda w: problem(w, 1.0), "the bulk must be a UFL form"),
     "Dirichlet condition of another mesh": (
         lambda w: problem(w, bcs=[clamp(w.v_other)]),
-        "a Dirichlet condition is on a space of another mesh",
+        "a Dirichlet condition, or its value, is on a space of another mesh",
     ),
     "Dirichlet Function of another mesh": (
         lambda w: problem(w, bcs=[fem.dirichletbc(w.v_other, two_spaces(w), w.V)]),
-        "the value of a Dirichlet condition is a Function of another mesh",
+        "a Dirichlet condition, or its value, is on a space of another mesh",
     ),
     "surfaces of words": (lambda w: problem(w, surfaces=["floor"]), "a list of ContactSurface"),
     "conditions of words": (lambda w: problem(w, bcs=["top"]), "a list of Dirichlet conditions"),
-    "conditions None": (lambda w: problem(w, bcs=None), "must be lists"),
+    "conditions None": (lambda w: problem(w, bcs=None), "must be a list"),
     "displacement number": (
         lambda w: ContactProblem(w.energy, 1.0, [w.surface]),
         "the displacement must be a Function",

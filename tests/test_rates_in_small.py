@@ -662,10 +662,10 @@ def test_arguments_of_problems():
         check(energy * ufl.dx, u, [one, odd], [bc])
     assert lists((one,), iter([bc])) == ([one], [bc])
     for surfaces, bcs, words in (
-        (one, [bc], "surfaces and bcs must be lists"),
-        ([one], bc, "surfaces and bcs must be lists"),
-        (3, [bc], "surfaces and bcs must be lists"),
-        ([one], 3, "surfaces and bcs must be lists"),
+        (one, [bc], "must be (a list|lists)"),
+        ([one], bc, "must be (a list|lists)"),
+        (3, [bc], "must be (a list|lists)"),
+        ([one], 3, "must be (a list|lists)"),
         ([one, "b"], [bc], "must be a list of ContactSurface"),
         ([one], [bc, "b"], "must be a list of Dirichlet conditions"),
     ):

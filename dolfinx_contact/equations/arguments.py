@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._agreement import refuse_other_condition, refuse_other_mesh
+from dolfinx_contact._validate import listed as as_list
 from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.materials import Axisymmetric, materials_in
 from dolfinx_contact.points.descriptions import Contact, is_axisymmetric
@@ -30,11 +31,9 @@ def fit(surfaces: Sequence[DiscreteSurface], statuses: Statuses) -> bool:
 
 def lists(surfaces: Any, bcs: Any) -> tuple[list[Contact], list[fem.DirichletBC]]:
     """Return descriptions of contact and Dirichlet conditions as lists, or raise ``ValueError``."""
-    try:
-        surfaces = list(surfaces)
-        bcs = list(bcs)
-    except TypeError:
-        raise ValueError("surfaces and bcs must be lists") from None
+    if isinstance(surfaces, Contact) or isinstance(bcs, fem.DirichletBC):
+        raise ValueError("surfaces and bcs must be lists")
+    surfaces, bcs = as_list(surfaces, "surfaces"), as_list(bcs, "bcs")
     if not all(isinstance(s, Contact) for s in surfaces):
         raise ValueError("surfaces must be a list of ContactSurface, ContactPair or SelfContact")
     if not all(isinstance(bc, fem.DirichletBC) for bc in bcs):
@@ -45,30 +44,37 @@ def lists(surfaces: Any, bcs: Any) -> tuple[list[Contact], list[fem.DirichletBC]
 def check(bulk: Any, u: fem.Function, surfaces: list[Contact], bcs: list[fem.DirichletBC]) -> None:
     """Raise ``ValueError`` if the arguments of a problem do not fit together. Not collective."""
     domain = u.function_space.mesh
-    if not surfaces:
-        raise ValueError("a contact problem needs at least one contact surface")
-    if any(s.u is not u for s in surfaces):
-        raise ValueError("every contact surface must be made with the displacement u")
     names = [s.name for s in surfaces]
-    if len(set(names)) < len(names):
-        raise ValueError(f"contact surfaces need different names, got {names}")
     plane = [s.name for s in surfaces if not is_axisymmetric(s)]
-    if 0 < len(plane) < len(surfaces):
-        raise ValueError(f"all contact surfaces are axisymmetric or none is, unlike {plane}")
     if not isinstance(bulk, ufl.Form):
         density = isinstance(bulk, ufl.core.expr.Expr)
         hint = ": multiply the energy density by ufl.dx" if density else ""
         raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}{hint}")
-    around = is_axisymmetric(surfaces[0])
-    for material in materials_in(bulk):
-        if isinstance(material, Axisymmetric) != around:
-            given, other = "axisymmetric", "a plane body"
-            if not around:
-                given, other = "plane", "a body of revolution"
-            raise ValueError(
-                f"the contact surfaces are {given}, but the bulk is that of {other}: a body of "
-                "revolution needs surfaces with axisymmetric=True and materials.Axisymmetric"
-            )
+    turned = [isinstance(m, Axisymmetric) for m in materials_in(bulk)]
+    for wrong, message in (
+        (not surfaces, "a contact problem needs at least one contact surface"),
+        (
+            any(s.u is not u for s in surfaces),
+            "every contact surface must be made with the displacement u",
+        ),
+        (len(set(names)) < len(names), f"contact surfaces need different names, got {names}"),
+        (
+            0 < len(plane) < len(surfaces),
+            f"all contact surfaces are axisymmetric or none is, unlike {plane}",
+        ),
+        (
+            any(turned) and plane,
+            "the contact surfaces are plane, but the bulk is that of a body of revolution, whose "
+            "surfaces need axisymmetric=True",
+        ),
+        (
+            not all(turned) and not plane,
+            "the contact surfaces are axisymmetric, but the bulk is that of a plane body: use "
+            "materials.Axisymmetric",
+        ),
+    ):
+        if wrong:
+            raise ValueError(message)
     refuse_other_mesh(bulk, domain, "the bulk")
     for bc in bcs:
         refuse_other_condition(bc, domain)
