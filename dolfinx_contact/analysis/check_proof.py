@@ -2384,6 +2384,10 @@ class StatusRegion:
         """The bound of a slot by the vector ``y``."""
         return Dual(self.problem, y).most(self.allowed, self.ub, slot, point)
 
+    def round_off(self, y: Array) -> float:
+        """The rounding error that `most` includes."""
+        return Dual(self.problem, y).round_off(self.ub)
+
 
 def check(certificate: Certificate) -> Proved:
     """Follow a certificate.
@@ -2462,10 +2466,9 @@ def follow(
     if kind == "bound":
         slot = _index(step["slot"], 6)
         point = _index(step["point"], len(region.allowed))
-        if not region.most(y, slot, point) <= step["value"]:
-            raise InvalidCertificate("a bound is not proved")
+        value = _proved_bound(step, region.most(y, slot, point), region.round_off(y))
         region.ub = region.ub.copy()
-        region.ub[slot, point] = max(min(region.ub[slot, point], step["value"]), 0.0)
+        region.ub[slot, point] = max(min(region.ub[slot, point], value), 0.0)
         return [region]
     excluded = region.excluded(y)
     if kind == "empty":
@@ -2576,9 +2579,8 @@ def follow_in_space(
         quantity = _index(step["quantity"], MOST)
         point = _index(step["point"], points)
         dual = SpaceDual(region.problem, y)
-        if not dual.most(region.cells, region.most, quantity, point) <= step["value"]:
-            raise InvalidCertificate("a bound is not proved")
-        region.limit(quantity, point, float(step["value"]))
+        bound = dual.most(region.cells, region.most, quantity, point)
+        region.limit(quantity, point, _proved_bound(step, bound, dual.round_off(region.most)))
         return [region]
     excluded = region.excluded(y)
     if kind == "empty":
@@ -2678,6 +2680,24 @@ def _piece(problem: ReducedProblem, codes: list[int]) -> PieceSolution | None:
     if not all(int(allowed[i]) >> s & 1 for i, s in enumerate(codes)):
         raise InvalidCertificate("a point cannot have this status")
     return solve_piece(problem, np.array(codes, dtype=np.int8))
+
+
+def _proved_bound(step: dict[str, Any], bound: float, round_off: float) -> float:
+    """The bound of a step, or ``InvalidCertificate`` if it is not proved.
+
+    Sums are rounded differently on other processors, so that the bound that was proved there may be
+    smaller than the one proved here, by no more than the rounding error that both include. The
+    larger of the two is a bound on either.
+
+    Args:
+        step: step of the proof.
+        bound: bound that its vector proves.
+        round_off: rounding error that this includes.
+    """
+    value = float(step["value"])
+    if not bound <= value + round_off:
+        raise InvalidCertificate("a bound is not proved")
+    return max(bound, value)
 
 
 def _index(value: Any, size: int) -> int:
