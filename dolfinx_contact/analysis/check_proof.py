@@ -2686,13 +2686,13 @@ def _proved_bound(step: dict[str, Any], bound: float, round_off: float) -> float
     """The bound of a step, or ``InvalidCertificate`` if it is not proved.
 
     Sums are rounded differently on other processors, so that the bound that was proved there may be
-    smaller than the one proved here, by no more than the rounding error that both include. The
+    smaller than the one proved here, by no more than the error that both include. The
     larger of the two is a bound on either.
 
     Args:
         step: step of the proof.
         bound: bound that its vector proves.
-        round_off: rounding error that this includes.
+        round_off: errors of rounding and data that this includes.
     """
     value = float(step["value"])
     if not bound <= value + round_off:
