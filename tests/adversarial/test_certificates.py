@@ -306,7 +306,7 @@ def changed(data):
 
 
 def test_a_proof_with_one_number_changed_does_not_hold(folder):
-    """By the exit status, also with ``python3 -O``, which drops every ``assert``."""
+    """The exit status shows it, also with ``python3 -O``, which drops every ``assert``."""
 
     def checked():
         answers = []

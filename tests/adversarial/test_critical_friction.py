@@ -108,7 +108,7 @@ def test_coefficients_do_not_depend_on_units(length, stiffness):
 
 
 @pytest.mark.parametrize(("offset", "count"), [(0.0, 1), (1.0, 1), (-2.0, 3), (1.0, 13)])
-def test_what_is_known_of_some_coefficients_is_true(offset, count):
+def test_the_known_part_of_some_coefficients_is_true(offset, count):
     """Few are computed; every one below ``known_up_to`` must be among them."""
     body = leaning(offset, (12, 2))
     problem = body.problem(Coulomb(0.3), energy_of(body))
@@ -205,7 +205,7 @@ def test_the_compliances_of_two_bodies_add(stiffness):
     ("offset", "direction"), [(1.0, None), (1.0, (-7.0, 3.0)), (-1.0, (0.2, -5.0))]
 )
 def test_the_displacement_of_the_answer_slides_at_the_limit_of_friction(offset, direction):
-    """By forces assembled here: rt = F rn against the direction at each point."""
+    """Forces assembled here satisfy rt = F rn against the direction at each point."""
     body = leaning(offset)
     found = critical_friction(body.problem(Coulomb(0.3), energy_of(body)), direction)
     assert found.friction is not None

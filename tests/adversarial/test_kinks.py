@@ -330,7 +330,7 @@ def test_classical_algorithms_are_right_or_refuse_a_spring(kinked):
     assert_close(found, np.full(len(found), E * (D - g) - k * (g - c)), 1e-5)
 
 
-def test_a_modulus_switched_by_a_field_is_read_anew():
+def test_a_modulus_switched_by_a_field_is_read_in_each_solve():
     body = block()
     body.move_top(0.0, -D)
     heat = fem.Function(fem.functionspace(body.domain, ("Lagrange", 1)))

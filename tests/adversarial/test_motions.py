@@ -85,7 +85,7 @@ def test_a_density_changed_before_the_run_counts():
     assert_close(body.mean(), [0.0, 0.5])
 
 
-def test_a_loop_over_densities_makes_its_motions_anew():
+def test_a_loop_over_densities_makes_a_motion_for_each():
     for more, speed in ((0.0, 2.0), (3.0, 0.5)):
         body = flying((0.0, 2.0))
         parts = body.constant((1.0, more))

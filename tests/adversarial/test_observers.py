@@ -144,7 +144,7 @@ class Meddler(Observer):
 
 
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
-def test_what_an_observer_writes_is_lost_at_the_next_point(route):
+def test_changes_by_an_observer_are_lost_at_the_next_point(route):
     body, system, reader = lowered()
     branch = followed(system, Observers(reader, Meddler(body, system.problem)), route=route)
     assert_right(reader)
@@ -177,7 +177,7 @@ class Raises(Observer):
             raise Stopped
 
 
-def test_a_branch_whose_observer_raised_can_be_followed_anew():
+def test_a_branch_whose_observer_raised_can_be_followed_again():
     body, system, reader = lowered()
     with pytest.raises(Stopped):
         followed(system, Observers(reader, Raises()))
