@@ -22,7 +22,6 @@ from dolfinx_contact import (
     HalfSpace,
     plot,
 )
-from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import animation, faces, floors, pictures, render
@@ -304,17 +303,6 @@ def test_senses_of_slip_are_those_of_the_table(drawn, law, way):
     expected = Counter(status.NAMES[letter] for letter in table.letters)
     assert counts == expected
     assert status.NAMES["-" if way < 0 else "+"] in counts
-
-
-def test_slip_of_which_nothing_shows_the_sense(drawn):
-    """After a history without friction: nothing has moved since its last step."""
-    problem = block(law=Frictionless(), top=(-0.01, -0.002))
-    history = QuasiStatic(problem, lambda t: None).run([0.0, 1.0])
-    assert history.complete
-    plot.picture_of_contact("a.png", problem)
-    if COMM.rank == 0:
-        shown = zip(drawn["contact_2d"]["statuses"], drawn["contact_2d"]["counts"], strict=True)
-        assert {name: count for (name, _), count in shown if count} == {"slip": 5}
 
 
 def in_the_middle(problem):

@@ -16,6 +16,7 @@ from dolfinx_contact import ContactProblem, Frictionless, SelfContact
 from dolfinx_contact._compat import create_mesh
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import NeoHookean, lame
+from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(*lame(1000.0, 0.3))
@@ -40,7 +41,8 @@ class Plate:
         self.u = displacement(domain)
         self.V = self.u.function_space
         given = {"law": Frictionless(), "direction": (1, 0, 0), "search_distance": 0.6}
-        self.pair = SelfContact(self.u, faces, **given)
+        self.contact = SelfContact(self.u, faces, **given)
+        self.pair = discretise(self.contact)
         n = self.V.dofmap.index_map.size_local
         self.X = self.V.tabulate_dof_coordinates()[:n]
 
@@ -99,10 +101,11 @@ def test_jacobian(monkeypatch):
     """Of a plate that is folded on itself, partly closed, with the common parts held."""
     plate = Plate()
     energy = RUBBER.energy(plate.u) * ufl.dx(metadata={"quadrature_degree": 2})
-    problem = ContactProblem(energy, plate.u, [plate.pair])
+    problem = ContactProblem(energy, plate.u, [plate.contact])
+    (pair,) = problem.surfaces
     eq = problem.equations
     n = eq.owned_sizes[0]
-    ids = plate.pair.points.ids[:, 0]
+    ids = pair.points.ids[:, 0]
     waves = np.outer(ids, [1.0, 2.0, 3.0])
     moved = plate.folded(APART) + smooth(plate.X, 3, 0.01)
     x = problem.create_vector()
@@ -113,7 +116,7 @@ def test_jacobian(monkeypatch):
     ):
         f.array[:n] = field.reshape(-1)
         f.array[n:] = t.reshape(-1)
-    state, errors = errors_with_parts_held(problem, plate.pair, x, v, monkeypatch)
+    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
     assert errors[0] < 1e-4
     assert errors[1] < 0.02 * errors[0] + 1e-9
     used = np.unique(np.concatenate(COMM.allgather(state.statuses[0])))
