@@ -111,7 +111,7 @@ def _decoded(line: bytes) -> dict[str, Any]:
 
 
 def _number(entry: dict[str, Any]) -> Any:
-    """The number that an object stands for (see `plain`), or the object itself."""
+    """The number that an object represents (see `plain`), or the object itself."""
     word = entry.get("float")
     return float(word) if len(entry) == 1 and isinstance(word, str) else entry
 
