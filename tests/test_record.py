@@ -178,6 +178,21 @@ def test_every_discretisation_resumes(cell, method, degree, folder):
     require_same(*(read_journal(folder / name) for name in names))
 
 
+def test_json_and_numpy_are_enough_to_read_a_record(whole):
+    folder, branch, journal = whole
+    lines = [json.loads(line) for line in (folder / FILE_NAME).read_text().splitlines()]
+    assert [line["line"] for line in lines] == list(range(1, len(lines) + 1))
+    points = [line for line in lines if line["type"] == "point"]
+    assert [p["gamma"] for p in points] == [p.gamma for p in branch.points]
+    assert [p["functionals"]["force"] for p in points] == journal.columns()["force"].tolist()
+    (name, *_) = [p["checkpoint"] for p in points if "checkpoint" in p]
+    with np.load(folder / f"checkpoints/{name}.npz") as arrays:
+        assert arrays["x.0"].shape == (16, 8)
+        assert np.isfinite(arrays["tangent.0"]).all()
+    with np.load(folder / "surface.npz") as arrays:
+        assert arrays["x"].shape == (25, 3)
+
+
 def test_numbers_survive(folder):
     """All digits, and numbers that are not finite."""
     values = {"pi": np.pi, "tiny": 5e-324, "nan": float("nan"), "many": [float("inf"), -np.inf]}

@@ -16,7 +16,7 @@ from __future__ import annotations
 import json
 import os
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -28,7 +28,7 @@ from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.io.outside import OuterSurface, SurfaceState
-from dolfinx_contact.records.arrays import DamagedFile, check, load
+from dolfinx_contact.records.arrays import Arrays, DamagedFile, check, load
 from dolfinx_contact.records.columns import (
     BranchTask,
     EndEntry,
@@ -63,6 +63,7 @@ __all__ = [
 FILE_NAME = "journal.jsonl"
 FORMAT = 3
 _CRC = ', "crc": "'
+T = TypeVar("T")
 
 
 def checkpoint_file(folder: Path, name: str) -> Path:
@@ -78,6 +79,18 @@ def surface_file(folder: Path, name: str) -> Path:
 def outer_surface_file(folder: Path) -> Path:
     """The file of a record with the outer surface before anything moves."""
     return folder / "surface.npz"
+
+
+def _loaded(make: Callable[[Arrays], T], file: Path, fingerprint: str) -> T:
+    """An object made of the arrays of a file.
+
+    Raises:
+        DamagedFile: if the file is missing or damaged, or lacks an array.
+    """
+    try:
+        return make(load(file, fingerprint))
+    except KeyError as error:
+        raise DamagedFile(f"{file} is damaged: {error} is missing") from None
 
 
 # -- lines -----------------------------------------------------------------------------------------
@@ -180,12 +193,8 @@ class AnyJournal:
         folder = self._on_disk()
         if not self.sessions:
             raise ValueError(f"the record in {folder} has no outer surface yet")
-        file = outer_surface_file(folder)
-        arrays = load(file, self.sessions[0]["outer_surface"])
-        try:
-            return OuterSurface.of_arrays(arrays)
-        except KeyError as error:
-            raise DamagedFile(f"{file} is damaged: {error} is missing") from None
+        fingerprint = self.sessions[0]["outer_surface"]
+        return _loaded(OuterSurface.of_arrays, outer_surface_file(folder), fingerprint)
 
     def surface_at(self, index: int, branch: int = 0) -> SurfaceState:
         """The outer surface at a recorded point, on this rank alone.
@@ -207,11 +216,7 @@ class AnyJournal:
                 "surface_displacement=True"
             )
         file = surface_file(self._on_disk(), entry.surface)
-        arrays = load(file, entry.surface_sum)
-        try:
-            return SurfaceState.of_arrays(arrays)
-        except KeyError as error:
-            raise DamagedFile(f"{file} is damaged: {error} is missing") from None
+        return _loaded(SurfaceState.of_arrays, file, entry.surface_sum)
 
     def check_surfaces(self) -> None:
         """Raise ``ValueError`` if a file with the outer surface is missing or was exchanged."""
