@@ -220,7 +220,7 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
     found = {}
     for s, contact, held in _contacts(eq, state):
         small = _of_small_sliding(eq, s, state, contact, held)
-        depth = _most(s, -contact.kinematics.gap) if s.law.compliant else None
+        depth = _most(s, np.nan_to_num(-contact.kinematics.gap)) if s.law.compliant else None
         small = replace(small, spin=_spin(eq, s, contact), penetration=depth)
         if s.slides:
             step = _most(s, _touching(contact, contact.kinematics.operator.facets_passed))  # type: ignore[attr-defined]
