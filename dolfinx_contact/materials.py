@@ -46,7 +46,7 @@ A body of several materials has integrals over cell tags, and a stress of each t
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -58,7 +58,6 @@ from dolfinx import fem
 from ufl.corealg.traversal import traverse_unique_terminals
 
 from dolfinx_contact._forms import at_middle
-from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._numbers import is_number
 
 __all__ = [
@@ -222,17 +221,13 @@ def _in_space(A: Any, across: Any) -> Any:
     return ufl.as_tensor([[A[0, 0], A[0, 1], 0], [A[1, 0], A[1, 1], 0], [0, 0, across]])
 
 
-class Material(ReadOnly):
+class Material:
     """A bulk material; ``u`` is always the displacement, a vector Function (length).
 
     Its data are read-only: moduli that are to change must be Constants, whose present values every
     solve uses.
     """
 
-    _instead: ClassVar[Mapping[str, str]] = {
-        "": "give a Constant of the mesh for it and change the value of that, or make another "
-        "material, energy and problem"
-    }
     _of_revolution: ClassVar[bool] = False
 
     def energy(self, u: fem.Function) -> Any:

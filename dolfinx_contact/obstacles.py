@@ -10,9 +10,9 @@ large sliding both are those at the displaced point (`points.displaced`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -30,7 +30,6 @@ from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversa
 from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_expression
-from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._validate import positive
 
 __all__ = [
@@ -240,7 +239,7 @@ class Start(NamedTuple):
     held: npt.NDArray[np.bool_]
 
 
-class Obstacle(ReadOnly):
+class Obstacle:
     """A rigid foundation, bound to a mesh by `on`.
 
     Its data are read when a surface is made with it, and are read-only then: data that are to move
@@ -252,12 +251,6 @@ class Obstacle(ReadOnly):
     points: sliding has to be small, which is not checked.
     """
 
-    _sealed_when_made = False
-    _instead: ClassVar[Mapping[str, str]] = {
-        "": "give a Constant of the mesh for it and change the value of that, as in "
-        "HalfSpace(point=fem.Constant(mesh, (0.0, 0.0)), ...), or make another obstacle, surface "
-        "and problem"
-    }
     #: What moves with the displacement (`points.opposite.Opposite`); None where nothing does.
     opposite: Any = None
     #: A hash of what it is beside its UFL, by which ranks are compared and records know it.

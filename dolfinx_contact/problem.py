@@ -20,7 +20,7 @@ from dolfinx import fem
 from dolfinx_contact._agreement import described
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact._frozen import ReadOnly, ReadOnlyList, copy_with
+from dolfinx_contact._frozen import ReadOnly, copy_with
 from dolfinx_contact._kept import keep
 from dolfinx_contact._numbers import is_count
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
@@ -249,7 +249,6 @@ class ContactProblem(ReadOnly):
         self.V = u.function_space
         self.comm = u.function_space.mesh.comm
         keep(self.V.mesh)
-        self.bcs = bcs
         self.petsc_options = dict(petsc_options or {})
         PETSc.garbage_cleanup(self.comm)  # what earlier problems on several ranks have left
         check_cells(self.V.mesh)
@@ -259,18 +258,16 @@ class ContactProblem(ReadOnly):
         #: The UFL energy as given, or None if a residual was given.
         self.energy: ufl.Form | None = bulk if body.is_energy else None
         spaces = fem.extract_function_spaces([body.residual_form])
-        if len(fem.bcs_by_block(spaces, self.bcs)[0]) != len(self.bcs):
+        if len(fem.bcs_by_block(spaces, bcs)[0]) != len(bcs):
             raise ValueError("a Dirichlet condition is not on the space of u or a component of it")
-        if axisymmetric:
-            self.bcs = [*self.bcs, *axis_condition(self.V)]
+        on_axis = axis_condition(self.V) if axisymmetric else []
         body.displacement.x.array[:] = u.x.array
         #: Descriptions with which the problem was made.
         self.contacts: tuple[Contact, ...] = tuple(surfaces)
         #: Discretisations of the contact surfaces, in the order of their descriptions.
-        self.surfaces: list[DiscreteSurface] = ReadOnlyList(
-            [discretise(s) for s in surfaces], "surfaces of a problem", _SURFACES
-        )
-        self.bcs = ReadOnlyList(self.bcs, "Dirichlet conditions of a problem", _CONDITIONS)
+        self.surfaces: tuple[DiscreteSurface, ...] = tuple(discretise(s) for s in surfaces)
+        #: Dirichlet conditions, those of the axis included.
+        self.bcs: tuple[fem.DirichletBC, ...] = (*bcs, *on_axis)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
         #: Shared by the problems of steps, which write the same Functions.
@@ -496,7 +493,7 @@ class ContactProblem(ReadOnly):
         """
         x = self.create_vector()
         b = self.create_vector()
-        with self.at(state) as problem:
+        with self._shown(state) as problem:
             problem.write(x)
             known = problem.written_statuses if statuses is None else statuses
             found = problem.equations.residual(x, b, known)
@@ -514,8 +511,17 @@ class ContactProblem(ReadOnly):
 
         Yields:
             The problem whose equations have the memory of the step that ended in the state.
+
+        Raises:
+            ValueError: on every rank, if the mesh has moved or the state is not one of the problem.
         """
         self.equations.require_same_mesh()
+        with self._shown(state) as problem:
+            yield problem
+
+    @contextmanager
+    def _shown(self, state: State | None) -> Iterator[ContactProblem]:
+        """See `at`; the mesh is not tested. Collective."""
         if not anywhere(self.comm, state is not None)[0]:
             yield self
             return
@@ -633,7 +639,8 @@ class ContactProblem(ReadOnly):
             Forces (vertices, dim).
         """
         s = self.discrete(surface)
-        reactions = support_at_nodes(self.equations, self.evaluate(state))
+        with self.at(state) as problem:
+            reactions = support_at_nodes(self.equations, problem.evaluate())
         return forces_at_vertices(self.V, s.submesh, s.points.vertex_trace_dofs, reactions)
 
     def discrete(self, surface: Contact | DiscreteSurface) -> DiscreteSurface:

@@ -543,7 +543,7 @@ def test_output(folder):
     files = io.write_fields(folder, problem, stress=stress)
     assert {f.name for f in files} >= {"contact.bp", "contact_opposite.bp"}
     master = MasterFace(problem, problem.surfaces[0])
-    fields = master.fields()
+    fields = master.fields(problem)
     pressure = 0.01 / (1 / 1000 + 1 / 3000)
     assert COMM.allreduce(len(fields["pressure"].x.array)) > 0
     np.testing.assert_allclose(fields["pressure"].x.array, pressure, rtol=0.02)

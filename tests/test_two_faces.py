@@ -87,10 +87,10 @@ def gathered(f):
     return tuple(np.concatenate(p) for p in zip(*parts, strict=True))
 
 
-def total(face, name):
+def total(problem, face, name):
     """Of a field per area, the sum over the vertices of a face."""
     n = face.vertices.dofmap.index_map.size_local
-    f = face.fields()[name]
+    f = face.fields(problem)[name]
     values = f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)
     return COMM.allreduce((values * face.areas[:, None])[:n].sum(axis=0))
 
@@ -164,7 +164,7 @@ def test_uniform_pressure(case):
     pair = problem.surfaces[0]
     problem.solve()
     face = MasterFace(problem, pair)
-    fields = face.fields()
+    fields = face.fields(problem)
     wanted = 0.01 * MODULUS
     slave = gathered(problem.contact_fields(pair)["pressure"])[1]
     np.testing.assert_allclose(slave, wanted, rtol=1e-10)
@@ -208,7 +208,7 @@ def test_forces_balance(case):
     np.testing.assert_allclose(found.master + held_by, 0.0, atol=1e-9 * size)
     assert result.summary()["pairs"]["contact"]["master"] == found.master.tolist()
     face = MasterFace(problem, pair)
-    np.testing.assert_allclose(total(face, "traction"), found.master, atol=1e-12 * size)
+    np.testing.assert_allclose(total(problem, face, "traction"), found.master, atol=1e-12 * size)
 
 
 @pytest.mark.parametrize("cell", ["tri", "hex"])
@@ -218,7 +218,7 @@ def test_like_nodes_have_opposite_tractions(cell):
     problem.solve()
     face = MasterFace(problem, problem.surfaces[0])
     slave = problem.surfaces[0]
-    fields = face.fields()
+    fields = face.fields(problem)
     theirs = problem.contact_fields(slave)
     for name, sign in (("traction", -1.0), ("pressure", 1.0)):
         x, mine = gathered(fields[name])
@@ -291,7 +291,7 @@ def test_files(format, case, folder):
     names = ["body", "contact", "contact_opposite"]
     assert [f.name for f in files] == [name + suffix for name in names]
     assert all(f.exists() for f in files)
-    fields = MasterFace(problem, problem.surfaces[0]).fields()
+    fields = MasterFace(problem, problem.surfaces[0]).fields(problem)
     known = {name: gathered(f) for name, f in fields.items()}
     if format == "vtx" or COMM.rank > 0:
         return

@@ -162,7 +162,10 @@ def rigid_motions(
 
 
 def largest_turn(
-    V: fem.FunctionSpace, u: npt.NDArray[np.float64], part: npt.NDArray[np.int32]
+    V: fem.FunctionSpace,
+    nodes: npt.NDArray[np.float64],
+    u: npt.NDArray[np.float64],
+    part: npt.NDArray[np.int32],
 ) -> float:
     """The largest mean rotation of a connected part, as if it were small, in radians. Collective.
 
@@ -170,13 +173,14 @@ def largest_turn(
 
     Args:
         V: displacement space.
+        nodes: positions of the local nodes (n, dim).
         u: displacement, local values.
         part: of each local node; see `parts`.
     """
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
     n = V.dofmap.index_map.size_local
-    x = node_positions(V)[:n, :dim]
+    x = nodes[:n]
     u = u.reshape(-1, dim)[:n]
     p = part[:n]
     number = number_of_parts(comm, p)

@@ -30,7 +30,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._mesh_mark import mesh_mark
+from dolfinx_contact._mesh_mark import mesh_mark, node_positions
 from dolfinx_contact._options import ProblemOptions
 from dolfinx_contact._petsc import logged
 from dolfinx_contact._shared import anywhere, total
@@ -115,6 +115,8 @@ class ContactEquations:
         self._slices = [slice(b - n, b) for b, n in zip(ends, self.owned_sizes, strict=True)]
         self.global_sizes = [*(int(m.size_global) * bs for m, bs in sizes), self.rigid.size]
         self._mesh_mark = mesh_mark(V.mesh)
+        #: Positions of the local nodes of the displacement (n, dim).
+        self.nodes = node_positions(V)[:, : self.dim]
         self.forced_r = r
         self.scaling = Scaling(bulk, V, self.surfaces, self.constraints.fixed, self.rigid, r)
         per_area = [self.stiffness_scale / s.points.mean_vertex_area for s in self.surfaces]

@@ -27,7 +27,6 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._agreement import refuse_other_mesh
-from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._validate import instance, one_of
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, MINUS, WHERE_OPEN
 
@@ -277,7 +276,7 @@ class StatusPiece:
     exists: Any = None
 
 
-class Law(ReadOnly):
+class Law:
     """A law of contact: a frozen dataclass whose fields are what it is given, with `pieces`.
 
     Fields may be numbers, Constants, Functions or UFL expressions of the body's mesh, and may
@@ -288,12 +287,6 @@ class Law(ReadOnly):
     on r.
     """
 
-    _sealed_when_made = False
-    _instead: ClassVar[Mapping[str, str]] = {
-        "": "of the law of a surface a number is a Constant, surface.law.{name}.value = 0.5; or "
-        "give a Constant of the mesh for it and change the value of that; or make another law, "
-        "surface and problem"
-    }
     #: Whether all that the law knows of a body that touches nothing is that it is free.
     needs_pressure: bool = True
     #: What fields must be, by name; any number will do for those that are not named.

@@ -23,6 +23,7 @@ with a rigid body whose motion is unknown).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -35,7 +36,7 @@ from ufl.algorithms.analysis import extract_constants
 from ufl.utils.stacks import StackDict
 
 from dolfinx_contact._agreement import refuse_other_mesh
-from dolfinx_contact._frozen import ReadOnlyDict
+from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact._validate import listed, scalar, vector, word
 from dolfinx_contact.obstacles import Obstacle, Outline, gap_at, has_ufl
 
@@ -47,7 +48,7 @@ Array = npt.NDArray[np.float64]
 COMPONENTS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
 
 
-class RigidBody(Obstacle):
+class RigidBody(ReadOnly, Obstacle):
     """A rigid body that moves: by loads, or as prescribed, component by component.
 
     The components of its motion are the displacements ``x``, ``y`` (``z``) of the reference point
@@ -88,10 +89,9 @@ class RigidBody(Obstacle):
         AttributeError: where attributes are set afterwards.
     """
 
-    _sealed_when_made = True
     _may_be_set = ("values",)
     _instead: ClassVar[Mapping[str, str]] = {
-        "": "loads and motions that are to change are Constants of the mesh, load={{'y': force}} "
+        "": "loads and motions that are to change are Constants of the mesh, load={'y': force} "
         "and force.value = -2.0; else make another rigid body, surface and problem"
     }
 
@@ -135,8 +135,7 @@ class RigidBody(Obstacle):
                 "motion, or is named in free or held"
             )
         prescribed = {**motions, **zeros[1]}
-        instead = "loads and motions that are to change are Constants of the mesh"
-        self.given: dict[str, Any] = ReadOnlyDict(known, f"loads and motions of {name}", instead)
+        self.given: Mapping[str, Any] = MappingProxyType(known)
         self.fixed = np.array([c in prescribed for c in self.components])
         for array in (self.about, self.fixed):
             array.flags.writeable = False

@@ -18,7 +18,6 @@ from dolfinx import fem
 from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact._frozen import seal
 from dolfinx_contact._geometry import area_vectors
 from dolfinx_contact._kept import keep
 from dolfinx_contact._mesh_mark import node_positions
@@ -150,8 +149,6 @@ class DiscreteSurface:
         Raises:
             ValueError: if they depend on the displacement or belong to another mesh.
         """
-        for part in (self.law, self.obstacle):
-            seal(part)
         self.gap, self.normal = self.obstacle.on(self.domain)
         fields = self.law.given.values()
         self.given = Given(self.gap, self.normal, self.law.given)

@@ -197,7 +197,7 @@ def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
     if eq.bulk.linear:
         if eq.axisymmetric:
             return Indicators(surfaces)
-        turn = largest_turn(eq.V, state.u, eq.scaling.part)
+        turn = largest_turn(eq.V, eq.nodes, state.u, eq.scaling.part)
         return Indicators(surfaces, rotation=float(np.degrees(turn)))
     smallest, _ = smallest_jacobian(eq.V, state.u, axisymmetric=eq.axisymmetric)
     return Indicators(surfaces, min_det_F=smallest)

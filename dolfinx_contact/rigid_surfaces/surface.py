@@ -19,7 +19,7 @@ from dolfinx import mesh
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
-from dolfinx_contact._frozen import copy_with
+from dolfinx_contact._frozen import ReadOnly, copy_with
 from dolfinx_contact._numbers import is_number
 from dolfinx_contact._validate import positive, word
 from dolfinx_contact.obstacles import Measured, Obstacle, Outline, Start
@@ -36,7 +36,7 @@ Ints = npt.NDArray[np.int64]
 _WITHIN = 1e-6  # of the extent of a closed part, above which a point is within it
 
 
-class RigidSurface(Obstacle):
+class RigidSurface(ReadOnly, Obstacle):
     """A rigid surface of segments (2D) or triangles (3D), as of a tool from a file.
 
     Gaps and normals are those at the closest point of the surface, with their derivatives; it moves
@@ -101,7 +101,6 @@ class RigidSurface(Obstacle):
             contact = ContactSurface(u, body, tag="top", obstacle=tool, law=Coulomb(0.3))
     """
 
-    _sealed_when_made = True
     _instead: ClassVar[Mapping[str, str]] = {
         "": "a RigidBody moves it; for another shape make another RigidSurface, surface and problem"
     }
