@@ -637,6 +637,35 @@ def stable_slip():
     return found
 
 
+def rigid_history():
+    """A punch on a block, whose force and moment change."""
+    domain = box(3, "quad")
+    names = ("x", "y", "rz")
+    loads = {name: fem.Constant(domain, 0.0) for name in names}
+    shape = HalfSpace((0.0, 1.0), (0.0, -1.0))
+    body = RigidBody(shape, about=(0.5, 1.0), load=loads, name="punch")
+    problem = block(law=Coulomb(0.3), obstacle=body, flipped=True, domain=domain).problem
+
+    def load(time):
+        corners = (0.0, 1.0, 2.0, 3.0)
+        values = {"x": (0.0, 0.0, 2.0, -2.0), "y": (-1.0, -20.0, -20.0, -15.0)}
+        values |= {"rz": (0.0, 0.0, 2.0, -1.0)}
+        for name, constant in loads.items():
+            constant.value = np.interp(time, corners, values[name])
+
+    load(0.0)
+    problem.solve()
+    return QuasiStatic(problem, load)
+
+
+def history_in_space():
+    """A block in space that is pressed down, and drawn around a corner."""
+    body = block(2, "hex", law=Coulomb(0.3))
+    corners = (0.0, 1.0, 2.0, 3.0)
+    path = [(0.0, 0.0, 0.0), (0.0, 0.0, -0.01), (0.012, 0.0, -0.01), (0.012, 0.012, -0.01)]
+    return led(body, (corners, path), [0.0, 1.0, 1.5, 2.0, 2.5, 3.0])
+
+
 def laws_in_histories():
     """A cycle of a block with laws that have a memory or see rates."""
     laws = {
@@ -834,13 +863,13 @@ def after(evolution, history):
     return evolution.problem.with_memory(evolution.memory)
 
 
-def bonded_block(law):
+def bonded_block(law, young=30.0, pull=0.1):
     """A block on bonds, pulled up and sideways, and released."""
-    body = block(3, "quad", law=law, energy=elastic(30.0))
+    body = block(3, "quad", law=law, energy=elastic(young))
     before = evaluated(body.problem, 0.05, 1.0)
 
     def load(time):
-        part = 0.1 * min(time, 2 - time)
+        part = pull * min(time, 2 - time)
         body.move(lambda x: np.array([part + 0 * x[0], part * (x[0] - 0.3)]))
 
     evolution = QuasiStatic(body.problem, load)
@@ -1269,7 +1298,11 @@ def certificate_in_space(apart=1.0, points=1, bound=0.0):
     S = np.kron(np.eye(points), one)
     S += 0.05 * (np.ones_like(S) - np.kron(np.eye(points), np.ones((3, 3))))
     p = np.concatenate([np.array([-2.5, 0.1, -1.0]) * apart**i for i in range(points)])
-    return proved(ReducedProblem(S, p, np.full(points, 3.0), np.full(points, bound)))
+    friction = np.full(points, 3.0)
+    bounds = np.zeros(points)
+    if bound:
+        friction[-1], bounds[-1] = 0.0, bound
+    return proved(ReducedProblem(S, p, friction, bounds))
 
 
 def proved(problem):
@@ -1576,6 +1609,20 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "Uzawa": lambda: by_algorithm("uzawa"),
     "Lemke": lambda: by_algorithm("lemke"),
     "RCCM": lambda: bonded_block(RCCM(100.0, 100.0, 0.1, friction=0.3)),
+    "RCCM that breaks": lambda: bonded_block(
+        RCCM(100.0, 100.0, 0.1, friction=0.3), young=3000.0, pull=0.045
+    ),
+    "worn RCCM that breaks": lambda: bonded_block(
+        RCCM(100.0, 80.0, 0.1, friction=0.3, beta=0.7), young=3000.0, pull=0.045
+    ),
+    "BilinearCohesive that breaks": lambda: bonded_block(
+        BilinearCohesive(4.0, 0.004, 0.2, 0.5), young=1000.0, pull=0.04
+    ),
+    "history of a punch": lambda: recorded(rigid_history, (0.0, 1.0, 2.0, 3.0), longest=0.5),
+    "history of a punch that is resumed": lambda: recorded(
+        rigid_history, (0.0, 1.0, 2.0, 3.0), 3, longest=0.5
+    ),
+    "history in space": history_in_space,
     "MaxwellLayer": lambda: bonded_block(MaxwellLayer(50.0, 10.0, 2.0)),
     "BilinearCohesive": lambda: bonded_block(BilinearCohesive(4.0, 0.004, 0.06, 0.5)),
     "history": lambda: recorded(lambda: cycle(two_blocks()), TIMES, longest=0.5),
@@ -1641,6 +1688,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "certificate": certificate,
     "certificate in space": certificate_in_space,
     "certificate of two points in space": lambda: certificate_in_space(1.02, 2),
+    "certificate of a given bound in space": lambda: certificate_in_space(1.02, 2, 0.3),
     "chart": chart,
     "regions": regions,
     "folds": folds_with_friction,
