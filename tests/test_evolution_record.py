@@ -122,6 +122,12 @@ def test_the_journal_says_what_was_run(folder):
         np.testing.assert_allclose(
             found.increment, at.result.tables["contact"].increment, atol=1e-14
         )
+        before = evolution.problem.u.x.array.copy()
+        state = kept.state(history.steps.index(at) + 1)
+        np.testing.assert_array_equal(evolution.problem.u.x.array, before)
+        np.testing.assert_allclose(state.displacement, at.state.displacement, atol=1e-14)
+        found = evolution.problem.table(evolution.problem.surfaces[0], state=state)
+        same_tables(found, at.result.tables["contact"], 1e-12)
         again = kept.go_on()
         assert (again.reason, again.steps) == ("the last time is reached", [])
         assert again.energies == history.energies
@@ -224,6 +230,18 @@ def test_what_is_refused(whole, folder):
     system = ParametricContact(problem, problem.surfaces[0].law.friction)
     with pytest.raises(ValueError, match="the journal of an evolution, not of branches"):
         BranchRecord(known, system, resume=True)
+
+
+def test_another_run_from_a_recorded_state(folder):
+    """It comes to the same steps as the recorded run from there."""
+    evolution = pair(COMM)
+    history = record(evolution, folder / "record")
+    with EvolutionRecord(folder / "record", pair(COMM), resume=True) as kept:
+        state = kept.state(4)
+        other = kept.evolution
+        again = other.run([state.time, history.steps[4].time], start=state, progress=False)
+    found, wanted = again.steps[-1].result.tables, history.steps[4].result.tables
+    same_tables(found["contact"], wanted["contact"], 1e-9)
 
 
 def test_a_submesh_is_refused(folder):

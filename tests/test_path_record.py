@@ -79,6 +79,8 @@ def test_the_journal_says_what_was_followed(folder):
             same_tables(found, at.result.tables["contact"], 1e-12)
         np.testing.assert_array_equal(path.problem.u.x.array, standing)
         assert float(path.parametric.constant.value) == history.steps[-1].gamma
+        state = kept.state(at.number)
+        np.testing.assert_allclose(state.displacement, at.state.displacement, atol=1e-13)
         kept.write_contact(folder / "contact", at.number)
         if COMM.rank == 0:
             assert (folder / "contact/contact.csv").exists()

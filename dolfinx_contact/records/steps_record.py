@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 from petsc4py import PETSc
@@ -24,6 +24,7 @@ import ufl
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact.continuation.ending import Ends
 from dolfinx_contact.equations.data import Datum
+from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution import EvolutionStep
 from dolfinx_contact.evolution.run_state import RunState
 from dolfinx_contact.evolution.step import AcceptedState
@@ -308,6 +309,23 @@ class StepsRecord(Record[J], Generic[J, S]):
         before = self._run_state(index - 1).accepted
         step = self._run_state(index).accepted.time - before.time
         return self.problem.step_from(before.state, step=step)
+
+    def state(self, index: int) -> State:
+        """A recorded state, for evaluators with ``state=`` and runs with ``start=``. Collective.
+
+        The problem stays as it is.
+
+        Args:
+            index: number of the step, 0 for the start.
+
+        Raises:
+            ValueError: on every rank, if there is no such step, or it is damaged.
+        """
+        with self.looking():
+            law = self.show(index)
+            state = self._run_state(index).accepted.state
+        previous = law.equations.memory if index else [None] * len(state.memory)
+        return replace(state, previous=tuple(previous))
 
     @contextmanager
     def looking(self) -> Iterator[None]:
