@@ -527,7 +527,7 @@ def test_bad_input():
     x = start(system, [0, 0, 0, 1.0])
     with pytest.raises(ValueError, match="must lie in the range"):
         follow(system, x, 7.0, gamma_range=(0.0, 5.0))
-    with pytest.raises(ValueError, match="budget"):
+    with pytest.raises(ValueError, match="max_steps must be a whole number"):
         follow(system, x, 0.0, gamma_range=(0.0, 5.0), max_steps=0)
     still = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (0.0, 0.0))
     with pytest.raises(ValueError, match="gamma does not appear in H"):

@@ -125,10 +125,10 @@ def test_without_it_the_slave_says_where():
 @pytest.mark.parametrize(
     ("normal", "reason"),
     [
-        ((0.0, 0.0), "must be 2 numbers, not all 0"),
-        ((0.0, -1.0, 0.0), "must be 2 numbers"),
-        ("down", "must be 2 numbers"),
-        ((np.nan, -1.0), "must be 2 numbers"),
+        ((0.0, 0.0), "must be 2 finite numbers, not all 0"),
+        ((0.0, -1.0, 0.0), "must be 2 finite numbers"),
+        ("down", "must be 2 finite numbers"),
+        ((np.nan, -1.0), "must be 2 finite numbers"),
         ((0.0, 1.0), "more than 60 degrees off that of 6 facets of the slave"),
         ((ufl.as_ufl(0.0), -1.0), "is copied, and must be numbers"),
         ((2.0, -1.0), "more than 60 degrees off"),

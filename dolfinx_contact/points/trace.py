@@ -20,7 +20,7 @@ from dolfinx_contact._compat import is_topology_of
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues, anywhere
-from dolfinx_contact._validate import instance, number, one_of
+from dolfinx_contact._validate import count, instance, number, one_of
 from dolfinx_contact.body.cells import midpoints
 
 __all__ = [
@@ -198,8 +198,11 @@ def checked_planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:
     if symmetry is None:
         return {}
     instance(symmetry, f"{name}: symmetry", dict, "planes by their axis, as {0: 0.0} for x = 0")
+    what = f"{name}: an axis of symmetry"
     planes = {
-        one_of(axis, f"{name}: an axis of symmetry", range(dim)): number(place, f"{name}: a plane")
+        one_of(count(axis, what, 0), what, range(dim)): number(
+            place, f"{name}: a plane of symmetry"
+        )
         for axis, place in symmetry.items()
     }
     return dict(sorted(planes.items()))
