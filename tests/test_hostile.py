@@ -837,7 +837,7 @@ DISAGREEMENT = {
     ),
     "radius of one rank": (
         lambda w: discretised(w, obstacle=Sphere((0.5, -2.0), differs(2.0, -1.9))),
-        "the radius must be positive",
+        "obstacle differs between ranks",
     ),
     "kind of obstacle": (
         lambda w: discretised(w, obstacle=differs(FLOOR, Sphere((0.5, -2.0), 2.0))),
@@ -961,7 +961,7 @@ DISAGREEMENT = {
     ),
     "range of one rank": (
         lambda w: followed(w, gamma_range=(0.0, differs(1.0, np.inf))),
-        "must be a finite number",
+        "must be 2 finite numbers",
     ),
     "start": (lambda w: followed(w, gamma=differs(0.0, 0.5)), "gamma differs between ranks"),
     "direction": (

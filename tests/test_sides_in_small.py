@@ -106,7 +106,7 @@ def test_planes_that_are_none(dim):
     none = ({dim: 0.0}, {-1: 0.0}, {True: 0.0}, {0.0: 0.0}, {"x": 0.0}, [0], 0.0)
     places_of_none = ({0: np.nan}, {0: np.inf}, {0: "0"}, {0: True}, {0: 0.0, 1: None})
     for bad in (*none, *places_of_none):
-        with pytest.raises(ValueError, match="axis of symmetry|by their axis|a plane of symmetry"):
+        with pytest.raises(ValueError, match=r"axis of symmetry|by their axis|a plane of symmetry"):
             checked_planes(bad, dim, "s")
     found = checked_planes({dim - 1: 2, np.int64(0): np.float64(0.5)}, dim, "s")
     assert list(found.items()) == [(0, 0.5), (dim - 1, 2.0)]
