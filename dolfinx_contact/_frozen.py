@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import copy
 from functools import wraps
+from inspect import isfunction
 from typing import Any, ClassVar, TypeVar
 
 __all__ = ["ReadOnly", "copy_with"]
@@ -21,7 +22,8 @@ _SEALED = "_sealed"
 class ReadOnly:
     """Base class whose public attributes cannot be assigned once the constructor has ended.
 
-    Exceptions are names with an underscore, properties with a setter, and those in `_may_be_set`.
+    Exceptions are names with an underscore, properties with a setter, those in `_may_be_set`, and
+    methods, whose replacement on an object is not ignored.
     """
 
     #: Members that the reference lists; None for all.
@@ -52,6 +54,7 @@ class ReadOnly:
             or _SEALED not in vars(self)
             or name in self._may_be_set
             or getattr(getattr(type(self), name, None), "fset", None) is not None
+            or isfunction(getattr(type(self), name, None))
         )
         if not can_be_set:
             kind = type(self).__name__

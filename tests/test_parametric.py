@@ -519,7 +519,7 @@ def test_moduli_that_gamma_makes_bad():
     energy = LinearElastic.from_young(1000.0 * gamma, 0.3).energy(u) * ufl.dx
     system = ParametricContact(ContactProblem(energy, u, [surface], bcs=[bc]), gamma)
     x = system.create_vector()
-    words = "Young's modulus must be positive, got -1000 at gamma = -1"
+    words = "Young's modulus must be positive, got -1000.0 at gamma = -1"
     with pytest.raises(ValueError, match=words):
         follow(system, x, 1.0, gamma_range=(-1.0, 1.0))
     assert float(gamma.value) == 1.0
