@@ -855,14 +855,6 @@ def with_end(found, history):
     return found
 
 
-def after(evolution, history):
-    """The problem of a step that begins at the end of a history."""
-    last = history.steps[-1]
-    if hasattr(last, "state"):
-        return evolution.problem.step_from(last.state)
-    return evolution.problem.with_memory(evolution.memory)
-
-
 def bonded_block(law, young=30.0, pull=0.1):
     """A block on bonds, pulled up and sideways, and released."""
     body = block(3, "quad", law=law, energy=elastic(young))
@@ -872,9 +864,8 @@ def bonded_block(law, young=30.0, pull=0.1):
         part = pull * min(time, 2 - time)
         body.move(lambda x: np.array([part + 0 * x[0], part * (x[0] - 0.3)]))
 
-    evolution = QuasiStatic(body.problem, load)
-    history = evolution.run([0.0, 1.0, 1.8], longest=0.25, progress=False)
-    now = evaluated(after(evolution, history), 0.05, 1.0)
+    history = QuasiStatic(body.problem, load).run([0.0, 1.0, 1.8], longest=0.25, progress=False)
+    now = evaluated(body.problem.step_from(history.steps[-1].state), 0.05, 1.0)
     found = steps(history) | {"evaluated": now | {"at the start": before}}
     return with_end(found, history)
 
