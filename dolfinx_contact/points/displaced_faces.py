@@ -13,10 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem
-
 from dolfinx_contact._geometry import area_vectors, dot, unit
-from dolfinx_contact._mesh_mark import node_positions
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures, facet_normals
@@ -55,25 +52,22 @@ class Closest(NamedTuple):
     feet: Array
 
 
-def master_simplices(
-    V: fem.FunctionSpace, facets: npt.NDArray[np.int32], u: Array
-) -> tuple[Array, float]:
-    """Simplices of a face in the mesh and displaced, the same on every rank. Collective.
+def master_simplices(s: DiscreteSurface, u: Array) -> tuple[Array, float]:
+    """Simplices of a master in the mesh and displaced, the same on every rank. Collective.
 
     Args:
-        V: displacement space.
-        facets: local facets of the face.
+        s: pair of bodies.
         u: displacement of the local nodes (nodes, dim).
 
     Returns:
         Corners (2, n, dim, dim) in the mesh and displaced, ordered so that `area_vectors` of the
         mesh point outward; and the mean size of a facet.
     """
-    domain = V.mesh
-    dim = domain.geometry.dim
+    domain, dim = s.domain, s.dim
+    facets = s.obstacle.opposite.master_facets
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
-    closures = facet_closures(V, owned)
-    X = node_positions(V)[:, :dim]
+    closures = facet_closures(s.u.function_space, owned)
+    X = s.node_positions
     simplices = _SIMPLICES[dim, closures.shape[1]]
     both = np.stack([X[closures], (X + u)[closures]])[:, :, simplices].reshape(2, -1, dim, dim)
     outward = np.repeat(facet_normals(domain, owned), len(simplices), axis=0)
@@ -111,11 +105,10 @@ def slave_triangles(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
 
 def _slave_facets(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
     """Positions of the local vertices, vertices of the owned facets, outward area vectors."""
-    vertices = s.points.vertices
     owned = s.submesh.mesh.topology.index_map(s.dim - 1).size_local
     corners, _, side = s.facet_sides
     cells = corners[:owned].astype(np.int64)
-    now = node_positions(vertices)[:, : s.dim] + u[s.points.vertex_trace_dofs]
+    now = (s.node_positions + u)[s.points.vertex_trace_dofs]
     return now, cells, side[:owned, None] * area_vectors(now[cells])
 
 

@@ -313,8 +313,7 @@ def _of_pair(
     u = state.u.reshape(-1, s.dim)
     touching = closed(contact.statuses) & ~held
     # compare the master where it is with the master of the mesh, whose facets may be chords
-    facets = s.obstacle.opposite.master_facets
-    master, width = master_simplices(s.u.function_space, facets, u)
+    master, width = master_simplices(s, u)
     x = s.positions
     before = closest_on_face(master[0], x)
     after = closest_on_face(master[1], x + s.displacements(u))
