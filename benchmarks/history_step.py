@@ -30,7 +30,8 @@ from timing import REPEATS, clean, median, save
 
 from dolfinx_contact import parse_arguments
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.evolution import QuasiStatic, accepted, forks
+from dolfinx_contact.evolution import QuasiStatic, forks
+from dolfinx_contact.evolution import step as steps
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.solvers.newton import Newton
 
@@ -40,15 +41,15 @@ PARTS = {
     "newton": [(Newton, "run")],
     "solve": [(ContactProblem, "_solved")],
     "result": [(ContactProblem, "_collected")],
-    "energies": [(accepted, "forces_at")],
-    "memory": [(ContactEquations, "advanced"), (ContactEquations, "remember")],
+    "energies": [(steps, "forces_at")],
+    "memory": [(ContactEquations, "advanced"), (ContactEquations, "with_memory")],
     "rate_problem": [(forks.Forks, "_rays")],
     "moments": [
-        (accepted.Stepper, "put"),
-        (accepted.Stepper, "accepted"),
-        (accepted.Stepper, "_set"),
+        (steps.Stepper, "put"),
+        (steps.Stepper, "at_rest"),
+        (steps.Stepper, "_set"),
     ],
-    "state": [(ContactProblem, "state")],
+    "state": [(ContactProblem, "evaluate")],
 }
 
 

@@ -80,7 +80,7 @@ def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
         refuse_other_mesh(value, domain, what)
         return value
     try:
-        array = np.asarray(value, dtype=np.float64)
+        array = np.array(value, dtype=np.float64, order="C")  # as Constants need it
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.shape != (dim,) or not np.isfinite(array).all():

@@ -278,7 +278,6 @@ def test_animations_that_cannot_be(folder, recorded, monkeypatch):
         ({"file": "a.avi"}, "animations are .gif or .mp4, not a.avi"),
         ({"rate": 0.0}, "the rate must be a number"),
         ({"rate": "3"}, "the rate must be a number"),
-        ({"title": 3}, "the title must be a str"),
         ({"steps": []}, "there are no states"),
         ({"steps": [99]}, "are recorded, not 99"),
         ({"scale": np.nan}, "scale of the displacement"),

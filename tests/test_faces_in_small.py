@@ -528,16 +528,16 @@ def test_rigid_bodies_that_are_refused():
     every = {"free": ["x", "y", "rz"]}
     body = RigidBody(shape, about=(0.0, 0.0), **every)
     for how, words in (
-        ({"about": (0.0,), **every}, "2 or 3 finite components"),
-        ({"about": (0.0, np.nan), **every}, "2 or 3 finite components"),
-        ({"about": "xy", **every}, "2 or 3 finite components"),
+        ({"about": (0.0,), **every}, "the reference point must be 2 finite numbers"),
+        ({"about": (0.0, np.nan), **every}, "the reference point must be 2 finite numbers"),
+        ({"about": "xy", **every}, "the reference point must be 2 finite numbers"),
         ({"about": (0.0, 0.0), "free": ["x", "y"]}, "not given: rz"),
         ({"about": (0.0, 0.0), "free": ["x", "y", "z", "rz"]}, "unknown component 'z'"),
         ({"about": (0.0, 0.0), "held": ["x"], **every}, "the component x is given twice"),
         ({"about": (0.0, 0.0), "free": ["x", "x", "y", "rz"]}, "named twice"),
-        ({"about": (0.0, 0.0), "free": "x"}, "are lists of components"),
-        ({"about": (0.0, 0.0), "free": [1, "y", "rz"]}, "named by words"),
-        ({"about": (0.0, 0.0), "load": 3.0, **every}, "go by component"),
+        ({"about": (0.0, 0.0), "free": "x"}, "free and held must be a list"),
+        ({"about": (0.0, 0.0), "free": [1, "y", "rz"]}, "a component must be a word"),
+        ({"about": (0.0, 0.0), "load": 3.0, **every}, "must be"),
         (
             {"about": (0.0, 0.0), "load": {"x": True}, "free": ["y", "rz"]},
             "a number or a UFL scalar",

@@ -331,7 +331,7 @@ def test_what_is_no_film(folder):
         plot.film(folder / "mode.png", problem, iter(["rest"]))
     with pytest.raises(ValueError, match="no states"):
         plot.film(folder / "mode.gif", problem, iter([]))
-    with pytest.raises(ValueError, match="must be a str, got 1"):
+    with pytest.raises(TypeError, match="expected str instance, int found"):
         plot.film(folder / "mode.gif", problem, iter([1]))
 
     def wild():

@@ -2694,10 +2694,10 @@ def _proved_bound(step: dict[str, Any], bound: float, round_off: float) -> float
         bound: bound that its vector proves.
         round_off: errors of rounding and data that this includes.
     """
-    value = float(step["value"])
+    value = step["value"]
     if not bound <= value + round_off:
         raise InvalidCertificate("a bound is not proved")
-    return max(bound, value)
+    return max(bound, float(value))
 
 
 def _index(value: Any, size: int) -> int:
