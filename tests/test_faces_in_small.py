@@ -537,7 +537,7 @@ def test_rigid_bodies_that_are_refused():
         ({"about": (0.0, 0.0), "free": ["x", "x", "y", "rz"]}, "named twice"),
         ({"about": (0.0, 0.0), "free": "x"}, "free and held must be a list"),
         ({"about": (0.0, 0.0), "free": [1, "y", "rz"]}, "a component must be a word"),
-        ({"about": (0.0, 0.0), "load": 3.0, **every}, "must be"),
+        ({"about": (0.0, 0.0), "load": 3.0, **every}, "go by component"),
         (
             {"about": (0.0, 0.0), "load": {"x": True}, "free": ["y", "rz"]},
             "a number or a UFL scalar",
