@@ -540,12 +540,12 @@ def test_rigid_bodies_that_are_refused():
         ({"about": (0.0, 0.0), "load": 3.0, **every}, "go by component"),
         (
             {"about": (0.0, 0.0), "load": {"x": True}, "free": ["y", "rz"]},
-            "a number or a UFL scalar",
+            "number or a UFL scalar",
         ),
-        ({"about": (0.0, 0.0), "load": {"x": np.inf}, "free": ["y", "rz"]}, "must be finite"),
+        ({"about": (0.0, 0.0), "load": {"x": np.inf}, "free": ["y", "rz"]}, "must be a finite number"),
         (
             {"about": (0.0, 0.0), "load": {"x": "1"}, "free": ["y", "rz"]},
-            "a number or a UFL scalar",
+            "number or a UFL scalar",
         ),
         ({"about": (0.0, 0.0), "name": "", **every}, "the name of a rigid body must be a word"),
     ):
