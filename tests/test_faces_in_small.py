@@ -542,7 +542,10 @@ def test_rigid_bodies_that_are_refused():
             {"about": (0.0, 0.0), "load": {"x": True}, "free": ["y", "rz"]},
             "number or a UFL scalar",
         ),
-        ({"about": (0.0, 0.0), "load": {"x": np.inf}, "free": ["y", "rz"]}, "must be a finite number"),
+        (
+            {"about": (0.0, 0.0), "load": {"x": np.inf}, "free": ["y", "rz"]},
+            "must be a finite number",
+        ),
         (
             {"about": (0.0, 0.0), "load": {"x": "1"}, "free": ["y", "rz"]},
             "number or a UFL scalar",

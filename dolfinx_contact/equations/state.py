@@ -39,8 +39,6 @@ class State:
         gamma: load parameter of a point of a branch.
         velocity: local values of the velocity, in dynamics.
         energies: energies since the start of an evolution, by name.
-        r: augmentation parameter with which the state was found.
-        scales: force and length with which its residual was measured.
 
     Example:
         Solve for two loads from the same start::
@@ -63,8 +61,6 @@ class State:
     gamma: float | None = None
     velocity: Array | None = None
     energies: Mapping[str, float] | None = None
-    r: float | None = None
-    scales: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name in ("multipliers", "statuses", "motions"):
