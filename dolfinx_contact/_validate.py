@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Validators of arguments: each returns the value, or raises ``ValueError`` that names it.
 
-They are for entry points, next to the signature, and are not collective; `_collective.collective`
-makes an error on one rank one on all.
+They are used at entry points, next to the signature, and are not collective;
+`_collective.collective` raises an error of one rank on every rank.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def instance(value: Any, name: str, kind: type[_T], hint: str = "") -> _T:
         value: value to validate.
         name: name of the argument in the message.
         kind: class.
-        hint: what else the message says of the class.
+        hint: addition to the name of the class in the message; default: none.
     """
     if not isinstance(value, kind):
         must = f"{'an' if kind.__name__[0] in 'AEIO' else 'a'} {kind.__name__}{hint and ', '}{hint}"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The weight 2 pi r of integrals over half of a section of a body of revolution.
 
-Users write integrands per volume or per area of the body. Every form that a problem takes from its
-user passes through `weighted` once, where it enters, so that no later module knows of the weight.
+Users write integrands per volume or per area of the body. Every form of the user passes once
+through `weighted`, where it enters the package, so that later modules need not know the weight.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ __all__ = ["circumference", "weighted"]
 
 
 def circumference(domain: Any) -> Any:
-    """2 pi r, with r = x, in UFL.
+    """Return 2 pi r with r = x, a UFL expression.
 
     Args:
-        domain: mesh of the section, of DOLFINx or UFL.
+        domain: mesh of the section, from DOLFINx or UFL.
     """
     return 2 * np.pi * ufl.SpatialCoordinate(domain)[0]
 
 
 def weighted(form: ufl.Form, *, axisymmetric: bool) -> ufl.Form:
-    """A form whose integrals over the section are those over the whole body.
+    """Return a form whose integrals over the section equal those over the whole body.
 
     Args:
         form: form of any rank, over cells, exterior or interior facets, without the weight.

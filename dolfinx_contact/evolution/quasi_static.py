@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Quasi-static evolution with friction: equilibrium at every time, friction against slip rates.
 
-Implicit steps: the state at t_n+1 is a solution of the contact problem whose law sees the slip
-since t_n (`points.memory`). At a step's start every point that slips is at the border of stick, so
-that a solve begins with the statuses of the step before; where these do not hold the rate problem
-may have several solutions, or other ones (`forks`). If no step is found so the ladder of the static
-problem follows (`solvers.ladder`), whose last strategies follow the load from t_n to t_n+1 with the
-memory of t_n. Rate-independent friction does not know the time: it orders the loads; regularised
-friction resists the velocity, the slip over t_n+1 - t_n.
+Steps are implicit: the state at t_n+1 solves the contact problem in which friction opposes the slip
+since t_n (`points.memory`). At the start of a step every slipping point is at the border of stick,
+so a solve begins with the statuses of the previous step. If they do not hold, the rate problem may
+have several solutions (`forks`). If this fails, the strategies of the static problem are tried
+(`solvers.ladder`); the last of them follow the load from t_n to t_n+1 with the memory of t_n.
+
+In rate-independent friction, time only orders the loads. Regularised friction depends on the
+velocity, the slip divided by t_n+1 - t_n.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from dolfinx_contact.evolution.through_times import (
 
 __all__ = ["QuasiStatic"]
 
-_HALVINGS = 20  # of the whole time, to the least step
+_HALVINGS = 20  # halvings from the whole time to the default shortest step
 
 
 def _check_jump(a: Arguments) -> None:
@@ -66,26 +67,27 @@ def _check_run(a: Arguments) -> None:
 
 
 class QuasiStatic(Evolution):
-    """The quasi-static evolution of a contact problem under a load that depends on time.
+    """Quasi-static evolution of a contact problem under a time-dependent load.
 
-    Its first run starts from the state in the problem's Functions, a solution under the load at the
-    first time, or from ``start=``. A later run starts where the last one has ended. Another
-    evolution of the same problem needs ``start=``.
-    Each step is the problem ``problem.step_from(state)``; the state of each step is kept, as
-    ``history.steps[-1].state``. Functions and data of the problem follow the accepted steps, and
-    ``problem.solve()`` has the static law as ever. If an obstacle is moved through its Constants,
-    its tangential velocity does not enter the friction law; another body or a `RigidBody` drags
-    what touches it.
+    The first run starts from the state in the Functions, which should be a solution under the load
+    at the first time, or from ``start=``. A later run starts at the end of the last one. Another
+    evolution of the same problem requires ``start=``.
+
+    Each step is the problem ``problem.step_from(state)``; ``history.steps[k].state`` is the state
+    at its end. Functions and data of the problem follow the accepted steps; ``problem.solve()``
+    still uses the static law. If an obstacle is moved through its Constants, its tangential
+    velocity does not enter the friction law; another body or a `RigidBody` drags the surfaces that
+    touch it.
 
     Args:
-        problem: the contact problem.
+        problem: contact problem with the static law.
         load: function of the time, called on every rank before each step, that sets Constants and
-            Functions of the data to their values at that time. It is called for the same time more
-            than once, and is refused if it depends on earlier calls. After a run the data are
-            those of the last accepted time.
+            Functions of the data to their values at that time. It may be called several times for
+            the same time and must not depend on earlier calls. After a run the data are those of
+            the last accepted time.
 
     Raises:
-        ValueError: on every rank, if arguments do not fit.
+        ValueError: on every rank, if arguments are not valid.
 
     Example:
         ::
@@ -122,67 +124,68 @@ class QuasiStatic(Evolution):
         record: Observer | None = None,
         progress: bool | None = None,
     ) -> History:
-        """Go through times. Collective.
+        """Step through the given times. Collective.
+
+        If the run cannot continue, ``history.reason`` or the error states whether this is proved.
+        The proof applies to a step of the shortest length: along every solution that leads out of
+        its start, the load would have to decrease. A step that was not solved proves nothing;
+        shorter steps are tried from the same state. Discontinuous data are not a jump: in a jump
+        the state changes suddenly although the data change little.
+
+        Jump detection takes a few additional steps. If there is no jump, they are kept only if
+        shorter steps lead to another solution. Jumps are missed if they are a tenth or less of the
+        change in the step, or if the rate stays below the threshold.
 
         Args:
-            times: increasing times. The first is that of the start, every other is the end of a
-                step.
+            times: increasing times: the time of the start, then the ends of the steps.
             start: state at the first time, such as ``history.steps[-1].state`` or
-                ``problem.snapshot()``; by default the end of the last run, in a first run the
-                Functions as they are with virgin memory (slips are counted from there, bonds are
-                those of the law). Required in the first run of an evolution if the problem has had
-                another one.
-            longest: no step is longer.
-            shortest: no step is shorter, unless two times are; by default the whole time halved
-                twenty times.
-            at_jump: where no solution continues the evolution, or none is found that does, "raise"
-                `NoContinuation`, "stop" with the reason in the history, or "jump" to the solution
-                that was found under the load a moment later, which is labelled so. If none was
-                found a "jump" raises. It is proved that none continues through a step of the
-                shortest length where the load turns back in it along the solutions that lead on
-                from its start, and nothing else leads on; the reason states whether it is, and else
-                what was tried. A step that was not solved proves nothing: shorter ones are tried
-                from the same state. Data that leap in time are no jump: that is one of the state
-                under data that change little.
-            sudden: a factor, 1 or more: a step is searched for a jump if the state changes in it
-                faster than this times its rate in the step before; ``inf`` for never. Rates are
-                those of all unknowns, and of the points of each surface (their mean, the farthest
-                one), which count if they are more than half as fast as the body was. A step in
-                which a bond loses more than a quarter of what the strongest had, and the first
-                one, are searched in any case, unless it begins with a state that is no solution.
-                A search takes some more steps; if there is no jump they are kept only where shorter
-                steps lead to another solution. Not found are jumps that are a tenth or less of the
-                change in such a step, and those by which it is no faster than the limit.
-            rays: whether all solutions of the rate problem are looked for, and counted in
-                `EvolutionStep.directions`: True where every step begins, in 2D with contact at
-                nodes; False no more than it takes to continue; None, the default, up to sixteen
-                points and where the statuses of the step before do not hold.
-            follow_rays: whether the others are followed too, each to the last time
+                ``problem.snapshot()``. Default: end of the last run; in a first run the present
+                values of the Functions with virgin memory (slip is counted from there, bonds are
+                intact). Required in the first run if the problem has had another evolution.
+            longest: upper bound of the step length, a time; default: infinite.
+            shortest: lower bound of the step length, a time, unless ``times`` are closer; default:
+                the whole time divided by 2^20.
+            at_jump: action if no continuation exists or is found: ``"raise"`` `NoContinuation`
+                (default), ``"stop"`` with the reason in the history, or ``"jump"`` to the solution
+                found at a slightly later time, labelled as a jump. Without such a solution
+                ``"jump"`` raises.
+            sudden: threshold of jump detection, a factor of at least 1 (default 2; ``inf``: never).
+                A step is searched for a jump if the state changes faster than ``sudden`` times its
+                rate in the previous step. Rates are those of all unknowns and of the points of each
+                surface (mean and maximum), if these exceed half the rate of the body. The first
+                step and steps in which a bond loses more than a quarter of the largest strength are
+                always searched, unless they begin in a state that is not a solution.
+            rays: whether all solutions of the rate problem are computed and counted in
+                `EvolutionStep.directions`: True: at the start of every step, in 2D with nodal
+                contact; False: only as many as needed to continue; None (default): up to sixteen
+                points, and if the statuses of the previous step do not hold.
+            follow_rays: whether the remaining solutions are followed, too, each to the last time
                 (`History.others`), up to sixteen. ``observer``, ``stop`` and ``accept`` are not
                 called with their steps.
-            extrapolate: whether the solver begins, where bodies slide over each other, at what the
-                step before leads to; where that fails at the state before, as otherwise. It saves
-                iterations in steps up to about a facet. A run that continues from a record does so
-                from its second step on.
-            accept: called with every step, on every rank; a step that it rejects is tried again
-                with half the length. It is an error to reject a step of the shortest length.
-            stop: called with every accepted step, on every rank, while its end is in the problem;
-                the reason for which the run ends there, or "" to continue. A later run continues
-                from there.
-            observer: called with every accepted step while its end is in the problem. Observers
-                must be read-only: the run restores the accepted state before the next step.
-            record: keeps every accepted step before the observer is called, as
-                `records.EvolutionRecord` does.
-            progress: whether rank 0 reports on the standard error stream where it is; by default
-                once it takes more than some seconds.
+            extrapolate: whether, for bodies that slide over each other, the solver starts at the
+                extrapolation of the previous step, and at the previous state if that fails. This
+                saves iterations in steps up to about one facet. A resumed run extrapolates from its
+                second step. Default: False.
+            accept: function called with every step on every rank; a rejected step is tried again
+                with half the length. Rejecting a step of the shortest length is an error.
+            stop: function called with every accepted step on every rank, while its end is in the
+                problem; it returns the reason to end the run there, or "" to continue. A later run
+                continues from there.
+            observer: function called with every accepted step while its end is in the problem, or a
+                `continuation.Observer`. It must be read-only: the run restores the accepted state
+                before the next step.
+            record: record of every accepted step, such as `records.EvolutionRecord`; it is written
+                before the observer is called.
+            progress: whether rank 0 shows the progress on the standard error stream; default: only
+                if the run takes longer than a few seconds.
 
         Returns:
-            The accepted steps of this run, and in words why it ended.
+            History with the accepted steps of this run and the reason why it ended.
 
         Raises:
             NoContinuation: see ``at_jump``; the problem is at the last accepted state.
-            ValueError: on every rank, for arguments that do not fit, or data that cannot be
-                solved with; what ``load``, ``accept``, ``stop`` or ``observer`` raises on any rank.
+            ValueError: on every rank, if arguments or data are not admissible. Errors of ``load``,
+                ``accept``, ``stop`` and ``observer`` on one rank are raised on every rank.
             OSError: on every rank, if a step cannot be recorded.
         """
         assert shortest is not None
@@ -200,26 +203,26 @@ class QuasiStatic(Evolution):
 
     @collective("a jump", _check_jump)
     def jump(self, motion: NSCD, time: float, max_time: float, *, rest: float = 1e-6) -> History:
-        """Continue by dynamics where an evolution has come to its end. Collective.
+        """Continue by dynamics if an evolution has lost its equilibrium. Collective.
 
-        From the last accepted state the body moves under the load of a time until it is at rest
-        again. `run` then continues from there. What motion has dissipated otherwise than by
-        friction and damage is in the residue of the energies.
+        The body moves from the last accepted state under the load of ``time`` until it is at rest
+        again. `run` then continues from there. Viscous dissipation of the motion is part of the
+        residue of the energies.
 
         Args:
-            motion: motion of the same body, with damping.
-            time: no earlier than the last accepted state.
-            max_time: see `NSCD.settle`, as for ``rest``.
-            rest: share of the kinetic energy.
+            motion: damped motion of the same body.
+            time: time that determines the load, not before the last accepted state.
+            max_time: upper bound of the duration of the motion, see `NSCD.settle`.
+            rest: fraction of the kinetic energy below which the body is at rest, see `NSCD.settle`.
 
         Returns:
-            The steps of the motion, over times of its own.
+            History of the motion, with its own times.
 
         Raises:
-            NoContinuation: if the body is not at rest by then, or a step of the motion fails; the
-                problem is at the last accepted state.
-            ValueError: on every rank, if there is none, the motion is of something else, and as
-                `NSCD.run`.
+            NoContinuation: if the body is not at rest by ``max_time``, or a step of the motion
+                fails; the problem is at the last accepted state.
+            ValueError: on every rank, if there is no accepted state, the motion belongs to another
+                body, or `NSCD.run` raises it.
         """
         before = self._run_state
         assert before is not None

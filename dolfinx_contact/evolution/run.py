@@ -2,10 +2,10 @@
 """The loop over accepted steps of histories, motions and paths.
 
 A `Rule` finds the next step, through times or by arc length, and a `Stepper` puts its end into the
-problem. Every accepted step is handled here and nowhere else, in this order: ``stop`` decides
-whether the run ends there, the record keeps the step, the observer is called, progress is shown.
-Before each of these calls the accepted state is put into the problem, so that nothing that one of
-them writes reaches another one or the next step. Whatever fails, the problem is left at the last
+problem. Only this module handles accepted steps, in this order: ``stop`` decides whether the run
+ends there, the record stores the step, the observer is called, progress is shown. The accepted
+state is put into the problem before each of these calls, so that values written to the Functions by
+one of them reach neither the others nor the next step. After an error the problem is at the last
 accepted state.
 """
 
@@ -60,7 +60,8 @@ class Run(Generic[T, S, H]):
         """Continue to the end. Collective; the problem is left at the last accepted state.
 
         Raises:
-            ValueError: on every rank, if it cannot begin; what listeners raise.
+            ValueError: on every rank, if the run cannot begin. Errors of listeners are raised on
+                every rank.
         """
         rule = self._rule
         problem = self._stepper.problem
@@ -94,7 +95,7 @@ class Run(Generic[T, S, H]):
         self._stepper.put((self.run_state or self._rule.start).accepted)
 
     def _accept(self, advance: Advance) -> None:
-        """Add a step to the history, and let everybody know. Collective."""
+        """Add a step to the history and call the listeners. Collective."""
         step = advance.step
         self._history.steps.append(step)
         self.run_state = self._rule.run_state
@@ -119,12 +120,12 @@ class Run(Generic[T, S, H]):
 
 
 class _RunProgress(Observer):
-    """The line of progress: where the run is, statuses, time by the clock and what is left of it.
+    """Line of progress: position of the run, statuses, elapsed and remaining wall time.
 
     Args:
-        comm: only rank 0 writes.
-        wanted: see `QuasiStatic.run`.
-        rule: of the run.
+        comm: communicator; only rank 0 writes.
+        wanted: argument ``progress`` of `QuasiStatic.run`.
+        rule: rule of the run.
     """
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None, rule: Rule[Any, Any]):

@@ -9,9 +9,9 @@ variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the lo
     2. advances      m_n+1 = A(x_n+1; m_n, h)        the memory (`ContactEquations.advanced`),
     3. accounts for  E_n+1 = E_n + work and dissipation between x_n and x_n+1 (`energy`).
 
-`Stepper.take` does this. Motions and paths have steps of their own (`motion`, `by_arc_length`) with
-the same accepted states. A step reads nothing but the accepted state and the load, and writes only
-the Functions, which the next step overwrites. So a rejected step leaves nothing behind.
+`Stepper.take` does this. Motions and paths have their own steps (`motion`, `by_arc_length`) with
+the same accepted states. A step reads only the accepted state and the load, and writes only the
+Functions, which the next step overwrites. Hence a rejected step has no side effects.
 """
 
 from __future__ import annotations
@@ -133,18 +133,19 @@ class Stepper:
         guess: AcceptedState | None = None,
         trial: Trial | None = None,
     ) -> SolvedStep:
-        """Step from an accepted state to a time, whose end is left in the Functions. Collective.
+        """Step from an accepted state to a time; the Functions receive the end. Collective.
 
         Args:
             accepted: state at the beginning of the step.
             time: time at its end.
-            likely: statuses of the end, the likeliest first; by default those of the start.
-            guess: state from which the solver starts; by default the start of the step.
-            trial: strategies of the solver, by default all. Motions choose their own.
+            likely: guesses of the statuses at the end, the likeliest first; default: those of the
+                start.
+            guess: state from which the solver starts; default: start of the step.
+            trial: strategies of the solver; default: all. Motions choose their own.
 
         Raises:
-            ConvergenceError: if nothing solves the step. The start of the step is then in the
-                Functions, as after any other error.
+            ConvergenceError: if no strategy solves the step. After any error the start of the step
+                is in the Functions.
         """
         try:
             return self._taken(accepted, time, likely, guess, trial or Trial())
@@ -179,7 +180,7 @@ class Stepper:
         return SolvedStep(accepted, after, result)
 
     def begin(self, accepted: AcceptedState, time: float) -> ContactProblem:
-        """The problem of a step from an accepted state, put into the Functions. Collective.
+        """Put an accepted state into the Functions; return the problem of a step. Collective.
 
         Args:
             accepted: state at the beginning of the step.
@@ -240,7 +241,7 @@ class Stepper:
         self._set(time)
         comm = self.problem.comm
         data = placed_data(self.problem.equations)
-        # A start or a solve refuses values that are not finite, and names them.
+        # Values that are not finite are reported later, by the start or the solve.
         bad = anywhere(comm, *(not np.isfinite(_values(d.value)).all() for d in data))
         before = Constancy(comm, [d for d, wrong in zip(data, bad, strict=True) if not wrong])
         self._set(later)
@@ -255,12 +256,12 @@ class Stepper:
         )
 
     def start(self, time: float, given: State | None = None) -> AcceptedState:
-        """The start of an evolution under the load of its time, which has been set. Collective.
+        """Return the start of an evolution; the load of its time has been set. Collective.
 
         Args:
             time: time of the start.
-            given: state at the start; by default the Functions as they are, with virgin memory:
-                slips are counted from there, bonds are those of the law.
+            given: state at the start; default: present values of the Functions with virgin memory
+                (slip is counted from there, bonds are intact).
 
         Raises:
             ValueError: on every rank, for a state or Dirichlet data that a solve refuses.
@@ -310,10 +311,10 @@ class Stepper:
     def _is_solved(
         self, law: ContactProblem, evaluation: Evaluation, memory: Sequence[Memory]
     ) -> tuple[bool, float]:
-        """Whether a start is a solution, and its residual. Collective.
+        """Return whether a start is a solution, and its residual. Collective.
 
-        Either under the law by which it was found, or under the law of a step without increment: in
-        equilibrium, with friction within its bound.
+        It is a solution under the law by which it was found, or under the law of a step without
+        increment: in equilibrium, with friction within its bound.
 
         Args:
             law: problem with the law by which the state was found.
@@ -328,7 +329,7 @@ class Stepper:
         return residual <= _SOLVED, residual
 
     def continued(self, accepted: AcceptedState) -> AcceptedState:
-        """The end of a run under the data as they are now, where a later run starts. Collective."""
+        """Return the end of a run under the present data, the start of a later run. Collective."""
         self.put(accepted)
         law = self.problem.with_memory(accepted.memory)
         solved = _residual(law.equations, law.evaluate()) <= _SOLVED
@@ -337,7 +338,7 @@ class Stepper:
     def recalled(
         self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        """The state in the Functions as an earlier accepted state. Collective.
+        """Return the state in the Functions as an accepted state of a given time. Collective.
 
         Args:
             time: time of the state.
@@ -369,7 +370,7 @@ class Stepper:
         known: bool = True,
         solved: bool = True,
     ) -> AtRest:
-        """The equilibrium in the Functions as an accepted state. Collective.
+        """Return the equilibrium in the Functions as an accepted state. Collective.
 
         Args:
             law: problem with the law by which the state was found.
@@ -419,8 +420,8 @@ class Stepper:
 def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:
     """Relative residual of a state; 0 if it carries no load beyond round-off. Collective.
 
-    A state without displacements and forces has no scale of its own. There the stiffness is the
-    scale: forces count as zero that move a node by less than 1e-12 of the body.
+    A state without displacements and forces has no scale of its own. In this case forces count as
+    zero if they move a node by less than 1e-12 of the body size.
     """
     scales = Scales(eq, settled=True)
     worst = scales.measure(evaluation).worst

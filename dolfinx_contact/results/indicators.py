@@ -63,7 +63,7 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 Marks = npt.NDArray[np.bool_]
 
-#: Thresholds of the indicators; a warning is issued above them (of `min_det_F` at or below).
+#: Thresholds of the indicators; a warning is issued above them (for `min_det_F` at or below).
 LIMITS = {
     "misfit": 0.03,
     "slip": 0.5,
@@ -124,17 +124,18 @@ class SurfaceIndicators:
 
     Attributes:
         facet: mean facet size, a length.
-        misfit: a length; None if the obstacle is not known at displaced points.
-        slip: number of facets.
-        turn: angle in degrees.
-        slip_in_step: number of facets.
-        passing: angle in degrees.
-        approach: ratio to the search distance.
-        behind_plane: number of facets.
-        spin: angle in degrees.
-        between_points: ratio to the size of the facet, or to the radius if that is smaller.
-        across: fraction of the normal forces.
-        penetration: a length; None if the law is not compliant.
+        misfit: error of the gap, a length; None if the obstacle is not known at displaced points.
+        slip: slip since the mesh, in facets of the other face.
+        turn: rotation of the contact normals, in degrees.
+        slip_in_step: slip in a step, in facets of the other face.
+        passing: change of the contact normal in a step, in degrees.
+        approach: approach in a step, relative to the search distance.
+        behind_plane: depth behind a plane of symmetry, in facets.
+        spin: rotation of a face over the other one in a step, in degrees.
+        between_points: depth of the obstacle in a facet, relative to the size of the facet, or to
+            the radius if that is smaller.
+        across: fraction of the normal forces that act across the face.
+        penetration: largest depth, a length; None if the law is not compliant.
     """
 
     facet: float
@@ -169,9 +170,9 @@ class Indicators:
 
     Attributes:
         surfaces: indicators by surface name.
-        min_det_F: smallest det(I + grad u), with the hoop stretch of a body of revolution; None of
-            linear bodies.
-        rotation: largest mean rotation of a part of a linear body in degrees; None of others.
+        min_det_F: smallest det(I + grad u), including the hoop stretch of a body of revolution;
+            None for linear bodies.
+        rotation: largest mean rotation of a part of a linear body in degrees; None for others.
     """
 
     surfaces: dict[str, SurfaceIndicators]
@@ -192,7 +193,7 @@ class Indicators:
 
 
 def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
-    """The indicators of a state in the Functions. Collective."""
+    """Return the indicators of a state in the Functions. Collective."""
     surfaces = surface_indicators(eq, state)
     if eq.bulk.linear:
         if eq.axisymmetric:
@@ -206,7 +207,8 @@ def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
 def small_sliding_violated(eq: ContactEquations, state: Evaluation) -> str:
     """Reason why small sliding does not describe a state in the Functions; "" if it does.
 
-    Proofs refuse such a state: the problem is not that of the bodies where they are. Collective.
+    Proofs refuse such a state, because the solved problem differs from that of the displaced
+    bodies. Collective.
     """
     found = {
         s.name: _of_small_sliding(eq, s, state, contact, held)
@@ -216,7 +218,7 @@ def small_sliding_violated(eq: ContactEquations, state: Evaluation) -> str:
 
 
 def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, SurfaceIndicators]:
-    """The indicators of every contact surface by its name. Collective."""
+    """Return the indicators of every contact surface, by name. Collective."""
     found = {}
     for s, contact, held in _contacts(eq, state):
         small = _of_small_sliding(eq, s, state, contact, held)
@@ -245,7 +247,7 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
 def _contacts(
     eq: ContactEquations, state: Evaluation
 ) -> list[tuple[DiscreteSurface, ContactState, Marks]]:
-    """Surfaces, their contact, and the points that Dirichlet data hold (n,)."""
+    """Return surfaces, their evaluations, and masks (n,) of the points held by Dirichlet data."""
     found = []
     parts = zip(eq.surfaces, eq.constraints.clamped, state.surfaces, strict=True)
     for s, clamped, contact in parts:
@@ -256,7 +258,7 @@ def _contacts(
 
 
 def _most(s: DiscreteSurface, values: Array) -> float:
-    """The largest of some values on all ranks, at least 0. Collective."""
+    """Return the largest value on all ranks, at least 0. Collective."""
     return s.comm.allreduce(float(np.max(values, initial=0.0)), op=max)
 
 
@@ -306,7 +308,7 @@ def _of_pair(
     held: Marks,
     found: SurfaceIndicators,
 ) -> SurfaceIndicators:
-    """The indicators of a pair that keeps the opposing points of the mesh. Collective."""
+    """Return the indicators of a pair in small sliding. Collective."""
     at = contact.kinematics
     n = s.points.data.n
     jump = at.jump + at.reference
@@ -325,7 +327,7 @@ def _of_pair(
     beyond = after.beyond - before.beyond
     off = np.where(touching | (faces & ~held), off, 0.0)
     off = np.where(touching & (beyond > _LEFT * found.facet), np.hypot(beyond, true), off)
-    # slips of points that are closed or carry something across a gap, as bonds do
+    # slips of points that are closed or transmit a traction across a gap, as bonds do
     size = np.linalg.norm(contact.traction, axis=1)
     acting = touching | ((size > _CARRYING * _most(s, size)) & ~held)
     along = np.linalg.norm(jump - dot(jump, n)[:, None] * n, axis=1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a solve found: tables of contact points, resultants of all forces, and checks of the state.
+"""Result of a solve: tables of contact points, resultants of all forces, and checks of the state.
 
 Contact and support are separate: no resultant, sum or energy of contact contains a reaction of
 Dirichlet data.
@@ -38,12 +38,12 @@ __all__ = ["Named", "Result", "collect", "log_warnings"]
 
 logger = logging.getLogger(__name__)
 
-_LARGEST_VIOLATION = 1e-4  # of the largest force, above which there is a warning
+_LARGEST_VIOLATION = 1e-4  # largest violation without a warning, relative to the largest force
 _T = TypeVar("_T")
 
 
 class Named(dict[str, _T]):
-    """What surfaces and bodies have, by their names; its errors list the names there are."""
+    """Dictionary by names of surfaces or bodies, whose ``KeyError`` lists the known names."""
 
     def __missing__(self, name: object) -> NoReturn:
         known = ", ".join(map(repr, self)) or "none"
@@ -57,18 +57,20 @@ class Result:
     Attributes:
         tables: contact points by surface name.
         attempts: strategies tried; the last one converged.
-        energies: ``bulk`` (the energy that the user gave, load potential included, if it was one)
-            and ``friction``, the work -rt.ut that friction dissipates at contact points; in a step
-            of an evolution, by the increment of ut.
-        kkt_violation: worst violation of the contact law, relative.
-        dofs: number of unknowns, multipliers included.
-        support: resultant of the reactions of all Dirichlet data on the body (dim,).
-        external: resultant of all else that acts on it: loads and springs of the bulk form (dim,).
-        imbalance: |contact + support + external| over the sum of the sizes of all forces, each
-            taken from a source of its own (`balance`). Moments are not compared.
-        pairs: by name, the forces on both faces of every pair of bodies (`pairs.PairBalance`).
-        indicators: indicators of model validity, of the body and by surface name.
-        rigid_bodies: by name, how they move and what acts on them.
+        energies: ``bulk``, the user's energy including the load potential (absent if the problem
+            was given as a residual), and ``friction``, the frictional dissipation -sum(rt . ut); in
+            a step of an evolution with the increment of ut.
+        kkt_violation: largest violation of the contact law, relative to the force and length
+            scales.
+        dofs: number of unknowns, including multipliers.
+        support: resultant of the reactions of all Dirichlet data on the body, shape (dim,).
+        external: resultant of the remaining forces on the body, i.e. loads and springs of the bulk
+            form, shape (dim,).
+        imbalance: |contact + support + external| over the sum of the magnitudes of all forces. The
+            three resultants are computed independently (`balance`). Moments are not compared.
+        pairs: forces on both faces of every pair of bodies, by name (`partners.PairBalance`).
+        indicators: indicators of model validity of the body and of each surface.
+        rigid_bodies: motions of the rigid bodies and the forces on them, by name.
     """
 
     tables: dict[str, ContactTable]
@@ -84,7 +86,7 @@ class Result:
     rigid_bodies: dict[str, RigidBodyResult]
 
     def __str__(self) -> str:
-        """How it was found, what touches, the forces, and the two measures of its error."""
+        """Return strategy, numbers of points, forces and error measures as text."""
         counts = ", ".join(f"{n} {kind}" for kind, n in self.counts.items() if n)
         lines = [
             f"{self.reason}, {self.iterations} iterations, {self.dofs} unknowns; points: {counts}",
@@ -103,7 +105,7 @@ class Result:
 
     @property
     def reason(self) -> str:
-        """Which strategy converged."""
+        """Name of the strategy that converged."""
         return self.attempts[-1].strategy
 
     @property
@@ -120,8 +122,8 @@ class Result:
     def counts(self) -> dict[str, int]:
         """Numbers of open, stuck, slipping and clamped points over all surfaces.
 
-        Clamped are those without contact of their own: held by Dirichlet data, at the front of a
-        crack, or without a point opposite.
+        Clamped points carry no contact of their own: they are held by Dirichlet data, at the front
+        of a crack, or without an opposing point.
         """
         return status.count("".join(t.status for t in self.tables.values()))
 
@@ -129,14 +131,14 @@ class Result:
     def resultants(self) -> dict[str, npt.NDArray[np.float64]]:
         """Contact force on the body by surface name, without reactions of Dirichlet data.
 
-        Of a pair that on the slave; `pairs` has both. Of a body of revolution they are axial, as
-        the resultants of support and loads: across the axis forces cancel.
+        For a pair it is the force on the slave; `pairs` has both forces. In a body of revolution
+        all resultants are axial, because the radial forces cancel.
         """
         return Named({name: t.resultant(t.force) for name, t in self.tables.items()})
 
     @property
     def warnings(self) -> dict[str, str]:
-        """Indicators above their thresholds, in words, by indicator and surface."""
+        """Messages of the indicators above their thresholds, by indicator and surface."""
         return self.indicators.warnings
 
     @property
@@ -147,7 +149,7 @@ class Result:
 
     @property
     def min_det_F(self) -> float | None:
-        """Smallest det(I + grad u) of a nonlinear body; None of a linear one."""
+        """Smallest det(I + grad u) of a nonlinear body; None for a linear one."""
         return self.indicators.min_det_F
 
     def summary(self, uniqueness: Uniqueness | None = None) -> dict[str, Any]:
@@ -198,17 +200,17 @@ def _shown(vector: npt.NDArray[np.float64]) -> str:
 
 
 def collect(eq: ContactEquations, state: Evaluation, attempts: Sequence[Attempt]) -> Result:
-    """The result at a solution, which is in the user's Functions. Collective.
+    """Return the result at a solution, which is in the user's Functions. Collective.
 
     A violated law is logged as a warning on rank 0; `log_warnings` logs the indicators.
 
     Args:
-        eq: the contact problem.
-        state: the solution, with reactions.
-        attempts: the strategies that were tried; the last one found it.
+        eq: equations of the contact problem.
+        state: evaluation at the solution, with reactions.
+        attempts: strategies that were tried; the last one converged.
 
     Raises:
-        ValueError: on every rank, if a point touches an obstacle where that has no normal.
+        ValueError: on every rank, if a point touches an obstacle at a place without a normal.
     """
     assert state.reactions is not None
     lost = without_normal(eq, state) or held_across(eq, state)
@@ -254,7 +256,7 @@ def collect(eq: ContactEquations, state: Evaluation, attempts: Sequence[Attempt]
 def _scales(
     eq: ContactEquations, state: Evaluation, tables: Collection[ContactTable]
 ) -> tuple[float, float]:
-    """The force and the length beside which the violation of a law is judged. Collective."""
+    """Return the force and length scales for the violation of a law. Collective."""
     assert state.reactions is not None
     largest = max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables)
     reaction = float(np.max(np.abs(state.reactions), initial=0.0))
