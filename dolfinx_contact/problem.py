@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contact problem as users hold it: Functions in, Functions and a result out."""
+"""The contact problem of users: a solve reads Functions, and returns Functions and a result."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ _SURFACES = f"numbers of a law change as surface.law.friction.value = 0.5; for o
 
 
 def _classical() -> ModuleType:
-    """What algorithms other than Newton's need, loaded when one is chosen."""
+    """Return the module of the classical algorithms, loaded when one is chosen."""
     from dolfinx_contact.solvers import classical
 
     return classical
@@ -146,44 +146,49 @@ class ContactProblem(ReadOnly):
 
     Friction opposes the total slip (the static law). `step_from` returns the problem of one step.
 
-    The displacement and the multipliers are read when a solve begins and written when it has found
-    a solution; nothing else touches them.
+    A solve reads the displacement and the multipliers when it begins, and writes them when it has
+    found a solution.
 
     In a body of revolution (``axisymmetric=True`` in all surfaces) the problem multiplies every
-    integral of ``bulk``, over cells and facets, by 2 pi r: integrands are per volume or area, and
-    must not contain that weight. u_r = 0 is prescribed on the axis.
+    integral of ``bulk``, over cells and facets, by 2 pi r. Integrands are therefore per volume or
+    area and must not contain this weight. u_r = 0 is prescribed on the axis.
 
-    Forms, surfaces and conditions are read once, and compiled: attributes and lists are read-only.
-    What may be changed between two solves are the values of Constants and Functions in them, and
-    `petsc_options`, name by name. Numbers and arrays are copied, also by ``fem.dirichletbc``.
+    Forms, surfaces and conditions are read and compiled once, so attributes are read-only. Between
+    two solves the values of Constants and Functions may be changed, and single entries of
+    `petsc_options`. Numbers and arrays are copied, also by ``fem.dirichletbc``.
 
     Args:
         bulk: UFL energy (a functional of ``u``) or residual (linear in a test function of the space
-            of ``u``) of the body, without contact terms. Its residual may have kinks in ``u``, as
-            that of ``max_value(u[0], 0)**2``: it is solved, not proved or followed. A residual that
-            jumps, as that of ``abs(u[0])``, has in general no root: friction is a law of a surface.
-        u: displacement.
-        surfaces: contact surfaces of this body, each made with ``u``.
-        bcs: Dirichlet conditions on the space of ``u`` or its components.
-        r: augmentation parameter (stiffness per area), by default from the stiffness of the contact
-            nodes, computed anew by a solve that finds it changed. It changes the iterates, not the
-            solution, but in the integral method, whose weak conditions contain it (a difference
-            that vanishes with the mesh size).
-        petsc_options_prefix: of the SNES.
-        petsc_options: options of the SNES under that prefix, named without it; the command line
-            wins.
+            of ``u``) of the body, without contact terms. A residual with kinks in ``u``, for
+            example from ``max_value(u[0], 0)**2``, can be solved, but neither proofs nor branches
+            support it. A residual with jumps, for example from ``abs(u[0])``, has in general no
+            root; write friction as the law of a surface.
+        u: displacement, a vector Lagrange Function.
+        surfaces: descriptions of the contact surfaces, each made with ``u``.
+        bcs: Dirichlet conditions on the space of ``u`` or its components; default: none.
+        r: augmentation parameter, a stiffness per area; default: derived from the stiffness of the
+            contact nodes, and updated by a solve that finds the stiffness changed. It affects the
+            iterates but not the solution, except in the integral method, whose weak conditions
+            contain it (a difference that vanishes with the mesh size).
+        petsc_options_prefix: options prefix of the SNES.
+        petsc_options: options of the SNES, named without the prefix; options on the command line
+            take precedence.
 
     Attributes:
-        equations: H, in which the Functions do not occur.
-        u, surfaces, bcs: as given; of a body of revolution bcs with those of the axis.
-        petsc_options: as given.
+        u: displacement.
+        contacts: descriptions of the contact surfaces, as given.
+        surfaces: their discretisations, with contact points and multipliers, in the same order.
+        bcs: Dirichlet conditions, including those on the axis of a body of revolution.
+        energy: UFL energy as given; None if a residual was given.
+        equations: residual H as a function of vectors, independent of the Functions.
+        petsc_options: options of the SNES, without the prefix.
 
     Raises:
-        ValueError: on every rank, if the arguments do not fit together, something is of another
-            mesh, arguments differ between ranks, contact nodes are all clamped, a mesh coordinate
-            is not finite, a cell has no volume, or surfaces and materials are not all axisymmetric
-            or all plane.
-        AttributeError: where attributes or lists are changed afterwards.
+        ValueError: on every rank, if the arguments do not fit together or belong to different
+            meshes, arguments differ between ranks, all contact nodes are clamped, a mesh coordinate
+            is not finite, a cell has no volume, or axisymmetric and plane surfaces or materials are
+            mixed.
+        AttributeError: if an attribute is changed afterwards.
         RuntimeError: if PETSc has complex scalars.
 
     Example:
@@ -250,7 +255,7 @@ class ContactProblem(ReadOnly):
         self.comm = u.function_space.mesh.comm
         keep(self.V.mesh)
         self.petsc_options = dict(petsc_options or {})
-        PETSc.garbage_cleanup(self.comm)  # what earlier problems on several ranks have left
+        PETSc.garbage_cleanup(self.comm)  # objects of earlier problems on several ranks
         check_cells(self.V.mesh)
         given = ProblemOptions(petsc_options_prefix, self.petsc_options)
         axisymmetric = is_axisymmetric(surfaces[0])
@@ -279,9 +284,9 @@ class ContactProblem(ReadOnly):
         self.equations.check_obstacles()
 
     def moving(self, body: MovingBody) -> ContactProblem:
-        """The contact problem of a step of time, on the same Functions and surfaces. Collective.
+        """Return the problem of a dynamic step, on the same Functions and surfaces. Collective.
 
-        It has a linear solver of its own.
+        It has its own linear solver.
         """
         eq = self.equations
         equations = ContactEquations(
@@ -318,7 +323,7 @@ class ContactProblem(ReadOnly):
         return self.with_memory([memory.later(step) for memory in state.memory])
 
     def with_memory(self, memory: Sequence[Memory | None]) -> ContactProblem:
-        """The same problem with another memory of the contact points. Collective.
+        """Return the same problem with another memory of the contact points. Collective.
 
         The copy is shallow: it shares Functions, data, forms, matrices and linear solvers.
 
@@ -344,23 +349,23 @@ class ContactProblem(ReadOnly):
         return list(self.equations.rigid.bodies)
 
     def create_vector(self) -> PETSc.Vec:
-        """A vector of all unknowns, rank by rank displacement, multipliers, rigid bodies."""
+        """Create a vector of all unknowns: displacement, multipliers, rigid bodies per rank."""
         return self.equations.create_vector()
 
     def read(self, x: PETSc.Vec) -> None:
-        """Put the unknowns ``x`` into the Functions and the rigid bodies. Collective."""
+        """Copy the unknowns ``x`` into the Functions and the rigid bodies. Collective."""
         for f, values in zip(self.fields, self.equations.fields(x), strict=True):
             f.x.array[: len(values)] = values
             f.x.scatter_forward()
         self.equations.rigid.show(self.equations.motions(x))
 
     def write(self, x: PETSc.Vec) -> None:
-        """Put the Functions, and the motions of the rigid bodies, into the unknowns ``x``."""
+        """Copy the Functions and the motions of the rigid bodies into the unknowns ``x``."""
         rigid = self.equations.rigid
         self.equations.put([f.x.array for f in self.fields], rigid.given, x)
 
     def put(self, x: PETSc.Vec, statuses: Statuses) -> None:
-        """Put unknowns with their statuses into the Functions and the rigid bodies. Collective."""
+        """Copy unknowns into the Functions and rigid bodies; store their statuses. Collective."""
         self.read(x)
         self.note_statuses(statuses)
 
@@ -371,7 +376,7 @@ class ContactProblem(ReadOnly):
         return np.concatenate([*parts, self.equations.rigid.given])
 
     def note_statuses(self, statuses: Statuses) -> None:
-        """Store the statuses of the unknowns as they are. Not collective."""
+        """Store the statuses that belong to the present unknowns. Not collective."""
         self._written.note(self._owned_values(), statuses)
 
     @property
@@ -382,9 +387,9 @@ class ContactProblem(ReadOnly):
             return written
         x = self.create_vector()
         self.write(x)
-        found = self.equations.contact(x).statuses
+        statuses = self.equations.contact(x).statuses
         x.destroy()
-        return found
+        return statuses
 
     @property
     def written_statuses(self) -> Statuses | None:
@@ -405,7 +410,7 @@ class ContactProblem(ReadOnly):
         return state
 
     def state_at(self, x: PETSc.Vec, statuses: Statuses | None = None) -> State:
-        """The state of unknowns. Collective.
+        """Return the state at given unknowns. Collective.
 
         Args:
             x: unknowns.
@@ -414,7 +419,7 @@ class ContactProblem(ReadOnly):
         return self.state_of(x, self.equations.contact(x, statuses))
 
     def state_of(self, x: PETSc.Vec, evaluation: Evaluation) -> State:
-        """The state of unknowns and their evaluation. Collective."""
+        """Return the state at given unknowns from their evaluation. Collective."""
         eq = self.equations
         multipliers = []
         for s, owned in zip(self.surfaces, eq.fields(x)[1:], strict=True):
@@ -432,7 +437,7 @@ class ContactProblem(ReadOnly):
         )
 
     def restore(self, state: State) -> None:
-        """Put a state into the Functions and the rigid bodies, bit by bit. Collective.
+        """Copy a state into the Functions and the rigid bodies, bit by bit. Collective.
 
         Raises:
             ValueError: on every rank, if the state is not one of this problem.
@@ -459,10 +464,10 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
-        """Put Functions and statuses back if the context raises.
+        """Restore Functions and statuses if the context raises.
 
         Args:
-            always: whether to put them back also if it does not raise.
+            always: whether to restore them also without an error.
         """
         before = [f.x.array.copy() for f in self.fields]
         motions = self.equations.rigid.given
@@ -481,24 +486,27 @@ class ContactProblem(ReadOnly):
     # -- H ---------------------------------------------------------------------------------------
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """H(x) into ``b``, and what was found; see `ContactEquations.residual`. Collective."""
+        """Write H(x) into ``b`` and return its evaluation. Collective.
+
+        See `ContactEquations.residual`.
+        """
         return self.equations.residual(x, b, statuses)
 
     def evaluate(self, state: State | None = None, statuses: Statuses | None = None) -> Evaluation:
         """Evaluate H at a state. Collective.
 
         Args:
-            state: state to evaluate; by default the Functions as they are.
+            state: state to evaluate; default: present values of the Functions.
             statuses: statuses with which the laws are evaluated; by default those of the state.
         """
         x = self.create_vector()
         b = self.create_vector()
         with self._shown(state) as problem:
             problem.write(x)
-            known = problem.written_statuses if statuses is None else statuses
-            found = problem.equations.residual(x, b, known)
+            statuses = problem.written_statuses if statuses is None else statuses
+            evaluation = problem.equations.residual(x, b, statuses)
         x.destroy(), b.destroy()
-        return found
+        return evaluation
 
     @contextmanager
     def at(self, state: State | None) -> Iterator[ContactProblem]:
@@ -507,7 +515,7 @@ class ContactProblem(ReadOnly):
         Afterwards the Functions are as they were.
 
         Args:
-            state: state to show; by default the Functions as they are, under the present law.
+            state: state to show; default: present values of the Functions, under the present law.
 
         Yields:
             The problem whose equations have the memory of the step that ended in the state.
@@ -533,18 +541,16 @@ class ContactProblem(ReadOnly):
 
     @property
     def solver(self) -> PETSc.SNES:
-        """A SNES that shows how Newton's method is set, and how it ended. Collective when new.
+        """SNES with the settings and the outcome of Newton's method, for inspection.
 
-        Its options prefix, type and tolerances, and those of its KSP, are those of a solve
-        (`petsc_options` and the command line); its reason, iterations and norm those of the
-        last Newton run, of which a solve may need several (`Result.attempts` has all). It is the
-        same object before and after solves, and collective only where it is used before the
-        first one.
+        Options prefix, type and tolerances, also of its KSP, come from `petsc_options` and the
+        command line. Reason, iterations and norm belong to the last Newton run; a solve may need
+        several (`Result.attempts` has all of them). The object stays the same, and access is
+        collective only before the first solve.
 
-        It is for inspection: in every strategy a SNES of its own runs, and is freed with the
-        factorisation that it holds. So nothing that is set here changes a solve; `petsc_options`
-        does. The relative tolerance is that of the measures of the residual (`equations.measures`),
-        not of its norm.
+        Settings made here do not affect a solve; use `petsc_options`. Every strategy runs a SNES of
+        its own, which is freed with its factorisation. The relative tolerance applies to the
+        measures of the residual (`equations.measures`), not to its norm.
 
         Example:
             ::
@@ -560,7 +566,7 @@ class ContactProblem(ReadOnly):
 
     @property
     def linear_solver(self) -> LinearSolver:
-        """What solves for Newton steps; it lasts as long as the problem. Collective."""
+        """Linear solver of the Newton steps; it lasts as long as the problem. Collective."""
         return self._linear()
 
     def table(
@@ -570,46 +576,51 @@ class ContactProblem(ReadOnly):
 
         Args:
             surface: surface of this problem.
-            state: state to evaluate; by default the Functions as they are.
+            state: state to evaluate; default: present values of the Functions.
         """
         number = self.surfaces.index(self.discrete(surface))
         with self.at(state) as problem:
             eq = problem.equations
-            found = problem.evaluate()
-            return contact_table(eq, number, found, support_at_nodes(eq, found))
+            evaluation = problem.evaluate()
+            return contact_table(eq, number, evaluation, support_at_nodes(eq, evaluation))
 
     def contact_fields(
         self, surface: Contact | DiscreteSurface, *, state: State | None = None
     ) -> dict[str, fem.Function]:
         """Return pressure, shear, gap, ... on a surface as Functions. Collective.
 
-
         They are new Functions, continuous and linear, on the mesh of the surface alone
         (``problem.discrete(surface).submesh.mesh``): forms on that mesh integrate them, and
         `io.write_fields` writes them.
-        Nodal pressures are forces over the areas of the nodes, so that the integral of the pressure
-        is the sum of the normal forces (on parallel quadrilaterals and in the integral method with
-        linear multipliers too; in bodies of revolution, with the weight 2 pi r, up to an error that
-        vanishes with the mesh size).
+
+        Nodal pressures are nodal forces divided by nodal areas. The integral of the pressure
+        therefore equals the sum of the normal forces, also on parallelograms and in the integral
+        method with linear multipliers. In bodies of revolution, with the weight 2 pi r, the two
+        agree up to an error that vanishes with the mesh size.
 
         Args:
             surface: surface of this problem.
-            state: state to evaluate; by default the Functions as they are.
+            state: state to evaluate; default: present values of the Functions.
 
         Returns:
-            By name: ``displacement``; ``traction``, that of contact on the body, a vector, with its
-            parts ``pressure``, positive in compression, and ``shear``, a vector (units of stress,
-            nominal: per area of the mesh, also where only a part of it has another body opposite,
-            so that they are less there than the tractions of the table);
-            ``gap``; ``slip``, the tangential displacement, a vector; ``status``, a number of
-            `io.STATUS_CODES`; ``support``, the reaction of Dirichlet data on the body over the area
-            of a vertex; and the variables of laws, as ``beta``, the intensity of adhesion.
+            Functions by name:
+
+            - ``displacement``, a vector.
+            - ``traction``, the contact traction on the body, a vector, with its parts ``pressure``,
+              positive in compression, and ``shear``, a vector. They are nominal stresses, per area
+              of the mesh; where only a part of a facet has an opposing body they are smaller than
+              the tractions of the table.
+            - ``gap``, a length.
+            - ``slip``, the tangential displacement, a vector.
+            - ``status``, a number of `io.STATUS_CODES`.
+            - ``support``, the reaction of Dirichlet data on the body divided by the vertex area.
+            - Internal variables of laws, such as ``beta``, the intensity of adhesion.
 
         Raises:
             ValueError: if the surface does not belong to the problem.
 
         Example:
-            The mean of the pressure where x < 1/2::
+            Mean pressure in the part x < 1/2::
 
                 p = problem.contact_fields(contact)["pressure"]
                 domain = p.function_space.mesh
@@ -629,14 +640,14 @@ class ContactProblem(ReadOnly):
     def support_forces(
         self, surface: Contact | DiscreteSurface, *, state: State | None = None
     ) -> npt.NDArray[np.float64]:
-        """Reactions of Dirichlet data on the body at the local vertices of a surface. Collective.
+        """Return the Dirichlet reactions on the body at local vertices of a surface. Collective.
 
         Args:
             surface: surface of this problem.
-            state: state to evaluate; by default the Functions as they are.
+            state: state to evaluate; default: present values of the Functions.
 
         Returns:
-            Forces (vertices, dim).
+            Forces, shape (vertices, dim).
         """
         s = self.discrete(surface)
         with self.at(state) as problem:
@@ -676,32 +687,32 @@ class ContactProblem(ReadOnly):
         """Solve from the present values of the Functions, which receive the solution. Collective.
 
         Args:
-            algorithm: ``newton``, with its fallbacks; or one of the classical algorithms by name,
-                ``tresca``, ``uzawa``, ``penalty``, ``sor``, ``gauss-seidel``,
-                ``projected-gradient``, ``lemke``, ``interior-point``, or with its options, as
-                ``algorithms.GaussSeidel(two_level=True)``. These have no fallback: what does not
-                converge fails with the reason.
-            monitor: read-only function called with every iterate, on every rank.
-            increments: of the load in the strategy of increments, to begin with.
-            progress: whether rank 0 shows the progress on the standard error stream; by default
-                once the solve takes more than some seconds.
-            expected: statuses, surface by surface, the likeliest first: Newton's method begins with
-                the state that has them, and after all of them with the Functions.
+            algorithm: ``"newton"`` (default), with its fallbacks; or the name of a classical
+                algorithm: ``"tresca"``, ``"uzawa"``, ``"penalty"``, ``"sor"``,
+                ``"gauss-seidel"``, ``"projected-gradient"``, ``"lemke"``, ``"interior-point"``; or
+                one with options, such as ``algorithms.GaussSeidel(two_level=True)``. Classical
+                algorithms have no fallback.
+            monitor: read-only function called with every iterate, on every rank; default: none.
+            increments: initial number of load increments in the strategy of increments.
+            progress: whether rank 0 shows the progress on the standard error stream; default: only
+                if the solve takes longer than a few seconds.
+            expected: guesses of the statuses, surface by surface, the likeliest first. Newton's
+                method starts from the state with these statuses, and last from the Functions.
 
         Returns:
-            Statuses, resultants, residual histories and the KKT violation.
+            Result with contact tables, resultants, residual histories and the KKT violation.
 
         Raises:
-            ValueError: on every rank, for arguments or data that cannot be solved with (a load that
-                is not finite, a negative friction field, a clamped node inside the obstacle).
-            ConvergenceError: if no strategy converges; the Functions are as they were.
+            ValueError: on every rank, if arguments or data are not admissible (for example a load
+                that is not finite, a negative friction field, a clamped node inside the obstacle).
+            ConvergenceError: if no strategy converges; the Functions keep their values.
         """
         return self._solved(algorithm, monitor, increments, progress, Trial(tuple(expected)))[0]
 
     def solve_step(
         self, trial: Trial | None = None, *, progress: bool | None
     ) -> tuple[Result, Evaluation]:
-        """`solve` with its defaults, and the state of the result as it was solved. Collective."""
+        """Solve with the defaults of `solve`; return also the final evaluation. Collective."""
         return self._solved("newton", None, _INCREMENTS, progress, trial or Trial())
 
     def _solved(
@@ -712,7 +723,7 @@ class ContactProblem(ReadOnly):
         progress: bool | None,
         trial: Trial,
     ) -> tuple[Result, Evaluation]:
-        """See `solve`; and the state. Collective."""
+        """Solve as in `solve`; return also the final evaluation. Collective."""
         same_everywhere(self.comm, expected_statuses=len(trial.expected))
         if anywhere(self.comm, monitor is not None)[0]:
             monitor = self._on_all_ranks(monitor)
@@ -749,7 +760,7 @@ class ContactProblem(ReadOnly):
             x0.destroy()
 
     def _on_all_ranks(self, monitor: Callable[[Step], None] | None) -> Callable[[Step], None]:
-        """A monitor of some ranks whose error on one rank is an error on all. Collective."""
+        """Wrap a monitor so that an error on one rank is an error on all. Collective."""
 
         def call(step: Step) -> None:
             with everywhere(self.comm, "the monitor"):
@@ -760,25 +771,31 @@ class ContactProblem(ReadOnly):
 
     @collective("uniqueness", check_seconds)
     def uniqueness(self, *, state: State | None = None, proof_seconds: float = 0.0) -> Uniqueness:
-        """Whether a solution is the only one of the problem as it is now. Collective.
+        """Decide whether a solution is the only one for the present data. Collective.
 
-        A linear body in 2D with contact at its nodes is condensed onto these nodes, which takes two
-        solves for each, and the certificate of one point is tried; without friction it holds up to
-        round-off. If it fails and another solution is found quickly, the answer contains that
-        solution, and a warning is logged. The same holds in 3D with friction, up to 128 points;
-        otherwise, up to some hundred points, the weaker criterion of Renard is used
-        (`analysis.renard_criterion`), and where no certificate applies, without Coulomb's friction,
-        the theorems of `theory`. Nothing is proved where the sliding is not small
-        (`Result.warnings`): the problem that was solved is then not that of the displaced bodies.
+        The following certificates are tried:
+
+        1. Linear bodies with nodal contact, in 2D or, with friction, in 3D up to 128 points: the
+           body is condensed onto the contact nodes (two solves per node), and the certificate of
+           one point is tried; without friction it holds up to round-off. If it fails and another
+           solution is found quickly, the answer contains that solution, and a warning is logged.
+        2. Otherwise, up to a few hundred points: the weaker criterion of Renard
+           (`analysis.renard_criterion`).
+        3. If no certificate applies and there is no Coulomb friction: the theorems of `theory`.
+
+        Nothing is proved if the sliding is not small (`Result.warnings`), because the solved
+        problem then differs from that of the displaced bodies.
 
         Args:
-            state: solution; by default the Functions as they are.
-            proof_seconds: time for a proof by branch and bound where the certificate of one point
-                fails. If it is positive, Renard's criterion is computed for any number of points.
+            state: solution; default: present values of the Functions.
+            proof_seconds: time limit in seconds for a proof by branch and bound if the certificate
+                of one point fails; default: 0. If it is positive, Renard's criterion is computed
+                for any number of points.
 
         Raises:
-            ValueError: on every rank, if the state is not a solution of the problem as it is now,
-                the seconds are negative or differ between ranks, or the data are not admissible.
+            ValueError: on every rank, if the state does not solve the problem with the present
+                data, ``proof_seconds`` is negative or differs between ranks, or the data are not
+                admissible.
         """
         with self.at(state) as problem:
             eq = problem.equations
@@ -788,16 +805,17 @@ class ContactProblem(ReadOnly):
                 validate(eq, x)
                 evaluation = problem.evaluate()
                 require_solution(problem)
-                found = uniqueness(
+                answer = uniqueness(
                     eq, problem._linear, x, evaluation, proof_seconds, problem.state_at
                 )
-                doubt = small_sliding_violated(eq, evaluation) if found.verdict == "proved" else ""
-                return Uniqueness("not proved", doubt) if doubt else found
+                proved = answer.verdict == "proved"
+                violation = small_sliding_violated(eq, evaluation) if proved else ""
+                return Uniqueness("not proved", violation) if violation else answer
             finally:
                 x.destroy()
 
     def theory(self) -> Theory:
-        """What theorems prove of the solutions of the problem with its present data. Collective.
+        """Return the theorems on existence and uniqueness that apply to the data. Collective.
 
         Raises:
             ValueError: on every rank, if the data are not admissible.
@@ -811,13 +829,13 @@ class ContactProblem(ReadOnly):
             x.destroy()
 
     def reduced(self) -> PointProblem:
-        """The problem on its contact points alone, the same on every rank. Collective.
+        """Return the problem condensed onto its contact points, on every rank. Collective.
 
-        `algorithms` solve it: ``algorithms.GaussSeidel().run(problem.reduced())``.
+        The classical algorithms solve it: ``algorithms.GaussSeidel().run(problem.reduced())``.
 
         Raises:
-            ValueError: on every rank, for a problem that has none: a body that is not linear or not
-                held by Dirichlet data, contact that is not at the nodes, other laws.
+            ValueError: on every rank, if the problem cannot be condensed: the body is not linear or
+                not held by Dirichlet data, contact is not nodal, or a law is not supported.
         """
         x = self.create_vector()
         self.write(x)
@@ -831,7 +849,7 @@ class ContactProblem(ReadOnly):
     def collect(
         self, x: PETSc.Vec, attempts: Sequence[Attempt], statuses: Statuses | None = None
     ) -> Result:
-        """Put a solution into the Functions, and the result. Collective."""
+        """Copy a solution into the Functions and return its result. Collective."""
         b = self.create_vector()
         state = self.equations.residual(x, b, statuses)
         b.destroy()
@@ -840,7 +858,7 @@ class ContactProblem(ReadOnly):
     def _collected(
         self, x: PETSc.Vec, attempts: Sequence[Attempt], state: Evaluation | None
     ) -> tuple[Result, Evaluation]:
-        """The solution in the Functions, its result, and its state, if need be evaluated."""
+        """Copy a solution into the Functions; return its result and its evaluation. Collective."""
         if state is None:
             b = self.create_vector()
             state = self.equations.residual(x, b)
@@ -852,7 +870,7 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def warning_once(self) -> Iterator[None]:
-        """Within a run: log each warning of indicators once, of accepted steps alone."""
+        """Within a run, log each warning of the indicators once, for accepted steps only."""
         before = self._warned
         self._warned = set()
         try:
@@ -861,16 +879,16 @@ class ContactProblem(ReadOnly):
             self._warned = before
 
     def log_warnings(self, result: Result) -> None:
-        """Log the warnings of a result on rank 0, in a run each of them once. Not collective."""
+        """Log the warnings of a result on rank 0; in a run each of them once. Not collective."""
         if self.comm.rank == 0:
             log_warnings(result, self._warned)
 
     def destroy(self) -> None:
         """Free matrices and solvers now. Collective.
 
-        They are freed with the problem; on several ranks when the next problem of the same mesh is
-        made, since PETSc frees what all ranks share where all ranks meet. Only many problems on
-        several ranks, each with a mesh of its own, need this.
+        On one rank they are freed with the problem. On several ranks they are freed when the next
+        problem on the same mesh is made, because PETSc frees shared objects collectively. Calling
+        `destroy` matters only for many problems on several ranks, each with its own mesh.
         """
         self._linear.destroy()
         self.equations.snes.destroy()

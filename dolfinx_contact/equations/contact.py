@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""The contact problem H(x) = 0 in PETSc: equilibrium of the body, and the laws at contact points.
 
-With points on the contact surfaces, their areas W, jumps j = B u and tractions t = E l,
+With contact points of areas W, jumps j = B u, multipliers l and tractions t = E l,
 
     H_u = R(u) - B^T W E l,    H_l = E^T W (t - tau(j, t; statuses)).
 
-Every row is in units of force: the body's by nature, the contact rows unscaled, and the Dirichlet
-rows multiplied by a typical stiffness. Every unknown of the PETSc vectors is a length: multipliers
-are divided by a typical stiffness per area. So neither norms of H nor the matrix depend on the
-user's units.
+Every row has the unit of a force; Dirichlet rows are multiplied by a typical stiffness. Every
+unknown in the PETSc vectors is a length; multipliers are divided by a typical stiffness per area.
+Thus the relative sizes of rows and of unknowns do not depend on the user's units.
 
-Nothing is kept between two evaluations: statuses are arguments, what was found is returned, and
-the memory of earlier states is fixed (`with_memory`).
+Evaluations are stateless: statuses are arguments, results are returned, and the memory of earlier
+states is fixed (`with_memory`).
 """
 
 from __future__ import annotations
@@ -55,26 +54,27 @@ Array = npt.NDArray[np.float64]
 
 
 class ContactEquations:
-    """H of a body with contact surfaces. Collective, as all its methods are.
+    """H of a body with contact surfaces. All methods are collective unless they say otherwise.
 
     Args:
-        bulk: the body.
+        bulk: discrete body.
         V: space of its displacement.
-        surfaces: where it may touch.
+        surfaces: discretisations of the contact surfaces.
         bcs: Dirichlet conditions.
-        r: augmentation parameter, by default from the stiffness of the contact nodes.
-        options: of the SNES.
+        r: augmentation parameter, a stiffness per area; None: derived from the stiffness of the
+            contact nodes.
+        options: options of the SNES.
 
     Attributes:
-        owned_sizes: numbers of unknowns of this rank, the displacement first, rigid bodies last.
-        units: what the unknowns of each field are multiplied by.
-        body_size: diagonal of the bounding box of the body.
-        rigid: the rigid bodies that surfaces touch.
-        scaling: what follows the stiffness.
-        snes: what users see of Newton's method; empty before it is made for the first time.
-        axisymmetric: whether the body is one of revolution.
-        memory: memory of the points of each surface at the beginning of the step; None: the static
-            law. See `with_memory`.
+        owned_sizes: numbers of owned unknowns: displacement, surface by surface, rigid bodies.
+        units: factors from the unknowns of the PETSc vectors to the user's units, one per field.
+        body_size: diagonal of the bounding box of the body, a length.
+        rigid: rigid bodies that surfaces touch.
+        scaling: typical stiffness, augmentation parameters and loose motions.
+        snes: SNES shown to users (`ContactProblem.solver`); empty before the first solve.
+        axisymmetric: whether the body is a body of revolution.
+        memory: memory of the points of each surface at the beginning of the step; None under the
+            static law. See `with_memory`.
     """
 
     def __init__(
@@ -128,22 +128,22 @@ class ContactEquations:
 
     @property
     def stiffness_scale(self) -> float:
-        """Typical stiffness, of the Dirichlet rows; it may follow the data (`scaling`)."""
+        """Typical stiffness, factor of the Dirichlet rows; updated with the data (`scaling`)."""
         return self.scaling.stiffness
 
     def check_obstacles(self) -> None:
-        """Warn of obstacles on the wrong side. Collective."""
+        """Warn about obstacles on the wrong side. Collective."""
         for s in self.surfaces:
             warn_of_obstacle(s, self.body_size, self._wrong_sides)
 
     # -- unknowns --------------------------------------------------------------------------------
 
     def create_vector(self) -> PETSc.Vec:
-        """A vector of all unknowns, rank by rank displacement, multipliers, rigid bodies."""
+        """Create a vector of all unknowns: displacement, multipliers, rigid bodies per rank."""
         return PETSc.Vec().createMPI((sum(self.owned_sizes), None), comm=self.comm)
 
     def blocks(self, x: PETSc.Vec) -> list[Array]:
-        """Local parts of ``x``, one array per field; copies."""
+        """Return copies of the owned parts of ``x``, one array per field."""
         values = x.array_r.copy()
         return [values[part] for part in self._slices]
 
@@ -152,7 +152,7 @@ class ContactEquations:
         return [unit * part for unit, part in zip(self.units, self.blocks(x), strict=True)][:-1]
 
     def put(self, fields: Sequence[Array], q: Array, x: PETSc.Vec) -> None:
-        """Put owned values of displacement and multipliers, and of rigid bodies, into ``x``."""
+        """Copy owned values of displacement, multipliers and rigid bodies into ``x``."""
         sizes = zip([*fields, self.rigid.here(q)], self.units, self.owned_sizes, strict=True)
         x.array[:] = np.concatenate([values[:n] / unit for values, unit, n in sizes])
 
@@ -161,7 +161,7 @@ class ContactEquations:
         return self.rigid.everywhere(x.array_r[x.getLocalSize() - self.rigid.owned :])
 
     def displacement(self, x: PETSc.Vec) -> Array:
-        """The displacement at all local dofs, ghosts included."""
+        """Return the displacement at all local dofs, including ghosts."""
         f = self.bulk.displacement
         n = self.owned_sizes[0]
         f.x.array[:n] = x.array_r[:n]
@@ -171,11 +171,11 @@ class ContactEquations:
     # -- H ---------------------------------------------------------------------------------------
 
     def contact(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """The state ``x`` without the rows of H.
+        """Evaluate the contact points at ``x``, without the rows of H.
 
         Args:
             x: unknowns.
-            statuses: by which the laws are taken; by default those that the state determines.
+            statuses: statuses for the laws; default: those determined by the unknowns.
         """
         self.refresh()
         u = self.displacement(x)
@@ -184,10 +184,15 @@ class ContactEquations:
             return Evaluation(u, q, self._contact(x, u, q, statuses))
 
     def taken_by(self, x: PETSc.Vec, state: Evaluation, statuses: Statuses | None) -> Evaluation:
-        """A state at ``x``, without the rows of H, as `contact` has it by other statuses.
+        """Return an evaluation at ``x`` with other statuses; the same as `contact`, but cheaper.
 
-        Laws answer for every status, so that they are not asked again unless they see the points
-        around theirs, or some have nothing opposite.
+        Laws are evaluated for every status at once. They are evaluated again only if they are
+        nonlocal or some points have no opposing point.
+
+        Args:
+            x: unknowns.
+            state: evaluation at these unknowns.
+            statuses: statuses for the laws; None: those determined by the unknowns.
         """
         self.refresh()
         if any(
@@ -201,10 +206,7 @@ class ContactEquations:
         return Evaluation(state.u, state.q, [replace(at, statuses=codes) for at, codes in found])
 
     def refresh(self) -> None:
-        """Evaluate anew what is given on surfaces where the user has changed it. Collective.
-
-        The ghosts of Functions that are given follow their owners, in the forms of the body too.
-        """
+        """Update surfaces with changed data, and the ghosts of Functions. Collective."""
         parts = [self.bulk, *self.surfaces]
         changed = anywhere(self.comm, *(part.has_changed for part in parts))
         if changed[0]:
@@ -234,31 +236,31 @@ class ContactEquations:
         return found
 
     def kinematics(self, s: DiscreteSurface, u: Array, q: Array) -> Kinematics:
-        """Gap, slip and B of ``s`` at a displacement and unknowns of the rigid bodies."""
+        """Return gap, slip and B of ``s`` at a displacement and unknowns of the rigid bodies."""
         memory = self.memory[self.surfaces.index(s)]
         return s.kinematics(u.reshape(-1, self.dim), self.rigid.of_body(q, s.rigid_body), memory)
 
     def relative(self, s: DiscreteSurface, u: Array, q: Array) -> Array:
-        """Displacements of the owned nodes (n, dim), seen from what ``s`` touches.
+        """Displacements of the owned nodes relative to the obstacle of ``s``, shape (n, dim).
 
         Args:
-            s: the surface.
-            u: values at the first local dofs, at least the owned ones.
+            s: contact surface.
+            u: displacement at the first local dofs, at least at all owned ones.
             q: unknowns of the rigid bodies.
         """
         return self.rigid.relative(s, u[: self.owned_sizes[0]].reshape(-1, self.dim), q)
 
     def as_possible(self, statuses: Statuses) -> Statuses:
-        """Guessed statuses, by others where what answers here does not have them."""
+        """Replace guessed statuses that the laws of these equations do not have."""
         return statuses
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """H(x) into ``b``, and the state. Dirichlet data enter all rows linearly.
+        """Write H(x) into ``b`` and return the evaluation. Dirichlet data enter all rows linearly.
 
         Args:
             x: unknowns.
-            b: receives H(x).
-            statuses: by which the laws are taken; by default those that the state determines.
+            b: vector that receives H(x).
+            statuses: statuses for the laws; default: those determined by the unknowns.
         """
         self.refresh()
         u = self.displacement(x)
@@ -271,7 +273,7 @@ class ContactEquations:
         missing = np.where(self.fixed, prescribed - u, 0.0)
         missing_q = np.where(self.rigid.fixed, motion - q, 0.0)
         any_missing = self._any(missing, missing_q)
-        # A linear body takes its Dirichlet data in the product, and needs no assembly.
+        # For a linear body the product includes the Dirichlet data, without assembly.
         affine = self.bulk.affine_residual(u + missing)
         body = self.bulk.residual_at(u) if affine is None else affine
         pushed: Array = np.zeros(self.rigid.size)
@@ -301,11 +303,11 @@ class ContactEquations:
         return Evaluation(u, q, contact, rows, reactions, -pushed)
 
     def contact_rows(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Array:
-        """Rows of H at the multipliers, which need nothing of the body, owned. Collective.
+        """Owned contact rows of H, without evaluating the body. Collective.
 
         Args:
-            x: unknowns, with the Dirichlet data.
-            statuses: by which the laws are taken; by default those that the state determines.
+            x: unknowns that satisfy the Dirichlet conditions.
+            statuses: statuses for the laws; default: those determined by the unknowns.
         """
         found = self.contact(x, statuses).surfaces
         rows = [
@@ -315,14 +317,14 @@ class ContactEquations:
         return np.concatenate(rows)
 
     def relative_rate(self, s: DiscreteSurface, u: Array, q: Array, du: Array, dq: Array) -> Array:
-        """The derivative of `relative` along displacements of all, at a state (n, dim).
+        """Derivative of `relative` along (du, dq), shape (n, dim).
 
         Args:
-            s: the surface.
-            u: values at the first local dofs, at least the owned ones.
+            s: contact surface.
+            u: displacement at the first local dofs, at least at all owned ones.
             q: unknowns of the rigid bodies.
-            du: displacement, likewise.
-            dq: by which these change.
+            du: increment of ``u``.
+            dq: increment of ``q``.
         """
         n = self.owned_sizes[0]
         at, step = (v[:n].reshape(-1, self.dim) for v in (u, du))
@@ -331,10 +333,10 @@ class ContactEquations:
     def _change(
         self, s: DiscreteSurface, found: ContactState, u: Array, q: Array, du: Array, dq: Array
     ) -> Array:
-        """The derivative of the answer at a state along displacements of all. Collective.
+        """Derivative of the answer at a state along (du, dq). Collective.
 
-        Where the frame of a rigid body turns, jump and normal do, and a law does not know
-        directions in space: of the rotation w it is w x tau - dtau/dt (w x t).
+        Jump and normal turn with the frame of a rigid body. Laws are objective, so a rotation w
+        adds w x tau - dtau/dt (w x t).
         """
         change = found.change(self.relative_rate(s, u, q, du, dq))
         turning = self.rigid.spin(s, q, dq)
@@ -348,14 +350,14 @@ class ContactEquations:
     def _turned_forces(
         self, contact: Sequence[ContactState], u: Array, q: Array, du: Array, dq: Array
     ) -> Array:
-        """The derivative of the contact forces of held tractions along displacements. Collective.
+        """Derivative of the contact forces along (du, dq) at fixed tractions. Collective.
 
         Args:
-            contact: the surfaces at a state.
-            u: displacement there, at all local dofs.
-            q: unknowns of the rigid bodies there.
-            du: displacement at all local dofs.
-            dq: unknowns of the rigid bodies.
+            contact: evaluations of the contact surfaces.
+            u: displacement at all local dofs.
+            q: unknowns of the rigid bodies.
+            du: increment of ``u``.
+            dq: increment of ``q``.
         """
         forces = np.zeros(self.owned_sizes[0])
         for s, found in zip(self.surfaces, contact, strict=True):
@@ -364,15 +366,15 @@ class ContactEquations:
         return forces
 
     def prescribed_motions(self) -> Array:
-        """What is prescribed to the rigid bodies now, zero where they are free."""
+        """Return the prescribed motions of the rigid bodies, zero where they are free."""
         return self.rigid.prescribed(self.prescribed.part)
 
     def _any(self, *values: npt.ArrayLike) -> bool:
-        """Whether anything is not zero on any rank. Collective."""
+        """Whether any value is nonzero on any rank. Collective."""
         return bool(self.comm.allreduce(int(any(np.any(v) for v in values))))
 
     def _with_removed(self, i: int, rows: Array, x: PETSc.Vec | None) -> Array:
-        """Contact rows of surface ``i`` with those of removed multipliers put in."""
+        """Insert the rows of removed multipliers into the contact rows of surface ``i``."""
         removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
         held = 0.0 if x is None else self.stiffness_scale * x.array_r[self._slices[i + 1]]
         return np.where(removed, held, rows)
@@ -386,16 +388,16 @@ class ContactEquations:
         loads: Array,
         motions: Array,
     ) -> Array:
-        """Rows of the derivative of H by a parameter, at a state.
+        """Owned rows of the derivative of H by a parameter, at fixed statuses.
 
         Args:
-            state: with the statuses that are held.
-            body: rates of the body's rows at held unknowns, owned.
-            answers: of the laws' answers at held unknowns (n, dim), surface by surface; None where
-                they do not change.
-            dirichlet: of the Dirichlet values, at all local dofs, 0 elsewhere.
-            loads: on the rigid bodies, 0 where their motion is prescribed.
-            motions: of what is prescribed to these, 0 elsewhere.
+            state: evaluation with these statuses.
+            body: rates of the rows of the body at fixed unknowns, owned.
+            answers: rates of the answers at fixed unknowns, shape (n, dim), surface by surface;
+                None for surfaces whose law does not depend on the parameter.
+            dirichlet: rates of the Dirichlet values at all local dofs, 0 at free ones.
+            loads: rates of the loads on the rigid bodies, 0 where their motion is prescribed.
+            motions: rates of the prescribed motions, 0 where they are free.
         """
         n = self.owned_sizes[0]
         u = state.u
@@ -425,7 +427,7 @@ class ContactEquations:
     # -- statuses --------------------------------------------------------------------------------
 
     def gaps(self, s: DiscreteSurface, state: Evaluation) -> Array:
-        """Gap of the displacement at the points of ``s`` as the law has it, but no averages."""
+        """Gaps at the points of ``s`` as in the law, but pointwise also in the mixed method."""
         points = s.points
         if s.method != "mixed" or s.slides:
             return state.surfaces[self.surfaces.index(s)].kinematics.gap
@@ -434,9 +436,9 @@ class ContactEquations:
         return np.asarray(points.gaps - np.sum(at * points.data.n, axis=1))
 
     def reach(self, s: DiscreteSurface, u: Array) -> float:
-        """Gaps up to which points of ``s`` are expected to close, from an open state.
+        """Gap up to which open points of ``s`` are expected to close.
 
-        Half the motion that Dirichlet data prescribe, where the contact of Hertz ends.
+        It is half the approach prescribed by Dirichlet data, as at the edge of a Hertzian contact.
         """
         return 0.5 * self.constraints.approach(s, u.reshape(-1, self.dim))
 
@@ -444,14 +446,15 @@ class ContactEquations:
         """Rigid motions held neither by Dirichlet data nor by these statuses; "" if none.
 
         Args:
-            statuses: of the contact points.
-            state: whose shear shows where points that slip hold as well (`loose`).
+            statuses: statuses of the contact points.
+            state: evaluation whose shear indicates where slipping points hold, too (`loose`);
+                default: none.
         """
         return self.scaling.loose.not_held(statuses, state)
 
     @contextmanager
     def ramped(self, x: PETSc.Vec) -> Iterator[None]:
-        """Prescribe `prescribed.part` of the way from ``x`` to the user's data. Collective."""
+        """Prescribe the part `prescribed.part` of the way from ``x`` to the data. Collective."""
         self.rigid.start = self.motions(x)
         try:
             with self.prescribed.ramped(self.displacement(x).reshape(self.constraints.fixed.shape)):
@@ -462,7 +465,7 @@ class ContactEquations:
     # -- data ------------------------------------------------------------------------------------
 
     def with_memory(self, memory: Sequence[Memory | None]) -> ContactEquations:
-        """The same equations with another memory of the contact points. Collective.
+        """Return the same equations with another memory of the contact points. Collective.
 
         The copy is shallow: it shares everything that has been compiled or assembled.
 
@@ -476,14 +479,14 @@ class ContactEquations:
         fits = len(memory) == len(self.surfaces) and all(
             m is None or _fits(m, s) for s, m in zip(self.surfaces, memory, strict=True)
         )
-        words = "the memory is that of other contact surfaces, of another sliding or another mesh"
-        require(self.comm, fits, words)
+        message = "the memory is that of other contact surfaces, of another sliding or another mesh"
+        require(self.comm, fits, message)
         equations = copy(self)
         equations.memory = tuple(memory)
         return equations
 
     def advanced(self, state: Evaluation) -> tuple[Memory, ...]:
-        """The memory that a step leaves whose end this state is. Not collective."""
+        """Return the memory after a step that ends in this state. Not collective."""
         n = self.owned_sizes[0]
         found = zip(self.surfaces, state.surfaces, strict=True)
         return tuple(
@@ -498,7 +501,7 @@ class ContactEquations:
         )
 
     def resultant(self, forces: Array) -> Array:
-        """The sum of forces (n, dim) of all ranks; of a body of revolution its axial part."""
+        """Sum of forces (n, dim) over all ranks; only the axial part in bodies of revolution."""
         whole = total(self.comm, forces.sum(axis=0))
         return np.where(np.arange(self.dim) < self.axisymmetric, 0.0, whole)
 
@@ -509,24 +512,24 @@ class ContactEquations:
         require(self.comm, same, words)
 
     def round_off_force(self, displacement: float) -> float:
-        """Nodal forces that count as round-off at a displacement of this size.
+        """Nodal force that counts as round-off at a displacement of this size.
 
-        Where a body moves without resistance all forces are the round-off of stiffness times
-        motion, and nothing else shows how small a force has to be. Stresses of a body that is not
-        linear are differences of moduli, also where it has no load: to 1e-15 of these.
+        If a body moves without resistance, all forces are the round-off of stiffness times motion,
+        and no other scale is available. Stresses of a nonlinear body are differences of moduli, so
+        their round-off is 1e-15 of the moduli even without load.
         """
         strain = 0.0 if self.bulk.linear else 1e-5 * self.body_size
         return self.stiffness_scale * max(1e-4 * displacement, strain)
 
 
 def _fits(memory: Memory, s: DiscreteSurface) -> bool:
-    """Whether a memory is one of this surface."""
+    """Whether a memory belongs to a surface of this size and sliding."""
     alike = memory.slides == s.slides and memory.follows == (s.displaced is not None)
     return alike and memory.fits(s.points.number, s.dim)
 
 
 def remembered(s: DiscreteSurface, at: ContactState) -> dict[str, Array]:
-    """The fields of the memory that a state of ``s`` leaves."""
+    """Return the fields of the memory after a step of ``s`` that ends in a state."""
     fields = {name: at.answers.bond(f"after.{name}") for name in s.law.memory(s.dim)}
     if s.law_at_points.compiled.knows_slip:
         fields[SLID] = slid_after(at.data, at.jump, at.statuses)

@@ -16,19 +16,21 @@ from dolfinx_contact.points.kinematics import Kinematics
 __all__ = ["ContactState", "Evaluated", "Evaluation", "Statuses", "differs"]
 
 Array = npt.NDArray[np.float64]
-#: Numbers of the statuses of the contact points of this rank, surface by surface.
+#: Status codes of the contact points of this rank, surface by surface.
 Statuses = Sequence[npt.NDArray[np.int8]]
 
 
 @dataclass(frozen=True, eq=False)
 class ContactState:
-    """A surface at a state: its contact points of this rank.
+    """Evaluation of one contact surface: its n contact points on this rank.
+
+    The *answer* tau of the law is the traction that it requires for jump j and traction t.
 
     Attributes:
-        kinematics: gap, slip and B.
-        traction: t on the body (n, dim).
-        statuses: by which the law was taken (n,).
-        answers: of the law to jump and traction.
+        kinematics: gap, slip and operator B.
+        traction: contact traction t on the body, a stress, shape (n, dim).
+        statuses: status codes with which the law was evaluated, shape (n,).
+        answers: answers of the law for every status.
     """
 
     kinematics: Kinematics
@@ -38,22 +40,26 @@ class ContactState:
 
     @property
     def jump(self) -> Array:
-        """The jump j as the law sees it (n, dim)."""
+        """Jump j in the law, after subtracting the memory of the slip, shape (n, dim)."""
         return self.kinematics.jump
 
     @property
     def data(self) -> PointData:
-        """What the law was given, normals and gaps there."""
+        """Data of the law at the points, including normals and gaps."""
         return self.kinematics.data
 
     @cached_property
     def answer(self) -> Array:
-        """The traction that the law allows (n, dim)."""
+        """Traction tau required by the law, shape (n, dim)."""
         return self._present(self.answers.traction(self.statuses))
 
     @cached_property
     def off(self) -> Array:
-        """By how much the tractions are off what is required of them (n, dim). Collective."""
+        """Residual of the tractions, shape (n, dim). Collective.
+
+        It is t - tau. At a hardly covered slave node, where the law has the weight c
+        (`Operator.share`), it is c (t - tau) + (1 - c) (t - mean of t around the node).
+        """
         operator = self.kinematics.operator
         off = self.traction - self.answer
         if operator.share is None:
@@ -64,20 +70,20 @@ class ContactState:
 
     @cached_property
     def by_jump(self) -> Array:
-        """Its derivatives by the jump (n, dim, dim)."""
+        """Derivatives of the answer by the jump, shape (n, dim, dim)."""
         return self._present(self.answers.by_jump(self.statuses))
 
     @cached_property
     def by_traction(self) -> Array:
-        """Its derivatives by the traction (n, dim, dim)."""
+        """Derivatives of the answer by the traction, shape (n, dim, dim)."""
         return self._present(self.answers.by_traction(self.statuses))
 
     @cached_property
     def by_normal(self) -> Array:
-        """Its derivatives by the normal, with which the jump turns (n, dim, dim).
+        """Derivatives of the answer by the normal if the jump turns with it, shape (n, dim, dim).
 
-        A law does not know directions in space, tau(R j, R t; R n) = R tau, so that of the rotation
-        w x, w = n x dn, that goes with dn
+        Laws are objective, tau(R j, R t; R n) = R tau. Hence for the rotation vector w = n x dn of
+        a change dn of the normal
 
             dtau = w x tau - dtau/dt (w x t).
         """
@@ -86,7 +92,7 @@ class ContactState:
         return np.asarray(turned)
 
     def _present(self, values: Array, other: Array | float = 0.0) -> Array:
-        """Values at the points, others where nothing is opposite."""
+        """Values, replaced by ``other`` at points without an opposing point."""
         absent = self.kinematics.operator.absent
         if absent is None:
             return values
@@ -94,17 +100,17 @@ class ContactState:
 
     @cached_property
     def by_around(self) -> Array:
-        """Its derivatives by what the points around spread, of a law that is not local (n, dim)."""
+        """Derivatives of the answer of a nonlocal law by the averaged quantity, shape (n, dim)."""
         return self.answers.by_around(self.statuses)
 
     @property
     def spread_by(self) -> tuple[Array, Array]:
-        """Derivatives of what points spread by jump and traction (n, dim)."""
+        """Derivatives of the averaged quantity by jump and traction, shape (n, dim) each."""
         assert self.answers.spreading is not None
         return self.answers.spreading.by_jump, self.answers.spreading.by_traction
 
     def along(self, step: Array) -> Array:
-        """The derivative of the answer along a step of the jumps, (n, dim) both. Collective."""
+        """Derivative of the answer along a step of the jumps, shape (n, dim). Collective."""
         rate = np.einsum("nij,nj->ni", self.by_jump, step)
         if self.answers.spreading is not None:
             around = self.answers.spreading(np.sum(self.spread_by[0] * step, axis=1))
@@ -112,7 +118,7 @@ class ContactState:
         return rate
 
     def change(self, v: Array) -> Array:
-        """The derivative of -`off` along a displacement v (nodes, dim). Collective."""
+        """Derivative of -`off` along a displacement v, shape (nodes, dim). Collective."""
         operator = self.kinematics.operator
         rate = self.along(operator.rate(v))
         turned = operator.normal_rate(v)
@@ -126,13 +132,13 @@ class Evaluation:
     """Body, contact points and rows of H at one set of unknowns.
 
     Attributes:
-        u: displacement, all local values, ghosts included.
+        u: displacement at all local dofs, including ghosts, a length.
         q: unknowns of the rigid bodies, on every rank (`rigid_bodies`).
-        surfaces: their contact points.
-        rows: owned rows of H, the displacement's first, then surface by surface, those of the rigid
-            bodies last; Dirichlet rows and those of removed multipliers included.
-        reactions: owned rows of the displacement before Dirichlet rows were put in: forces of the
-            support on Dirichlet dofs.
+        surfaces: evaluations of the contact surfaces.
+        rows: owned rows of H: displacement, surface by surface, rigid bodies; including Dirichlet
+            rows and rows of removed multipliers.
+        reactions: owned rows of the displacement before Dirichlet rows are inserted, i.e. support
+            forces on Dirichlet dofs.
         pushes: contact forces on the rigid bodies, in the units of their rows, on every rank.
     """
 
@@ -145,17 +151,17 @@ class Evaluation:
 
     @property
     def statuses(self) -> Statuses:
-        """Those by which the laws were taken."""
+        """Status codes with which the laws were evaluated."""
         return [s.statuses for s in self.surfaces]
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluated:
-    """A state that was evaluated with the data as they are, by the statuses that it determines.
+    """An evaluation with the present data, and the statuses determined by the unknowns.
 
     Attributes:
-        unknowns: where (owned).
-        state: with the rows of H.
+        unknowns: owned unknowns, in the units of the PETSc vectors.
+        state: evaluation with the rows of H.
     """
 
     unknowns: Array
@@ -163,11 +169,11 @@ class Evaluated:
 
 
 def _turning(n: Array, v: Array) -> Array:
-    """Matrices of (n x dn) x v = dn (n.v) - n (dn.v), by dn (n, dim, dim)."""
+    """Matrices of dn -> (n x dn) x v = dn (n.v) - n (dn.v), shape (n, dim, dim)."""
     along = np.sum(n * v, axis=1)[:, None, None]
     return np.asarray(along * np.eye(n.shape[1]) - n[:, :, None] * v[:, None])
 
 
 def differs(a: Statuses, b: Statuses) -> list[npt.NDArray[np.bool_]]:
-    """Where two statuses are not the same, surface by surface."""
+    """Return masks of the points whose statuses differ, surface by surface."""
     return [np.asarray(x != y) for x, y in zip(a, b, strict=True)]

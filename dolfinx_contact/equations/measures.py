@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How far a state is from a solution, block by block and in physical measures.
+"""Relative residuals of H in physical units: forces, constraints and the friction cone.
 
-Forces are compared with the largest nodal force at work (reactions, contact forces, the first
-residual), gaps and slips with the largest displacement, or with what contact keeps a node from:
-where the body is held everywhere, as one that sticks all over, displacements are round-off, and the
-length is that by which a contact force would move its node alone. So the test does not change with
-the units of the input, and a small contact row cannot hide behind a large force row.
+Forces are compared with the largest nodal force (reactions, contact forces, first residual). Gaps
+and slips are compared with the largest displacement. In a body that sticks everywhere displacements
+are round-off; the length scale is then the displacement that a contact force would cause at its
+node alone (`held_back`). Thus the test is independent of the user's units, and a small contact row
+cannot hide behind a large force row.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 __all__ = ["Measures", "Scales", "held_back", "least_scales", "require_solution"]
 
 _SOLVED = 1e-6  # residual up to which a state counts as a solution
-_NOTHING = 1e-12  # of the body's size, a displacement that is none
+_NOTHING = 1e-12  # displacement that counts as zero, relative to the size of the body
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,11 @@ class Measures:
     """Relative residuals, each a largest entry over all ranks.
 
     Attributes:
-        force: equilibrium of the free nodes and of rigid bodies, over the force scale.
-        constraint: Dirichlet data, prescribed motions, gap of closed and slip of stuck points, over
-            the length scale.
-        cone: traction of open and shear of slipping points off the law, over the force scale.
+        force: residual of the equilibrium of free nodes and rigid bodies, over the force scale.
+        constraint: residual of Dirichlet data and prescribed motions, gap of closed points and slip
+            of stuck points, over the length scale.
+        cone: residual of the traction of open points and of the shear of slipping points, over the
+            force scale.
     """
 
     force: float
@@ -47,14 +48,19 @@ class Measures:
 
     @property
     def worst(self) -> float:
-        """The largest of the three; NaN if one is."""
+        """Largest of the three; NaN if one is NaN."""
         return _most(self.force, self.constraint, self.cone)
 
 
 def least_scales(equations: ContactEquations, length: float) -> tuple[float, float]:
-    """Force and length that count as none in a state whose displacements have this size, or 0.
+    """Smallest force and length scales of a state, (0, 0) if its displacements are significant.
 
-    Displacements below 1e-12 of the body are none, and so are forces that move a node by no more.
+    Displacements up to 1e-12 of the body size count as zero, and so do the nodal forces that cause
+    them.
+
+    Args:
+        equations: contact problem.
+        length: size of the displacements.
     """
     none = _NOTHING * equations.body_size
     return (equations.stiffness_scale * none, none) if length <= none else (0.0, 0.0)
@@ -64,8 +70,9 @@ class Scales:
     """Force and length scales of one solve; they only grow.
 
     Args:
-        equations: the contact problem.
-        settled: whether the state is to be a solution, beside which nothing is small by itself.
+        equations: contact problem.
+        settled: whether the state should be a solution, so that the scales are bounded from below
+            (`least_scales`); default: False.
     """
 
     def __init__(self, equations: ContactEquations, *, settled: bool = False):
@@ -74,7 +81,7 @@ class Scales:
         self.force = self.length = 0.0
 
     def measure(self, state: Evaluation) -> Measures:
-        """Measures of the rows of H at a state. Collective."""
+        """Return the measures of the rows of H at an evaluation. Collective."""
         eq = self._equations
         n = self._equations.owned_sizes[0]
         assert state.reactions is not None
@@ -86,7 +93,7 @@ class Scales:
         dirichlet = _most(dirichlet, _largest(state.rows[-1][rigid]))
         first = force if self.force == 0.0 else 0.0
         forces = [first, _largest(state.reactions[fixed])]
-        # A body that passes where it is undeformed is not at rest.
+        # A moving body has a length scale even while it passes its undeformed position.
         lengths = [_largest(state.u), _largest(state.q), eq.bulk.reach]
         lengths.append(dirichlet / eq.stiffness_scale)
         constraint = [dirichlet / eq.stiffness_scale]
@@ -112,12 +119,11 @@ class Scales:
 def require_solution(problem: Any) -> None:
     """Raise ``ValueError`` unless the state in the Functions solves the problem as it is now.
 
-    Collective. A question about a solution has no meaning elsewhere, for example after data have
-    changed. The residual is that of the statuses that the unknowns determine now: those of the last
-    write satisfy their own rows even if the coefficient of friction has changed since.
+    Collective. The statuses are determined again from the unknowns: the rows with the statuses of
+    the last write would remain satisfied after a change of the friction coefficient.
 
     Args:
-        problem: contact problem, or that of a step.
+        problem: contact problem, or problem of a step.
     """
     equations = problem.equations
     x = problem.create_vector()
@@ -136,17 +142,17 @@ def require_solution(problem: Any) -> None:
 
 
 def held_back(s: DiscreteSurface, found: ContactState, stiffness: Array) -> float:
-    """The largest displacement from which contact keeps a node of this rank, taken alone.
+    """Largest displacement that the contact force would cause at a node of this rank alone.
 
     Args:
-        s: the surface.
-        found: its state.
-        stiffness: of the nodes at its local vertices, by area.
+        s: contact surface.
+        found: evaluation of the surface.
+        stiffness: stiffness per area of the nodes at its local vertices, shape (n,).
     """
     if len(stiffness) == 0:
         return 0.0
     traction = np.linalg.norm(found.traction, axis=1)
-    # Tractions between vertices belong to several; a length that is too small requires more.
+    # Gauss points belong to several vertices; the largest stiffness gives the strictest test.
     nodal = s.points.E is None
     resists = stiffness[: len(traction)] if nodal else float(stiffness.max())
     return _largest(np.divide(traction, resists, out=np.zeros_like(traction), where=resists > 0))
@@ -177,15 +183,15 @@ def _row_measures(
     across = np.linalg.norm(rows - normal[:, None] * found.data.n, axis=1)
     touching = closed(found.statuses)
     stuck = senses(found.statuses) == STICK
-    # The direction of a slip is known to the shear residual over r, a length as well. Friction may
-    # hold an open point.
+    # The shear residual of a slipping point divided by r is a length, too: the error of the slip
+    # direction. Friction may hold an open point.
     lengths = np.array([np.where(touching, along, 0.0), np.where(touching | stuck, across, 0.0)])
     sizes = np.array([np.where(touching, 0.0, along), np.where(stuck, 0.0, across)])
     return _largest(lengths / (r * area)), _largest(sizes), forces
 
 
 def _most(*values: float) -> float:
-    """The largest; NaN if one is, which Python's own would leave out."""
+    """Largest value; NaN if one is NaN, unlike ``max``."""
     return np.nan if any(v != v for v in values) else max(values)
 
 

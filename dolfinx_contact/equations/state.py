@@ -24,21 +24,22 @@ Array = npt.NDArray[np.float64]
 class State:
     """State of a contact problem on this rank: a frozen value that can be pickled.
 
-    `ContactProblem.snapshot` takes one and `ContactProblem.restore` puts it back. Evaluators such
-    as `ContactProblem.table` and `io.write_fields` accept one. All arrays are read-only copies.
+    `ContactProblem.snapshot` returns the present state and `ContactProblem.restore` copies a state
+    into the Functions. Evaluators such as `ContactProblem.table` and `io.write_fields` accept a
+    state. All arrays are read-only copies.
 
     Attributes:
         displacement: local values of the displacement, ghosts included, a length.
         multipliers: local values of the multiplier of each surface, a stress.
         statuses: status codes of the contact points of each surface (`laws.status`).
-        motions: displacement and rotation of each rigid body.
-        memory: memory of each surface from which a step that begins in this state starts.
+        motions: displacement and rotation of each rigid body, lengths and radians.
+        memory: memory of each surface for a step that begins in this state.
         previous: memory of each surface at the beginning of the step that ended in this state;
-            None under the static law.
-        time: time of a state of an evolution.
-        gamma: load parameter of a point of a branch.
-        velocity: local values of the velocity, in dynamics.
-        energies: energies since the start of an evolution, by name.
+            None for each surface under the static law.
+        time: time of the state in an evolution; None for other states.
+        gamma: load parameter of a point on a branch; None for other states.
+        velocity: local values of the velocity in dynamics; None for other states.
+        energies: energies since the start of an evolution, by name; None for other states.
 
     Example:
         Solve for two loads from the same start::
@@ -79,8 +80,9 @@ class State:
 class LastWrite:
     """Unknowns and statuses that a problem wrote last.
 
-    On the border between two statuses displacement and multipliers do not determine them, so those
-    of the last solution count as long as the unknowns are the same bit by bit.
+    On the border between two statuses, displacement and multipliers do not determine the status.
+    The statuses of the last write are therefore valid as long as the unknowns are identical bit by
+    bit.
 
     Args:
         comm: communicator of the problem.
@@ -97,7 +99,7 @@ class LastWrite:
         self._statuses = [np.array(codes, dtype=np.int8) for codes in statuses]
 
     def statuses_at(self, unknowns: Array) -> Statuses | None:
-        """Statuses written with these unknowns, None if others were written. Collective."""
+        """Return the statuses of these unknowns, None if others were written. Collective."""
         same = self._unknowns is not None and np.array_equal(self._unknowns, unknowns)
         return self._statuses if self._comm.allreduce(int(same), op=MPI.MIN) else None
 

@@ -99,7 +99,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
 def validate_data(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if mesh, material, obstacles or laws are not admissible. Collective.
 
-    This is the part of `validate` that needs no state, for questions about data.
+    This is the part of `validate` that does not need a state, for questions about data.
     """
     eq.require_same_mesh()
     check_moduli(eq)
@@ -256,7 +256,7 @@ def without_normal(eq: ContactEquations, state: Evaluation) -> str:
         lost = ~np.isfinite(fall + found.kinematics.gap) | (
             closed(found.statuses) & (fall > _STEEPEST)
         )
-        # With a normal, it is the slip in the step that is not known.
+        # If the normal is finite, the undefined quantity is the slip in the step.
         turned = lost & np.isfinite(data.n).all(axis=1) & ~np.isfinite(fall)
         for which, why in ((lost & ~turned, _NO_NORMAL), (turned, _TURNED)):
             mine = sorted(np.round((s.positions + place)[which] / eq.body_size, 9).tolist())
