@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Journals of branches, evolutions and paths: their format, their content, and their reader.
 
-A journal is one JSON object a line, and lines are only ever appended. The first line is the header
-with the manifest of the problem; a line for the session follows for every run that recorded. A
-journal of branches has a line where a branch begins, one for every point and one where the branch
-ends, and lines for the nodes and edges of a diagram. A journal of an evolution or a path has a line
-for the start, one where a run begins, one for every accepted step, and one where a run ends.
+A journal has one JSON object per line, and lines are only appended. Its lines are
 
-Every line has its number and ends with the CRC-32 of the text before. A run may be killed at any
-moment: a last line without an end is not counted. Any other damaged or missing line is an error.
+- the header with the manifest of the problem, once, and a session for every recording run;
+- in a journal of branches: begin and end of every branch, every point, and the nodes and edges of a
+  diagram;
+- in a journal of an evolution or a path: the start, begin and end of every run, and every accepted
+  step.
+
+Every line contains its number and ends with the CRC-32 of the preceding text. A run may be killed
+at any time: an incomplete last line is ignored. Any other damaged or missing line is an error.
 """
 
 from __future__ import annotations
@@ -82,7 +84,7 @@ def outer_surface_file(folder: Path) -> Path:
 
 
 def _loaded(make: Callable[[Arrays], T], file: Path, fingerprint: str) -> T:
-    """An object made of the arrays of a file.
+    """Return an object made from the arrays of a file.
 
     Raises:
         DamagedFile: if the file is missing or damaged, or lacks an array.
@@ -101,7 +103,7 @@ class _Refused(ValueError):
 
 
 def encoded(entry: Mapping[str, Any]) -> bytes:
-    """The line of an entry, with its CRC; numbers keep all digits."""
+    """Return the line of an entry, with its CRC; numbers keep all digits."""
     body = json.dumps(plain(entry), allow_nan=False)[:-1]
     return f'{body}{_CRC}{zlib.crc32(body.encode()):08x}"}}\n'.encode()
 
@@ -112,7 +114,7 @@ def reread(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _decoded(line: bytes) -> dict[str, Any]:
-    """The entry of a line.
+    """Return the entry of a line.
 
     Raises:
         ValueError: if its CRC is wrong.
@@ -134,16 +136,16 @@ def _number(entry: dict[str, Any]) -> Any:
 
 @dataclass
 class AnyJournal:
-    """The common content of all journals.
+    """Common content of all journals.
 
     Attributes:
-        header: manifest of the problem, and places of the contact points.
-        sessions: one dictionary for every run that recorded: ranks, versions and time of its start;
-            the first has the fingerprint of the outer surface.
+        header: manifest of the problem, and positions of the contact points.
+        sessions: one dictionary per recording run, with ranks, versions and start time; the first
+            one contains the fingerprint of the outer surface.
         lines: number of complete lines.
-        length: size of these in bytes.
-        torn: whether the last line lacks its end.
-        folder: folder of the record; None of a journal in memory only.
+        length: size of the complete lines in bytes.
+        torn: whether the last line is incomplete.
+        folder: folder of the record; None for a journal in memory only.
     """
 
     kind: ClassVar[str]
@@ -165,7 +167,7 @@ class AnyJournal:
         raise NotImplementedError
 
     def entries(self, branch: int = 0) -> Sequence[PointEntry | StateEntry[Any]]:
-        """The entries of all points of a branch, or of all states of a history or path.
+        """Entries of all points of a branch, or of all states of a history or path.
 
         Raises:
             ValueError: if there is no such branch.
@@ -173,7 +175,7 @@ class AnyJournal:
         raise NotImplementedError
 
     def all_entries(self) -> Iterator[PointEntry | StateEntry[Any]]:
-        """The entries of all points of all branches, or of all states."""
+        """Entries of all points of all branches, or of all states."""
         raise NotImplementedError
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
@@ -185,7 +187,7 @@ class AnyJournal:
         return optional("pandas", "records").DataFrame(self.columns())
 
     def surface(self) -> OuterSurface:
-        """The outer surface of the bodies before they move, on this rank alone.
+        """Return the undeformed outer surface of the bodies. Not collective.
 
         Raises:
             ValueError: if the record has no outer surface yet, or it is damaged.
@@ -197,14 +199,15 @@ class AnyJournal:
         return _loaded(OuterSurface.of_arrays, outer_surface_file(folder), fingerprint)
 
     def surface_at(self, index: int, branch: int = 0) -> SurfaceState:
-        """The outer surface at a recorded point, on this rank alone.
+        """Return the outer surface at a recorded point. Not collective.
 
         Args:
-            index: number of the point; of a history or path number of the step, 0 for the start.
+            index: number of the point, or of the step of a history or path; 0 is the start.
             branch: number of the branch; 0 for histories and paths.
 
         Raises:
-            ValueError: if there is no such point, its displacement was not recorded, or is damaged.
+            ValueError: if the point does not exist, or its displacement is damaged or was not
+                recorded.
         """
         entries = self.entries(branch)
         if not 0 <= index < len(entries):
@@ -231,7 +234,7 @@ class AnyJournal:
         """Add the entry of the next line.
 
         Raises:
-            ValueError, KeyError, TypeError, IndexError: if it does not follow the lines before.
+            ValueError, KeyError, TypeError, IndexError: if it does not fit the preceding lines.
         """
         kind = entry.pop("type")
         self.lines += 1
@@ -603,7 +606,7 @@ _KINDS: dict[str, type[Journal | EvolutionJournal | PathJournal]] = {
 
 
 def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
-    """The journal in the content of a file; a last line without an end is left out.
+    """Return the journal in the content of a file, without an incomplete last line.
 
     Args:
         data: content of the file.
@@ -611,7 +614,7 @@ def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
         folder: folder of the record.
 
     Raises:
-        ValueError: if a line is damaged or does not follow the lines before, or the journal is of
+        ValueError: if a line is damaged or does not fit the preceding lines, or the journal has
             another kind or format.
     """
     *lines, rest = data.split(b"\n")
@@ -627,10 +630,10 @@ def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
 
 
 def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal | PathJournal:
-    """Read the journal of a folder, on this rank alone; the run may still continue.
+    """Read the journal of a folder, also during the run. Not collective.
 
     Returns:
-        The journal, of the class of its kind.
+        Journal, an instance of the class of its kind.
 
     Raises:
         OSError: if there is no journal.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The manifest of a record: mesh, forms and data of a contact problem, in a few numbers and words.
+"""The manifest of a record: mesh, forms and data of a contact problem as hashes and numbers.
 
 A record stores the manifest when it begins and compares it once, when it is resumed: a journal is
 not continued with another problem. The manifest does not depend on the number of ranks. It has
@@ -13,8 +13,8 @@ three sections, each a dictionary by the name of the item:
 The projections of a Function f are p_k = sum_c w_k(c) f_c over the coefficients c of all cells, for
 two weights w_k in [-1, 1) that depend on the number of the cell in the input of the mesh and on the
 place of the coefficient within the cell. Two Functions are treated as equal if their projections
-agree to 1e-9 of sqrt(sum_c f_c^2): values that were computed on another number of ranks differ in
-their last digits, so that a hash of the values would not do.
+agree to 1e-9 of sqrt(sum_c f_c^2). A hash of the values is not suitable: values computed on another
+number of ranks differ in their last digits.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ __all__ = ["data_restored", "difference", "manifest_of", "values_of"]
 Manifest = dict[str, dict[str, Any]]
 
 _TOLERANCE = 1e-9  # relative, of Constants and of projections
-_ROUND_OFF = 1e-14  # of the largest component of a Constant
-_NO_LENGTH = 1e-13  # of the size of the body: gaps and prescribed displacements below are zero
-_LONGEST = 100  # characters of a value that an error shows
+_ROUND_OFF = 1e-14  # relative to the largest component of a Constant
+_NO_LENGTH = 1e-13  # gaps and prescribed displacements that count as zero, relative to the body
+_LONGEST = 100  # largest number of characters of a value in a message
 _NUMBER = re.compile(r"[-+]?\d+\.\d+(?:e[-+]?\d+)?")
 _UFL = "the version of UFL"
 
@@ -59,12 +59,12 @@ def manifest_of(
     forms: Mapping[str, Any] | None = None,
     driven: Sequence[Any] = (),
 ) -> Manifest:
-    """The sections ``parts`` and ``forms`` of the manifest of a problem. Collective.
+    """Return the sections ``parts`` and ``forms`` of the manifest. Collective.
 
     Args:
-        problem: the contact problem.
+        problem: contact problem.
         method: words that name the method and its parameters.
-        forms: further UFL forms, by name, such as that of the damping.
+        forms: further UFL forms by name, such as a damping form.
         driven: expressions by which a parameter drives Dirichlet data.
 
     Raises:
@@ -116,17 +116,17 @@ def manifest_of(
 def values_of(
     problem: ContactProblem, *, more: Sequence[Datum] = (), but: Sequence[Any] = ()
 ) -> dict[str, Any]:
-    """The section ``values`` of a manifest: all data of a problem as they are now. Collective.
+    """Return the section ``values`` of a manifest: all present data. Collective.
 
     Args:
-        problem: the contact problem.
+        problem: contact problem.
         more: further Functions and Constants, with their places.
         but: Functions and Constants that are left out, such as the parameter of a branch.
 
     Returns:
-        A list of numbers for a Constant, and a dictionary with ``projections`` and ``scale`` for a
-        Function, by place. The displacement that Dirichlet conditions prescribe (0 elsewhere) is
-        one of the Functions.
+        Dictionary by place: a list of numbers for each Constant, and a dictionary with
+        ``projections`` and ``scale`` for each Function. One of the Functions is the prescribed
+        displacement, 0 at free unknowns.
     """
     eq = problem.equations
     domain = problem.V.mesh
@@ -153,9 +153,9 @@ def values_of(
 
 
 def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """The first item in which two sections of a manifest differ, with both values; "" if none."""
+    """Return the first item that differs in two sections, with both values; "" if none."""
     if recorded.get(_UFL) != now.get(_UFL):
-        return ""  # another version of UFL may write the same form in another way
+        return ""  # signatures of the same form depend on the version of UFL
     for name in dict.fromkeys((*recorded, *now)):
         if name not in recorded or name not in now:
             return f"{name} ({'missing now' if name in recorded else 'not recorded'})"
@@ -166,7 +166,7 @@ def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 @contextmanager
 def data_restored(problem: ContactProblem) -> Iterator[None]:
-    """Put the values of all data of a problem back at the end. Not collective."""
+    """Restore the values of all data of a problem at the end. Not collective."""
     arrays = [_array(d.value) for d in placed_data(problem.equations)]
     values = [a.copy() for a in arrays]
     try:

@@ -61,17 +61,17 @@ class Record(Observer, Generic[J]):
         folder: folder of the record, created if necessary.
         problem: contact problem that is recorded.
         kind: class of the journal.
-        surface_displacement: whether the displacement of the outer surface is kept at every point;
-            ignored when a record is resumed, which continues as it began.
-        resume: True to continue a record that exists, False to begin one where there is none,
-            "if_exists" for either.
+        surface_displacement: whether the displacement of the outer surface is stored at every
+            point. A resumed record ignores it and continues as it began.
+        resume: True to continue an existing record, False to begin a new one, ``"if_exists"`` to
+            continue a record if it exists and begin one otherwise.
 
     Attributes:
         journal: content of the journal, on every rank.
 
     Raises:
-        OSError: on every rank, if the folder cannot be written to, another run records there,
-            there is a record and it is not to be resumed, or the other way round.
+        OSError: on every rank, if the folder cannot be written to, another run records there, or
+            the existence of a record contradicts ``resume``.
         ValueError: on every rank, if the journal is damaged or of another kind.
     """
 
@@ -116,7 +116,7 @@ class Record(Observer, Generic[J]):
     def _require_same(
         self, recorded: Mapping[str, Any], now: Mapping[str, Any], at: str = ""
     ) -> None:
-        """Refuse another problem than the recorded one. Collective.
+        """Raise ``ValueError`` if the problem is not the recorded one. Collective.
 
         Args:
             recorded: sections of the manifest, by name, as recorded.
@@ -179,7 +179,7 @@ class Record(Observer, Generic[J]):
         return self._save(checkpoint_file(self.folder, name), found)
 
     def _write_surface(self, name: str, law: ContactProblem) -> str:
-        """Write the outer surface at the present displacement; its fingerprint. Collective.
+        """Write the present outer surface, and return its fingerprint. Collective.
 
         Args:
             name: name of the point.
@@ -244,9 +244,9 @@ class Record(Observer, Generic[J]):
         return self.comm.bcast(at_points)
 
     def _last_undamaged(self, indices: Sequence[int], read: Callable[[int], T]) -> T:
-        """The first of several states that can be read. Collective.
+        """Return the first of several states that can be read. Collective.
 
-        A damaged checkpoint is passed over, with a warning in the log.
+        Damaged checkpoints are skipped, with a warning in the log.
 
         Args:
             indices: indices of the states, from the last one back.
