@@ -30,6 +30,7 @@ from dolfinx_contact._frozen import ReadOnly, copy_with
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma
+from dolfinx_contact.continuation.solutions import Solution
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
 from dolfinx_contact.equations.data import (
     data_within,
@@ -230,18 +231,29 @@ class ParametricContact(ReadOnly, ParametricEquations):
         x.destroy()
         return result
 
-    def state_at(self, point: BranchPoint) -> State:
-        """The state of a point of a branch, with its gamma. Collective.
+    def state_at(self, point: BranchPoint | Solution, gamma: float | None = None) -> State:
+        """The state of a point of a branch or of a solution, with its gamma. Collective.
 
         The Functions, gamma and what it drives stay as they are.
+
+        Args:
+            point: point of a branch, or one of `Solutions.found`.
+            gamma: parameter at which the solution was found; that of the point of a branch is
+                known.
         """
         x = self.create_vector()
-        x.array[:] = point.y.array_r[: x.getLocalSize()]
+        if isinstance(point, Solution):
+            if gamma is None:
+                raise ValueError("gamma is needed for a solution, as in state_at(found, gamma=1.0)")
+            known, unknowns = gamma, point.x.array_r
+        else:
+            known, unknowns = point.gamma, point.y.array_r
+        x.array[:] = unknowns[: x.getLocalSize()]
         with self.restored(always=True):
-            self._set(point.gamma)
+            self._set(known)
             state = self.problem.state_at(x, self.statuses_of(point.piece))
         x.destroy()
-        return replace(state, gamma=point.gamma)
+        return replace(state, gamma=known)
 
     def restore(self, state: State) -> None:
         """Put a state into the Functions, with its gamma and what that drives. Collective.

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
@@ -22,12 +23,13 @@ from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly, copy_with
 from dolfinx_contact._kept import keep
+from dolfinx_contact._mesh_mark import mesh_mark
 from dolfinx_contact._numbers import is_count
 from dolfinx_contact._options import ProblemOptions, check_options, in_database
 from dolfinx_contact._petsc import require_real, staged
 from dolfinx_contact._progress import check_progress
 from dolfinx_contact._shared import anywhere
-from dolfinx_contact._validate import instance, positive
+from dolfinx_contact._validate import instance, nonnegative, positive
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.body.weighting import weighted
@@ -83,6 +85,10 @@ def _classical() -> ModuleType:
     from dolfinx_contact.solvers import classical
 
     return classical
+
+
+def _check_step(a: Arguments) -> None:
+    a.step = nonnegative(a.step, "the duration of a step")
 
 
 def _check_solve(a: Arguments) -> None:
@@ -277,6 +283,10 @@ class ContactProblem(ReadOnly):
         self._linear = LinearSolverChoice(self.equations)
         #: Shared by the problems of steps, which write the same Functions.
         self._written = LastWrite(self.comm)
+        #: Checksum of mesh and surfaces, by which states of other problems are refused.
+        self.signature = mesh_mark(self.V.mesh)
+        for s in self.surfaces:
+            self.signature = zlib.crc32(f"{s.name} {s.points.number}".encode(), self.signature)
         #: Kinds of the evolutions that the problem has had, shared by the problems of steps.
         self.evolved: list[str] = []
         #: Names of the warnings that a run has logged; None outside of runs.
@@ -294,6 +304,7 @@ class ContactProblem(ReadOnly):
         )
         return copy_with(self, equations=equations, _linear=LinearSolverChoice(equations))
 
+    @collective("a step", _check_step)
     def step_from(self, state: State, *, step: float = 0.0) -> ContactProblem:
         """Return the problem of one step that begins in a state. Collective.
 
@@ -307,7 +318,8 @@ class ContactProblem(ReadOnly):
 
         Args:
             state: state at the beginning of the step.
-            step: duration of the step, a time, for laws that depend on it.
+            step: duration of the step, a time, not negative. Laws with a viscosity or a speed need
+                it; 0 stands for an instant.
 
         Raises:
             ValueError: on every rank, if the state is not one of this problem.
@@ -377,7 +389,7 @@ class ContactProblem(ReadOnly):
 
     def note_statuses(self, statuses: Statuses) -> None:
         """Store the statuses that belong to the present unknowns. Not collective."""
-        self._written.note(self._owned_values(), statuses)
+        self._written.note(self._owned_values(), statuses, self.equations.memory)
 
     @property
     def statuses(self) -> Statuses:
@@ -434,6 +446,7 @@ class ContactProblem(ReadOnly):
             motions=tuple(eq.rigid.of_body(evaluation.q, b) for b in self.rigid_bodies),
             memory=eq.advanced(evaluation),
             previous=eq.memory,
+            signature=self.signature,
         )
 
     def restore(self, state: State) -> None:
@@ -447,19 +460,21 @@ class ContactProblem(ReadOnly):
             f.x.array[:] = values
         for body, motion in zip(self.rigid_bodies, state.motions, strict=True):
             body.values = motion.copy()
-        self.note_statuses(state.statuses)
+        self._written.note(self._owned_values(), state.statuses, state.previous)
 
     def _require_state(self, state: State | None) -> None:
         """Raise ``ValueError`` if a state has other unknowns than this problem. Collective."""
+        self.equations.require_same_mesh()
         fits = isinstance(state, State) and (
-            [len(v) for v in (state.displacement, *state.multipliers, *state.motions)]
+            state.signature == self.signature
+            and [len(v) for v in (state.displacement, *state.multipliers, *state.motions)]
             == [
                 *(len(f.x.array) for f in self.fields),
                 *(len(body.values) for body in self.rigid_bodies),
             ]
             and [len(v) for v in state.statuses] == [s.points.number for s in self.surfaces]
         )
-        words = "a State of this problem on the same number of ranks"
+        words = "a State of this problem, of the same mesh, surfaces and number of ranks"
         require(self.comm, fits, f"state must be {words}; got {type(state).__name__}")
 
     @contextmanager
@@ -515,7 +530,8 @@ class ContactProblem(ReadOnly):
         Afterwards the Functions are as they were.
 
         Args:
-            state: state to show; default: present values of the Functions, under the present law.
+            state: state to show; default: present values of the Functions, under the law with which
+                they were written.
 
         Yields:
             The problem whose equations have the memory of the step that ended in the state.
@@ -524,6 +540,9 @@ class ContactProblem(ReadOnly):
             ValueError: on every rank, if the mesh has moved or the state is not one of the problem.
         """
         self.equations.require_same_mesh()
+        if not anywhere(self.comm, state is not None)[0]:
+            yield self._as_written()
+            return
         with self._shown(state) as problem:
             yield problem
 
@@ -538,6 +557,17 @@ class ContactProblem(ReadOnly):
         with self.restored(always=True):
             self.restore(state)
             yield self.with_memory(state.previous)
+
+    def _as_written(self) -> ContactProblem:
+        """The problem under the law that the Functions were written under. Collective.
+
+        In an observer of an evolution, and after the run, this is the law of the last step, as long
+        as the Functions are unchanged. Otherwise it is the law of this problem.
+        """
+        previous = self._written.previous_at(self._owned_values())
+        if previous is None or any(memory is not None for memory in self.equations.memory):
+            return self
+        return self.with_memory(previous)
 
     @property
     def solver(self) -> PETSc.SNES:

@@ -565,7 +565,7 @@ def test_bad_input():
     with pytest.raises(ValueError, match="contact: not between 0 and 1: beta of RCCM"):
         problem.solve()
     jump = np.zeros((surface.points.number, 2))
-    with pytest.raises(ValueError, match="memory is that of other contact surfaces"):
+    with pytest.raises(ValueError, match="memory belongs to other contact surfaces"):
         problem.with_memory([Memory(jump, {"beta": np.ones(surface.points.number + 1)})])
 
 

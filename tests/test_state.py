@@ -10,7 +10,7 @@ import pytest
 from blocks import block
 from test_evolution import dragged, put
 
-from dolfinx_contact import State
+from dolfinx_contact import RCCM, ContactProblem, Coulomb, State
 from dolfinx_contact.analysis import (
     SteadySliding,
     critical_friction,
@@ -144,8 +144,70 @@ def test_evaluators_use_the_law_of_the_step_that_ended_in_the_state():
     table = step.table(s)
     again = problem.table(s, state=state)
     np.testing.assert_array_equal(again.increment, table.increment)
+    # The Functions are as the step has written them, so that its law holds in them.
+    np.testing.assert_array_equal(problem.table(s).increment, table.increment)
+    problem.u.x.array[:] *= 1.0 + 1e-15
     static = problem.table(s)
     np.testing.assert_array_equal(static.increment, static.ut)
+
+
+def test_a_table_in_an_observer_has_the_law_of_the_step():
+    """Increments and bonds are those of the step, and after the run those of the last step."""
+    law = RCCM(normal=1e3, tangential=1e3, work=0.005, friction=0.2, viscosity=1e-2)
+    problem = block(law=law, top=(0.0, 0.0))
+    top = problem.bcs[0].g.value
+    found = []
+
+    def load(t):
+        top[1] = 0.02 * t
+
+    def observe(step):
+        table = problem.table(problem.surfaces[0])
+        expected = step.result.tables["contact"]
+        for name in ("increment", "adhesion"):
+            np.testing.assert_array_equal(getattr(table, name), getattr(expected, name))
+        np.testing.assert_array_equal(table.internal["beta"], expected.internal["beta"])
+        found.append(table.internal["beta"])
+
+    QuasiStatic(problem, load).run([0.0, 0.5, 1.0], sudden=np.inf, observer=observe)
+    after = problem.table(problem.surfaces[0]).internal["beta"]
+    np.testing.assert_array_equal(after, found[-1])
+    assert COMM.allreduce(after.min(initial=1.0), op=MPI.MIN) < 1.0
+
+
+def test_a_state_of_another_mesh_is_refused():
+    """Also if it has as many unknowns."""
+    problem, other = block(), block()
+    domain = other.u.function_space.mesh
+    state = problem.snapshot()
+    domain.geometry.x[:, 0] *= 2.0
+    wide = ContactProblem(other.energy, other.u, other.contacts, bcs=other.bcs)
+    for ask in (
+        lambda: wide.restore(state),
+        lambda: wide.step_from(state),
+        lambda: wide.table(wide.surfaces[0], state=state),
+    ):
+        with pytest.raises(ValueError, match="a State of this problem, of the same mesh"):
+            ask()
+
+
+def test_a_state_without_the_variables_of_a_law_begins_no_step():
+    problem = block(law=Coulomb(0.3))
+    state = problem.snapshot()
+    (contact,) = problem.contacts
+    bonded = replace(contact, law=RCCM(0.3, 100.0, 100.0, 0.1))
+    other = ContactProblem(problem.energy, problem.u, [bonded], bcs=problem.bcs)
+    with pytest.raises(
+        ValueError, match="the memory belongs to other contact surfaces, another law"
+    ):
+        other.step_from(state)
+
+
+@pytest.mark.parametrize("step", [-0.5, np.nan, np.inf, "a"])
+def test_the_duration_of_a_step_is_a_nonnegative_number(step):
+    problem = block()
+    with pytest.raises(ValueError, match="the duration of a step must be a nonnegative number"):
+        problem.step_from(problem.snapshot(), step=step)
 
 
 def test_results_can_be_pickled():

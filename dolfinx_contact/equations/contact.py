@@ -479,7 +479,7 @@ class ContactEquations:
         fits = len(memory) == len(self.surfaces) and all(
             m is None or _fits(m, s) for s, m in zip(self.surfaces, memory, strict=True)
         )
-        message = "the memory is that of other contact surfaces, of another sliding or another mesh"
+        message = "the memory belongs to other contact surfaces, another law, sliding or mesh"
         require(self.comm, fits, message)
         equations = copy(self)
         equations.memory = tuple(memory)
@@ -525,7 +525,8 @@ class ContactEquations:
 def _fits(memory: Memory, s: DiscreteSurface) -> bool:
     """Whether a memory belongs to a surface of this size and sliding."""
     alike = memory.slides == s.slides and memory.follows == (s.displaced is not None)
-    return alike and memory.fits(s.points.number, s.dim)
+    known = set(s.law.memory(s.dim)) <= set(memory.fields)
+    return alike and known and memory.fits(s.points.number, s.dim)
 
 
 def remembered(s: DiscreteSurface, at: ContactState) -> dict[str, Array]:

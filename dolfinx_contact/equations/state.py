@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -40,6 +40,7 @@ class State:
         gamma: load parameter of a point on a branch; None for other states.
         velocity: local values of the velocity in dynamics; None for other states.
         energies: energies since the start of an evolution, by name; None for other states.
+        signature: checksum of the mesh and the surfaces of the problem on this rank.
 
     Example:
         Solve for two loads from the same start::
@@ -62,6 +63,7 @@ class State:
     gamma: float | None = None
     velocity: Array | None = None
     energies: Mapping[str, float] | None = None
+    signature: int = 0
 
     def __post_init__(self) -> None:
         for name in ("multipliers", "statuses", "motions"):
@@ -78,7 +80,7 @@ class State:
 
 
 class LastWrite:
-    """Unknowns and statuses that a problem wrote last.
+    """Unknowns and statuses that a problem wrote last, and the memory of the law there.
 
     On the border between two statuses, displacement and multipliers do not determine the status.
     The statuses of the last write are therefore valid as long as the unknowns are identical bit by
@@ -92,16 +94,28 @@ class LastWrite:
         self._comm = comm
         self._unknowns: Array | None = None
         self._statuses: Statuses = ()
+        self._previous: Sequence[Memory | None] = ()
 
-    def note(self, unknowns: Array, statuses: Statuses) -> None:
-        """Store owned unknowns (n,) with their statuses, both copied. Not collective."""
+    def note(self, unknowns: Array, statuses: Statuses, previous: Sequence[Memory | None]) -> None:
+        """Store owned unknowns (n,), statuses and the memory of their law. Not collective."""
         self._unknowns = unknowns.copy()
+        self._previous = previous
         self._statuses = [np.array(codes, dtype=np.int8) for codes in statuses]
 
     def statuses_at(self, unknowns: Array) -> Statuses | None:
         """Return the statuses of these unknowns, None if others were written. Collective."""
+        return self._statuses if self._is_at(unknowns) else None
+
+    def previous_at(self, unknowns: Array) -> Sequence[Memory | None] | None:
+        """Return the memory of the law under which these unknowns were written. Collective.
+
+        None if other unknowns were written.
+        """
+        return self._previous if self._is_at(unknowns) else None
+
+    def _is_at(self, unknowns: Array) -> bool:
         same = self._unknowns is not None and np.array_equal(self._unknowns, unknowns)
-        return self._statuses if self._comm.allreduce(int(same), op=MPI.MIN) else None
+        return bool(self._comm.allreduce(int(same), op=MPI.MIN))
 
 
 def _read_only(values: npt.NDArray[Any]) -> npt.NDArray[Any]:

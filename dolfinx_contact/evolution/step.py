@@ -406,6 +406,7 @@ class Stepper:
             law.equations.memory,
             time=time,
             energies=asdict(energies),
+            signature=problem.signature,
         )
 
     def _unknowns(self) -> Array:
