@@ -319,7 +319,7 @@ class ContactProblem(ReadOnly):
         Args:
             state: state at the beginning of the step.
             step: duration of the step, a time, not negative. Laws with a viscosity or a speed need
-                it; 0 stands for an instant.
+                it; 0 means an instant.
 
         Raises:
             ValueError: on every rank, if the state is not one of this problem.
