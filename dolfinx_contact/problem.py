@@ -464,7 +464,6 @@ class ContactProblem(ReadOnly):
 
     def _require_state(self, state: State | None) -> None:
         """Raise ``ValueError`` if a state has other unknowns than this problem. Collective."""
-        self.equations.require_same_mesh()
         fits = isinstance(state, State) and (
             state.signature == self.signature
             and [len(v) for v in (state.displacement, *state.multipliers, *state.motions)]
@@ -827,7 +826,9 @@ class ContactProblem(ReadOnly):
                 data, ``proof_seconds`` is negative or differs between ranks, or the data are not
                 admissible.
         """
-        with self.at(state) as problem:
+        self.equations.require_same_mesh()
+        # A question by default concerns the law of this problem, not that of the last step.
+        with self._shown(state) as problem:
             eq = problem.equations
             x = problem.create_vector()
             problem.write(x)

@@ -681,9 +681,9 @@ def test_bad_input():
     assert evolution.run([1.0, 1.5]).complete
     assert history.at(1.0).number == 1
     other, _ = dragged(n=3)
-    with pytest.raises(ValueError, match="another mesh"):
+    with pytest.raises(ValueError, match="another law, sliding or mesh"):
         other.with_memory(evolution.memory)
-    with pytest.raises(ValueError, match="another mesh"):
+    with pytest.raises(ValueError, match="another law, sliding or mesh"):
         other.with_memory([])
     with pytest.raises(ValueError, match="expected statuses"):
         other.solve(expected=[problem.statuses])
