@@ -269,8 +269,10 @@ def test_a_function_that_jumps_between_cells():
     domain, u = square()
     jumps = fem.Function(fem.functionspace(domain, ("DG", 1)))
     energy = MATERIAL.energy(u) * ufl.dx + jumps * ufl.avg(u[1]) * ufl.dS
-    with pytest.raises((ValueError, RuntimeError), match=r"must be restricted|Compilation failed"):
+    kind = ValueError if COMM.size == 1 else RuntimeError  # DOLFINx compiles on one rank
+    with pytest.raises(kind, match="must be restricted") as info:
         ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
+    same_on_every_rank(info)
 
 
 def test_nan_in_dirichlet_data():
@@ -524,15 +526,16 @@ def test_bad_numbers_on_one_rank_only():
     """What one rank objects to every rank raises."""
     _, u = square()
     last = COMM.rank == COMM.size - 1
+    alone = COMM.size == 1
     for options, message in (
         ({"law": Coulomb(-1.0 if last else 0.3)}, "finite and nonnegative"),
         (
             {"obstacle": Sphere((0.5, -1.0), -1.0 if last else 1.0)},
-            "radius must be positive|obstacle differs",
+            "radius must be positive" if alone else "obstacle differs between ranks",
         ),
         (
             {"obstacle": HalfSpace((0.0, 0.0), (0.0, np.nan if last else 1.0))},
-            "finite components|obstacle differs",
+            "finite components" if alone else "obstacle differs between ranks",
         ),
     ):
         with pytest.raises(ValueError, match=message):

@@ -9,7 +9,7 @@ facet size of the contact surface, x, g, n, j are position, gap, normal and jump
 |---|---|---|
 | `misfit` | small sliding: abs(true gap of the displaced point - gap of the law) of closed points; of open points the depth that the law does not see | 0.03 facets |
 | `slip` | small sliding of a pair: slip since the mesh over the facet size of the other face | 0.5 |
-| `turn` | small sliding of a pair: angle between the displaced normal and the normal of the law, root mean square weighted by the normal forces | 3 degrees |
+| `turn` | small sliding of a pair: angle between the displaced normals of both faces and the normal of the law, the larger one, root mean square weighted by the normal forces, or half the largest of closed points | 3 degrees |
 | `slip_in_step` | slip in a step over the facet size of the other face (large sliding, surfaces of facets) | 2 |
 | `passing` | change of the contact normal in a step at a point whose way leads through the obstacle | 90 degrees |
 | `approach` | large sliding of a pair: approach in a step of points that face nothing, over the search distance | 1 |
@@ -335,15 +335,20 @@ def _of_pair(
     width = min(width, max(area ** (1 / (s.dim - 1)), found.facet))
     # normals
     outward = [outward_at_points(s, v) for v in (u, np.zeros_like(u))]
-    turn = np.maximum(_angles(n, outward[0]) - _angles(n, outward[1]), 0.0)
+    turn = np.maximum(
+        _angles(n, outward[0]) - _angles(n, outward[1]),
+        _angles(n, -after.normal) - _angles(n, -before.normal),
+    )
+    turn = np.maximum(turn, 0.0)
     forces = np.where(touching, np.maximum(-dot(contact.traction, n), 0.0), 0.0)
     forces = forces * s.points.areas
     squares = s.comm.allreduce(np.array([forces @ turn**2, forces.sum()]))
+    mean = float(np.sqrt(squares[0] / squares[1])) if squares[1] > 0 else 0.0
     return replace(
         found,
         misfit=_most(s, off),
         slip=_most(s, np.where(acting, along, 0.0)) / width,
-        turn=float(np.sqrt(squares[0] / squares[1])) if squares[1] > 0 else 0.0,
+        turn=max(mean, _most(s, _touching(contact, turn)) / 2),
     )
 
 
