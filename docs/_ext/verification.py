@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # tests read marks where there is no Sphinx
     from sphinx.application import Sphinx
 
-#: Features by the heads of "What it can do" in the README.
+#: Features of the package by chapter of the verification manual.
 FEATURES = {
     "Laws": (
         *("Signorini", "Tresca", "Coulomb", "nonlocal friction", "orthotropic friction"),
