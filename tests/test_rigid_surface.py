@@ -821,6 +821,47 @@ def test_ranks_with_other_tools():
         OnBody(2, shape, Coulomb(0.3))
 
 
+@pytest.mark.skipif(COMM.size > 1, reason="looks at a file")
+@pytest.mark.refuses("surfaces of facets", aspects=("3D",))
+def test_truncated_stl_files_are_refused(folder):
+    """Anywhere but in the name of the solid at the end, and in both formats."""
+    points, cells = ball(1)
+    rng = np.random.default_rng(7)
+    for binary in (False, True):
+        write_stl(folder / "whole.stl", points, cells, binary=binary)
+        content = (folder / "whole.stl").read_bytes()
+        end = len(content) if binary else content.rindex(b"endsolid") + len(b"endsolid") - 1
+        for size in rng.integers(1, end, 100):
+            (folder / "part.stl").write_bytes(content[:size])
+            with pytest.raises(ValueError, match=r"truncated|is no complete"):
+                RigidSurface.read(folder / "part.stl")
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="looks at a file")
+@pytest.mark.verifies(
+    "surfaces of facets", reference="itself: the same file in lower case", aspects=("3D",)
+)
+def test_ascii_stl_of_other_writers(folder):
+    """Upper case, a byte order mark, several solids, and keywords within the name of a solid."""
+    write_stl(folder / "plain.stl", *ball(1), binary=False)
+    expected = RigidSurface.read(folder / "plain.stl")
+    text = (folder / "plain.stl").read_text()
+    facets = text.split("\n", 1)[1].rsplit("endsolid", 1)[0]
+    middle = facets.index("endfacet", len(facets) // 2) + len("endfacet\n")
+    halves = [f"solid part\n{half}endsolid\n" for half in (facets[:middle], facets[middle:])]
+    variants = (
+        text.upper().encode(),
+        b"\xef\xbb\xbf" + text.encode(),
+        f"solid facet normal vertex 1 2 3\n{facets}endsolid facet vertex\n".encode(),
+        "".join(halves).encode(),
+    )
+    for content in variants:
+        (folder / "variant.stl").write_bytes(content)
+        read = RigidSurface.read(folder / "variant.stl")
+        np.testing.assert_array_equal(read.points, expected.points)
+        np.testing.assert_array_equal(read.cells, expected.cells)
+
+
 @pytest.mark.verifies(
     "surfaces of facets", reference="closed form: what was written", aspects=("2D", "3D")
 )
@@ -849,7 +890,7 @@ def test_files(folder):
     for name, given, error, message in (
         ("none.stl", {}, FileNotFoundError, "none.stl"),
         ("empty.stl", {}, ValueError, "has no facets"),
-        ("broken.stl", {}, ValueError, "is no STL file: neither binary"),
+        ("broken.stl", {}, ValueError, "is no complete STL file"),
         ("tool.step", {}, ValueError, "from a file .stl or .msh"),
         ("words.stl", {"group": "skin"}, ValueError, "an STL file has no groups"),
         ("words.stl", {"scale": 0.0}, ValueError, "scale must be a positive number"),

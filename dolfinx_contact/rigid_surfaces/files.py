@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Facets of a surface in a file: of STL, with words or binary, and of gmsh."""
+"""Facets of a surface from a file: STL (ASCII or binary) or gmsh."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 _HEAD = 84  # bytes before the facets of a binary STL file: a line of 80, and their number
+#: Words of a facet in an ASCII STL file, with "" for a number.
+_WORDS = ("facet", "normal", *3 * [""], "outer", "loop")
+_WORDS += (*3 * ["vertex", *3 * [""]], "endloop", "endfacet")
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
 
 
@@ -47,19 +50,38 @@ def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
 
 
 def _of_stl(path: Path) -> Array:
-    """Corners (k, 3, 3). A binary file is as long as the number of its facets says."""
+    """Return the corners (k, 3, 3) of a binary or ASCII STL file.
+
+    A file is binary if it has the length that its number of facets requires: the header of a binary
+    file may begin with "solid" too.
+    """
     content = path.read_bytes()
-    count = int.from_bytes(content[_HEAD - 4 : _HEAD], "little") if len(content) >= _HEAD else -1
-    if len(content) == _HEAD + count * _FACET.itemsize:
+    text = content.removeprefix(b"\xef\xbb\xbf").lstrip()
+    count = int.from_bytes(content[_HEAD - 4 : _HEAD], "little") if len(content) >= _HEAD else 0
+    length = _HEAD + count * _FACET.itemsize
+    if len(content) == length:
         facets = np.frombuffer(content, _FACET, count, _HEAD)
         return np.asarray(facets["corners"], dtype=np.float64)
-    broken = f"{path} is no STL file: neither binary ({len(content)} bytes) nor facets in words"
-    if not content.lstrip().startswith(b"solid"):
-        raise ValueError(broken)
-    words = content.split()
+    if text[:5].lower() == b"solid":
+        return _of_text(path, text.decode(errors="replace"))
+    raise ValueError(
+        f"{path} is no complete STL file: an ASCII file begins with 'solid', and a binary file "
+        f"with {count} facets has {length} bytes; got {len(content)} bytes"
+    )
+
+
+def _of_text(path: Path, text: str) -> Array:
+    """Return the corners (k, 3, 3) of an ASCII STL file, of one or several solids."""
+    lines = [line.split() for line in text.lower().splitlines() if line.strip()]
+    if lines[-1][0] != "endsolid":
+        raise ValueError(f"{path} is truncated: an ASCII STL file ends with 'endsolid'")
+    # The names of solids are free text.
+    words = [w for line in lines if line[0] not in ("solid", "endsolid") for w in line]
     try:
-        places = [i for i, word in enumerate(words) if word == b"vertex"]
-        flat = [float(w) for i in places for w in words[i + 1 : i + 4]]
-        return np.array(flat, dtype=np.float64).reshape(-1, 3, 3)
-    except ValueError:
-        raise ValueError(broken) from None
+        facets = np.array(words, dtype=str).reshape(-1, len(_WORDS))
+        numbers = np.array([word == "" for word in _WORDS])
+        if (facets[:, ~numbers] != np.array(_WORDS)[~numbers]).any():
+            raise ValueError("keywords differ")
+        return facets[:, numbers].astype(np.float64)[:, 3:].reshape(-1, 3, 3)
+    except ValueError as error:
+        raise ValueError(f"{path} is no complete ASCII STL file: {error}") from None
