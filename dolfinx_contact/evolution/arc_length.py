@@ -40,7 +40,7 @@ from dolfinx_contact.equations.validation import check_times
 from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.by_arc_length import ByArcLength
 from dolfinx_contact.evolution.energy import Energies
-from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners, compared_arguments
+from dolfinx_contact.evolution.evolution import Runnable
 from dolfinx_contact.evolution.path import PathHistory, PathStep
 from dolfinx_contact.evolution.path_state import (
     Known,
@@ -50,8 +50,7 @@ from dolfinx_contact.evolution.path_state import (
     begun,
 )
 from dolfinx_contact.evolution.path_stepper import OnPath, PathStepper
-from dolfinx_contact.evolution.run import Run
-from dolfinx_contact.evolution.runnable import Runnable
+from dolfinx_contact.evolution.run import NOT_BY_VALUE, Listeners, Run, compared_arguments
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 

@@ -19,8 +19,7 @@ from dolfinx_contact.evolution.path import PathEvent, PathStep
 from dolfinx_contact.evolution.path_state import PathState, PathTask
 from dolfinx_contact.evolution.path_stepper import PathStepper
 from dolfinx_contact.evolution.rate_problem import Directions
-from dolfinx_contact.evolution.rule import Advance, Rule
-from dolfinx_contact.evolution.step import SolvedStep
+from dolfinx_contact.evolution.run import Rule
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.results.result import Result
@@ -101,7 +100,7 @@ class ByArcLength(Rule[PathTask, PathState]):
             passed=self._passed,
         )
 
-    def advances(self) -> Iterator[Advance]:
+    def steps(self) -> Iterator[EvolutionStep]:
         while self.accepted_points < self.task.max_steps:
             solved = self._next()
             if solved is None:
@@ -215,7 +214,7 @@ class ByArcLength(Rule[PathTask, PathState]):
             return None
         return _Solved(found, result, state, forces, energies)
 
-    def _accept(self, solved: _Solved) -> Advance:
+    def _accept(self, solved: _Solved) -> PathStep:
         """Accept a point, with the memory of which the path continues. Collective."""
         before = self._accepted
         found = solved.arrival
@@ -247,7 +246,7 @@ class ByArcLength(Rule[PathTask, PathState]):
             event = self._event(found)
         self._end_if_stuck()
         letters = system.letters(point.piece)
-        step = PathStep(
+        return PathStep(
             self._number,
             before.time,
             after.time,
@@ -262,7 +261,6 @@ class ByArcLength(Rule[PathTask, PathState]):
             corrections=point.corrections,
             state=after.state,
         )
-        return Advance(step, SolvedStep(before, after, solved.result))
 
     def _violation(self, state: Evaluation) -> float:
         """Violation of the law relative to the largest forces on the path so far. Collective."""

@@ -32,11 +32,10 @@ from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.history import EvolutionStep, History
-from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners, compared_arguments
 from dolfinx_contact.evolution.mass_and_damping import Matrices, data_of, is_scalar_constant
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
-from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.run import NOT_BY_VALUE, Listeners, RunState, compared_arguments
 from dolfinx_contact.evolution.step import Stepper
 from dolfinx_contact.evolution.through_times import (
     Accept,

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution.path_stepper import OnPath
-from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.run import RunState
 
 __all__ = ["Known", "PathDirection", "PathState", "PathTask", "begun"]
 

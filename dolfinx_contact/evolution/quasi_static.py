@@ -23,8 +23,8 @@ from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
-from dolfinx_contact.evolution.listeners import NOT_BY_VALUE, Listeners, compared_arguments
 from dolfinx_contact.evolution.nscd import NSCD
+from dolfinx_contact.evolution.run import NOT_BY_VALUE, Listeners, compared_arguments
 from dolfinx_contact.evolution.through_times import (
     Accept,
     AtJump,

@@ -1,35 +1,181 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The loop over accepted steps of histories, motions and paths.
+r"""The loop over the accepted steps of histories, motions and paths.
 
-A `Rule` finds the next step, through times or by arc length, and a `Stepper` puts its end into the
-problem. Only this module handles accepted steps, in this order: ``stop`` decides whether the run
-ends there, the record stores the step, the observer is called, progress is shown. The accepted
-state is put into the problem before each of these calls, so that values written to the Functions by
-one of them reach neither the others nor the next step. After an error the problem is at the last
-accepted state.
+A `Rule` finds the steps: through given times, to rest, or by arc length. `Run.go` is the only place
+that handles accepted steps, in this order:
+
+    step = next(rule.steps())            the rule takes a step and accepts it
+    stop(step)                           the user may end the run
+    record.step, observer.step           the step is recorded first
+    warnings, progress
+
+The accepted state is put into the problem before each call of the user, so that values written to
+the Functions reach neither the other listeners nor the next step. After an error the problem is at
+the last accepted state.
 """
 
 from __future__ import annotations
 
-from typing import Any, Generic, TypeVar
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, TypeVar
 
-from mpi4py import MPI
+import numpy as np
+import numpy.typing as npt
 
+from dolfinx_contact._collective import Arguments
 from dolfinx_contact._progress import Progress
-from dolfinx_contact.continuation.arguments import reason_to_stop
+from dolfinx_contact.continuation.arguments import (
+    check_functions,
+    check_listeners,
+    reason_to_stop,
+)
 from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.continuation.observer import CollectiveObserver, Observer
+from dolfinx_contact.continuation.observer import (
+    CollectiveObserver,
+    Observer,
+    ObserverLike,
+    Stop,
+)
 from dolfinx_contact.evolution.history import EvolutionStep, History
-from dolfinx_contact.evolution.listeners import Listeners
-from dolfinx_contact.evolution.rule import Advance, Rule
-from dolfinx_contact.evolution.run_state import RunState
-from dolfinx_contact.evolution.step import Stepper
+from dolfinx_contact.evolution.step import AcceptedState, Stepper
 
-__all__ = ["Run"]
+__all__ = ["NOT_BY_VALUE", "Listeners", "Rule", "Run", "RunState", "compared_arguments"]
+
+
+@dataclass(frozen=True, eq=False)
+class RunState:
+    """State of a run between two steps: everything that the next step depends on.
+
+    Attributes:
+        accepted: last accepted state.
+        length: length of the next step, or an upper bound of it.
+        rate: rates of the state in the last step through times (`jumps.rates`); None before the
+            first step and by arc length.
+        number: number of the last step, over all runs; 0 before the first.
+        settled: whether the run can be resumed from the state; False between steps that were found
+            together, up to a jump.
+        ending: ending of the run at the state; None if it continues.
+        reason: reason of the ending, as a sentence.
+    """
+
+    accepted: AcceptedState
+    length: float
+    rate: npt.NDArray[np.float64] | None = None
+    number: int = 0
+    settled: bool = True
+    ending: Ending | None = None
+    reason: str = ""
+
 
 T = TypeVar("T")
 S = TypeVar("S", bound=RunState)
 H = TypeVar("H", bound=History)
+
+
+class Rule(Ends, ABC, Generic[T, S]):
+    """Rule by which a run finds its next step.
+
+    Args:
+        task: task of the run.
+        run_state: state of the run where it starts or continues.
+
+    Attributes:
+        task: task as given.
+        start: state of the run as given.
+        ending: ending of the run; None while it continues.
+        reason: reason of the ending, as a sentence.
+    """
+
+    #: Nouns for the run and for its steps, for messages.
+    what: ClassVar[str]
+    units: ClassVar[str]
+
+    def __init__(self, task: T, run_state: S):
+        self.task = task
+        self.start = run_state
+        self.ending: Ending | None = run_state.ending
+        self.reason = run_state.reason
+
+    @property
+    @abstractmethod
+    def run_state(self) -> S:
+        """State of the run after the last step."""
+
+    def begin(self) -> None:
+        """Check the start, which is in the problem, before it is recorded. Collective.
+
+        Raises:
+            ValueError: on every rank, if no run can begin there.
+        """
+
+    @abstractmethod
+    def steps(self) -> Iterator[EvolutionStep]:
+        """Yield the accepted steps until the run ends. Collective.
+
+        After each of them `run_state` is the state at its end, and `ending` is set if the run ends
+        there. The Functions are left in any state.
+        """
+
+    @abstractmethod
+    def where(self, step: EvolutionStep) -> str:
+        """Return the position of the run after a step, for the line of progress."""
+
+    def part(self, step: EvolutionStep) -> float | None:
+        """Return the completed part of the run after a step, up to 1; None if it is unknown."""
+
+
+#: Arguments of a run that are compared by `compared_arguments`, or may differ between ranks.
+NOT_BY_VALUE = ("accept", "stop", "record", "start")
+
+
+@dataclass(frozen=True)
+class Listeners:
+    """Functions and observers that users pass to a run; see `QuasiStatic.run`.
+
+    Attributes:
+        accept: function of a step that returns whether it is accepted.
+        stop: function of an accepted step that returns the reason to end the run there, or "".
+        observer: observer of every accepted step.
+        record: record that stores every accepted step.
+        progress: whether rank 0 shows the progress of the run.
+    """
+
+    accept: Callable[[Any], bool] | None = None
+    stop: Stop[Any] | None = None
+    observer: ObserverLike[Any] | None = None
+    record: Observer | None = None
+    progress: bool | None = None
+
+    @classmethod
+    def of(cls, a: Arguments) -> Listeners:
+        """Collect the listeners from the arguments of a run."""
+        return cls(getattr(a, "accept", None), a.stop, a.observer, a.record, a.progress)
+
+    def check(self, record: str) -> None:
+        """Raise ``ValueError`` if one of them has a wrong type. Not collective.
+
+        Args:
+            record: name of the class of the records, for the message.
+        """
+        check_functions("a step", accept=self.accept)
+        check_listeners(
+            observer=self.observer,
+            record=self.record,
+            progress=self.progress,
+            stop=self.stop,
+            of=record,
+        )
+
+    def compared(self) -> dict[str, Any]:
+        """Return facts that must be the same on all ranks, by their names in messages."""
+        return {"stop_condition": self.stop is not None, "a_record": self.record is not None}
+
+
+def compared_arguments(a: Arguments) -> dict[str, Any]:
+    """Return facts about arguments that must be the same on all ranks, by names in messages."""
+    return Listeners.of(a).compared() | {"a_start": a.start is not None}
 
 
 class Run(Generic[T, S, H]):
@@ -38,7 +184,7 @@ class Run(Generic[T, S, H]):
     Args:
         stepper: stepper that puts states into the problem.
         rule: rule that finds the steps.
-        listeners: observers of the user, checked.
+        listeners: listeners of the user, checked.
         history: history to which steps and the ending are added.
 
     Attributes:
@@ -49,12 +195,12 @@ class Run(Generic[T, S, H]):
         self.run_state: S | None = None
         self._stepper = stepper
         self._rule = rule
-        self._listeners = listeners
+        self._stop = listeners.stop
         self._history = history
         comm = stepper.problem.comm
         self._record = CollectiveObserver(comm, listeners.record, self._put)
         self._observer = CollectiveObserver(comm, listeners.observer, self._put)
-        self._progress = _RunProgress(comm, listeners.progress, rule)
+        self._progress = Progress(comm, listeners.progress)
 
     def go(self) -> H:
         """Continue to the end. Collective; the problem is left at the last accepted state.
@@ -64,90 +210,65 @@ class Run(Generic[T, S, H]):
                 every rank.
         """
         rule = self._rule
-        problem = self._stepper.problem
-        start = rule.start
+        history = self._history
         try:
             self._put()
             rule.begin()
-            self._record.begin(rule.task, start)
-            self._observer.begin(rule.task, start)
-            self.run_state = start
+            self._record.begin(rule.task, rule.start)
+            self._observer.begin(rule.task, rule.start)
+            self.run_state = rule.start
             if rule.ending is None:
-                with problem.warning_once():
-                    for advance in rule.advances():
-                        self._accept(advance)
+                with self._stepper.problem.warning_once():
+                    for step in rule.steps():
+                        self._handle(step)
                         if rule.ending is not None:
                             break
             assert rule.ending is not None
-            self._history.end(rule.ending, rule.reason)
+            history.end(rule.ending, rule.reason)
         finally:
             self._put()
-            self._progress.end(self._history)
-        self._record.end(self._history)
+            number = len(history.steps)
+            self._progress.close(f"{rule.what}: {number} {rule.units}, {history.reason}")
+        self._record.end(history)
         try:
-            self._observer.end(self._history)
+            self._observer.end(history)
         finally:
             self._put()
-        return self._history
+        return history
 
     def _put(self) -> None:
         """Put the last accepted state into the problem. Collective."""
         self._stepper.put((self.run_state or self._rule.start).accepted)
 
-    def _accept(self, advance: Advance) -> None:
-        """Add a step to the history and call the listeners. Collective."""
-        step = advance.step
-        self._history.steps.append(step)
-        self.run_state = self._rule.run_state
-        self._ask_for_the_end(step)
-        self._record.step(step, self._rule.run_state)
-        self._observer.step(step, self._rule.run_state)
-        self._put()
-        self._stepper.problem.log_warnings(step.result)
-        self._progress.step(step, self._rule.run_state)
-
-    def _ask_for_the_end(self, step: EvolutionStep) -> None:
-        """End the run after a step if the user's ``stop`` returns a reason. Collective."""
+    def _handle(self, step: EvolutionStep) -> None:
+        """Add an accepted step to the history and call the listeners. Collective."""
         rule = self._rule
-        stop = self._listeners.stop
-        if stop is None or rule.ending is not None:
-            return
+        problem = self._stepper.problem
+        self._history.steps.append(step)
+        self.run_state = rule.run_state
+        if self._stop is not None and rule.ending is None:
+            self._put()
+            reason = reason_to_stop(problem.comm, rule.what, self._stop, step)
+            if reason:
+                rule.end(Ending.STOPPED, reason)
+                self.run_state = rule.run_state
+        self._record.step(step, self.run_state)
+        self._observer.step(step, self.run_state)
         self._put()
-        reason = reason_to_stop(self._stepper.problem.comm, rule.what, stop, step)
-        if reason:
-            rule.end(Ending.STOPPED, reason)
-            self.run_state = rule.run_state
+        problem.log_warnings(step.result)
+        self._show(step)
 
-
-class _RunProgress(Observer):
-    """Line of progress: position of the run, statuses, elapsed and remaining wall time.
-
-    Args:
-        comm: communicator; only rank 0 writes.
-        wanted: argument ``progress`` of `QuasiStatic.run`.
-        rule: rule of the run.
-    """
-
-    def __init__(self, comm: MPI.Comm, wanted: bool | None, rule: Rule[Any, Any]):
-        self._progress = Progress(comm, wanted)
-        self._rule = rule
-
-    def step(self, step: EvolutionStep, state: RunState) -> None:
+    def _show(self, step: EvolutionStep) -> None:
+        """Show position of the run, statuses, elapsed and remaining wall time."""
         if not self._progress.due:
             return
         rule = self._rule
-        passed = self._progress.seconds
+        seconds = self._progress.seconds
         counts = ", ".join(f"{n} {k}" for k, n in step.result.counts.items() if n)
-        time = f"{passed:.0f} s"
-        done = rule.part(step)
-        if done:
-            time += f", about {passed * (1 - done) / done:.0f} s left"
+        time = f"{seconds:.0f} s"
+        part = rule.part(step)
+        if part:
+            time += f", about {seconds * (1 - part) / part:.0f} s left"
         if step.jump:
             self._progress.write(f"{rule.what}: the state jumps at the time {step.start:.10g}")
         self._progress.update(f"{rule.what}: {rule.where(step)}  {counts}  {time}")
-
-    def end(self, ended: Ends) -> None:
-        assert isinstance(ended, History)
-        self._progress.close(
-            f"{self._rule.what}: {len(ended.steps)} {self._rule.units}, {ended.reason}"
-        )

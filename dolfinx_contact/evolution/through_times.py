@@ -29,8 +29,7 @@ from dolfinx_contact.evolution.changes import changes, largest_at_points
 from dolfinx_contact.evolution.forks import Forked, Forks
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
-from dolfinx_contact.evolution.rule import Advance, Rule
-from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.run import Rule, RunState
 from dolfinx_contact.evolution.sliding_steps import SlidingSteps
 from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.laws.status import closed
@@ -180,7 +179,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             self.reason,
         )
 
-    def advances(self) -> Iterator[Advance]:
+    def steps(self) -> Iterator[EvolutionStep]:
         try:
             if self._first is not None:
                 yield self._accept(Forked(self._first))
@@ -207,7 +206,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         """Times that are hit exactly."""
         return self.task.times
 
-    def _to(self, end: float) -> Iterator[Advance]:
+    def _to(self, end: float) -> Iterator[EvolutionStep]:
         """The steps to a time."""
         while self._accepted.time < end:
             goal = _aim(self._accepted.time, end, self._length)
@@ -233,7 +232,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             else:
                 self._shorten(goal)
 
-    def _accept(self, forked: Forked, *, jump: bool = False, settled: bool = True) -> Advance:
+    def _accept(self, forked: Forked, *, jump: bool = False, settled: bool = True) -> EvolutionStep:
         """Go to the end of a step."""
         solved = forked.solved
         step = self._step(solved, jump, forked.directions)
@@ -248,7 +247,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         self._rejected = 0
         self._length = min(2 * self._length, self.task.longest)
         self._end_if_reached(solved)
-        return Advance(step, solved)
+        return step
 
     def _end_if_reached(self, solved: SolvedStep) -> None:
         """End the run if a step that was accepted leads to where it is to go."""
@@ -306,7 +305,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         known[bonds] = 0.0
         return np.asarray(known)
 
-    def _jump_over(self, found: Found, far: SolvedStep) -> Advance:
+    def _jump_over(self, found: Found, far: SolvedStep) -> EvolutionStep:
         """Accept a step whose end is far as a jump, or end the run there with the reason."""
         a = far.before
         b = far.after
@@ -339,7 +338,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
 
     def _shorten(
         self, goal: float, error: ConvergenceError | None = None, *, brief: bool = False
-    ) -> Advance | None:
+    ) -> EvolutionStep | None:
         """Try half the step next time, or a quarter if no strategy solves it; end if too short.
 
         The step that jumps then, if it may; else None.

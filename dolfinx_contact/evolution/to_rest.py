@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
-from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.run import RunState
 from dolfinx_contact.evolution.step import SolvedStep, Stepper
 from dolfinx_contact.evolution.through_times import HistoryTask, ThroughTimes
 

@@ -274,7 +274,7 @@ class EndEntry(_Columns):
 
 @dataclass(frozen=True, kw_only=True)
 class HistoryGoesOn(_Columns):
-    """The continuation of a history from a state; see `evolution.run_state.RunState`."""
+    """The continuation of a history from a state; see `evolution.run.RunState`."""
 
     number: int
     length: float

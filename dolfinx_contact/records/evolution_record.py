@@ -21,8 +21,7 @@ from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import ObserverLike, Stop
 from dolfinx_contact.evolution import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.evolution import Evolution
-from dolfinx_contact.evolution.listeners import Listeners
-from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.run import Listeners, RunState
 from dolfinx_contact.evolution.through_times import Accept, HistoryTask
 from dolfinx_contact.records.arrays import Arrays
 from dolfinx_contact.records.columns import HistoryGoesOn, StateEntry

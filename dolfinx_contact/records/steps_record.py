@@ -26,7 +26,7 @@ from dolfinx_contact.continuation.ending import Ends
 from dolfinx_contact.equations.data import Datum
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution import EvolutionStep
-from dolfinx_contact.evolution.run_state import RunState
+from dolfinx_contact.evolution.run import RunState
 from dolfinx_contact.evolution.step import AcceptedState
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.table import write_contact_table
