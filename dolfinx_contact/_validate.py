@@ -14,8 +14,6 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-import ufl
-
 from dolfinx_contact._numbers import is_number
 
 __all__ = [
@@ -121,7 +119,7 @@ def listed(values: Any, name: str) -> list[Any]:
 
 def scalar(value: Any, name: str) -> Any:
     """A finite number as a float, or a UFL scalar as it is."""
-    if isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ():
+    if getattr(value, "ufl_shape", None) == ():
         return value
     return number(value, name, "a finite number or a UFL scalar")
 
