@@ -5,11 +5,12 @@ By name they solve contact problems: `ContactProblem.solve(algorithm=...)`.
 """
 
 from dolfinx_contact.algorithms.complementarity import Lemke, coulomb_by_lemke
-from dolfinx_contact.algorithms.exchange import load_points, save_points
+from dolfinx_contact.algorithms.exchange import load_local, load_points, save_points
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
 from dolfinx_contact.algorithms.interior_point import InteriorPoint
 from dolfinx_contact.algorithms.iteration import Algorithm, Outcome, Trend
 from dolfinx_contact.algorithms.lemke import RayTermination, lemke
+from dolfinx_contact.algorithms.local_problem import LocalProblem, LocalSolution
 from dolfinx_contact.algorithms.penalty import Penalty
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.projected_cg import ProjectedGradient
@@ -23,6 +24,8 @@ __all__ = [
     "GaussSeidel",
     "InteriorPoint",
     "Lemke",
+    "LocalProblem",
+    "LocalSolution",
     "Outcome",
     "Penalty",
     "PointProblem",
@@ -34,6 +37,7 @@ __all__ = [
     "Uzawa",
     "coulomb_by_lemke",
     "lemke",
+    "load_local",
     "load_points",
     "save_points",
 ]

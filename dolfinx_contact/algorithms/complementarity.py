@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,9 @@ from dolfinx_contact.algorithms.lemke import RayTermination, lemke
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import newton_step
 from dolfinx_contact.laws.coulomb import violation
+
+if TYPE_CHECKING:
+    from dolfinx_contact.algorithms.local_problem import LocalProblem
 
 __all__ = ["Lemke", "copositive_form", "coulomb_by_lemke", "klarbring_form"]
 
@@ -184,7 +187,7 @@ def tangents(dim: int, facets: int) -> Array:
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _parts(contact: PointProblem) -> tuple[Array, Array, Array, Array]:
+def _parts(contact: PointProblem | LocalProblem) -> tuple[Array, Array, Array, Array]:
     """A (m, dim, m, dim), and c in its normal and tangential parts; F as a diagonal matrix."""
     m = contact.number
     d = contact.dim
@@ -192,7 +195,7 @@ def _parts(contact: PointProblem) -> tuple[Array, Array, Array, Array]:
     return contact.A.reshape(m, d, m, d), free[:, -1], free[:, :-1], np.diag(contact.friction)
 
 
-def copositive_form(contact: PointProblem, directions: Array) -> tuple[Array, Array]:
+def copositive_form(contact: PointProblem | LocalProblem, directions: Array) -> tuple[Array, Array]:
     """M and q with z = (rn, b of point 1, b of point 2, ..., l); see the module."""
     m = contact.number
     k = len(directions)

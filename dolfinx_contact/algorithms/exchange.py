@@ -1,59 +1,71 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Point problems in files: numpy's npz, and the HDF5 of FCLib, the collection of such problems.
+r"""Point problems in files: npz, the HDF5 format of FCLib, and the text formats of Siconos.
 
-An npz file has the arrays of a `PointProblem` by the names of its arguments, those alone that it
-has, and ``format``. Units are those of the problem; a point's tangents come before its normal.
+An npz file holds the arrays of a `PointProblem` under the names of its arguments, and ``format``.
 
 FCLib (Acary, Bremond, Koziara and Perignon, FCLIB: a collection of discrete 3D frictional contact
-problems, INRIA RT-0444, 2014) has the local problem
-
-    u = W r + q,    0 <= u_N  against  r_N >= 0,    |r_T| <= mu r_N,    r_T = -mu r_N u_T/|u_T|
-
-in the frame of each contact, the normal first: u are velocities there, or displacements and gaps as
-here, r forces on the body. So W is the compliance S^-1, and q has the displacements without
-contact, S^-1 p. Its file has
+problems, INRIA RT-0444, 2014) and Siconos store the local problem u = W r + q of `LocalProblem`, in
+the frame of each contact with the normal first. FCLib's datasets are
 
     /fclib_local/spacedim              2 or 3
-    /fclib_local/W/{m, n, nzmax, nz}   rows, columns, entries, -2 for compressed rows
-    /fclib_local/W/{p, i, x}           starts of rows, columns, entries
+    /fclib_local/W/{m, n, nzmax, nz}   rows, columns, entries, and the storage:
+                                       -2 compressed rows, -1 compressed columns, else triplets
+    /fclib_local/W/{p, i, x}           starts (of triplets: rows), columns, entries
     /fclib_local/vectors/{q, mu}       (dim m,), (m,)
     /fclib_local/info/{title, description, math_info}
+
+A global problem M v = H r + f, u = H^T v + w (``/fclib_global``) is condensed: W = H^T M^-1 H and
+q = H^T M^-1 f + w.
+
+A text file of Siconos holds dim, m, the storage of W (0 dense by columns, 1 sparse blocks, 2 sparse
+by columns as CSparse prints it), the size of W twice, W, q and mu.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import zipfile
+from collections.abc import Callable
 from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array, csc_array, csr_array
+from scipy.sparse.linalg import splu
 
 from dolfinx_contact._files import part_of
 from dolfinx_contact._optional import optional
+from dolfinx_contact.algorithms.local_problem import LocalProblem
 from dolfinx_contact.algorithms.point_problem import PointProblem
 
-__all__ = ["fclib_local", "load_points", "save_points"]
+__all__ = ["fclib_local", "load_local", "load_points", "save_points"]
 
 FORMAT = "dolfinx_contact points 1"
 _NUMBERS = ("force", "length")
-_COMPRESSED_ROWS = -2
+_COMPRESSED_ROWS, _COMPRESSED_COLUMNS = -2, -1
 _HDF5 = (".hdf5", ".h5")
+_DENSE, _BLOCKS, _SPARSE = 0, 1, 2
 
+Array = npt.NDArray[np.float64]
 Arrays = dict[str, npt.NDArray[Any]]
+T = TypeVar("T")
+Local = tuple[int, Array, Array, Array]  # dim, W, q, mu with the normal first
 
 
 def save_points(file: str | os.PathLike[str], problem: PointProblem) -> None:
-    """Write a problem, in place of a file that is there already.
+    """Write a problem, in place of a file that exists already.
 
     Args:
-        file: ``.npz``, or ``.hdf5`` or ``.h5`` for FCLib.
-        problem: to be written.
+        file: file name with the suffix ``.npz``, or ``.hdf5`` or ``.h5`` for FCLib.
+        problem: problem to be written.
 
     Raises:
-        ValueError: for another suffix, or where FCLib has no such problem.
+        ValueError: for another suffix, or for FCLib if the problem has friction bounds given in
+            advance.
         ModuleNotFoundError: for HDF5 without h5py.
     """
     path = Path(file)
@@ -72,37 +84,192 @@ def save_points(file: str | os.PathLike[str], problem: PointProblem) -> None:
 
 
 def load_points(file: str | os.PathLike[str]) -> PointProblem:
-    """The problem in an npz file of `save_points`.
+    """Read a problem with a regular compliance from npz, FCLib or Siconos.
+
+    Args:
+        file: file name with the suffix ``.npz`` (`save_points`), ``.hdf5`` or ``.h5`` (FCLib), or
+            ``.dat`` (Siconos).
 
     Raises:
         FileNotFoundError: if there is no such file.
-        ValueError: if it is no such file, or the numbers in it are no such problem.
+        ValueError: if the content does not fit the format, or the compliance is singular; then use
+            `load_local`.
+        ModuleNotFoundError: for HDF5 without h5py.
     """
     path = Path(file)
+    if path.suffix in (*_HDF5, ".dat"):
+        return _read(path, lambda: _local(path).points())
     if path.is_file() and not zipfile.is_zipfile(path):
         raise ValueError(f"{path} is no npz file")
     try:
         with np.load(path, allow_pickle=False) as data:
-            found: Arrays = dict(data)
+            content: Arrays = dict(data)
     except FileNotFoundError:
         raise
     except Exception as error:
         raise ValueError(f"{path} is no npz file: {error}") from None
-    found_format = str(found.pop("format", "nothing"))
-    if found_format != FORMAT:
-        raise ValueError(f"{path} has no points: its format is {found_format!r}, not {FORMAT!r}")
-    known = {f.name for f in fields(PointProblem)}
-    unknown = sorted(set(found) - known)
-    if unknown or not {"S", "p", "friction"} <= set(found):
-        raise ValueError(f"{path} has other arrays than a point problem: {sorted(found)}")
-    given: dict[str, Any] = {
+    stored = str(content.pop("format", "nothing"))
+    if stored != FORMAT:
+        raise ValueError(f"{path} has no points: its format is {stored!r}, not {FORMAT!r}")
+    unknown = set(content) - {f.name for f in fields(PointProblem)}
+    if unknown or not {"S", "p", "friction"} <= set(content):
+        raise ValueError(f"{path} has other arrays than a point problem: {sorted(content)}")
+    arguments: dict[str, Any] = {
         name: values.item() if name in _NUMBERS and values.size == 1 else values
-        for name, values in found.items()
+        for name, values in content.items()
     }
+    return _read(path, lambda: PointProblem(**arguments))
+
+
+def load_local(file: str | os.PathLike[str]) -> LocalProblem:
+    """Read the local problem u = W r + q from a file of FCLib or Siconos; W may be singular.
+
+    Args:
+        file: file name with the suffix ``.hdf5`` or ``.h5`` (FCLib), or another one (Siconos).
+
+    Raises:
+        FileNotFoundError: if there is no such file.
+        ValueError: if the content does not fit the format.
+        ModuleNotFoundError: for HDF5 without h5py.
+    """
+    path = Path(file)
+    return _read(path, lambda: _local(path))
+
+
+def _read(path: Path, build: Callable[[], T]) -> T:
+    """Return what ``build`` returns; its errors name the file."""
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
     try:
-        return PointProblem(**given)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        return build()
+    except (ValueError, IndexError, KeyError, OSError, RuntimeError) as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _local(path: Path) -> LocalProblem:
+    dim, W, q, mu = _of_fclib(path) if path.suffix in _HDF5 else _of_siconos(path.read_text())
+    if W.shape != (dim * len(mu), dim * len(mu)) or dim not in (2, 3):
+        raise ValueError(f"W has the shape {W.shape}, with {len(mu)} contacts in {dim}D")
+    # Tangents before the normal.
+    order = np.roll(np.arange(len(q)).reshape(-1, dim), -1, axis=1).reshape(-1)
+    return LocalProblem(W[np.ix_(order, order)], q[order], mu)
+
+
+def _of_fclib(path: Path) -> Local:
+    h5py = optional("h5py", "records")
+    with h5py.File(path) as data:
+        if "fclib_local" in data:
+            group = data["fclib_local"]
+            W = _matrix(group["W"]).toarray()
+            q = np.asarray(group["vectors/q"], dtype=np.float64)
+        elif "fclib_global" in data:
+            group = data["fclib_global"]
+            H = _matrix(group["H"]).tocsc()
+            solve = splu(_matrix(group["M"]).tocsc()).solve
+            W = np.asarray(H.T @ solve(H.toarray()))
+            q = H.T @ solve(np.asarray(group["vectors/f"])) + np.asarray(group["vectors/w"])
+        else:
+            raise ValueError("the file has neither /fclib_local nor /fclib_global")
+        return int(group["spacedim"][0]), W, q, np.asarray(group["vectors/mu"])
+
+
+def _matrix(group: Any) -> Any:
+    """The sparse matrix of a group of FCLib."""
+    rows, columns, kind = (int(group[name][0]) for name in ("m", "n", "nz"))
+    p, i, x = (np.asarray(group[name]) for name in ("p", "i", "x"))
+    shape = (rows, columns)
+    if kind == _COMPRESSED_ROWS:
+        return csr_array((x, i, p), shape=shape)
+    if kind == _COMPRESSED_COLUMNS:
+        return csc_array((x, i, p), shape=shape)
+    return coo_array((x[:kind], (i[:kind], p[:kind])), shape=shape)
+
+
+class _Words:
+    """Numbers of a text, one after the other."""
+
+    def __init__(self, text: str):
+        self._words = text.split()
+        self._place = 0
+
+    def integers(self, count: int) -> list[int]:
+        """The next integers."""
+        words = self._next(count)
+        if not all(word.isdigit() for word in words):
+            raise ValueError(f"integers are expected, got {' '.join(words[:5])}")
+        return [int(word) for word in words]
+
+    def numbers(self, count: int) -> Array:
+        """The next real numbers."""
+        return np.array(self._next(count), dtype=np.float64)
+
+    def _next(self, count: int) -> list[str]:
+        words = self._words[self._place : self._place + count]
+        if len(words) < count:
+            raise ValueError("the file is truncated")
+        self._place += count
+        return words
+
+
+def _of_siconos(text: str) -> Local:
+    words = _Words(text)
+    dim, contacts, storage, rows, columns = words.integers(5)
+    W: Array
+    if storage == _DENSE:
+        words.integers(2)
+        W = words.numbers(rows * columns).reshape(columns, rows).T
+    elif storage == _BLOCKS:
+        W = _of_blocks(words, rows, columns)
+    elif storage == _SPARSE:
+        W, rest = _of_csparse(text, rows, columns)
+        words = _Words(rest)
+    else:
+        raise ValueError(f"W has the unknown storage {storage}; known are 0, 1 and 2")
+    return dim, W, words.numbers(rows), words.numbers(contacts)
+
+
+def _of_blocks(words: _Words, rows: int, columns: int) -> Array:
+    """A matrix in sparse blocks; each block follows its number, by columns."""
+    _, down, across = words.integers(3)
+    row_ends, column_ends = ([0, *words.integers(count)] for count in (down, across))
+    starts, block_columns = (words.integers(count) for count in words.integers(2))
+    W = np.zeros((rows, columns))
+    for row, (first, last) in enumerate(pairwise(starts)):
+        for column in block_columns[first:last]:
+            words.integers(1)
+            (top, bottom), (left, right) = (
+                ends[k : k + 2] for ends, k in ((row_ends, row), (column_ends, column))
+            )
+            block = words.numbers((bottom - top) * (right - left))
+            W[top:bottom, left:right] = block.reshape(right - left, bottom - top).T
+    return W
+
+
+def _of_csparse(text: str, rows: int, columns: int) -> tuple[Array, str]:
+    """A matrix in the text that CSparse prints, and the text after it."""
+    head = re.search(r"nnz:\s*(\d+).*\n", text)
+    if head is None:
+        raise ValueError("the sparse matrix has no line with 'nnz:'")
+    W = np.zeros((rows, columns))
+    place = head.end()
+    column = -1
+    entries = 0
+    triplet = re.compile(r"\s*(\d+)\s+(\d+)\s*:\s*(\S+)\s*\n")
+    entry = re.compile(r"\s*(\d+)\s*:\s*(\S+)\s*\n")
+    title = re.compile(r"\s*col\s+(\d+)\s*:.*\n")
+    while match := title.match(text, place) or (
+        (triplet.match(text, place) or entry.match(text, place)) if entries < int(head[1]) else None
+    ):
+        if match.re is title:
+            column = int(match[1])
+        else:
+            at = (int(match[1]), int(match[2]) if match.re is triplet else column)
+            W[at] = float(match[match.lastindex or 0])
+            entries += 1
+        place = match.end()
+    if entries < int(head[1]):
+        raise ValueError("the file is truncated")
+    return W, text[place:]
 
 
 def _arrays(problem: PointProblem) -> dict[str, Any]:
@@ -111,7 +278,7 @@ def _arrays(problem: PointProblem) -> dict[str, Any]:
 
 
 def fclib_local(problem: PointProblem) -> Arrays:
-    """The datasets of FCLib's local problem, by their paths in the file.
+    """Datasets of FCLib's local problem, by their paths in the file.
 
     Raises:
         ValueError: for friction bounds given in advance, which FCLib does not have.
