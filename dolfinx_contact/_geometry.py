@@ -1,30 +1,71 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Vectors and facets: products by row, unit vectors, area vectors and their derivatives."""
+"""Geometry: nodes of meshes and spaces, products of vectors by row, area vectors of facets."""
 
 from __future__ import annotations
+
+import weakref
+import zlib
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["area_vector_rates", "area_vectors", "dot", "edges_of", "unit"]
+if TYPE_CHECKING:
+    from dolfinx import fem, mesh
+
+__all__ = [
+    "area_vector_rates",
+    "area_vectors",
+    "dot",
+    "edges_of",
+    "mesh_mark",
+    "node_positions",
+    "unit",
+]
 
 Array = npt.NDArray[np.float64]
 
-_TINY = 1e-300  # length, below which a vector is left as it is
+_TINY = 1e-300  # length below which a vector is not normalised
+#: Node positions of the living spaces, with the checksum of their mesh. DOLFINx visits all cells
+#: for them at each call, which takes fifty times as long as the checksum (measured).
+_positions: dict[int, tuple[weakref.ref[Any], int, Array]] = {}
+
+
+def mesh_mark(domain: mesh.Mesh) -> int:
+    """Return a checksum of the nodes of a mesh on this rank, which changes if the mesh moves."""
+    return zlib.crc32(np.ascontiguousarray(domain.geometry.x))
+
+
+def node_positions(V: fem.FunctionSpace) -> Array:
+    """Return the positions of the local nodes of a space, ghosts included, shape (nodes, 3).
+
+    Not collective. The array is read-only and kept for the next call.
+    """
+    key = id(V)
+    space, mark, x = _positions.get(key, (None, 0, np.zeros((0, 3))))
+    now = mesh_mark(V.mesh)
+    if space is None or space() is not V or mark != now:
+        x = V.tabulate_dof_coordinates()
+        x.flags.writeable = False
+        _positions[key] = weakref.ref(V, lambda _: _positions.pop(key, None)), now, x
+    return x
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Scalar products (...) of vectors (..., dim)."""
+    """Return the scalar products of vectors (..., dim), shape (...)."""
     return np.asarray(np.sum(a * b, axis=-1))
 
 
 def unit(v: Array) -> Array:
-    """Vectors (..., dim) of length one; zero vectors remain zero."""
+    """Normalise vectors (..., dim); zero vectors remain zero."""
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), _TINY))
 
 
 def area_vectors(x: Array) -> Array:
-    """Area vectors of facets (n, k, dim), of one sense in the order of their corners."""
+    """Return area vectors (n, dim) of facets with corners x, shape (n, k, dim).
+
+    The order of the corners determines their sense.
+    """
     if x.shape[2] == 2:
         along = x[:, 1] - x[:, 0]
         return np.stack([along[:, 1], -along[:, 0]], axis=1)
@@ -33,7 +74,7 @@ def area_vectors(x: Array) -> Array:
 
 
 def area_vector_rates(x: Array) -> Array:
-    """Derivatives of `area_vectors` by the corners (n, dim, k, dim)."""
+    """Return the derivatives of `area_vectors` by the corners, shape (n, dim, k, dim)."""
     n, k, dim = x.shape
     rates = np.zeros((n, dim, k, dim))
     if dim == 2:
@@ -53,16 +94,16 @@ def area_vector_rates(x: Array) -> Array:
 
 
 def edges_of(x: Array) -> tuple[Array, Array]:
-    """Two edges of triangles, the diagonals of quadrilaterals in tensor order; in space."""
+    """Return two edges of triangles, or the diagonals of quadrilaterals in tensor order, in 3D."""
     if x.shape[1] == 3:
         return x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
     return x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
 
 
 def _crossing(v: Array) -> Array:
-    """Matrices (n, 3, 3) of the product v x."""
-    found = np.zeros((len(v), 3, 3))
-    found[:, 0, 1] = -v[:, 2]
-    found[:, 0, 2] = v[:, 1]
-    found[:, 1, 2] = -v[:, 0]
-    return found - found.transpose(0, 2, 1)
+    """Return the matrices of the cross products with v, shape (n, 3, 3)."""
+    upper = np.zeros((len(v), 3, 3))
+    upper[:, 0, 1] = -v[:, 2]
+    upper[:, 0, 2] = v[:, 1]
+    upper[:, 1, 2] = -v[:, 0]
+    return upper - upper.transpose(0, 2, 1)

@@ -1,25 +1,25 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Validators of arguments: each returns the value, or raises ``ValueError`` that names it.
+"""Validation of arguments at entry points.
 
-They are used at entry points, next to the signature, and are not collective;
-`_collective.collective` raises an error of one rank on every rank.
+Validators return the value, or raise a ``ValueError`` that names the argument. They are not
+collective; `_collective.collective` raises the error of one rank on every rank.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from contextlib import suppress
-from typing import Any, TypeVar
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 import numpy.typing as npt
-
-from dolfinx_contact._numbers import is_number
 
 __all__ = [
     "count",
     "flag",
     "instance",
+    "is_count",
+    "is_number",
     "nonnegative",
     "number",
     "one_of",
@@ -30,6 +30,20 @@ __all__ = [
 ]
 
 _T = TypeVar("_T")
+
+
+# -- numbers and words -----------------------------------------------------------------------------
+
+
+def is_number(value: Any) -> TypeGuard[float]:
+    """Return True for real numbers, including NaN and infinities, but not for bool."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool | complex)
+
+
+def is_count(value: Any) -> TypeGuard[int]:
+    """Return True for integers larger than 0, but not for bool."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return whole and value >= 1
 
 
 def number(value: Any, name: str, must: str = "a finite number", *, text: bool = False) -> float:

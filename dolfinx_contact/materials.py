@@ -58,7 +58,7 @@ from dolfinx import fem
 from ufl.corealg.traversal import traverse_unique_terminals
 
 from dolfinx_contact._forms import at_middle
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import is_number
 
 __all__ = [
     "Axisymmetric",

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
-from dolfinx_contact._numbers import require_kind
 from dolfinx_contact._petsc import logged
+from dolfinx_contact._validate import instance
 from dolfinx_contact.points.trace import trace_dofs
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
@@ -47,7 +47,7 @@ def solve_nested(
     if not isinstance(problems, list | tuple):
         raise ValueError(f"a list of ContactProblems is needed, got {problems!r}")
     for problem in problems:
-        require_kind(problem, ContactProblem)
+        instance(problem, "each problem", ContactProblem)
     results = []
     for i, problem in enumerate(problems):
         if i > 0:

@@ -10,6 +10,7 @@ from copy import copy
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -18,27 +19,30 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._agreement import described
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._frozen import ReadOnly, copy_with
+from dolfinx_contact._geometry import mesh_mark
 from dolfinx_contact._kept import keep
-from dolfinx_contact._mesh_mark import mesh_mark
-from dolfinx_contact._numbers import is_count
-from dolfinx_contact._options import ProblemOptions, check_options, in_database
-from dolfinx_contact._petsc import require_real, staged
+from dolfinx_contact._petsc import ProblemOptions, check_options, in_database, require_real, staged
 from dolfinx_contact._progress import check_progress
 from dolfinx_contact._shared import anywhere
-from dolfinx_contact._validate import instance, nonnegative, positive
-from dolfinx_contact.body.bulk import Bulk
+from dolfinx_contact._ufl_data import described
+from dolfinx_contact._validate import instance, is_count, nonnegative, positive
+from dolfinx_contact.body.bulk import Bulk, weighted
 from dolfinx_contact.body.cells import check_cells
-from dolfinx_contact.body.weighting import weighted
-from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import require_solution
-from dolfinx_contact.equations.state import LastWrite, State
-from dolfinx_contact.equations.validation import validate
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.validation import (
+    check,
+    check_sides,
+    fit,
+    listed,
+    lists,
+    validate,
+)
 from dolfinx_contact.points.descriptions import (
     Contact,
     ContactPair,
@@ -57,11 +61,10 @@ from dolfinx_contact.results.result import Result, collect, log_warnings
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness, check_seconds
 from dolfinx_contact.solvers.choice import LinearSolverChoice
-from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.history import Attempt, SolveProgress, Step
 from dolfinx_contact.solvers.ladder import solve
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.newton import Newton
-from dolfinx_contact.solvers.progress import SolveProgress
 from dolfinx_contact.solvers.strategies import Trial
 
 if TYPE_CHECKING:
@@ -145,6 +148,50 @@ def discretise(contact: Contact) -> DiscreteSurface:
     from dolfinx_contact.points.self_contact import DiscreteSelfContact
 
     return DiscreteSelfContact(contact)
+
+
+class _LastWrite:
+    """Unknowns and statuses that a problem wrote last, and the memory of the law there.
+
+    On the border between two statuses, displacement and multipliers do not determine the status.
+    The statuses of the last write are therefore valid as long as the unknowns are identical bit by
+    bit.
+
+    Args:
+        comm: communicator of the problem.
+    """
+
+    def __init__(self, comm: MPI.Comm):
+        self._comm = comm
+        self._unknowns: npt.NDArray[np.float64] | None = None
+        self._statuses: Statuses = ()
+        self._previous: Sequence[Memory | None] = ()
+
+    def note(
+        self,
+        unknowns: npt.NDArray[np.float64],
+        statuses: Statuses,
+        previous: Sequence[Memory | None],
+    ) -> None:
+        """Store owned unknowns (n,), statuses and the memory of their law. Not collective."""
+        self._unknowns = unknowns.copy()
+        self._previous = previous
+        self._statuses = [np.array(codes, dtype=np.int8) for codes in statuses]
+
+    def statuses_at(self, unknowns: npt.NDArray[np.float64]) -> Statuses | None:
+        """Return the statuses of these unknowns, None if others were written. Collective."""
+        return self._statuses if self._is_at(unknowns) else None
+
+    def previous_at(self, unknowns: npt.NDArray[np.float64]) -> Sequence[Memory | None] | None:
+        """Return the memory of the law under which these unknowns were written. Collective.
+
+        None if other unknowns were written.
+        """
+        return self._previous if self._is_at(unknowns) else None
+
+    def _is_at(self, unknowns: npt.NDArray[np.float64]) -> bool:
+        same = self._unknowns is not None and np.array_equal(self._unknowns, unknowns)
+        return bool(self._comm.allreduce(int(same), op=MPI.MIN))
 
 
 class ContactProblem(ReadOnly):
@@ -282,7 +329,7 @@ class ContactProblem(ReadOnly):
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
         #: Shared by the problems of steps, which write the same Functions.
-        self._written = LastWrite(self.comm)
+        self._written = _LastWrite(self.comm)
         #: Checksum of mesh and surfaces, by which states of other problems are refused.
         self.signature = mesh_mark(self.V.mesh)
         for s in self.surfaces:
@@ -291,7 +338,7 @@ class ContactProblem(ReadOnly):
         self.evolved: list[str] = []
         #: Names of the warnings that a run has logged; None outside of runs.
         self._warned: set[str] | None = None
-        self.equations.check_obstacles()
+        check_sides(self.equations)
 
     def moving(self, body: MovingBody) -> ContactProblem:
         """Return the problem of a dynamic step, on the same Functions and surfaces. Collective.

@@ -63,7 +63,7 @@ ROOMS = {
         [
             *("kinematics", "parametric", "checks", "law", "own_law", "more_friction"),
             *("curved_friction", "rigid_body", "pair", "nonlocal", "planes_of_symmetry"),
-            *("messages", "core_in_small", "equations_in_small", "rates_in_small", "scales"),
+            *("messages", "core_in_small", "rates_in_small", "scales"),
         ],
     ),
     "reduced": (

@@ -114,10 +114,6 @@ ON_TWO = {
     "test_docs": ("theory",),
     "test_doubled_nodes": ("two_points_at_one_place_differ", "resumed_on_other_ranks"),
     "test_dropped": ("garbage_that_is_collected_while_meshes_are_freed",),
-    "test_equations_in_small": (
-        *("functions_that_are_to_stay", "conditions_that_contradict_each_other_are_said_once"),
-        *("resultants_and_what_is_anywhere",),
-    ),
     "test_evolution": (
         *("what_has_slid_as_a_whole", "a_start_that_is_no_solution"),
         *("a_proof_is_of_the_step_that_was_taken", "where_nothing_continues"),
@@ -223,7 +219,6 @@ ON_TWO = {
         *("smoothers_of_the_user", "nested_iteration", "nested_problems_must_agree", "forcing"),
         *("a_problem_is_freed_with_its_last_reference", "contact_rows_are_those_of_the_residual"),
     ),
-    "test_node_positions": ("nodes_that_move", "each_space_has_its_own"),
     "test_nonlocal": (
         *("constant_pressure", "jacobian_by_taylor", "jacobian_between_bodies", "a_branch"),
         *("bad_laws_and_a_small_radius",),
@@ -424,7 +419,6 @@ ON_THREE = {
     "test_mortar": ("patch", "patch_in_space", "a_slave_that_is_held"),
     "test_multigrid": ("same_as_direct", "filter_leaves_nothing_on_the_surface"),
     "test_nonlocal": ("ranks", "a_surface_on_one_rank_alone"),
-    "test_node_positions": ("nodes_that_move",),
     "test_output": ("pressure_as_a_function",),
     "test_pair": ("mirrored_bodies", "one_side_is_clamped"),
     "test_pair_multigrid": ("same_as_direct",),

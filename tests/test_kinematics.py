@@ -30,8 +30,8 @@ from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.operators import Operator
+from dolfinx_contact.results.balance import pair_balance
 from dolfinx_contact.results.fields import vertex_state
-from dolfinx_contact.results.partners import pair_balance
 from dolfinx_contact.solvers.springs import springs
 
 COMM = MPI.COMM_WORLD

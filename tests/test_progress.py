@@ -18,8 +18,7 @@ from dolfinx_contact._progress import Line
 from dolfinx_contact.continuation import explore, follow
 from dolfinx_contact.equations.measures import Measures
 from dolfinx_contact.solvers import choice, ladder
-from dolfinx_contact.solvers.history import Step
-from dolfinx_contact.solvers.progress import SolveProgress
+from dolfinx_contact.solvers.history import SolveProgress, Step
 
 COMM = MPI.COMM_WORLD
 STEP = Step(3, Measures(1e-3, 2e-5, 4e-2), 5, 1.0, 17)

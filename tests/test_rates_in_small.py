@@ -29,7 +29,6 @@ from dolfinx_contact.equations import (
     sliding,
     substitute,
 )
-from dolfinx_contact.equations.arguments import check, fit, listed, lists
 from dolfinx_contact.equations.constraints import Constraints
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import data_in
@@ -39,6 +38,7 @@ from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rates import Driven, Rate, RigidRates, depends_on, dirichlet_rates
 from dolfinx_contact.equations.scaling import LooseMotions, _direction, require_hoop_stiffness
 from dolfinx_contact.equations.sliding import SlidingTerms, _Block, _pattern, _Pieces
+from dolfinx_contact.equations.validation import check, fit, listed, lists
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.materials import LinearElastic
 

@@ -16,7 +16,7 @@ from textbook import Textbook
 
 from dolfinx import fem
 
-from dolfinx_contact import _mesh_mark
+from dolfinx_contact import _geometry
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.continuation import Follower, Observer, StepControl, follow, row_update
 from dolfinx_contact.continuation.bordered import Bordered
@@ -200,7 +200,7 @@ def test_the_mesh_is_not_hashed_at_every_residual(block, monkeypatch):
         count[0] += 1
         return zlib.crc32(*args)
 
-    monkeypatch.setattr(_mesh_mark, "zlib", SimpleNamespace(crc32=crc32))
+    monkeypatch.setattr(_geometry, "zlib", SimpleNamespace(crc32=crc32))
     seen = []
 
     class Count(Observer):

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._numbers import is_count, is_number
+from dolfinx_contact._validate import is_count, is_number
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.equations.measures import Measures
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import is_number
 from dolfinx_contact.equations.measures import Measures
 from dolfinx_contact.laws import coulomb
 

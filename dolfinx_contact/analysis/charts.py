@@ -24,9 +24,8 @@ import numpy.typing as npt
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact._files import part_of
-from dolfinx_contact._numbers import is_number
 from dolfinx_contact._progress import Line
-from dolfinx_contact._validate import count, flag, one_of, positive
+from dolfinx_contact._validate import count, flag, is_number, one_of, positive
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.analysis.solutions import prove_solutions

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root, require
-from dolfinx_contact._numbers import is_count
+from dolfinx_contact._validate import is_count
 from dolfinx_contact.analysis.critical_friction import (
     BodySolverKind,
     check_request,

@@ -13,8 +13,8 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._numbers import is_number, require_kind
 from dolfinx_contact._progress import Progress, check_progress
+from dolfinx_contact._validate import instance, is_number
 from dolfinx_contact.analysis.branching import search
 from dolfinx_contact.analysis.check_proof import (
     Certificate,
@@ -116,7 +116,7 @@ def prove_solutions(
     Raises:
         ValueError: if statuses or states do not fit the points.
     """
-    require_kind(reduced, ReducedProblem)
+    instance(reduced, "the reduced problem", ReducedProblem)
     if not isinstance(known, Iterable) or isinstance(known, str):
         raise ValueError(f"known must be a list of statuses, got {known!r}")
     if not (is_number(proof_seconds) and proof_seconds >= 0):

@@ -43,8 +43,8 @@ import ufl
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root, require
 from dolfinx_contact._factor import is_symmetric
-from dolfinx_contact._numbers import is_count
 from dolfinx_contact._petsc import staged
+from dolfinx_contact._validate import is_count
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,

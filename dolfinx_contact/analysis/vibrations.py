@@ -39,7 +39,7 @@ from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._optional import slepc
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.analysis.slip import Slip
-from dolfinx_contact.body.weighting import weighted
+from dolfinx_contact.body.bulk import weighted
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import HeldField, saddle, with_dirichlet_rows
 

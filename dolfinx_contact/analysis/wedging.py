@@ -42,7 +42,7 @@ from scipy.optimize import brentq, linprog
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
-from dolfinx_contact._numbers import is_count, is_number
+from dolfinx_contact._validate import is_count, is_number
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.analysis.check_proof import ReducedProblem, flexibility, gamma
 from dolfinx_contact.analysis.tableau import Tableau

@@ -33,13 +33,48 @@ from dolfinx_contact._petsc import half_of
 from dolfinx_contact._shared import SharedValues, anywhere
 from dolfinx_contact.materials import materials_in
 
-__all__ = ["Bulk"]
+__all__ = ["Bulk", "circumference", "weighted"]
 
 Array = npt.NDArray[np.float64]
 
 _PRODUCTS = 2  # that are timed
 _NOWHERE: tuple[Array, Array] = (np.empty(0), np.empty(0))
 _Fact = TypeVar("_Fact")
+
+
+# -- bodies of revolution --------------------------------------------------------------------------
+# Users write integrands per volume or area of the body. Every form of the user passes once through
+# `weighted`, where it enters the package, so that later modules need not know the weight.
+
+
+def circumference(domain: Any) -> Any:
+    """Return 2 pi r with r = x, a UFL expression.
+
+    Args:
+        domain: mesh of the section, from DOLFINx or UFL.
+    """
+    return 2 * np.pi * ufl.SpatialCoordinate(domain)[0]
+
+
+def weighted(form: ufl.Form, *, axisymmetric: bool) -> ufl.Form:
+    """Return a form whose integrals over the section equal those over the whole body.
+
+    Args:
+        form: form of any rank, over cells, exterior or interior facets, without the weight.
+        axisymmetric: whether the mesh is half of a section of a body of revolution; if not, the
+            form is returned as it is.
+    """
+    if not axisymmetric:
+        return form
+    return ufl.Form(
+        [
+            it.reconstruct(integrand=circumference(it.ufl_domain()) * it.integrand())
+            for it in form.integrals()
+        ]
+    )
+
+
+# -- the body --------------------------------------------------------------------------------------
 
 
 class Bulk:

@@ -12,7 +12,7 @@ import scipy
 
 from dolfinx import fem, la
 
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._shared import largest, total
 from dolfinx_contact.body.cells import vertex_moments
 

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import is_number
 
 __all__ = ["Direction", "Kinks", "StepControl", "sign_of"]
 

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._shared import SharedValues, total
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.crossings import crossings

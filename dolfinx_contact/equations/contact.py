@@ -5,6 +5,14 @@ With contact points of areas W, jumps j = B u, multipliers l and tractions t = E
 
     H_u = R(u) - B^T W E l,    H_l = E^T W (t - tau(j, t; statuses)).
 
+H is a sum of terms: the body, every surface or pair, and the rigid bodies (`rigid_bodies`). Springs
+and loads belong to the residual R of the body. Axisymmetry is a weight of the integrals in R and of
+the areas W; the kinematics of a surface contain its sliding (`points.kinematics`).
+
+Dirichlet data enter every row linearly: rows are evaluated at the unknowns, and their derivatives
+along the step to the prescribed values are added. Newton's method thus needs no unknowns that
+satisfy the data, and the columns of Dirichlet dofs are empty.
+
 Every row has the unit of a force; Dirichlet rows are multiplied by a typical stiffness. Every
 unknown in the PETSc vectors is a length; multipliers are divided by a typical stiffness per area.
 Thus the relative sizes of rows and of unknowns do not depend on the user's units.
@@ -29,15 +37,13 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._mesh_mark import mesh_mark, node_positions
-from dolfinx_contact._options import ProblemOptions
-from dolfinx_contact._petsc import logged
+from dolfinx_contact._geometry import mesh_mark, node_positions
+from dolfinx_contact._petsc import ProblemOptions, logged
 from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.constraints import Constraints, PrescribedDisplacement, check_overlap
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation, Statuses
-from dolfinx_contact.equations.obstacle_sides import warn_of_obstacle
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.equations.scaling import Scaling
 from dolfinx_contact.laws.symbols import SLID
@@ -121,8 +127,10 @@ class ContactEquations:
         self.scaling = Scaling(bulk, V, self.surfaces, self.constraints.fixed, self.rigid, r)
         per_area = [self.stiffness_scale / s.points.mean_vertex_area for s in self.surfaces]
         self.units = [1.0, *per_area, 1.0]
-        #: Names of the surfaces whose obstacle is known to be on the wrong side.
-        self._wrong_sides: set[str] = set()
+        #: Numbers of the surfaces moved since `validation.check_sides`, and names of those
+        #: reported there.
+        self.moved = set(range(len(self.surfaces)))
+        self.wrong_sides: set[str] = set()
         if not bulk.linear:
             bulk.destroy()
 
@@ -130,11 +138,6 @@ class ContactEquations:
     def stiffness_scale(self) -> float:
         """Typical stiffness, factor of the Dirichlet rows; updated with the data (`scaling`)."""
         return self.scaling.stiffness
-
-    def check_obstacles(self) -> None:
-        """Warn about obstacles on the wrong side. Collective."""
-        for s in self.surfaces:
-            warn_of_obstacle(s, self.body_size, self._wrong_sides)
 
     # -- unknowns --------------------------------------------------------------------------------
 
@@ -157,7 +160,9 @@ class ContactEquations:
         x.array[:] = np.concatenate([values[:n] / unit for values, unit, n in sizes])
 
     def motions(self, x: PETSc.Vec) -> Array:
-        """Unknowns of the rigid bodies, on every rank. Collective."""
+        """Return the unknowns of the rigid bodies, on every rank."""
+        if not self.rigid.size:
+            return np.zeros(0)
         return self.rigid.everywhere(x.array_r[x.getLocalSize() - self.rigid.owned :])
 
     def displacement(self, x: PETSc.Vec) -> Array:
@@ -196,14 +201,13 @@ class ContactEquations:
         """
         self.refresh()
         if any(
-            found.answers.spreading is not None or found.kinematics.operator.absent is not None
-            for found in state.surfaces
+            s.answers.spreading is not None or s.kinematics.operator.absent is not None
+            for s in state.surfaces
         ):
             return self.contact(x, statuses)
-        if statuses is None:
-            statuses = [found.answers.required for found in state.surfaces]
-        found = zip(state.surfaces, statuses, strict=True)
-        return Evaluation(state.u, state.q, [replace(at, statuses=codes) for at, codes in found])
+        codes = [s.answers.required for s in state.surfaces] if statuses is None else statuses
+        pairs = zip(state.surfaces, codes, strict=True)
+        return Evaluation(state.u, state.q, [replace(s, statuses=held) for s, held in pairs])
 
     def refresh(self) -> None:
         """Update surfaces with changed data, and the ghosts of Functions. Collective."""
@@ -211,34 +215,36 @@ class ContactEquations:
         changed = anywhere(self.comm, *(part.has_changed for part in parts))
         if changed[0]:
             self.bulk.update_ghosts()
-        for s, memory, other in zip(self.surfaces, self.memory, changed[1:], strict=True):
-            if other:
+        for i, s in enumerate(self.surfaces):
+            if changed[i + 1]:
                 s.update_geometry()
-            if other and (memory is None or s.displaced is None):
-                warn_of_obstacle(s, self.body_size, self._wrong_sides)
+                self.moved.add(i)
 
     def _contact(
         self, x: PETSc.Vec, u: Array, q: Array, statuses: Statuses | None
     ) -> list[ContactState]:
-        found = []
+        """Evaluate kinematics and law of every surface."""
+        states = []
         parts = self.blocks(x)
-        held = [None] * len(self.surfaces) if statuses is None else statuses
-        for i, (s, codes) in enumerate(zip(self.surfaces, held, strict=True)):
+        for i, s in enumerate(self.surfaces):
             removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
             multipliers = np.where(removed, 0.0, self.units[i + 1] * parts[i + 1])
             at = self.kinematics(s, u, q)
             traction = s.points.traction(multipliers)
-            answers = s.law_at_points(at.jump, traction, at.data, codes)
-            codes = answers.required if codes is None else codes
-            if at.operator.absent is not None:
-                codes = np.where(at.operator.absent, s.law_at_points.codes[0], codes)
-            found.append(ContactState(at, traction, codes, answers))
-        return found
+            held = None if statuses is None else statuses[i]
+            answers = s.law_at_points(at.jump, traction, at.data, held)
+            codes = answers.required if held is None else held
+            absent = at.operator.absent
+            if absent is not None:
+                codes = np.where(absent, s.law_at_points.codes[0], codes)
+            states.append(ContactState(at, traction, codes, answers))
+        return states
 
     def kinematics(self, s: DiscreteSurface, u: Array, q: Array) -> Kinematics:
         """Return gap, slip and B of ``s`` at a displacement and unknowns of the rigid bodies."""
         memory = self.memory[self.surfaces.index(s)]
-        return s.kinematics(u.reshape(-1, self.dim), self.rigid.of_body(q, s.rigid_body), memory)
+        motion = None if s.rigid_body is None else self.rigid.of_body(q, s.rigid_body)
+        return s.kinematics(u.reshape(-1, self.dim), motion, memory)
 
     def relative(self, s: DiscreteSurface, u: Array, q: Array) -> Array:
         """Displacements of the owned nodes relative to the obstacle of ``s``, shape (n, dim).
@@ -255,7 +261,7 @@ class ContactEquations:
         return statuses
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """Write H(x) into ``b`` and return the evaluation. Dirichlet data enter all rows linearly.
+        """Write H(x) into ``b`` and return the evaluation.
 
         Args:
             x: unknowns.
@@ -265,42 +271,50 @@ class ContactEquations:
         self.refresh()
         u = self.displacement(x)
         q = self.motions(x)
-        n = self.owned_sizes[0]
         with logged("ContactStatus"):
             contact = self._contact(x, u, q, statuses)
+        # step from the unknowns to the Dirichlet data
         prescribed = self.prescribed.values().reshape(-1)
         motion = self.prescribed_motions()
-        missing = np.where(self.fixed, prescribed - u, 0.0)
-        missing_q = np.where(self.rigid.fixed, motion - q, 0.0)
-        any_missing = self._any(missing, missing_q)
-        # For a linear body the product includes the Dirichlet data, without assembly.
-        affine = self.bulk.affine_residual(u + missing)
+        du = np.where(self.fixed, prescribed - u, 0.0)
+        dq = np.where(self.rigid.fixed, motion - q, 0.0)
+        steps = self._any(du, dq)
+        # body, and contact forces on it; for a linear body K (u + du) + f needs no assembly
+        affine = self.bulk.affine_residual(u + du)
         body = self.bulk.residual_at(u) if affine is None else affine
         pushed: Array = np.zeros(self.rigid.size)
         for s, state in zip(self.surfaces, contact, strict=True):
             forces = state.kinematics.operator.transpose(state.traction)
             body = body - forces
-            pushed += self.rigid.reactions(s, forces, u, q)
+            if s.rigid_body is not None:
+                pushed += self.rigid.reactions(s, forces, u, q)
         reactions = body.copy()
-        if affine is None and any_missing:
+        if steps and affine is None:
             body += self.bulk.lifting(u, self.prescribed.conditions, u)
-        if any_missing:
-            body -= self._turned_forces(contact, u, q, missing, missing_q)
-        fixed = self.fixed[:n]
-        body[fixed] = self.stiffness_scale * (u - prescribed)[:n][fixed]
+        if steps:
+            body -= self._turned_forces(contact, u, q, du, dq)
+        fixed = self.fixed[: len(body)]
+        body[fixed] = self.scaling.stiffness * (u - prescribed)[: len(body)][fixed]
+        # contact conditions
         rows = [body]
         for i, (s, state) in enumerate(zip(self.surfaces, contact, strict=True)):
             off = state.off
-            if any_missing:
-                off = off - self._change(s, state, u, q, missing, missing_q)
+            if steps:
+                off = off - self._change(s, state, u, q, du, dq)
             rows.append(self._with_removed(i, s.points.rows(off), x))
+        # rigid bodies
         if self.rigid.size:
             pushed = total(self.comm, pushed)
-        held = self.stiffness_scale * (q - motion)
-        balance = np.where(self.rigid.fixed, held, pushed - self.rigid.loads())
-        rows.append(self.rigid.here(balance))
+        rows.append(self._rigid_rows(q, motion, pushed))
         b.array[:] = np.concatenate(rows)
         return Evaluation(u, q, contact, rows, reactions, -pushed)
+
+    def _rigid_rows(self, q: Array, motion: Array, pushed: Array) -> Array:
+        """Owned rows of the rigid bodies: balance of forces, or distance to the given motion."""
+        if not self.rigid.size:
+            return np.zeros(0)
+        held = self.scaling.stiffness * (q - motion)
+        return self.rigid.here(np.where(self.rigid.fixed, held, pushed - self.rigid.loads()))
 
     def contact_rows(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Array:
         """Owned contact rows of H, without evaluating the body. Collective.
@@ -326,8 +340,9 @@ class ContactEquations:
             du: increment of ``u``.
             dq: increment of ``q``.
         """
-        n = self.owned_sizes[0]
-        at, step = (v[:n].reshape(-1, self.dim) for v in (u, du))
+        at, step = (v[: self.owned_sizes[0]].reshape(-1, self.dim) for v in (u, du))
+        if s.rigid_body is None:
+            return step
         return self.rigid.relative_rate(s, at, q, step, dq)
 
     def _change(
@@ -339,7 +354,7 @@ class ContactEquations:
         adds w x tau - dtau/dt (w x t).
         """
         change = found.change(self.relative_rate(s, u, q, du, dq))
-        turning = self.rigid.spin(s, q, dq)
+        turning = None if s.rigid_body is None else self.rigid.spin(s, q, dq)
         if turning is not None:
             assert s.rigid_body is not None
             crossed = s.rigid_body.crossed
@@ -367,16 +382,16 @@ class ContactEquations:
 
     def prescribed_motions(self) -> Array:
         """Return the prescribed motions of the rigid bodies, zero where they are free."""
-        return self.rigid.prescribed(self.prescribed.part)
+        return np.zeros(0) if not self.rigid.size else self.rigid.prescribed(self.prescribed.part)
 
     def _any(self, *values: npt.ArrayLike) -> bool:
         """Whether any value is nonzero on any rank. Collective."""
-        return bool(self.comm.allreduce(int(any(np.any(v) for v in values))))
+        return any(anywhere(self.comm, *(bool(np.any(v)) for v in values)))
 
     def _with_removed(self, i: int, rows: Array, x: PETSc.Vec | None) -> Array:
         """Insert the rows of removed multipliers into the contact rows of surface ``i``."""
         removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
-        held = 0.0 if x is None else self.stiffness_scale * x.array_r[self._slices[i + 1]]
+        held = 0.0 if x is None else self.scaling.stiffness * x.array_r[self._slices[i + 1]]
         return np.where(removed, held, rows)
 
     def rates(

@@ -6,11 +6,14 @@ and slips are compared with the largest displacement. In a body that sticks ever
 are round-off; the length scale is then the displacement that a contact force would cause at its
 node alone (`held_back`). Thus the test is independent of the user's units, and a small contact row
 cannot hide behind a large force row.
+
+All maxima are NaN if one of their values is NaN.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -46,10 +49,10 @@ class Measures:
     constraint: float
     cone: float
 
-    @property
+    @cached_property
     def worst(self) -> float:
-        """Largest of the three; NaN if one is NaN."""
-        return _most(self.force, self.constraint, self.cone)
+        """Largest of the three."""
+        return float(np.max([self.force, self.constraint, self.cone]))
 
 
 def least_scales(equations: ContactEquations, length: float) -> tuple[float, float]:
@@ -83,29 +86,22 @@ class Scales:
     def measure(self, state: Evaluation) -> Measures:
         """Return the measures of the rows of H at an evaluation. Collective."""
         eq = self._equations
-        n = self._equations.owned_sizes[0]
         assert state.reactions is not None
-        fixed = eq.fixed[:n]
-        force = _largest(state.rows[0][~fixed])
-        dirichlet = _largest(state.rows[0][fixed])
-        rigid = eq.rigid.here(eq.rigid.fixed)
-        force = _most(force, _largest(state.rows[-1][~rigid]))
-        dirichlet = _most(dirichlet, _largest(state.rows[-1][rigid]))
+        stiffness = eq.scaling.stiffness
+        # equilibrium and Dirichlet data
+        body, *contact, rigid = state.rows
+        held, held_rigid = eq.fixed[: len(body)], eq.rigid.fixed[: len(rigid)]
+        force = _largest(body[~held], rigid[~held_rigid])
+        dirichlet = _largest(body[held], rigid[held_rigid]) / stiffness
+        # contact conditions
+        pairs = zip(eq.surfaces, state.surfaces, contact, eq.scaling.at_vertices, strict=True)
+        found = np.array([_of_surface(*pair) for pair in pairs]).max(axis=0)
+        constraint, cone, nodal, moved = found
+        # scales; a moving body has a length scale even while it passes its undeformed position
         first = force if self.force == 0.0 else 0.0
-        forces = [first, _largest(state.reactions[fixed])]
-        # A moving body has a length scale even while it passes its undeformed position.
-        lengths = [_largest(state.u), _largest(state.q), eq.bulk.reach]
-        lengths.append(dirichlet / eq.stiffness_scale)
-        constraint = [dirichlet / eq.stiffness_scale]
-        cone = [0.0]
-        contacts = zip(eq.surfaces, state.surfaces, state.rows[1:-1], strict=True)
-        for (s, found, rows), stiffness in zip(contacts, eq.scaling.at_vertices, strict=True):
-            length, size, contact = _row_measures(s, found, rows)
-            for part, value in ((constraint, length), (cone, size), (forces, contact)):
-                part.append(value)
-            lengths.append(held_back(s, found, stiffness))
-            lengths.append(float(np.max(-s.points.vertex_gaps, initial=0.0)))
-        values = np.array([_most(*v) for v in (forces, lengths, [force], constraint, cone)])
+        forces = np.max([first, _largest(state.reactions[held]), nodal])
+        lengths = np.max([_largest(state.u, state.q), eq.bulk.reach, dirichlet, moved])
+        values = np.array([forces, lengths, force, np.max([dirichlet, constraint]), cone])
         values = largest(eq.comm, values)
         self.force = max(self.force, float(values[0]))
         self.length = max(self.length, float(values[1]), 1e-14 * eq.body_size)
@@ -158,42 +154,43 @@ def held_back(s: DiscreteSurface, found: ContactState, stiffness: Array) -> floa
     return _largest(np.divide(traction, resists, out=np.zeros_like(traction), where=resists > 0))
 
 
-def _row_measures(
-    s: DiscreteSurface, found: ContactState, rows: Array
-) -> tuple[float, float, float]:
-    """Largest length and force in owned contact rows, and the largest nodal contact force.
+def _of_surface(
+    s: DiscreteSurface, found: ContactState, rows: Array, stiffness: Array
+) -> tuple[float, float, float, float]:
+    """Return measures and scales of a surface on this rank. Collective.
 
     Where each row belongs to one point, the status distinguishes lengths (gap and tangential
     displacement of a closed point, times r and the area) from forces (traction of an open point,
-    shear of a slipping one); in the integral method every row counts as both. Collective.
+    shear of a slipping one); in the integral method every row counts as both.
+
+    Returns:
+        Largest length in the rows, largest force in the rows, largest nodal contact force, and the
+        largest displacement that it would cause or that removes a penetration in the mesh.
     """
     points = s.points
-    r = points.data.r
-    area = points.areas
-    forces = _largest(found.traction * area[:, None])
+    depth = float(np.max(-points.vertex_gaps, initial=0.0))
+    moved = float(np.max([held_back(s, found, stiffness), depth]))
     if points.E is not None:
-        r = points.r
         area = points.vertex_areas
-        unit = s.comm.allreduce(_largest(r * area), op=max)
+        unit = s.comm.allreduce(_largest(points.r * area), op=max)
         size = _largest(rows)
-        return size / unit, size, _largest(found.traction) * _largest(area)
+        return size / unit, size, _largest(found.traction) * _largest(area), moved
+    area = points.areas
+    n = found.data.n
     rows = rows.reshape(-1, s.dim)
-    normal = np.sum(rows * found.data.n, axis=1)
+    normal = np.sum(rows * n, axis=1)
     along = np.abs(normal)
-    across = np.linalg.norm(rows - normal[:, None] * found.data.n, axis=1)
+    across = np.linalg.norm(rows - normal[:, None] * n, axis=1)
     touching = closed(found.statuses)
     stuck = senses(found.statuses) == STICK
     # The shear residual of a slipping point divided by r is a length, too: the error of the slip
     # direction. Friction may hold an open point.
     lengths = np.array([np.where(touching, along, 0.0), np.where(touching | stuck, across, 0.0)])
     sizes = np.array([np.where(touching, 0.0, along), np.where(stuck, 0.0, across)])
-    return _largest(lengths / (r * area)), _largest(sizes), forces
+    force = _largest(found.traction * area[:, None])
+    return _largest(lengths / (points.data.r * area)), _largest(sizes), force, moved
 
 
-def _most(*values: float) -> float:
-    """Largest value; NaN if one is NaN, unlike ``max``."""
-    return np.nan if any(v != v for v in values) else max(values)
-
-
-def _largest(values: npt.NDArray[Any]) -> float:
-    return float(np.abs(values).max(initial=0.0))
+def _largest(*values: npt.NDArray[Any]) -> float:
+    """Return the largest magnitude in arrays, 0 if they are empty."""
+    return float(np.max([np.abs(v).max(initial=0.0) for v in values]))

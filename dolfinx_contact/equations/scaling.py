@@ -20,7 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
@@ -354,6 +354,8 @@ class LooseMotions:
 
     def _by_rigid_bodies(self, s: DiscreteSurface) -> Array:
         jumps = np.zeros((self._bodies.size, s.points.number, s.dim))
+        if s.rigid_body is None:
+            return jumps[self._free]
         jumps[self._bodies.slice_of(s.rigid_body)] = -np.moveaxis(self._bodies.at_points(s), 2, 0)
         return jumps[self._free]
 

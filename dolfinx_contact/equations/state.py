@@ -3,19 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
-
-from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.points.memory import Memory
 
-__all__ = ["LastWrite", "State"]
+__all__ = ["State"]
 
 Array = npt.NDArray[np.float64]
 
@@ -77,45 +74,6 @@ class State:
     def __reduce__(self) -> Any:
         # Arrays become writeable when they are unpickled, unless the constructor runs again.
         return type(self), tuple(getattr(self, f.name) for f in fields(self))
-
-
-class LastWrite:
-    """Unknowns and statuses that a problem wrote last, and the memory of the law there.
-
-    On the border between two statuses, displacement and multipliers do not determine the status.
-    The statuses of the last write are therefore valid as long as the unknowns are identical bit by
-    bit.
-
-    Args:
-        comm: communicator of the problem.
-    """
-
-    def __init__(self, comm: MPI.Comm):
-        self._comm = comm
-        self._unknowns: Array | None = None
-        self._statuses: Statuses = ()
-        self._previous: Sequence[Memory | None] = ()
-
-    def note(self, unknowns: Array, statuses: Statuses, previous: Sequence[Memory | None]) -> None:
-        """Store owned unknowns (n,), statuses and the memory of their law. Not collective."""
-        self._unknowns = unknowns.copy()
-        self._previous = previous
-        self._statuses = [np.array(codes, dtype=np.int8) for codes in statuses]
-
-    def statuses_at(self, unknowns: Array) -> Statuses | None:
-        """Return the statuses of these unknowns, None if others were written. Collective."""
-        return self._statuses if self._is_at(unknowns) else None
-
-    def previous_at(self, unknowns: Array) -> Sequence[Memory | None] | None:
-        """Return the memory of the law under which these unknowns were written. Collective.
-
-        None if other unknowns were written.
-        """
-        return self._previous if self._is_at(unknowns) else None
-
-    def _is_at(self, unknowns: Array) -> bool:
-        same = self._unknowns is not None and np.array_equal(self._unknowns, unknowns)
-        return bool(self._comm.allreduce(int(same), op=MPI.MIN))
 
 
 def _read_only(values: npt.NDArray[Any]) -> npt.NDArray[Any]:

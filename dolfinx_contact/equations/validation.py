@@ -1,47 +1,78 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Validation of the data before a solve or a question.
+"""Validation of the arguments of a problem, of its data before a solve, and of states.
 
-`validate` is called once before every solve. It is the only place where values of Functions and
-Constants are tested: afterwards the solvers trust them.
+`check` validates arguments. `validate` is called once before every solve: values of Functions and
+Constants are tested nowhere else, and the solvers trust them. States that satisfy the equations but
+are not physical are described by `diverged`, `inverted`, `held_across` and `without_normal`.
+
+Most tests are local and return an objection, a message that is empty if there is none. One
+collective call per test raises the objection of the lowest rank on every rank.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Iterator, Sequence
+from typing import Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
+import ufl
+from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._errors import require, same_everywhere
-from dolfinx_contact._shared import anywhere
+from dolfinx_contact._shared import anywhere, largest
+from dolfinx_contact._ufl_data import refuse_other_condition, refuse_other_mesh
+from dolfinx_contact._validate import listed as as_list
+from dolfinx_contact.body.cells import cells_around, smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Datum, data_of_surface, placed_data
-from dolfinx_contact.equations.evaluation import Evaluated, Evaluation
+from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses
 from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.laws.status import closed
+from dolfinx_contact.materials import Axisymmetric, materials_in
+from dolfinx_contact.points.descriptions import Contact, is_axisymmetric
+from dolfinx_contact.points.displaced_faces import outward_at_points
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import DiscreteSurface
+from dolfinx_contact.points.trace import rounded
 
 __all__ = [
+    "check",
     "check_law",
     "check_moduli",
+    "check_sides",
     "check_surface",
     "check_times",
     "check_turn",
+    "diverged",
+    "fit",
+    "held_across",
+    "inverted",
+    "listed",
+    "lists",
     "require_obstacles",
     "validate",
     "validate_data",
     "without_normal",
 ]
 
+logger = logging.getLogger(__name__)
+
 Array = npt.NDArray[np.float64]
 
+_ROUND_OFF = 1e-14  # relative excess of a bound that counts as round-off
+_AGAINST = -0.5  # cosine of contact normal and outward normal below which they disagree
+_BESIDE = 1e-3  # facet sizes from a contact point to the place where the body is searched
+_TIED = 8  # contact points nearest to an obstacle that are examined, per rank
+_FAR_OBSTACLE = 10.0  # body sizes from which an obstacle is far away
+_FAR = 1e5  # displacement, in body sizes, that is not an equilibrium
+_ACROSS = 1e-6  # component of a unit normal along a held direction
 #: Largest admissible slope of a gap along the normal at a touching point: -1 where a level set has
 #: a gradient, -1/m where it vanishes like the m-th power of the distance.
 _STEEPEST = -0.75
@@ -56,6 +87,83 @@ _TURNED = (
 )
 
 
+# -- arguments of a problem ------------------------------------------------------------------------
+
+
+def lists(surfaces: Any, bcs: Any) -> tuple[list[Contact], list[fem.DirichletBC]]:
+    """Return descriptions of contact and Dirichlet conditions as lists, or raise ``ValueError``."""
+    if isinstance(surfaces, Contact) or isinstance(bcs, fem.DirichletBC):
+        raise ValueError("surfaces and bcs must be lists")
+    surfaces, bcs = as_list(surfaces, "surfaces"), as_list(bcs, "bcs")
+    if not all(isinstance(s, Contact) for s in surfaces):
+        raise ValueError("surfaces must be a list of ContactSurface, ContactPair or SelfContact")
+    if not all(isinstance(bc, fem.DirichletBC) for bc in bcs):
+        raise ValueError("bcs must be a list of Dirichlet conditions")
+    return surfaces, bcs
+
+
+def check(bulk: Any, u: fem.Function, surfaces: list[Contact], bcs: list[fem.DirichletBC]) -> None:
+    """Raise ``ValueError`` if the arguments of a problem do not fit together. Not collective."""
+    if not isinstance(bulk, ufl.Form):
+        density = isinstance(bulk, ufl.core.expr.Expr)
+        hint = ": multiply the energy density by ufl.dx" if density else ""
+        raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}{hint}")
+    for objection in _objections_to_arguments(bulk, u, surfaces):
+        raise ValueError(objection)
+    refuse_other_mesh(bulk, u.function_space.mesh, "the bulk")
+    for bc in bcs:
+        refuse_other_condition(bc, u.function_space.mesh)
+
+
+def _objections_to_arguments(
+    bulk: ufl.Form, u: fem.Function, surfaces: list[Contact]
+) -> Iterator[str]:
+    """Yield the reasons why surfaces do not fit the bulk, the displacement or each other."""
+    names = [s.name for s in surfaces]
+    plane = [s.name for s in surfaces if not is_axisymmetric(s)]
+    turned = [isinstance(m, Axisymmetric) for m in materials_in(bulk)]
+    if not surfaces:
+        yield "a contact problem needs at least one contact surface"
+    if any(s.u is not u for s in surfaces):
+        yield "every contact surface must be made with the displacement u"
+    if len(set(names)) < len(names):
+        yield f"contact surfaces need different names, got {names}"
+    if 0 < len(plane) < len(surfaces):
+        yield f"all contact surfaces are axisymmetric or none is, unlike {plane}"
+    if any(turned) and plane:
+        yield (
+            "the contact surfaces are plane, but the bulk is that of a body of revolution, whose "
+            "surfaces need axisymmetric=True"
+        )
+    if not all(turned) and not plane:
+        yield (
+            "the contact surfaces are axisymmetric, but the bulk is that of a plane body: use "
+            "materials.Axisymmetric"
+        )
+
+
+def listed(expected: Any) -> list[Statuses]:
+    """Return expected statuses as lists, or raise ``ValueError``. Not collective."""
+    try:
+        return [list(statuses) for statuses in expected]
+    except TypeError:
+        raise ValueError(
+            "expected must be a list of statuses, each a list of arrays, surface by surface; got "
+            f"{expected!r}"
+        ) from None
+
+
+def fit(surfaces: Sequence[DiscreteSurface], statuses: Statuses) -> bool:
+    """Return whether statuses are statuses of these contact points. Not collective."""
+    return len(statuses) == len(surfaces) and all(
+        np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
+        for s, codes in zip(surfaces, statuses, strict=True)
+    )
+
+
+# -- data before a solve ---------------------------------------------------------------------------
+
+
 def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     """Raise ``ValueError`` for data that are not admissible; otherwise adapt to them. Collective.
 
@@ -64,34 +172,43 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
         x0: start of the solve.
 
     Returns:
-        The evaluation at ``x0``; None if the scales of the data, and with them H, have changed.
+        Evaluation at ``x0``; None if the scales of the data, and with them H, have changed.
     """
+    # data, without a state
     same_everywhere(eq.comm, "data of the problem", Constants=_numbers(eq))
     eq.require_same_mesh()
     check_moduli(eq)
     eq.refresh()
+    check_sides(eq)
     for s, memory in zip(eq.surfaces, eq.memory, strict=True):
         s.check_gaps()
         check_law(s, memory)
         if memory is None:
             check_turn(s, None)
-    _require_finite_start(eq, x0)
+    # the start, and H there
+    names = ["displacement", *(f"traction of {s.name!r}" for s in eq.surfaces)]
+    names.append("motion of the rigid bodies")
+    bad = anywhere(eq.comm, *(not np.isfinite(part).all() for part in eq.blocks(x0)))
+    for name, wrong in zip(names, bad, strict=True):
+        if wrong:
+            raise ValueError(f"the {name} at the start is not finite")
     require_obstacles(eq)
     b = eq.create_vector()
     state = eq.residual(x0, b)
     finite = bool(np.isfinite(b.array_r).all())
     b.destroy()
     lost = without_normal(eq, state)
-    require(eq.comm, not lost, lost)
-    for s in eq.surfaces:
-        _require_finite_geometry(s)
-    given = bool(np.isfinite(eq.rigid.numbers()).all())
-    require(eq.comm, given, "a load or motion of a rigid body is not finite")
+    objections = [lost, *map(_objection_to_geometry, eq.surfaces)]
+    if not np.isfinite(eq.rigid.numbers()).all():
+        objections.append("a load or motion of a rigid body is not finite")
+    objection = next(filter(None, objections), "")
+    require(eq.comm, not objection, objection)
     eq.constraints.check_values(eq.surfaces, eq.body_size)
-    if not eq.comm.allreduce(int(finite), op=MPI.MIN):
+    if anywhere(eq.comm, not finite)[0]:
         place = _not_finite(eq, placed_data(eq)) or _not_finite_law(eq, state)
         place = place or "loads and material data, for NaN"
         raise ValueError(f"the residual is not finite at the start: look at {place}")
+    # scales
     changed = eq.scaling.follow(eq.displacement(x0))
     return None if changed else Evaluated(x0.array_r.copy(), state)
 
@@ -109,16 +226,13 @@ def validate_data(eq: ContactEquations) -> None:
 
 def check_moduli(eq: ContactEquations, where: str = "") -> None:
     """Raise ``ValueError`` if the moduli of a material are not admissible. Collective."""
-    message = ""
+    objection = ""
     try:
         for material in eq.bulk.materials:
             material.check_moduli()
     except ValueError as error:
-        message = f"{error}{where}"
-    require(eq.comm, not message, message)
-
-
-# -- surfaces --------------------------------------------------------------------------------------
+        objection = f"{error}{where}"
+    require(eq.comm, not objection, objection)
 
 
 def check_surface(s: DiscreteSurface, memory: Memory | None, where: str = "") -> None:
@@ -131,7 +245,8 @@ def check_surface(s: DiscreteSurface, memory: Memory | None, where: str = "") ->
     """
     s.update_geometry()
     s.check_gaps()
-    _require_finite_geometry(s)
+    objection = _objection_to_geometry(s)
+    require(s.comm, not objection, objection)
     check_law(s, memory, where)
     if memory is None:
         check_turn(s, None, where)
@@ -148,54 +263,60 @@ def check_law(s: DiscreteSurface, memory: Memory | None, where: str = "") -> Non
         memory: memory of its points at the beginning of the step; None under the static law.
         where: end of the message.
     """
-    _check_time(s, memory)
-    fields = s.points.data.fields
-    for name, values in fields.items():
-        what = f"{name} of {s.law.name}{where}"
-        require(s.comm, bool(np.isfinite(values).all()), f"{s.name}: NaN in the {what}")
-        sign = s.law.signs.get(name, "any")
-        words = {"positive": "not positive:", "fraction": "not between 0 and 1:"}
-        good = bool(obeys(sign, values).all())
-        require(s.comm, good, f"{s.name}: {words.get(sign, 'negative')} {what}")
-    for x in s.law.internal:
-        if x.end is None:
-            continue
-        left = x.sense * (x.end - fields[x.name])
-        good = bool(np.all(left >= -1e-14 * (1.0 + abs(x.end))))
-        what = f"{x.name} of {s.law.name}{where}"
-        require(s.comm, good, f"{s.name}: {what} is beyond its end {x.end:g}")
+    objection = _objection_to_time(s, memory) or _objection_to_fields(s, where)
+    require(s.comm, not objection, f"{s.name}: {objection}")
     at_rest = np.zeros_like(s.points.data.n)
     radius = s.law_at_points(at_rest, at_rest, s.point_data(memory)).unit_bound
-    message = f"{s.name}: the law {s.law.name} has a negative radius{where}"
-    require(s.comm, not bool((radius < -1e-14).any()), message)
+    good = not (radius < -_ROUND_OFF).any()
+    require(s.comm, good, f"{s.name}: the law {s.law.name} has a negative radius{where}")
+
+
+def _objection_to_fields(s: DiscreteSurface, where: str) -> str:
+    """Return the first objection to the values of the fields of a law. Not collective."""
+    fields = s.points.data.fields
+    wrong = {"positive": "not positive:", "fraction": "not between 0 and 1:"}
+    for name, values in fields.items():
+        what = f"{name} of {s.law.name}{where}"
+        if not np.isfinite(values).all():
+            return f"NaN in the {what}"
+        sign = s.law.signs.get(name, "any")
+        if not obeys(sign, values).all():
+            return f"{wrong.get(sign, 'negative')} {what}"
+    for x in s.law.internal:
+        if x.end is not None:
+            left = x.sense * (x.end - fields[x.name])
+            if (left < -_ROUND_OFF * (1.0 + abs(x.end))).any():
+                return f"{x.name} of {s.law.name}{where} is beyond its end {x.end:g}"
+    return ""
 
 
 def check_times(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if a law lacks something under the memory of the step. Collective."""
     for s, memory in zip(eq.surfaces, eq.memory, strict=True):
-        _check_time(s, memory)
+        objection = _objection_to_time(s, memory)
+        require(s.comm, not objection, f"{s.name}: {objection}")
 
 
-def _check_time(s: DiscreteSurface, memory: Memory | None) -> None:
-    """Raise ``ValueError`` if a law lacks something under a memory. Collective.
+def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
+    """Return the objection to a law that lacks something under a memory. Not collective.
 
     See `Law.lacks`. A law that depends on the time needs a step with a duration
     (`CompiledLaw.needs_time`).
     """
     history = memory is not None and memory.step > 0
     lack = s.law.lacks(history=history)
-    kind = "in a history" if history else "statically"
-    require(s.comm, not lack, f"{s.name}: {kind} the law {s.law.name} lacks {lack}")
+    if lack:
+        kind = "in a history" if history else "statically"
+        return f"{kind} the law {s.law.name} lacks {lack}"
     step = -1.0 if memory is None else min(memory.step, 0.0)
     # Laws that name the fields by which they need a time define the answer in a step of no length.
     time_known = history or (step == 0 and bool(s.law.needs_time))
-    require(
-        s.comm,
-        time_known or not s.law_at_points.compiled.needs_time(step),
-        f"{s.name}: the law {s.law.name} depends on the time of a step (a.step), and no time "
-        "passes without a history: use evolution.QuasiStatic or NSCD, or define in the law what "
-        "holds at rest, as in the speed ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - "
-        "a.slid_before) / a.step, 0.0)",
+    if time_known or not s.law_at_points.compiled.needs_time(step):
+        return ""
+    return (
+        f"the law {s.law.name} depends on the time of a step (a.step), and no time passes without "
+        "a history: use evolution.QuasiStatic or NSCD, or define in the law what holds at rest, as "
+        "in the speed ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / a.step, 0.0)"
     )
 
 
@@ -225,28 +346,154 @@ def check_turn(s: DiscreteSurface, before: Array | None, where: str = "") -> Non
 
 def require_obstacles(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if a gap or normal is not finite, and name the datum. Collective."""
-    for s in eq.surfaces:
-        values = s.points.vertex_gaps, s.points.vertex_normals
-        finite = all(bool(np.isfinite(v).all()) for v in values)
-        if not eq.comm.allreduce(int(finite), op=MPI.MIN):
-            place = _not_finite(eq, data_of_surface(s))
-            message = f"{s.name}: the gap or normal of the obstacle is not finite: look at {place}"
-            require(eq.comm, not place, message)
+    bad = anywhere(eq.comm, *(bool(_objection_to_geometry(s)) for s in eq.surfaces))
+    for s, wrong in zip(eq.surfaces, bad, strict=True):
+        place = _not_finite(eq, data_of_surface(s)) if wrong else ""
+        if place:
+            raise ValueError(
+                f"{s.name}: the gap or normal of the obstacle is not finite: look at {place}"
+            )
 
 
-def _require_finite_geometry(s: DiscreteSurface) -> None:
-    """Raise ``ValueError`` if a gap or normal is not finite as evaluated last. Collective."""
-    gaps = bool(np.isfinite(s.points.vertex_gaps).all())
-    normals = bool(np.isfinite(s.points.vertex_normals).all())
-    message = f"{s.name}: the gap or normal of the obstacle is not finite"
-    require(s.comm, gaps and normals, message)
+def _objection_to_geometry(s: DiscreteSurface) -> str:
+    """Return the objection to gaps or normals that are not finite. Not collective."""
+    points = s.points
+    if np.isfinite(points.vertex_gaps).all() and np.isfinite(points.vertex_normals).all():
+        return ""
+    return f"{s.name}: the gap or normal of the obstacle is not finite"
 
 
-# -- state -----------------------------------------------------------------------------------------
+# -- sides of obstacles ----------------------------------------------------------------------------
+
+
+def check_sides(eq: ContactEquations) -> None:
+    """Warn about obstacles that moved since the last call and are on the wrong side. Collective.
+
+    The reference configuration is compared, so this is for small sliding and the static law. In an
+    evolution, `results.indicators` finds a face that has passed through an obstacle.
+    """
+    for i, (s, memory) in enumerate(zip(eq.surfaces, eq.memory, strict=True)):
+        if i in eq.moved and (memory is None or s.displaced is None) and not s.between_bodies:
+            _warn_of_obstacle(eq, s)
+    eq.moved.clear()
+
+
+def _warn_of_obstacle(eq: ContactEquations, s: DiscreteSurface) -> None:
+    """Warn about an obstacle on the wrong side, and about Tresca friction far from it. Collective.
+
+    An obstacle is on the wrong side if at the contact point nearest to it the contact normal points
+    against the outward normal of the face and into the body. The solution is then wrong without any
+    other sign. A surface is reported once, until its obstacle is on the right side.
+    """
+    gaps = np.abs(s.points.gaps)
+    nearest = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
+    if not np.isfinite(nearest):
+        return
+    # contact points nearest to the obstacle whose normal points against the outward normal
+    n = s.points.data.n
+    outward = outward_at_points(s, np.zeros_like(s.node_positions))
+    against = np.sum(n * outward, axis=1) < _AGAINST
+    tied = np.flatnonzero(against & (gaps <= nearest + 1e-9 * eq.body_size))
+    # The order of coordinates makes the reported place the same on any number of ranks.
+    tied = tied[np.lexsort(rounded(s.positions[tied]).T[::-1])][:_TIED]
+    # body cells next to these points, in the direction of the contact normal
+    into = s.positions[tied] + _BESIDE * s.points.mean_width * n[tied]
+    x = np.concatenate(s.comm.allgather(np.stack([s.positions[tied], into])), axis=1)
+    inside = cells_around(s.domain, x[1]) > 0
+    if not inside.any():
+        eq.wrong_sides.discard(s.name)
+    elif s.name not in eq.wrong_sides:
+        eq.wrong_sides.add(s.name)
+        place = min(tuple(p) for p in rounded(x[0])[inside])
+        _warn(
+            s,
+            f"the obstacle is on the wrong side: at ({', '.join(f'{c:.6g}' for c in place)}), "
+            "where the body comes nearest to it, the contact normal points into the body; reverse "
+            "the normal of a plane, or move a sphere out of the body",
+        )
+    if nearest > _FAR_OBSTACLE * eq.body_size and _acts_everywhere(s):
+        at_rest = np.zeros_like(n)
+        slope = s.law_at_points(at_rest, at_rest, s.point_data()).unit_bound
+        if s.comm.allreduce(float(np.nanmax(slope, initial=0.0)), op=max) > 0:
+            _warn(
+                s,
+                "the friction bound of Tresca acts on the whole surface, and the obstacle is "
+                f"{nearest:.3g} away, more than ten times the size of the body",
+            )
+
+
+def _acts_everywhere(s: DiscreteSurface) -> bool:
+    """Return whether the friction bound of a law does not depend on the pressure."""
+    return not s.law.needs_pressure and s.law.averaging is None
+
+
+def _warn(s: DiscreteSurface, message: str) -> None:
+    if s.comm.rank == 0:
+        logger.warning("%s: %s", s.name, message)
+
+
+# -- states ----------------------------------------------------------------------------------------
+
+
+def diverged(eq: ContactEquations, x: PETSc.Vec) -> str:
+    """Return a message about a motion beyond any equilibrium; "" if there is none. Collective.
+
+    Where loads have no equilibrium a body slides away, and residuals relative to the nodal forces
+    of such displacements are meaningless.
+    """
+    parts = eq.blocks(x)
+    values = np.array([np.max(np.abs(v), initial=0.0) for v in (parts[0], parts[-1])])
+    body, rigid = largest(eq.comm, values) / eq.body_size
+    if max(body, rigid) <= _FAR:
+        return ""
+    which = "the body" if body >= rigid else "a rigid body"
+    return (
+        f"{which} goes away, by {max(body, rigid):.1e} times the size of the body: nothing holds "
+        "it against the loads"
+    )
+
+
+def inverted(eq: ContactEquations, x: PETSc.Vec) -> str:
+    """Return a message about a hyperelastic body turned inside out; "" if it is not. Collective."""
+    if eq.bulk.linear:
+        return ""
+    smallest, place = smallest_jacobian(
+        eq.V, eq.displacement(x), vertices=False, axisymmetric=eq.axisymmetric
+    )
+    if smallest > 0:
+        return ""
+    where = ", ".join(f"{c:.4g}" for c in place)
+    return f"its solution has det F = {smallest:.3g} at ({where})"
+
+
+def held_across(eq: ContactEquations, state: Evaluation) -> str:
+    """Return a message about a touching point held along its normal; "" if none is. Collective.
+
+    With friction on a curved obstacle, a node held in one direction has no multiplier component in
+    that direction, which must remain tangential.
+    """
+    for held, s, found in zip(eq.constraints.held, eq.surfaces, state.surfaces, strict=True):
+        if s.displaced is None or not s.displaced.friction:
+            continue
+        n = s.points.vertices.dofmap.index_map.size_local
+        fixed = np.asarray(held)[s.points.vertex_trace_dofs]
+        partly = np.where(np.all(fixed, axis=1)[:, None], False, fixed)
+        if not anywhere(eq.comm, bool(partly.any()))[0]:
+            continue
+        touches = s.points.at_vertices(closed(found.statuses).astype(float))[:n]
+        normal = s.points.at_vertices(found.data.n)[:n]
+        across = np.linalg.norm(np.where(partly[:n], normal, 0.0), axis=1)
+        if anywhere(eq.comm, bool(np.any(across[touches > 0] > _ACROSS)))[0]:
+            return (
+                f"{s.name}: Dirichlet data fix a displacement component of a touching node that "
+                "was tangential to the obstacle and is not where it is now, so that friction and "
+                "the support cannot be distinguished; fix all components there or leave it free"
+            )
+    return ""
 
 
 def without_normal(eq: ContactEquations, state: Evaluation) -> str:
-    """Message on a displaced point without a normal; "" if all have one. Collective."""
+    """Return a message about a displaced point without a normal; "" if all have one. Collective."""
     for s, found in zip(eq.surfaces, state.surfaces, strict=True):
         data = found.data
         place = found.kinematics.place
@@ -267,27 +514,20 @@ def without_normal(eq: ContactEquations, state: Evaluation) -> str:
     return ""
 
 
-def _require_finite_start(eq: ContactEquations, x0: PETSc.Vec) -> None:
-    """Raise ``ValueError`` if a start is not finite. Collective."""
-    tractions = [f"traction of {s.name!r}" for s in eq.surfaces]
-    names = "displacement", *tractions, "motion of the rigid bodies"
-    bad = [not np.isfinite(part).all() for part in eq.blocks(x0)]
-    for name, wrong in zip(names, anywhere(eq.comm, *bad), strict=True):
-        if wrong:
-            raise ValueError(f"the {name} at the start is not finite")
+# -- data ------------------------------------------------------------------------------------------
 
 
 def _not_finite(eq: ContactEquations, data: Sequence[Datum]) -> str:
-    """First place at which data are not finite on any rank; "" if all are. Collective."""
-    bad = [not np.isfinite(d.values).all() for d in data]
-    places = zip(data, anywhere(eq.comm, *bad), strict=True)
-    return next((d.place for d, wrong in places if wrong), "")
+    """Return the place of the first datum that is not finite on some rank, or "". Collective."""
+    bad = anywhere(eq.comm, *(not np.isfinite(d.values).all() for d in data))
+    return next((d.place for d, wrong in zip(data, bad, strict=True) if wrong), "")
 
 
 def _not_finite_law(eq: ContactEquations, state: Evaluation) -> str:
-    """First law whose answer is not finite on any rank; "" if all are. Collective."""
-    for s, rows in zip(eq.surfaces, state.rows[1:-1], strict=True):
-        if not eq.comm.allreduce(int(np.isfinite(rows).all()), op=MPI.MIN):
+    """Return the place of the first law whose answer is not finite, or "". Collective."""
+    bad = anywhere(eq.comm, *(not np.isfinite(rows).all() for rows in state.rows[1:-1]))
+    for s, wrong in zip(eq.surfaces, bad, strict=True):
+        if wrong:
             return (
                 f"the law {s.law.name} of {s.name}, whose answer or its derivatives are not finite "
                 "there: powers and roots at 0, quotients"
@@ -296,10 +536,8 @@ def _not_finite_law(eq: ContactEquations, state: Evaluation) -> str:
 
 
 def _numbers(eq: ContactEquations) -> list[list[float]]:
-    """Values of all Constants of the data, which must be the same on every rank."""
-    constants = list(eq.bulk.constants)
-    for s in eq.surfaces:
-        constants += s.given.constants
+    """Return the values of all Constants of the data, which must be the same on every rank."""
+    constants = [*eq.bulk.constants, *(c for s in eq.surfaces for c in s.given.constants)]
     for body in eq.rigid.bodies:
         for e in body.expressions:
             constants += extract_constants(e)

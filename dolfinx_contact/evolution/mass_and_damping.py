@@ -19,10 +19,10 @@ from dolfinx import fem
 from dolfinx_contact._affine import dependence
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import is_number
+from dolfinx_contact.body.bulk import circumference, weighted
 from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors
 from dolfinx_contact.body.moving import MovingBody, TimeStep
-from dolfinx_contact.body.weighting import circumference, weighted
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Constancy, Datum, data_in, placed_data
 from dolfinx_contact.problem import ContactProblem

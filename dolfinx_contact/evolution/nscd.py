@@ -23,9 +23,9 @@ from typing import Any, get_args
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._agreement import described, refuse_other_mesh
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._ufl_data import described, refuse_other_mesh
+from dolfinx_contact._validate import is_number
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import Scheme, TimeStep
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere, require
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import is_number
 from dolfinx_contact.continuation.arguments import check_rays
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.evolution.changes import changes, largest_at_points

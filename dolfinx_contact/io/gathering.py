@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._geometry import node_positions
 
 __all__ = ["Arrays", "gather_cells"]
 

@@ -21,11 +21,10 @@ from dolfinx import fem, la
 
 from dolfinx_contact._compat import FacetSubmesh, create_facet_submesh
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact.body.weighting import circumference
+from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.points.evaluation import point_space, vertex_function
 from dolfinx_contact.points.trace import outward_normals, trace_dofs
-from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
-from dolfinx_contact.results.partners import pair_forces
+from dolfinx_contact.results.balance import forces_at_vertices, pair_forces, support_at_nodes
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import DiscreteSurface

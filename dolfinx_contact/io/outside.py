@@ -19,8 +19,7 @@ import ufl
 from dolfinx import fem, la, mesh
 
 from dolfinx_contact.io.gathering import Arrays, gather_cells
-from dolfinx_contact.points.ids import vertex_numbers
-from dolfinx_contact.points.trace import facet_closures
+from dolfinx_contact.points.trace import facet_closures, vertex_numbers
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import DiscreteSurface

@@ -27,7 +27,7 @@ from dolfinx import fem, plot
 from dolfinx_contact._compat import VTXFile, has_vtx
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact._files import os_error
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact.io.disk import put, reserve
 from dolfinx_contact.io.gathering import gather_cells
 

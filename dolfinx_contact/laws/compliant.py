@@ -29,7 +29,7 @@ import numpy as np
 
 import ufl
 
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import is_number
 from dolfinx_contact.laws.friction import FrictionLaw, Frictionless
 from dolfinx_contact.laws.law import Border, ContactPoint, Kernel, Scalar, Sign, StatusPiece
 from dolfinx_contact.laws.status import MINUS, PLUS, STICK

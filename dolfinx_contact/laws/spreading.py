@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 import ufl
 
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import is_number
 from dolfinx_contact.laws.friction import FrictionLaw
 from dolfinx_contact.laws.law import ContactPoint, Kernel, Scalar, Sign
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import is_number
 from dolfinx_contact.plot.floors import lay_floors
 from dolfinx_contact.plot.look import Look, checked_look, checked_scale
 from dolfinx_contact.plot.pictures import body_seen, check_look, draw, magnified, surface_seen

@@ -10,9 +10,8 @@ import numpy as np
 
 import ufl
 
-from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
-from dolfinx_contact._validate import nonnegative, number, one_of, positive, vector
+from dolfinx_contact._validate import is_number, nonnegative, number, one_of, positive, vector
 
 __all__ = ["Fields", "Heading", "Look", "checked_look", "checked_scale", "checked_units"]
 

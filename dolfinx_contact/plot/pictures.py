@@ -31,10 +31,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact._agreement import refuse_other_mesh
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact._files import hidden_beside
+from dolfinx_contact._ufl_data import refuse_other_mesh
 from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
 from dolfinx_contact.io.gathering import Arrays, gather_cells
 from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState

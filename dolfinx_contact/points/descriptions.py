@@ -20,11 +20,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact._agreement import described
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import require
-from dolfinx_contact._numbers import is_number
-from dolfinx_contact._validate import count, flag, one_of, positive, scalar, vector, word
+from dolfinx_contact._ufl_data import described
+from dolfinx_contact._validate import count, flag, is_number, one_of, positive, scalar, vector, word
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh
 from dolfinx_contact.obstacles import Obstacle, has_ufl

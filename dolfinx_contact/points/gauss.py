@@ -17,7 +17,7 @@ import basix
 from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh, geometry_dofmap
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact.points.clipping import basis, tabulated
 from dolfinx_contact.points.operators import Stencils
 from dolfinx_contact.points.opposite import Common

@@ -24,10 +24,9 @@ from dolfinx_contact.points.evaluation import (
 )
 from dolfinx_contact.points.gauss import CommonPoints, GaussPoints
 from dolfinx_contact.points.held_ends import receiving_vertices
-from dolfinx_contact.points.ids import point_ids
 from dolfinx_contact.points.operators import Stencils
 from dolfinx_contact.points.opposite import Opposite
-from dolfinx_contact.points.trace import trace_dofs
+from dolfinx_contact.points.trace import point_ids, trace_dofs
 
 __all__ = ["CommonFacetPoints", "FacetPoints"]
 
@@ -43,7 +42,7 @@ class FacetPoints(ContactPoints):
         self._gauss = self._gauss_points(rule_degree, opposite)
         self._hats = self._gauss.table(self.vertices)
         self.number = int(self._gauss.numbers.size)
-        self.ids, self.vertex_ids = point_ids(self.vertices, self._gauss)
+        self.ids, self.vertex_ids = point_ids(self.vertices, self._gauss.cells, self._gauss.numbers)
 
     def _gauss_points(self, rule_degree: int, opposite: Opposite | None) -> GaussPoints:
         """The points, of which `space` has a dof each. Collective."""

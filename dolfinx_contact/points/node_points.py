@@ -13,14 +13,14 @@ import dolfinx.fem.petsc
 import ufl
 
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact.body.weighting import circumference
+from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Trace
 from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import Given, PointEvaluator
 from dolfinx_contact.points.held_ends import shared
-from dolfinx_contact.points.ids import point_ids
 from dolfinx_contact.points.operators import Stencils, rows_of
 from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.trace import point_ids
 
 __all__ = ["AveragedPoints", "NodePoints"]
 
@@ -36,7 +36,7 @@ class NodePoints(ContactPoints):
     def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
         self.space = self.vertices
         self.number = int(self.vertices.dofmap.index_map.size_local)
-        self.ids, self.vertex_ids = point_ids(self.vertices, None)
+        self.ids, self.vertex_ids = point_ids(self.vertices)
 
     def _measure(self, opposite: Opposite | None) -> None:
         self.vertex_areas = self._evaluate.areas

@@ -54,6 +54,11 @@ class Operator(ABC):
 
     #: W of the points (n,), by which tractions become forces.
     areas: Array
+    #: Mask (n,) of points without an opposing point, which carry nothing; None if there are none.
+    absent: npt.NDArray[np.bool_] | None = None
+    #: Weights (n,) of the laws of the points; the remainder of a traction is `mean_around`. None if
+    #: all weights are 1.
+    share: Array | None = None
 
     @abstractmethod
     def apply(self, v: Array) -> Array:
@@ -68,19 +73,6 @@ class Operator(ABC):
 
     def normal_rate(self, v: Array) -> Array | None:
         """The derivative along v of the normals (n, dim); None where jumps alone turn them."""
-        return None
-
-    @property
-    def absent(self) -> npt.NDArray[np.bool_] | None:
-        """Which points have nothing opposite (n,), and carry nothing; None if all have."""
-        return None
-
-    @property
-    def share(self) -> Array | None:
-        """By which the laws of the points count (n,); for the rest a traction is `mean_around`.
-
-        None where all count alone.
-        """
         return None
 
     def mean_around(self, tractions: Array) -> Array:

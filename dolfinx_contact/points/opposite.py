@@ -27,7 +27,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact._errors import require
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle

@@ -15,12 +15,11 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._agreement import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact._geometry import area_vectors
+from dolfinx_contact._geometry import area_vectors, node_positions
 from dolfinx_contact._kept import keep
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._ufl_data import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.laws import Answers, Law, LawAtPoints, PointData
@@ -86,15 +85,25 @@ class DiscreteSurface:
         name = contact.name
         keep(domain)
         self.description: Contact = contact
-        self._contact = contact
         self.u = u
         self.domain = domain
         self.name = name
         self.dim = domain.geometry.dim
         self.comm = domain.comm
         assert contact.quadrature_degree is not None
+        #: Number of nodes of the displacement that this rank owns.
+        self.owned_nodes = int(u.function_space.dofmap.index_map.size_local)
         self.degrees = (displacement_degree(u), contact.multiplier_degree)
         self.axisymmetric = contact.axisymmetric
+        self.law: Law = contact.law
+        self.obstacle: Obstacle = contact.obstacle
+        assert contact.method is not None
+        self.method: ContactMethod = contact.method
+        self.sliding: SlidingKind | None = contact.sliding
+        #: Obstacle that is a rigid body which moves; None otherwise.
+        self.rigid_body = contact.obstacle if isinstance(contact.obstacle, RigidBody) else None
+        #: Whether the obstacle is a face of a deformable body.
+        self.between_bodies = contact.obstacle.opposite is not None
         with everywhere(self.comm, "a contact surface"):
             self._bind()
         same_everywhere(
@@ -112,36 +121,15 @@ class DiscreteSurface:
         self._create_points(local, contact.quadrature_degree)
         self._overlap = Overlap.of(name, contact.interference, contact.remove_overlap)
         self._settle_overlap(self.points.gaps, self.points.vertex_gaps, self.points.data.n)
-        self._displaced: DisplacedPoints | None = None
+        #: Gap and normal at displaced points; None in small sliding.
+        self.displaced: DisplacedPoints | None = None
         self._slid = False
-        self._true_gaps = TrueGaps(u, self.points, self.obstacle)
+        #: Distances to the obstacle of the contact points in their present positions.
+        self.true_gaps = TrueGaps(u, self.points, self.obstacle)
         #: Arrays of the Functions and Constants in law and obstacle.
         self._values = [f.x.array for f in self._functions]
         self._values += [c.value for c in self.given.constants]
         self._mark = self._marked()
-
-    # Properties of the description cannot be assigned: the law is compiled, the points are found.
-
-    @property
-    def law(self) -> Law:
-        """The law, with its numbers as Constants."""
-        return self._contact.law
-
-    @property
-    def obstacle(self) -> Obstacle:
-        """The obstacle, or the opposite face."""
-        return self._contact.obstacle
-
-    @property
-    def method(self) -> ContactMethod:
-        """The method of contact."""
-        assert self._contact.method is not None
-        return self._contact.method
-
-    @property
-    def sliding(self) -> SlidingKind | None:
-        """The kind of sliding, "small" or "large"."""
-        return self._contact.sliding
 
     def _bind(self) -> None:
         """Evaluate obstacle and law as UFL on the mesh. Not collective.
@@ -177,6 +165,8 @@ class DiscreteSurface:
             self.obstacle.opposite,
             axisymmetric=self.axisymmetric,
         )
+        #: Whether the face slides over a face of a deformable body by any distance.
+        self.slides = self.points.slides
         number = self.points.number
         self.law_at_points = (
             LawAtPoints(self.law, self.dim, number, self.comm)
@@ -310,9 +300,9 @@ class DiscreteSurface:
             return kinematics(self.points, self.law_at_points.compiled, memory, u)
         operator = self.points.operator
         seen = operator.apply(self.relative(u[: self.owned_nodes], motion))
-        if self._displaced is not None:
+        if self.displaced is not None:
             frame = self._frame(motion)
-            data, jump, reference = self._displaced.at(seen, memory, frame)
+            data, jump, reference = self.displaced.at(seen, memory, frame)
             data = with_memory(self.law_at_points.compiled, memory, data)
             turning = None if frame is None else motion
             return Kinematics(operator, jump, reference, data, seen, frame, turning, memory)
@@ -339,24 +329,9 @@ class DiscreteSurface:
         return operator
 
     @property
-    def true_gaps(self) -> TrueGaps:
-        """Distances to the obstacle of the contact points where they are now, or None."""
-        return self._true_gaps
-
-    @property
-    def displaced(self) -> DisplacedPoints | None:
-        """Gap and normal at displaced points; None where they stay."""
-        return self._displaced
-
-    @property
-    def slides(self) -> bool:
-        """Whether it is a face that slides over another, wherever both go."""
-        return self.points.slides
-
-    @property
     def linear(self) -> bool:
         """Whether gap and slip are linear in the displacement."""
-        return self._displaced is None and isinstance(self.points.operator, ConstantOperator)
+        return self.displaced is None and isinstance(self.points.operator, ConstantOperator)
 
     def slide(self, *, linear: bool) -> None:
         """Choose small or large sliding for a linear or nonlinear body. Collective, once.
@@ -369,19 +344,14 @@ class DiscreteSurface:
             return
         self._slid = True
         given = self.points, self.domain, self.obstacle, self.law_at_points, self.sliding
-        self._displaced = displaced_points(*given, linear=linear, name=self.name)
-        if self._displaced is not None and self._displaced.ended:
+        self.displaced = displaced_points(*given, linear=linear, name=self.name)
+        if self.displaced is not None and self.displaced.ended:
             # A point below a rim, and within a facet past it, is held like one that slid there.
             past = ", also past the rim, which holds a face that slides up to a facet"
             most = self._overlap.most if self._overlap.removed else 0.0
-            self._settle_overlap(*self._displaced.starts(most), past)
+            self._settle_overlap(*self.displaced.starts(most), past)
 
     # -- nodes and points ------------------------------------------------------------------------
-
-    @property
-    def between_bodies(self) -> bool:
-        """Whether what may be touched is a body as well."""
-        return self.obstacle.opposite is not None
 
     @property
     def opposite_nodes(self) -> Opposite | None:
@@ -404,11 +374,6 @@ class DiscreteSurface:
         if opposite is None:
             return np.zeros_like(values)
         return opposite.values(self.comm, values[: self.owned_nodes], len(values))
-
-    @property
-    def rigid_body(self) -> RigidBody | None:
-        """What may be touched, if it is a rigid body that moves."""
-        return self.obstacle if isinstance(self.obstacle, RigidBody) else None
 
     def relative(self, u: Array, motion: Array | None) -> Array:
         """Displacements seen from the rigid body; as they are where there is none.
@@ -445,7 +410,7 @@ class DiscreteSurface:
     def turns(self) -> bool:
         """Whether it follows a rigid body that turns by any angle."""
         body = self.rigid_body
-        return self._displaced is not None and body is not None and body.turns
+        return self.displaced is not None and body is not None and body.turns
 
     def _frame(self, motion: Array | None) -> Array | None:
         """The rotation of what is touched (dim, dim); None where it does not turn."""
@@ -509,11 +474,6 @@ class DiscreteSurface:
         return self.points.evaluator({"u": self.u})
 
     @property
-    def owned_nodes(self) -> int:
-        """Nodes of the displacement that this rank owns."""
-        return int(self.u.function_space.dofmap.index_map.size_local)
-
-    @property
     def positions(self) -> Array:
         """Positions of the contact points of this rank (n, dim)."""
         return self.points.positions
@@ -573,10 +533,10 @@ class DiscreteSurface:
         Args:
             jump: at the local vertices (n, dim).
         """
-        if self._displaced is not None:
+        if self.displaced is not None:
             body = self.rigid_body
             frame = self._frame(None if body is None else body.values)
-            gap, normal = self._displaced.at_vertices(jump)
+            gap, normal = self.displaced.at_vertices(jump)
             return gap, normal if frame is None else normal @ frame.T
         normal = self.points.vertex_normals
         return self.points.vertex_gaps - np.sum(jump * normal, axis=1), normal

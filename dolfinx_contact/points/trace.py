@@ -16,9 +16,9 @@ import basix
 from dolfinx import fem, la, mesh
 
 from dolfinx_contact import _geometry
-from dolfinx_contact._compat import is_topology_of
+from dolfinx_contact._compat import geometry_dofmap, is_topology_of
 from dolfinx_contact._errors import everywhere, require
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._shared import SharedValues, anywhere
 from dolfinx_contact._validate import count, instance, number, one_of
 from dolfinx_contact.body.cells import midpoints
@@ -33,11 +33,14 @@ __all__ = [
     "nodes_on",
     "outward_normals",
     "owned_exterior",
+    "point_ids",
     "rounded",
     "trace_dofs",
+    "vertex_numbers",
 ]
 
 
+Ids = npt.NDArray[np.int64]
 _ON_PLANE = 1e-9  # of the largest coordinate, up to which a node lies on a plane of symmetry
 
 
@@ -295,3 +298,51 @@ def at_global_places(
     for thing in (given, wanted, here, scatter):
         thing.destroy()
     return np.asarray(found.reshape(*places.shape, *shape))
+
+
+# -- keys of points --------------------------------------------------------------------------------
+
+
+def vertex_numbers(vertices: fem.FunctionSpace) -> Ids:
+    """Return the numbers of all local vertices in the input of the mesh, shape (n,).
+
+    Nodes of touching bodies, and of the two sides of a crack, share their coordinates but not these
+    numbers, which do not depend on the number of ranks.
+
+    Args:
+        vertices: scalar P1 space on a mesh, or on a facet submesh.
+    """
+    corners = vertices.dofmap.list
+    domain = vertices.mesh
+    nodes = np.asarray(domain.geometry.input_global_indices, dtype=np.int64)
+    index_map = vertices.dofmap.index_map
+    numbers: Ids = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
+    numbers[corners] = nodes[geometry_dofmap(domain)[:, : corners.shape[1]]]
+    return numbers
+
+
+def point_ids(
+    vertices: fem.FunctionSpace,
+    cells: npt.NDArray[np.int32] | None = None,
+    numbers: Ids | None = None,
+) -> tuple[Ids, Ids]:
+    """Return keys that distinguish contact points at one place, on any number of ranks.
+
+    Args:
+        vertices: scalar P1 space on a facet submesh.
+        cells: local facets with Gauss points, shape (n,); None if the points are the vertices.
+        numbers: numbers of the Gauss points of these facets, shape (n, k).
+
+    Returns:
+        Keys of the points of this rank and of all local vertices, shape (n, k) each: the input
+        number of a vertex followed by zeros, or the sorted numbers of the facet of a Gauss point.
+    """
+    corners = vertices.dofmap.list
+    vertex = vertex_numbers(vertices)
+    of_vertices: Ids = np.zeros((len(vertex), corners.shape[1]), dtype=np.int64)
+    of_vertices[:, 0] = vertex
+    if cells is None or numbers is None:
+        return of_vertices[: vertices.dofmap.index_map.size_local], of_vertices
+    of_points: Ids = np.zeros((numbers.size, corners.shape[1]), dtype=np.int64)
+    of_points[numbers] = np.sort(vertex[corners[cells]], axis=1)[:, None]
+    return of_points, of_vertices

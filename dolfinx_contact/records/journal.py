@@ -26,8 +26,8 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
+from dolfinx_contact._validate import is_number
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.io.outside import OuterSurface, SurfaceState
 from dolfinx_contact.records.arrays import Arrays, DamagedFile, check, load

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Who holds the body: contact, the support of Dirichlet data, and what acts from outside.
+"""Resultants of the forces on the body, on the two faces of pairs, and on rigid bodies.
 
-The rows of the displacement are R = R_bulk - C with the contact forces C. Where no Dirichlet data
-are they vanish; elsewhere they are the reactions of the support. Internal forces do no work on
-translations, so that minus the sum of R_bulk is the resultant of all that acts in the bulk form
-from outside (loads, springs). Of a solution
+The rows of the displacement are R = R_bulk - C with the contact forces C. They vanish at free dofs
+and are the reactions of the support at Dirichlet dofs. Internal forces do no work on translations,
+so minus the sum of R_bulk is the resultant of the external forces in the bulk form (loads,
+springs). For a solution
 
-    contact + support + external = 0
+    contact + support + external = 0,
 
 where contact is summed from the tables, support from the rows of Dirichlet dofs, and external from
-the bulk form alone: nothing is inferred from the rest. Moments are not compared. Of a body of
-revolution the balance is that along the axis, across which forces cancel.
+the bulk form. The three are computed independently. Moments are not compared. In a body of
+revolution only the axial forces are compared, because radial forces cancel.
+
+In a pair, the contact forces B^T W t act on the nodes of both bodies. Their sums on the slave and
+on the master balance if the rows of B sum to zero; their moments balance if the faces coincide and
+B reproduces linear fields. Across a gap, shear causes a moment that small sliding neglects.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -27,28 +31,44 @@ import basix
 from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._shared import SharedValues
+from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures
 
-__all__ = ["Balance", "balance", "forces_at_vertices", "support_at_nodes"]
+__all__ = [
+    "Balance",
+    "PairBalance",
+    "RigidBodyResult",
+    "balance",
+    "forces_at_vertices",
+    "pair_balance",
+    "pair_forces",
+    "rigid_body_results",
+    "support_at_nodes",
+]
+
+Array = npt.NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
-_LARGEST_IMBALANCE = 1e-6  # of all forces, above which there is a warning
-_NO_STRAIN = 1e-9
+_LARGEST_IMBALANCE = 1e-6  # largest imbalance without a warning, relative to all forces
+_NO_STRAIN = 1e-9  # strain whose stress is round-off
+_SAME_PLACE = 1e-9  # distance of coinciding nodes, relative to the size of the faces
 
 
 class ContactForces(Protocol):
-    """A table of contact points: forces on the body (n, dim)."""
+    """Table of contact points with forces on the body, shape (n, dim)."""
 
     @property
-    def force(self) -> npt.NDArray[np.float64]:
+    def force(self) -> Array:
         """Contact force on the body."""
 
-    def resultant(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The sum of forces at the points."""
+    def resultant(self, forces: Array) -> Array:
+        """Return the sum of forces at the points."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +76,14 @@ class Balance:
     """Resultants of the forces on a body.
 
     Attributes:
-        support: of the reactions of all Dirichlet data (dim,).
-        external: of all else that acts in the bulk form (dim,).
-        imbalance: |contact + support + external| over the sum of the sizes of all forces, but for
-            what is across planes of symmetry with images behind them.
+        support: resultant of the reactions of all Dirichlet data, shape (dim,).
+        external: resultant of loads and springs in the bulk form, shape (dim,).
+        imbalance: |contact + support + external| over the sum of the magnitudes of all forces,
+            without components across planes of symmetry that have images behind them.
     """
 
-    support: npt.NDArray[np.float64]
-    external: npt.NDArray[np.float64]
+    support: Array
+    external: Array
     imbalance: float
 
 
@@ -71,17 +91,17 @@ def balance(
     eq: ContactEquations,
     state: Evaluation,
     tables: Iterable[ContactForces],
-    supports: npt.NDArray[np.float64],
+    supports: Array,
 ) -> Balance:
-    """The balance of forces at a state. Collective.
+    """Compute the balance of forces at a state. Collective.
 
     Logs a warning if the imbalance is above 1e-6.
 
     Args:
-        eq: the contact problem.
-        state: with reactions.
-        tables: of all surfaces, in their order.
-        supports: reactions of Dirichlet data, as `support_at_nodes` has them.
+        eq: contact problem.
+        state: evaluation with reactions.
+        tables: contact tables of all surfaces, in their order.
+        supports: reactions of Dirichlet data at the local nodes (`support_at_nodes`).
     """
     comm = eq.comm
     n = eq.V.dofmap.index_map.size_local
@@ -91,12 +111,12 @@ def balance(
     contact = np.zeros_like(support)
     size = 0.0
     for s, t in zip(eq.surfaces, tables, strict=True):
-        if not s.between_bodies:  # else it acts on both of what is one whole here
+        if not s.between_bodies:  # forces between bodies are internal
             contact += t.resultant(t.force)
         size += float(np.linalg.norm(t.force, axis=1).sum())
     size += comm.allreduce(float(np.linalg.norm(reactions, axis=1).sum()))
     size += float(np.linalg.norm(external))
-    # Stresses at a strain of nothing, (I + grad u) less I, are round-off of the moduli.
+    # Stresses of a strain near zero, (I + grad u) - I, are round-off of the moduli.
     nothing = _NO_STRAIN * eq.stiffness_scale * eq.body_size
     moved = comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
     size = max(size, nothing, eq.round_off_force(moved))
@@ -116,14 +136,14 @@ def balance(
 
 
 def _mirrored_axes(eq: ContactEquations) -> list[int]:
-    """Axes across planes of symmetry that have images behind them."""
+    """Return the axes across planes of symmetry that have images behind them."""
     return sorted({axis for s in eq.surfaces if s.slides for axis in s.obstacle.opposite.planes})
 
 
-def support_at_nodes(eq: ContactEquations, state: Evaluation) -> npt.NDArray[np.float64]:
-    """Reactions of Dirichlet data on the body at the local nodes (n, dim). Collective.
+def support_at_nodes(eq: ContactEquations, state: Evaluation) -> Array:
+    """Return the Dirichlet reactions on the body at the local nodes, shape (n, dim). Collective.
 
-    They are 0 in the components that none fix.
+    They are 0 in free components.
     """
     reaction = fem.Function(eq.V)
     owned = eq.owned_sizes[0]
@@ -137,18 +157,18 @@ def forces_at_vertices(
     V: fem.FunctionSpace,
     submesh: FacetSubmesh,
     trace: npt.NDArray[np.int32],
-    forces: npt.NDArray[np.float64],
-) -> npt.NDArray[np.float64]:
-    """Nodal forces at the local vertices of a surface (n, dim). Collective.
+    forces: Array,
+) -> Array:
+    """Lump nodal forces onto the local vertices of a surface, shape (n, dim). Collective.
 
-    The force of a node between vertices goes to these by their hat functions, so that the sum is
-    that of all nodes of the surface.
+    The hat functions of the vertices distribute the force of a node between vertices, so the sum
+    over the surface is preserved.
 
     Args:
         V: displacement space.
         submesh: facets of the surface.
-        trace: the nodes of V at its local vertices.
-        forces: at the local nodes of V (n, dim).
+        trace: nodes of V at the local vertices of the surface.
+        forces: forces at the local nodes of V, shape (n, dim).
     """
     if V.ufl_element().degree == 1:
         return np.asarray(forces[trace])
@@ -159,7 +179,7 @@ def forces_at_vertices(
     to_cells = topology.connectivity(tdim - 1, tdim)
     nodes = V.dofmap.list[to_cells.array[to_cells.offsets[facets]]]
     closures = facet_closures(V, facets)
-    # A node of several facets is shared among these first, whichever rank has them.
+    # Distribute the force of a node over its facets, on whichever rank they are.
     at_nodes = SharedValues(index_map)
     count = at_nodes.sums(closures, np.ones(closures.shape))
     share = forces / np.maximum(count, 1.0)[:, None]
@@ -169,8 +189,8 @@ def forces_at_vertices(
     return at_nodes.sums(nodes[:, corners], parts)[trace]
 
 
-def _hats(V: fem.FunctionSpace) -> tuple[npt.NDArray[np.float64], list[int]]:
-    """Hat functions of a cell at its nodes (nodes, vertices), and the nodes at its vertices."""
+def _hats(V: fem.FunctionSpace) -> tuple[Array, list[int]]:
+    """Return hat functions of a cell at its nodes (nodes, vertices), and the nodes at vertices."""
     cell = V.mesh.basix_cell()
     corners = basix.geometry(cell)
     linear = basix.create_element(basix.ElementFamily.P, cell, 1)
@@ -178,3 +198,164 @@ def _hats(V: fem.FunctionSpace) -> tuple[npt.NDArray[np.float64], list[int]]:
     nodes = [int(layout.entity_dofs(0, i)[0]) for i in range(len(corners))]
     points = V.ufl_element().sub_elements[0].basix_element.points
     return np.round(linear.tabulate(0, points)[0, :, :, 0], 12), nodes
+
+
+# -- pairs and rigid bodies ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PairBalance:
+    """Contact forces on the two faces of a pair.
+
+    Attributes:
+        slave: resultant on the slave (dim,).
+        master: resultant on the master (dim,).
+        imbalance: |slave + master| over the sum of the magnitudes of all nodal forces.
+        moment: moment of all nodal forces over the sum of their magnitudes and the size of the
+            faces; None if the faces do not coincide, and for bodies of revolution.
+    """
+
+    slave: Array
+    master: Array
+    imbalance: float
+    moment: float | None
+
+    def summary(self) -> dict[str, Any]:
+        """Return the numbers for `summary.json`."""
+        return {
+            "slave": self.slave.tolist(),
+            "master": self.master.tolist(),
+            "force_imbalance": self.imbalance,
+            "moment_imbalance": self.moment,
+        }
+
+
+def pair_forces(eq: ContactEquations, number: int, state: Evaluation) -> Array:
+    """Return the contact forces of a surface at the owned nodes, shape (n, dim). Collective."""
+    found = state.surfaces[number]
+    return found.kinematics.operator.transpose(found.traction).reshape(-1, eq.dim)
+
+
+def pair_balance(eq: ContactEquations, number: int, state: Evaluation) -> PairBalance:
+    """Compute the balance of a pair at a state. Collective.
+
+    Args:
+        eq: contact problem.
+        number: index of the pair among the surfaces.
+        state: evaluation of the state.
+    """
+    comm = eq.comm
+    s = eq.surfaces[number]
+    n = eq.V.dofmap.index_map.size_local
+    forces = pair_forces(eq, number, state)
+    x = node_positions(eq.V)[:, : eq.dim]
+    # Nodes at the front of a crack belong to both faces, where the forces cancel.
+    slave, master = (side[:n] for side in s.obstacle.opposite.sides)
+    sums = [eq.resultant(forces[a & ~b]) for a, b in ((slave, master), (master, slave))]
+    both = eq.resultant(forces[slave & master])
+    total = comm.allreduce(float(np.linalg.norm(forces, axis=1).sum())) or 1.0
+    low, high = bounding_box(comm, x[:n][slave])
+    size = float(np.linalg.norm(high - low))
+    moment = None
+    if s.slides:
+        x = x + state.u.reshape(-1, eq.dim)
+    if not eq.axisymmetric and (s.slides or _apart(s, x) <= _SAME_PLACE * size):
+        arms = x[:n] - (low + high) / 2
+        turned = np.cross(_in_space(arms), _in_space(forces))
+        moment = float(np.linalg.norm(comm.allreduce(turned.sum(axis=0)))) / (total * size)
+    return PairBalance(
+        sums[0], sums[1], float(np.linalg.norm(sums[0] + sums[1] + both)) / total, moment
+    )
+
+
+def _apart(s: DiscreteSurface, x: Array) -> float:
+    """Return the largest distance of a slave node from its opposing point. Collective.
+
+    Args:
+        s: pair.
+        x: positions of the local nodes, shape (n, dim).
+    """
+    opposite = s.opposite_nodes
+    assert opposite is not None
+    on = (opposite.rows >= 0) & ~opposite.none
+    off = np.linalg.norm((s.opposite(x) - x)[on], axis=1)
+    return float(s.comm.allreduce(float(np.max(off, initial=0.0)), op=max))
+
+
+def _in_space(vectors: Array) -> Array:
+    """Pad vectors to three components."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+@dataclass(frozen=True)
+class RigidBodyResult:
+    """Motion of a rigid body at a solution, and the forces on it.
+
+    Moments are taken about the reference point. contact + load + support = 0, where the support is
+    zero in free components of the motion.
+
+    Attributes:
+        name: name of the body.
+        components: names of the components of its motion.
+        motion: displacement and rotation (radians), by component.
+        contact: contact force and moment of all surfaces that touch the body, by component.
+        load: given forces and moments, 0 where the motion is prescribed.
+        support: reactions to prescribed motions, 0 where the motion is free.
+        dim: dimension, 2 or 3.
+    """
+
+    name: str
+    components: tuple[str, ...]
+    motion: Array
+    contact: Array
+    load: Array
+    support: Array
+    dim: int
+
+    @property
+    def displacement(self) -> Array:
+        """Displacement of the reference point, shape (dim,)."""
+        return self.motion[: self.dim]
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation in radians, shape (1,) in 2D and (3,) in 3D."""
+        return self.motion[self.dim :]
+
+    @property
+    def force(self) -> Array:
+        """Contact force on the body, shape (dim,)."""
+        return self.contact[: self.dim]
+
+    @property
+    def moment(self) -> Array:
+        """Contact moment on the body, shape (1,) in 2D and (3,) in 3D."""
+        return self.contact[self.dim :]
+
+    def summary(self) -> dict[str, Any]:
+        """Return the numbers by component for `summary.json`."""
+        return {
+            name: {c: float(v) for c, v in zip(self.components, values, strict=True)}
+            for name, values in (
+                ("motion", self.motion),
+                ("contact", self.contact),
+                ("load", self.load),
+                ("support", self.support),
+            )
+        }
+
+
+def rigid_body_results(eq: ContactEquations, state: Evaluation) -> dict[str, RigidBodyResult]:
+    """Return the rigid bodies at a state with reactions, by name."""
+    found = {}
+    rigid = eq.rigid
+    assert state.pushes is not None
+    loads = rigid.loads()
+    support = np.where(rigid.fixed, -state.pushes, 0.0)
+    for b in rigid.bodies:
+        contact, load, held = (
+            rigid.forces_of_body(v, b) + 0.0 for v in (state.pushes, loads, support)
+        )
+        motion = rigid.of_body(state.q, b)
+        found[b.name] = RigidBodyResult(b.name, b.components, motion, contact, load, held, b.dim)
+    return found

@@ -19,20 +19,20 @@ from dolfinx_contact._errors import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import held_back, least_scales
-from dolfinx_contact.equations.validation import without_normal
+from dolfinx_contact.equations.validation import held_across, without_normal
 from dolfinx_contact.laws import status
-from dolfinx_contact.results.balance import balance, support_at_nodes
-from dolfinx_contact.results.indicators import Indicators, indicators_of
-from dolfinx_contact.results.partners import (
+from dolfinx_contact.results.balance import (
     PairBalance,
     RigidBodyResult,
+    balance,
     pair_balance,
     rigid_body_results,
+    support_at_nodes,
 )
+from dolfinx_contact.results.indicators import Indicators, indicators_of
 from dolfinx_contact.results.tables import ContactTable, contact_table, violation
 from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
-from dolfinx_contact.solvers.states import held_across
 
 __all__ = ["Named", "Result", "collect", "log_warnings"]
 
@@ -68,7 +68,7 @@ class Result:
             form, shape (dim,).
         imbalance: |contact + support + external| over the sum of the magnitudes of all forces. The
             three resultants are computed independently (`balance`). Moments are not compared.
-        pairs: forces on both faces of every pair of bodies, by name (`partners.PairBalance`).
+        pairs: forces on both faces of every pair of bodies, by name (`balance.PairBalance`).
         indicators: indicators of model validity of the body and of each surface.
         rigid_bodies: motions of the rigid bodies and the forces on them, by name.
     """

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which solver takes the linear systems of Newton's method: by size, or by the user's options.
+"""Choice of the linear solver.
 
-``<prefix>linear_solver`` is ``auto`` (default), ``direct`` or ``amg``. Direct is any KSP and PC on
-the assembled Jacobian, by default MUMPS; amg is `multigrid.Multigrid`. Automatically, problems up
-to 10^5 unknowns in 2D and 5 10^3 in 3D are solved directly, and so are those for which the user
-has chosen a ``ksp_type`` or ``pc_type``. Where multigrid stagnates the direct solver takes over, if
-the memory that is free suffices.
+The option ``linear_solver`` is auto, direct or amg. direct is any KSP and PC on the assembled
+Jacobian, by default MUMPS; amg is `multigrid.Multigrid`. auto chooses direct up to 10^5 unknowns in
+2D and 5 10^3 in 3D, with rigid bodies, and if the user has chosen a ``ksp_type`` or ``pc_type``;
+otherwise amg. If multigrid stagnates, the direct solver takes over if the free memory suffices.
 """
 
 from __future__ import annotations
@@ -28,20 +27,20 @@ _KINDS = ("auto", "direct", "amg")
 _MEMORY = Path("/proc/meminfo")
 _LARGEST_DIRECT = {2: 100_000, 3: 5_000}
 
-#: Factor and power of the number of unknowns, by dimension, that give the gigabytes of MUMPS:
-#: measured at 9 10^3 and 7 10^4 unknowns in 2D and at 4 10^3 and 10^4 in 3D.
+#: Factor and power of the number of unknowns that predict the gigabytes of MUMPS, by dimension;
+#: measured with 9 10^3 and 7 10^4 unknowns in 2D, and with 4 10^3 and 10^4 in 3D.
 _DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
 _AMG_MEMORY = 4.2e-6  # gigabytes per unknown, measured at 10^6 and 5 10^6 unknowns in 3D
 
 
 class LinearSolverChoice:
-    """The linear solver of a problem, made when it is first needed. Collective.
+    """Linear solver of a problem, created when it is first needed. Collective.
 
-    It is made anew when given options that are not Newton's have changed. The one before is freed,
-    but for one with which a branch is followed.
+    It is created again if options other than those of SNES have changed. The previous one is freed
+    unless a branch is followed with it.
 
     Args:
-        equations: the contact problem.
+        equations: contact problem.
     """
 
     def __init__(self, equations: ContactEquations):
@@ -50,7 +49,7 @@ class LinearSolverChoice:
         self._options: dict[str, str] = {}
 
     def __call__(self) -> LinearSolver:
-        """The solver; `ValueError` for an unknown kind."""
+        """Return the solver; ``ValueError`` for an unknown kind."""
         options = self._equations.options.beside_newton()
         if self._equations.comm.allreduce(int(options != self._options)):
             self._leave()
@@ -60,7 +59,7 @@ class LinearSolverChoice:
         return self._solver
 
     def replace(self, solver: LinearSolver) -> None:
-        """Take another solver from now on."""
+        """Use another solver from now on."""
         self._leave()
         self._solver = solver
 
@@ -93,7 +92,7 @@ class LinearSolverChoice:
         return solver
 
     def direct_instead(self) -> bool:
-        """Let the direct solver take over from multigrid, if that was no wish and memory allows."""
+        """Replace multigrid by the direct solver if the user chose neither and memory allows it."""
         eq = self._equations
         given = (eq.options.value("linear_solver") or "auto") != "auto"
         if given or self().name == "direct":
@@ -112,7 +111,7 @@ class LinearSolverChoice:
         return True
 
     def _leave(self) -> None:
-        """Free the solver, unless somebody else needs it."""
+        """Free the solver unless a branch is followed with it."""
         if self._solver is not None and self._solver.is_followed_with:
             self._solver = None
         self.destroy()
@@ -125,14 +124,14 @@ class LinearSolverChoice:
 
 
 def _multigrid(eq: ContactEquations) -> LinearSolver:
-    """Multigrid, which only large problems load."""
+    """Create multigrid, whose module only large problems load."""
     from dolfinx_contact.solvers.multigrid import Multigrid
 
     return Multigrid(eq)
 
 
 def available_gigabytes(comm: MPI.Comm) -> float:
-    """Memory that is free on all hosts, 10^9 bytes; inf if they do not report it. Collective."""
+    """Return the free memory of all hosts in 10^9 bytes; inf if unknown. Collective."""
     host = comm.Split_type(MPI.COMM_TYPE_SHARED)
     mine = 0.0
     if host.rank == 0:
@@ -144,7 +143,7 @@ def available_gigabytes(comm: MPI.Comm) -> float:
 
 
 def predicted_gigabytes(kind: str, size: int, dim: int) -> float:
-    """Memory of a linear solver for ``size`` unknowns, from measured runs, in 10^9 bytes."""
+    """Predict the memory of a linear solver for ``size`` unknowns, in 10^9 bytes."""
     if kind == "direct":
         factor, power = _DIRECT_MEMORY[dim]
         return float(factor * size**power)

@@ -34,6 +34,7 @@ from dolfinx_contact.algorithms import (
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.validation import diverged
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.solvers.body_solver import BodySolver
@@ -42,12 +43,11 @@ from dolfinx_contact.solvers.history import (
     ConvergenceError,
     FloatingBodyError,
     LinearSolverError,
+    SolveProgress,
     Step,
 )
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.on_body import OnBody
-from dolfinx_contact.solvers.progress import SolveProgress
-from dolfinx_contact.solvers.states import diverged
 
 __all__ = ["algorithm_named", "reduced_contact", "solve_by", "start_by_lemke"]
 

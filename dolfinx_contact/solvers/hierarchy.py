@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._petsc import (
     as_raised,
     forget_product,

@@ -1,19 +1,30 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What happened in a solve: Newton iterates, the strategies that made them, and why it failed."""
+"""History of a solve: Newton iterates, attempts of strategies, errors, and the progress line."""
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
+from mpi4py import MPI
+
+from dolfinx_contact._progress import Progress
 from dolfinx_contact.equations.measures import Measures
 
 if TYPE_CHECKING:
     from dolfinx_contact.equations.evaluation import Evaluation
 
-__all__ = ["Attempt", "ConvergenceError", "FloatingBodyError", "LinearSolverError", "Step"]
+__all__ = [
+    "Attempt",
+    "ConvergenceError",
+    "FloatingBodyError",
+    "LinearSolverError",
+    "SolveProgress",
+    "Step",
+]
 
 
 @dataclass(frozen=True)
@@ -79,7 +90,7 @@ class Attempt:
     @property
     def iterations(self) -> int:
         """Newton steps taken (the first iterate of every start is none)."""
-        return sum(s.iteration > 0 for s in self.steps)
+        return len([s for s in self.steps if s.iteration > 0])
 
     @property
     def cost(self) -> float:
@@ -117,3 +128,41 @@ class FloatingBodyError(ConvergenceError):
 
 class LinearSolverError(ArithmeticError):
     """The linear system of a Newton step could not be solved; the message has the reason."""
+
+
+class SolveProgress(Progress):
+    """The line of a solve: strategy, iteration, residual, Krylov iterations, elapsed time.
+
+    Args:
+        comm: only rank 0 writes.
+        wanted: True from the beginning, False never, None once the solve takes some seconds, unless
+            the log has every iteration.
+        stream: as in `Line`.
+
+    Attributes:
+        strategy: what is tried.
+    """
+
+    def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
+        logged = wanted is None and logging.getLogger("dolfinx_contact").isEnabledFor(logging.INFO)
+        super().__init__(comm, False if logged else wanted, stream=stream)
+        self.strategy = ""
+
+    def step(self, step: Step) -> None:
+        """Say where the solve is."""
+        if not self.due:
+            return
+        parts = [
+            f"contact solve: {self.strategy}",
+            f"iteration {step.iteration}",
+            f"residual {step.measures.worst:.1e}",
+            *([f"load {step.load:.3g}"] if step.load != 1.0 else []),
+            f"Krylov {step.krylov}",
+            f"{self.seconds:.0f} s",
+        ]
+        self.update("  ".join(parts))
+
+    def end(self, iterations: int | None = None) -> None:
+        """End the line, with how a solve went that converged; None for one that did not."""
+        text = f"solved by {self.strategy}, {iterations} iterations, {self.seconds:.1f} s"
+        self.close("" if iterations is None else f"contact solve: {text}")

@@ -37,11 +37,15 @@ from petsc4py import PETSc
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.touching import bring_together
-from dolfinx_contact.equations.validation import validate
+from dolfinx_contact.equations.validation import diverged, inverted, validate
 from dolfinx_contact.solvers.choice import LinearSolverChoice
-from dolfinx_contact.solvers.history import Attempt, ConvergenceError, FloatingBodyError, Step
-from dolfinx_contact.solvers.progress import SolveProgress
-from dolfinx_contact.solvers.states import diverged, inverted
+from dolfinx_contact.solvers.history import (
+    Attempt,
+    ConvergenceError,
+    FloatingBodyError,
+    SolveProgress,
+    Step,
+)
 from dolfinx_contact.solvers.strategies import (
     BONDS,
     EXTRAPOLATED,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What Newton's method requires of a linear solver, and the direct one."""
+"""Interface of the linear solvers of Newton's method, and the direct solver."""
 
 from __future__ import annotations
 

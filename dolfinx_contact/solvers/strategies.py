@@ -17,10 +17,10 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluated, Statuses
+from dolfinx_contact.equations.validation import inverted
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, Step
 from dolfinx_contact.solvers.newton import Newton
-from dolfinx_contact.solvers.states import inverted
 
 __all__ = ["BONDS", "EXTRAPOLATED", "INCREMENTS", "STARTS", "Trial", "raise_load", "strategies"]
 

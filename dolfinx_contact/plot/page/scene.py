@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._numbers import is_number
+from dolfinx_contact._validate import is_number
 from dolfinx_contact.analysis import ChartCell, Region
 from dolfinx_contact.io.outside import OuterSurface, SurfaceState
 

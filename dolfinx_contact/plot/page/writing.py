@@ -23,9 +23,8 @@ import numpy.typing as npt
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._files import part_of
-from dolfinx_contact._numbers import is_number
 from dolfinx_contact._optional import optional
-from dolfinx_contact._validate import instance, one_of, positive
+from dolfinx_contact._validate import instance, is_number, one_of, positive
 from dolfinx_contact.analysis import Chart, EventCurves, ProvedCount, Regions
 from dolfinx_contact.continuation import Solutions
 from dolfinx_contact.io.outside import SurfaceState

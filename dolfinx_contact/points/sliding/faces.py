@@ -23,8 +23,7 @@ from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._errors import require
-from dolfinx_contact._geometry import area_vector_rates, area_vectors, unit
-from dolfinx_contact._mesh_mark import node_positions
+from dolfinx_contact._geometry import area_vector_rates, area_vectors, node_positions, unit
 from dolfinx_contact._petsc import logged
 from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.cells import cells_around

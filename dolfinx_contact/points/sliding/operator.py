@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -38,9 +39,9 @@ class SlidingOperator(Operator):
     def areas(self) -> Array:  # type: ignore[override]
         return self.facing.nodal.weight[: self.number]
 
-    @property
-    def absent(self) -> npt.NDArray[np.bool_]:
-        """Points that have nothing opposite (n,)."""
+    @cached_property
+    def absent(self) -> npt.NDArray[np.bool_]:  # type: ignore[override]
+        """Mask of points without an opposing point, shape (n,)."""
         return np.asarray(self.areas == 0.0)
 
     @property
@@ -55,8 +56,8 @@ class SlidingOperator(Operator):
         found = np.divide(slips, size, out=np.zeros_like(slips), where=size > 0)
         return np.asarray(found[: self.number])
 
-    @property
-    def share(self) -> Array:
+    @cached_property
+    def share(self) -> Array:  # type: ignore[override]
         return self.facing.nodal.share[: self.number]
 
     def mean_around(self, tractions: Array) -> Array:
