@@ -203,6 +203,11 @@ class _Words:
         """The next real numbers."""
         return np.array(self._next(count), dtype=np.float64)
 
+    @property
+    def left(self) -> int:
+        """Number of words that were not read."""
+        return len(self._words) - self._place
+
     def _next(self, count: int) -> list[str]:
         words = self._words[self._place : self._place + count]
         if len(words) < count:
@@ -225,7 +230,10 @@ def _of_siconos(text: str) -> Local:
         words = _Words(rest)
     else:
         raise ValueError(f"W has the unknown storage {storage}; known are 0, 1 and 2")
-    return dim, W, words.numbers(rows), words.numbers(contacts)
+    problem = dim, W, words.numbers(rows), words.numbers(contacts)
+    if words.left > 1:  # some files end with one more number
+        raise ValueError("there is text after the friction coefficients, as in a global problem")
+    return problem
 
 
 def _of_blocks(words: _Words, rows: int, columns: int) -> Array:
