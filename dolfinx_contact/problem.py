@@ -57,7 +57,7 @@ from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.proofs import theory_of, uniqueness
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.indicators import small_sliding_violated
-from dolfinx_contact.results.result import Result, collect, log_warnings
+from dolfinx_contact.results.result import Result, Shown, collect, log_warnings
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness, check_seconds
 from dolfinx_contact.solvers.choice import LinearSolverChoice
@@ -81,6 +81,9 @@ _CONDITIONS = (
     f"changed; for other conditions {_ANOTHER}"
 )
 _SURFACES = f"numbers of a law change as surface.law.friction.value = 0.5; for others {_ANOTHER}"
+
+
+_IN_MOTION = "the state belongs to a motion, whose inertia forces are not part of a static problem"
 
 
 def _classical() -> ModuleType:
@@ -786,10 +789,17 @@ class ContactProblem(ReadOnly):
         return self._solved(algorithm, monitor, increments, progress, Trial(tuple(expected)))[0]
 
     def solve_step(
-        self, trial: Trial | None = None, *, progress: bool | None
+        self, trial: Trial | None = None, *, progress: bool | None, shown: Shown | None = None
     ) -> tuple[Result, Evaluation]:
-        """Solve with the defaults of `solve`; return also the final evaluation. Collective."""
-        return self._solved("newton", None, _INCREMENTS, progress, trial or Trial())
+        """Solve with the defaults of `solve`; return also the final evaluation. Collective.
+
+        Args:
+            trial: strategies of the solver; default: all.
+            progress: see `solve`.
+            shown: function of the solution that returns the equations and the evaluation for tables
+                and indicators; default: those of the solution.
+        """
+        return self._solved("newton", None, _INCREMENTS, progress, trial or Trial(), shown)
 
     def _solved(
         self,
@@ -798,8 +808,9 @@ class ContactProblem(ReadOnly):
         increments: int,
         progress: bool | None,
         trial: Trial,
+        shown_at: Shown | None = None,
     ) -> tuple[Result, Evaluation]:
-        """Solve as in `solve`; return also the final evaluation. Collective."""
+        """Solve as in `solve_step`; return also the final evaluation. Collective."""
         same_everywhere(self.comm, expected_statuses=len(trial.expected))
         if anywhere(self.comm, monitor is not None)[0]:
             monitor = self._on_all_ranks(monitor)
@@ -825,7 +836,7 @@ class ContactProblem(ReadOnly):
                     algorithm, self.equations, self._linear, x0, monitor=monitor, progress=shown
                 )
             with self.restored():
-                result, state = self._collected(x, attempts, attempts[-1].state)
+                result, state = self._collected(x, attempts, attempts[-1].state, shown_at)
             x.destroy()
             shown.end(result.iterations)
             if self._warned is None:
@@ -882,7 +893,8 @@ class ContactProblem(ReadOnly):
             try:
                 validate(eq, x)
                 evaluation = problem.evaluate()
-                require_solution(problem)
+                moves = state is not None and state.velocity is not None
+                require_solution(problem, _IN_MOTION if moves else "")
                 answer = uniqueness(
                     eq, problem._linear, x, evaluation, proof_seconds, problem.state_at
                 )
@@ -934,7 +946,11 @@ class ContactProblem(ReadOnly):
         return self._collected(x, attempts, state)[0]
 
     def _collected(
-        self, x: PETSc.Vec, attempts: Sequence[Attempt], state: Evaluation | None
+        self,
+        x: PETSc.Vec,
+        attempts: Sequence[Attempt],
+        state: Evaluation | None,
+        shown: Shown | None = None,
     ) -> tuple[Result, Evaluation]:
         """Copy a solution into the Functions; return its result and its evaluation. Collective."""
         if state is None:
@@ -944,7 +960,7 @@ class ContactProblem(ReadOnly):
         for attempt in attempts:
             attempt.state = None
         self.put(x, state.statuses)
-        return collect(self.equations, state, attempts), state
+        return collect(self.equations, state, attempts, shown), state
 
     @contextmanager
     def warning_once(self) -> Iterator[None]:

@@ -172,7 +172,7 @@ def test_a_mass_that_lies_elsewhere(caplog):
     end = 0.1
     motion = NSCD(problem, 1.0, dt=end / 20)
     said = warnings_of(caplog)
-    assert "otherwise than they should be" in said
+    assert "wrong centre and wrong moments" in said
     motion.run([0.0, end], progress=False)
     fall = problem.u.x.array[1::2]
     off = COMM.allreduce(np.abs(fall + end**2 / 2).max(initial=0.0), op=MPI.MAX) / (end**2 / 2)
@@ -186,7 +186,33 @@ def test_a_mass_that_lies_elsewhere(caplog):
     ):
         caplog.clear()
         NSCD(body(n=n, held=held)[0], 1.0, dt=0.1, **how)
-        assert "otherwise than they should be" not in warnings_of(caplog)
+        assert "wrong centre and wrong moments" not in warnings_of(caplog)
+
+
+def test_uniqueness_of_a_state_in_motion():
+    """The static problem lacks the inertia forces, as the message says."""
+    problem, _, _ = body(law=Coulomb(0.3), held=False, height=0.0)
+    motion = NSCD(problem, 1.0, dt=0.05, velocity=at_speed(problem, 1.0, -0.2))
+    state = motion.run([0.0, 0.1], progress=False).steps[-1].state
+    with pytest.raises(ValueError, match=r"not a solution .* belongs to a motion"):
+        problem.uniqueness(state=state)
+
+
+@pytest.mark.parametrize(
+    ("method", "alternates"),
+    [
+        ({}, True),
+        ({"scheme": "theta-euler"}, False),
+        ({"theta": 0.75}, False),
+        ({"level": "velocity"}, False),
+        ({"mass": "redistributed"}, False),
+    ],
+)
+def test_alternating_forces_are_reported(method, alternates, caplog):
+    """Those of the trapezoidal rule at the position level with mass at the contact nodes."""
+    caplog.set_level(logging.WARNING, "dolfinx_contact")
+    NSCD(body(n=20)[0], 1.0, dt=0.1, **{"mass": "lumped"} | method)
+    assert ("contact forces alternate" in warnings_of(caplog)) == alternates
 
 
 def test_a_density_that_is_negative_within_a_cell():

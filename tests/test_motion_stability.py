@@ -68,7 +68,7 @@ def test_squeal(friction):
         assert set(step.status) == {"-"}
         seen.append(problem.u.x.array - steady)
 
-    motion.run([3.0, 6.0], observer=observer, progress=False)
+    motion.run([3.0, 6.0], start=problem.snapshot(), observer=observer, progress=False)
     y = np.array(seen)  # y_k+2 = a y_k+1 + b y_k
     known = np.stack([y[1:-1].ravel(), y[:-2].ravel()])
     a, b = np.linalg.solve(*(COMM.allreduce(known @ v) for v in (known.T, y[2:].ravel())))

@@ -32,11 +32,8 @@ from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.continuation.system import Events, Piece
 from dolfinx_contact.evolution.arc_steps import _cubic, _end_reached
-from dolfinx_contact.evolution.motion import Method
-from dolfinx_contact.evolution.motion_energy import MotionEnergies
 from dolfinx_contact.evolution.sliding_steps import _FOLDS, SlidingSteps
 from dolfinx_contact.evolution.through_times import ThroughTimes, _aim, checked_times
-from dolfinx_contact.evolution.to_rest import RestTask, ToRest
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.solvers.history import ConvergenceError
 from dolfinx_contact.solvers.pivoting import _by_stick
@@ -384,44 +381,6 @@ def test_steps_grow_to_twice_their_length(length, next_one):
     ThroughTimes._accept(known, forked, jump=True)
     assert (known._length, known._number, known._accepted) == (next_one, 4, "after")
     assert (known._rejected, known._settled) == (0, True)
-
-
-@pytest.mark.parametrize(
-    ("time", "kinetic", "quiet", "ended"),
-    [
-        (0.5, 0.0, 9, False),
-        (1.0, 0.0, 9, True),
-        (1.0, 0.0, 8, False),
-        (1.0, 2.0, 9, False),
-        (3.0, 2.0, 0, True),
-    ],
-)
-def test_when_a_body_is_at_rest(time, kinetic, quiet, ended, monkeypatch):
-    """After ten whole steps of little energy; or the time is over. It is said how long that is."""
-    monkeypatch.setattr(ThroughTimes, "__init__", lambda self, *_: None)
-    task = RestTask.__new__(RestTask)
-    vars(task).update(times=(0.0,), max_time=3.0, rest=1e-6, longest=1.0)
-    run = ToRest(None, task, SimpleNamespace(accepted=SimpleNamespace(time=1.0)))
-    assert (run._peak, run._quiet, run._goal) == (0.0, 0, 1.0)
-    run.task, run._peak, run._quiet = task, 5.0, quiet
-    ends = []
-    run.end = lambda ending, words: ends.append(words)
-    energies = MotionEnergies.__new__(MotionEnergies)
-    vars(energies).update(kinetic=kinetic)
-    run._end_if_reached(SimpleNamespace(after=SimpleNamespace(time=time, energies=energies)))
-    assert len(ends) == ended
-    counted = 0 if kinetic > 0 else quiet + 1
-    assert run._quiet == (counted if time >= 1.0 else quiet)
-    assert run.where(SimpleNamespace(time=2.0, number=7)) == "time 2, at most 3  step 7"
-
-
-def test_which_forces_alternate():
-    """Of the trapezoidal rule with contact at positions, where what touches has mass."""
-    plain = ("theta", 0.5, "position", 0.0, False)
-    assert Method(*plain).alternates
-    others = "theta-euler", 0.75, "velocity", None, True
-    for i in (0, 1, 2, 4):
-        assert not Method(*plain[:i], others[i], *plain[i + 1 :]).alternates
 
 
 def test_what_counts_as_folded():

@@ -112,7 +112,7 @@ class Scales:
         return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
 
 
-def require_solution(problem: Any) -> None:
+def require_solution(problem: Any, hint: str = "") -> None:
     """Raise ``ValueError`` unless the state in the Functions solves the problem as it is now.
 
     Collective. The statuses are determined again from the unknowns: the rows with the statuses of
@@ -120,6 +120,7 @@ def require_solution(problem: Any) -> None:
 
     Args:
         problem: contact problem, or problem of a step.
+        hint: possible reason, for the message.
     """
     equations = problem.equations
     x = problem.create_vector()
@@ -133,7 +134,7 @@ def require_solution(problem: Any) -> None:
     if not residual <= allowed:
         raise ValueError(
             f"not a solution of the problem as it is now: residual {residual:.1e} "
-            f"(allowed {allowed:.0e})"
+            f"(allowed {allowed:.0e}){hint and f'; {hint}'}"
         )
 
 

@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Mass and damping of a body in motion, assembled when a run starts."""
+r"""Mass and damping matrices of a body in motion, assembled when a run starts.
+
+    M = mass matrix of the density                    consistent, lumped or redistributed
+    C = d(damping form)/d(velocity)                   for a damping form affine in the velocity
+    C = a M_consistent + b K(0)                       for Rayleigh damping with the factors (a, b)
+
+The part of a damping form at zero velocity, such as wind in c (v - w), is added to the loads.
+"""
 
 from __future__ import annotations
 
@@ -27,22 +34,25 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Constancy, Datum, data_in, placed_data
 from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Matrices", "data_of", "is_scalar_constant"]
+__all__ = ["Matrices", "is_scalar_constant"]
 
 logger = logging.getLogger(__name__)
 
-_WRONG_INERTIA = 0.01  # of an acceleration, from which the log warns
+_WRONG_INERTIA = 0.01  # relative error of a rigid acceleration that is reported
 
 
 class Matrices:
-    """Mass and damping matrices with the data in them.
+    """Mass and damping matrices of a body and the data that they depend on.
 
     Args:
         problem: contact problem of the body without inertia.
-        velocity: Function of the velocity.
+        velocity: Function of the velocity in a damping form.
         density: mass per volume.
         mass: kind of the mass matrix.
-        damping: form, pair of Rayleigh's factors, or None.
+        damping: damping form, pair of Rayleigh factors, or None.
+
+    Attributes:
+        data: Functions and Constants of density and damping.
 
     Raises:
         ValueError: on every rank, if the damping is neither a pair nor a form affine in the
@@ -57,32 +67,39 @@ class Matrices:
         mass: Mass,
         damping: ufl.Form | tuple[Any, Any] | None,
     ):
-        self._given = problem, velocity, density, mass, damping
-        if damping is not None and not isinstance(damping, ufl.Form):
-            with everywhere(problem.comm, "damping"):
-                _rayleigh(damping)
-        data = _of_matrices(density, damping, velocity) + _of_stiffness(problem, damping)
-        self._data = data
-        self._assembled = Constancy(problem.comm, data)
+        eq = problem.equations
+        self._problem = problem
+        self._bulk = eq.bulk.body if isinstance(eq.bulk, MovingBody) else eq.bulk
+        self._kind = mass
+        self._density = density * circumference(problem.V.mesh) if eq.axisymmetric else density
+        self._rayleigh = None if isinstance(damping, ufl.Form) else damping
+        self._form: fem.Form | None = None
+        self._wind: ufl.Form | None = None
+        in_matrices: Any = damping
+        fixed: list[Datum] = []
+        with everywhere(problem.comm, "damping"):
+            if isinstance(damping, ufl.Form):
+                form = weighted(damping, axisymmetric=eq.axisymmetric)
+                in_matrices, self._wind = _affine_parts(form, problem.u, velocity)
+            elif damping is not None and _factors(damping)[1] > 0:
+                fixed = self._data_of_stiffness()
+        if isinstance(in_matrices, ufl.Form):
+            self._form = compiled_form(in_matrices)
+        self.data = _data(density, damping, velocity)
+        #: Data that must be constant during a run.
+        self._fixed = _data(density, in_matrices, velocity) + fixed
+        self._assembled = Constancy(problem.comm, self._fixed)
 
     def body(self, step: TimeStep) -> MovingBody:
-        """The body of the problem with its mass and damping, in a step of time. Collective."""
-        problem = self._given[0]
-        mass, damping, wind = self._assemble()
-        body = problem.equations.bulk
-        if isinstance(body, MovingBody):
-            body = body.body
-        if wind is not None:
-            body = body.loaded(wind)
-        return MovingBody(body, mass, damping, step)
+        """Return the body with mass and damping, for time steps. Collective."""
+        body = self._bulk if self._wind is None else self._bulk.loaded(self._wind)
+        return MovingBody(body, *self._assemble(), step)
 
     def update(self, body: MovingBody) -> None:
-        """Assemble again if the data have changed. Collective."""
-        if not self._assembled.changed():
-            return
-        mass, damping, _ = self._assemble()
-        body.take_matrices(mass, damping)
-        self._assembled = Constancy(self._given[0].comm, self._data)
+        """Assemble the matrices of a body again if their data have changed. Collective."""
+        if self._assembled.changed():
+            body.take_matrices(*self._assemble())
+            self._assembled = Constancy(self._problem.comm, self._fixed)
 
     def require_constant(self, time: float) -> None:
         """Raise ``ValueError`` if the load of a time has changed the data. Collective."""
@@ -93,170 +110,147 @@ class Matrices:
                 "when a run starts: change them between two runs"
             )
 
-    def _assemble(self) -> tuple[PETSc.Mat, PETSc.Mat | None, ufl.Form | None]:
-        """Mass, damping and the form of damping at zero velocity. Collective."""
-        problem, velocity, density, mass, damping = self._given
-        V = problem.V
-        for given in (ufl.as_ufl(density), damping):
-            if isinstance(given, ufl.Form | ufl.core.expr.Expr):
-                for d in data_in(given, ""):
-                    if isinstance(d.value, fem.Function):
-                        d.value.x.scatter_forward()
-        around = problem.equations.axisymmetric
-        weighted_density = density * circumference(V.mesh) if around else density
-        M = mass_matrix(V, weighted_density, mass, _touching(problem.equations))
-        if mass == "redistributed":
-            _warn_of_inertia(problem, M, weighted_density)
-        C, wind = _damping(problem, velocity, weighted_density, damping)
-        return M, C, wind
+    def _assemble(self) -> tuple[PETSc.Mat, PETSc.Mat | None]:
+        """Mass and damping matrices. Collective."""
+        problem = self._problem
+        for datum in self.data:
+            if isinstance(datum.value, fem.Function):
+                datum.value.x.scatter_forward()
+        M = mass_matrix(problem.V, self._density, self._kind, _touching_dofs(problem.equations))
+        if self._kind == "redistributed":
+            _warn_of_inertia(problem, M, self._consistent())
+        if self._form is not None:
+            C = dolfinx.fem.petsc.assemble_matrix(self._form)
+            C.assemble()
+            return M, C
+        if self._rayleigh is None:
+            return M, None
+        a, b = _factors(self._rayleigh)
+        C = self._bulk.stiffness(np.zeros_like(problem.u.x.array)).copy()
+        C.scale(b)
+        consistent = self._consistent()
+        C.axpy(a, consistent, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        consistent.destroy()
+        return M, C
+
+    def _consistent(self) -> PETSc.Mat:
+        """Consistent mass matrix. Collective."""
+        no_dofs = np.zeros(self._problem.equations.owned_sizes[0], dtype=bool)
+        return mass_matrix(self._problem.V, self._density, "consistent", no_dofs)
+
+    def _data_of_stiffness(self) -> list[Datum]:
+        """Data of the stiffness matrix in Rayleigh damping."""
+        stiff = self._bulk.stiffness_data
+        return [
+            Datum(f"{d.place}, whose stiffness is in the damping,", d.value)
+            for d in placed_data(self._problem.equations, conditions=False)
+            if any(d.value is f for f in stiff)
+        ]
 
 
-def _touching(eq: ContactEquations) -> npt.NDArray[np.bool_]:
-    """Owned dofs of nodes that may touch, of either body. Collective."""
-    marks = np.zeros(eq.owned_sizes[0])
-    slide = np.zeros(eq.owned_sizes[0] // eq.dim, dtype=bool)
+def _touching_dofs(eq: ContactEquations) -> npt.NDArray[np.bool_]:
+    """Mask of the owned dofs of nodes that may touch something, of both bodies. Collective."""
+    n = eq.owned_sizes[0]
+    touching = np.zeros(n // eq.dim, dtype=bool)
     for s in eq.surfaces:
         if s.slides:  # any two points of the faces may meet
-            slide |= np.any(s.obstacle.opposite.sides, axis=0)[: len(slide)]
+            touching |= np.any(s.obstacle.opposite.sides, axis=0)[: len(touching)]
             continue
-        B = s.constant_operator("a motion").B
-        weights = B.copy()
+        # columns of the operator B with a nonzero entry
+        weights = s.constant_operator("a motion").B.copy()
         indptr, indices, values = weights.getValuesCSR()
         weights.setValuesCSR(indptr, indices, np.abs(values))
         weights.assemble()
-        ones = weights.createVecLeft()
-        sums = weights.createVecRight()
-        ones.set(1.0)
-        weights.multTranspose(ones, sums)
-        marks += sums.array_r
-        for thing in (weights, ones, sums):
-            thing.destroy()
-    nodes = (marks.reshape(-1, eq.dim).sum(axis=1) > 0) | slide
-    return np.repeat(nodes, eq.dim)
+        rows, columns = weights.createVecLeft(), weights.createVecRight()
+        rows.set(1.0)
+        weights.multTranspose(rows, columns)
+        touching |= np.any(columns.array_r.reshape(-1, eq.dim) > 0, axis=1)
+        for used in (weights, rows, columns):
+            used.destroy()
+    return np.repeat(touching, eq.dim)
 
 
-def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, density: Any) -> None:
-    """Warn where a mass that was moved lies elsewhere than that of the body. Collective."""
+def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, consistent: PETSc.Mat) -> None:
+    """Log a warning if redistributed mass has the wrong centre or moments. Collective.
+
+    Args:
+        problem: contact problem of the body.
+        M: redistributed mass matrix.
+        consistent: consistent mass matrix, which is destroyed.
+    """
     eq = problem.equations
-    V = problem.V
-    consistent = mass_matrix(V, density, "consistent", np.zeros(eq.owned_sizes[0], dtype=bool))
     fixed = eq.constraints.fixed
-    share, falls = rigid_errors(V, M, consistent, fixed, axisymmetric=eq.axisymmetric)
+    share, falls = rigid_errors(problem.V, M, consistent, fixed, axisymmetric=eq.axisymmetric)
     consistent.destroy()
     if max([share, *falls.values()]) > _WRONG_INERTIA and problem.comm.rank == 0:
         turning = ", ".join(f"{100 * v:.2g} % along {axis}" for axis, v in falls.items())
         logger.warning(
-            "mass='redistributed' has its centre and moments elsewhere than the body on this mesh: "
-            "motions that nothing holds are accelerated by up to %.2g %% otherwise than they "
-            "should be%s; take a finer mesh, mass='consistent', or mass='lumped', which keeps the "
-            "centre",
+            "mass='redistributed' has a wrong centre and wrong moments on this mesh: accelerations "
+            "of unconstrained rigid motions are wrong by up to %.2g %%%s; use a finer mesh, "
+            "mass='consistent', or mass='lumped', which has the right centre",
             100 * share,
-            f", and a body that falls turns by shares of its fall ({turning})" if falls else "",
+            f", and a falling body rotates by these fractions of its fall: {turning}"
+            if falls
+            else "",
         )
 
 
-def _damping(
-    problem: ContactProblem,
-    velocity: fem.Function,
-    density: Any,
-    damping: ufl.Form | tuple[Any, Any] | None,
-) -> tuple[PETSc.Mat | None, ufl.Form | None]:
-    """The matrix C, and the form of what acts at no velocity. Collective.
+def _affine_parts(
+    form: ufl.Form, u: fem.Function, velocity: fem.Function
+) -> tuple[ufl.Form, ufl.Form | None]:
+    """Split a damping form into its derivative and its value at zero velocity, None if that is 0.
 
     Raises:
-        ValueError: on every rank, if that is neither a pair nor a form affine in the velocity.
+        ValueError: if the form is not affine in the velocity.
     """
-    if damping is None:
-        return None, None
-    V = problem.V
-    body = problem.equations.bulk
-    with everywhere(problem.comm, "damping"):
-        if isinstance(damping, ufl.Form):
-            form = weighted(damping, axisymmetric=problem.equations.axisymmetric)
-            form, wind = _damping_form(problem.u, velocity, form)
-        else:
-            a, b = _rayleigh(damping)
-    if isinstance(damping, ufl.Form):
-        C = dolfinx.fem.petsc.assemble_matrix(compiled_form(form))
-        C.assemble()
-        return C, wind
-    C = body.stiffness(np.zeros_like(velocity.x.array)).copy()
-    C.scale(b)
-    M = mass_matrix(V, density, "consistent", np.zeros(C.getLocalSize()[0], dtype=bool))
-    C.axpy(a, M, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    M.destroy()
-    return C, None
-
-
-def _damping_form(
-    u: fem.Function, velocity: fem.Function, form: ufl.Form
-) -> tuple[ufl.Form, ufl.Form | None]:
-    """The derivative of damping by the velocity, and what is left at none, if anything is."""
     V = u.function_space
     arguments = form.arguments()
-    given = form.coefficients()
+    coefficients = form.coefficients()
     if not arguments or any(a.ufl_function_space() != V for a in arguments):
-        raise ValueError("damping must have a test function of the displacement's space")
-    if u in given:
+        raise ValueError("damping must have a test function of the space of the displacement")
+    if u in coefficients:
         raise ValueError(
-            "damping depends on the displacement: it is that of the undeformed body; what depends "
-            "on the displacement alone belongs into the bulk"
+            "damping must not depend on the displacement: it is that of the undeformed body; move "
+            "terms in the displacement alone to the bulk form"
         )
     if len(arguments) == 2:
-        if velocity in given:
-            raise ValueError("damping in a trial and a test function must not hold the velocity")
+        if velocity in coefficients:
+            raise ValueError("damping with trial and test function must not contain the velocity")
         return form, None
-    if velocity not in given:
-        raise ValueError("damping must be a form in the Function that is given as velocity")
+    if velocity not in coefficients:
+        raise ValueError("damping must contain the Function passed as velocity")
     found = dependence(form, velocity)
     if not found.is_affine:
-        what = found.text_of_kinks or found.text
         raise ValueError(
-            f"damping must be affine in the velocity, and is not by {what}; dry friction is a law "
-            "of a contact surface"
+            "damping must be affine in the velocity; not affine: "
+            f"{found.text_of_kinks or found.text}. Dry friction is a law of a contact surface"
         )
-    at_rest = ufl.replace(form, {velocity: ufl.zero(velocity.ufl_shape)})
-    wind = ufl.algorithms.expand_derivatives(at_rest)
-    C = ufl.derivative(form, velocity, ufl.TrialFunction(V))
-    return C, None if wind.empty() else wind
+    expand = ufl.algorithms.expand_derivatives
+    at_rest = expand(ufl.replace(form, {velocity: ufl.zero(velocity.ufl_shape)}))
+    slope = expand(ufl.derivative(form, velocity, ufl.TrialFunction(V)))
+    return slope, None if at_rest.empty() else at_rest
 
 
-def data_of(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
+def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
     """Functions and Constants in density and damping."""
     found = list(data_in(ufl.as_ufl(density), "the density"))
     if isinstance(damping, ufl.Form):
         found += data_in(damping, "the damping")
     elif damping is not None:
-        for name, factor in zip("ab", damping, strict=True):
-            if isinstance(factor, fem.Constant):
-                found.append(Datum(f"the factor {name} of Rayleigh's damping", factor))
+        found += [
+            Datum(f"the factor {name} of Rayleigh's damping", factor)
+            for name, factor in zip("ab", damping, strict=True)
+            if isinstance(factor, fem.Constant)
+        ]
     return [d for d in found if d.value is not velocity]
 
 
-def _of_matrices(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
-    """The data of the mass and of the factors of velocities in damping, without loads."""
-    factors = damping
-    if isinstance(damping, ufl.Form) and len(damping.arguments()) == 1:
-        trial = ufl.TrialFunction(velocity.function_space)
-        factors = ufl.algorithms.expand_derivatives(ufl.derivative(damping, velocity, trial))
-    return data_of(density, factors, velocity)
+def _factors(damping: Any) -> tuple[float, float]:
+    """Present values of the Rayleigh factors (a, b).
 
-
-def _of_stiffness(problem: ContactProblem, damping: Any) -> list[Datum]:
-    """The data of the stiffness in Rayleigh's damping."""
-    if damping is None or isinstance(damping, ufl.Form) or _rayleigh(damping)[1] == 0:
-        return []
-    mine = problem.equations.bulk.stiffness_data
-    placed = placed_data(problem.equations, conditions=False)
-    return [
-        Datum(f"{d.place}, whose stiffness is in the damping,", d.value)
-        for d in placed
-        if any(d.value is f for f in mine)
-    ]
-
-
-def _rayleigh(damping: Any) -> tuple[float, float]:
-    """Its factors as they are now; `_of_matrices` has the Constants among them."""
+    Raises:
+        ValueError: if they are not two numbers or scalar Constants, or negative.
+    """
     try:
         a, b = damping
     except (TypeError, ValueError):
@@ -264,15 +258,14 @@ def _rayleigh(damping: Any) -> tuple[float, float]:
     if not all(is_number(v) or is_scalar_constant(v) for v in (a, b)):
         raise ValueError(
             f"damping must be a form or a pair of numbers or scalar Constants, got {damping!r}; "
-            "what varies over the body is to be a form"
+            "use a form for damping that varies over the body"
         )
-    a = float(a)
-    b = float(b)
+    a, b = float(a), float(b)
     if not (math.isfinite(a) and math.isfinite(b) and min(a, b) >= 0):
         raise ValueError(f"the factors of damping must not be negative, got {(a, b)!r}")
     return a, b
 
 
 def is_scalar_constant(value: Any) -> bool:
-    """Whether a value is a scalar Constant."""
+    """Return whether a value is a scalar Constant."""
     return isinstance(value, fem.Constant) and value.ufl_shape == ()

@@ -1,26 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""One time step of a body in motion.
+r"""One time step of a body in motion, by nonsmooth contact dynamics.
 
-It has the three parts of `step`, with the problem of a body with mass. The contact laws of a step
-are evaluated at the displacement w of `body.moving`. Friction acts on h a (B v_1 - v_obstacle), the
-motion along the surface since w_0. The velocity of a node without mass may turn from step to step
-about that of the body, and friction with it: there friction acts on the displacement in the step, B
-(u_1 - u_0) - h v_obstacle, over the derivative of u_1 by w.
+The step from (u_0, v_0) at t_0 to (u_1, v_1) at t_1 = t_0 + h is a static contact problem for the
+displacement w at which the contact laws are evaluated (schemes in `body.moving`),
 
-position
-    Signorini's law is about the gap at w.
-velocity
-    A point whose gap forecast for the middle of the step, un_0 + h/2 un'_0, is open answers
-    nothing. At the others the law is about un'_1 + e un'_0, e the coefficient of restitution
-    (Moreau 1988; Jean, CMAME 177, 1999), put into a gap of w.
+    w = w_0 + a h v_1,        u_1 = w_0 + s (w - w_0),        w_0 known,
+    M (v_1 - v_0)/h + theta (R(u_1) + C v_1) + (1 - theta) (R(u_0) + C v_0) = contact forces.
+
+Its laws are (Moreau 1988; Jean, CMAME 177, 1999), with the gap un, un' its rate, B the operator of
+relative motions, v_o the velocity of the obstacle and e the coefficient of restitution:
+
+    Signorini, position level    0 <= un(w)          perpendicular to  rn >= 0
+    Signorini, velocity level    0 <= un'_1 + e un'_0 perpendicular to  rn >= 0   if the forecast
+                                 un_0 + h/2 un'_0 is closed, otherwise rn = 0
+    Coulomb                      friction opposes  a h (B v_1 - v_o)
+    Coulomb, nodes without mass  friction opposes  (B (u_1 - u_0) - h v_o)/s
+
+The velocity of a node without mass may alternate about that of the body, and friction with it;
+therefore friction acts on its displacement. A step has the same three parts as at rest (`step`):
+solve, advance the memory, account for the energies (`motion_energy`).
 """
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 from mpi4py import MPI
 
@@ -30,7 +35,8 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._errors import require
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._validate import is_number
+from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
@@ -39,60 +45,79 @@ from dolfinx_contact.equations.validation import require_obstacles
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
+from dolfinx_contact.evolution.prescribed_motion import Deviation, PrescribedMotion
 from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.results.balance import support_at_nodes
-from dolfinx_contact.results.indicators import indicators_of
-from dolfinx_contact.results.result import Result
-from dolfinx_contact.results.tables import contact_table
 from dolfinx_contact.solvers.strategies import Trial
 
 __all__ = ["Level", "Method", "MotionStepper", "MovingState"]
 
-logger = logging.getLogger(__name__)
-
 Array = npt.NDArray[np.float64]
-#: What Signorini's law is about.
+#: Quantity in Signorini's law: the gap or its rate.
 Level: TypeAlias = Literal["position", "velocity"]
 
-_ROUND_OFF = 1e-9  # of a step, by which it differs from an equal one
-_FAR = 1e6  # of the size of the body, a gap that is never closed
-_PENETRATION = 1e-9  # of the size of the body, a gap that counts as closed
-_AGAINST = 1e-6  # of the largest displacement or velocity, off what is prescribed
-_LASTING = 0.51  # theta, below which velocities that turn keep their size
-_TURNS = 0.1  # of what is off, by which it is not the same with the other sign
-_PERCENT = 0.01  # of the velocities, what is off and matters
-_MOST_TURNS = 3  # changes of sign, after which the log warns
+_ROUND_OFF = 1e-9  # relative difference of equal step lengths
+_FAR = 1e6  # multiple of the body size, a gap that never closes
+_PENETRATION = 1e-9  # fraction of the body size, a penetration that counts as none
 
 
 @dataclass(frozen=True)
 class Method:
-    """Method of the time steps of a body in motion.
+    """Method of the time steps of a body in motion; see `NSCD`.
 
     Attributes:
         scheme: scheme of the equation of motion.
-        theta: weight of the end of a step.
+        theta: weight of the end of a step, 1/2 to 1.
         level: level of Signorini's law.
-        restitution: coefficient of restitution e, at the velocity level.
-        massless: whether nodes that may touch have no mass.
+        restitution: coefficient of restitution e at the velocity level, 0 to 1.
+        mass: kind of the mass matrix.
+
+    Raises:
+        ValueError: if a value is not admissible or the values cannot be combined.
     """
 
     scheme: Scheme
     theta: float
     level: Level
     restitution: float
-    massless: bool
+    mass: Mass
+
+    def __post_init__(self) -> None:
+        for name, kinds in (("scheme", Scheme), ("level", Level), ("mass", Mass)):
+            if getattr(self, name) not in get_args(kinds):
+                known = ", ".join(map(repr, get_args(kinds)))
+                raise ValueError(f"{name} is {getattr(self, name)!r}: known are {known}")
+        for name, least in (("theta", 0.5), ("restitution", 0.0)):
+            value = getattr(self, name)
+            if not (is_number(value) and least <= value <= 1.0):
+                raise ValueError(f"{name} must be between {least:g} and 1, got {value!r}")
+            object.__setattr__(self, name, float(value))
+        if self.level == "position" and self.restitution > 0:
+            raise ValueError(
+                "a coefficient of restitution requires level='velocity': at the position level "
+                "only elastic deformation reverses the velocity of a body"
+            )
+        if self.level == "velocity" and self.massless:
+            raise ValueError(
+                "at the velocity level a node needs mass: otherwise it has no velocity to reverse "
+                "and the energy grows without bound; use mass='lumped' or 'consistent'"
+            )
+
+    @property
+    def massless(self) -> bool:
+        """Whether nodes that may touch something have no mass."""
+        return self.mass == "redistributed"
 
     @property
     def alternates(self) -> bool:
-        """Whether forces of contact turn about their mean from step to step."""
-        plain = self.scheme == "theta" and self.theta == 0.5
-        return plain and self.level == "position" and not self.massless
+        """Whether contact forces alternate about their mean from step to step."""
+        trapezoidal = self.scheme == "theta" and self.theta == 0.5
+        return trapezoidal and self.level == "position" and not self.massless
 
     @property
-    def ends_within(self) -> bool:
-        """Whether points may come to be within the obstacle, by the way of a step."""
+    def penetrates(self) -> bool:
+        """Whether points may come to rest inside the obstacle, by up to the path of a step."""
         return self.level == "velocity" or self.scheme == "modified-theta"
 
 
@@ -101,13 +126,13 @@ class MovingState(AcceptedState):
     """An accepted state of a body in motion.
 
     Attributes:
-        motion: displacement, velocity and the forces and energies there.
-        turns: velocities of held nodes less their mean in the step that led here (owned), and in
-            how many steps these have changed their sign; None at a start.
+        motion: displacement, velocity, and the forces and energies there.
+        deviation: deviation of the velocities of held nodes from those of the Dirichlet data in the
+            step that ended here; None at a start.
     """
 
     motion: Motion
-    turns: tuple[Array, int] | None = None
+    deviation: Deviation | None = None
 
 
 class MotionStepper(Stepper):
@@ -115,7 +140,7 @@ class MotionStepper(Stepper):
 
     Args:
         problem: contact problem of a time step, with a `MovingBody`.
-        velocity: Function of the velocity, which follows the states that are taken or put.
+        velocity: Function of the velocity, which follows the accepted states.
         load: function of the time that sets Constants and Functions of the data.
         method: method of the steps.
         matrices: mass and damping of the body.
@@ -138,7 +163,7 @@ class MotionStepper(Stepper):
         self._velocity = velocity
         self._method = method
         self._matrices = matrices
-        self._warned = False
+        self._prescribed = PrescribedMotion(problem)
 
     # -- one step --------------------------------------------------------------------------------
 
@@ -150,48 +175,125 @@ class MotionStepper(Stepper):
         guess: AcceptedState | None,
         trial: Trial,
     ) -> SolvedStep:
-        """The step from a state. Guess and statuses are those of free flight. Collective."""
+        """Solve a step; guess and statuses of the solver are those of free flight. Collective."""
         assert isinstance(accepted, MovingState)
         assert isinstance(accepted.energies, MotionEnergies)
-        self._restore(accepted)
-        self._set(time)
-        self._matrices.require_constant(time)
         problem = self.problem
         eq = problem.equations
         body = self._body
         a = accepted.motion
-        length = time - accepted.time
-        if abs(length - body.step.length) <= _ROUND_OFF * length:
-            length = body.step.length  # the same steps have the same matrices
-        step = TimeStep(length, self._method.theta, self._method.scheme)
-        eq.refresh()
-        if accepted.statuses is None:
-            self._require_speed(a)
-        body.begin(step, a.u, a.v, a.rows)
+        step = self._begin(accepted, time)
+        # increment of the prescribed motions of rigid bodies
+        dq = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
+        law = problem.step_from(accepted.state, step=step.length)
+        at_end: Evaluation | None = None
+
+        def end_of_step(solution: Evaluation) -> tuple[ContactEquations, Evaluation]:
+            """Contact at u_1 and v_1, which are put into the Functions, for tables and checks."""
+            nonlocal at_end
+            u = step.displacement(solution.u, body.origin)
+            problem.u.x.array[:] = u
+            self._velocity.x.array[:] = step.velocity(solution.u, body.origin)
+            at_end = _evaluation_at(law.equations, solution, u)
+            return law.equations, at_end
+
+        # Dirichlet data prescribe u_1, the unknown is w
         eq.prescribed.unknowns = lambda values: step.seen(values, body.origin)
         try:
-            # 1. solve the problem of the step for the displacement w that contact sees
-            motion = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
-            contact = problem.with_memory(self._seen(accepted, step, motion))
-            problem.u.x.array[:] = self._guess(a, step)
-            result, end = contact.solve_step(progress=self._progress)
-            u, v = (f(end.u, body.origin) for f in (step.displacement, step.velocity))
-            problem.u.x.array[:] = u
-            self._velocity.x.array[:] = v
-            # 2. advance the memory, with the contact of the end at its own displacement
-            law = problem.step_from(accepted.state, step=step.length)
-            shown = self._at(law.equations, end, u)
-            memory = law.equations.advanced(shown)
+            # 1. solve the static problem for w
+            contact = problem.with_memory(self._memory_of_laws(accepted, step, dq))
+            problem.u.x.array[:] = self._free_flight(a, step)
+            result, solution = contact.solve_step(progress=self._progress, shown=end_of_step)
+            assert at_end is not None
+            # 2. advance the memory
+            memory = law.equations.advanced(at_end)
             # 3. account for the energies
-            b = motion_at(law.equations, shown, u, v)
-            energies = account(accepted.energies, law.equations, end, a, b, motion)
-            lost = energies.dissipated - accepted.energies.dissipated
-            result = self._shown(law.equations, result, shown, lost)
+            b = motion_at(law.equations, at_end, at_end.u, self._velocity.x.array.copy())
+            energies = account(accepted.energies, law.equations, solution, a, b, dq)
         finally:
             eq.prescribed.unknowns = None
-        turns = self._turns(accepted, b, step)
-        after = self._moving(law, end.statuses, memory, time, energies, b, turns=turns)
+        friction = energies.dissipated - accepted.energies.dissipated
+        result = replace(result, energies=result.energies | {"friction": friction})
+        deviation = self._prescribed.deviation(accepted.deviation, a, b, step)
+        after = self._moving(law, solution.statuses, memory, time, energies, b, deviation=deviation)
         return SolvedStep(accepted, after, result)
+
+    def _begin(self, accepted: MovingState, time: float) -> TimeStep:
+        """Put the start of a step into the Functions and the body. Collective."""
+        self._restore(accepted)
+        self._set(time)
+        self._matrices.require_constant(time)
+        length = time - accepted.time
+        if abs(length - self._body.step.length) <= _ROUND_OFF * length:
+            length = self._body.step.length  # equal steps share their matrices
+        step = TimeStep(length, self._method.theta, self._method.scheme)
+        self.problem.equations.refresh()
+        a = accepted.motion
+        if accepted.statuses is None:
+            self._prescribed.require_velocity(a.v)
+        self._body.begin(step, a.u, a.v, a.rows)
+        return step
+
+    def _free_flight(self, a: Motion, step: TimeStep) -> Array:
+        """Displacement w without contact forces, which gives good first statuses. Collective.
+
+        Nodes without mass have arbitrary velocities, which may invert cells. In this case w is that
+        of a body at rest.
+        """
+        origin = self._body.origin
+        flight = origin + step.gain * step.length * a.v
+        rows = self._body.forces(step.displacement(flight, origin), a.v)
+        if self.problem.comm.allreduce(int(np.isfinite(rows).all()), op=MPI.MIN):
+            return np.asarray(flight)
+        return step.seen(a.u, origin)
+
+    def _memory_of_laws(self, accepted: MovingState, step: TimeStep, dq: Array) -> list[Memory]:
+        """Return the memory with which the laws of a step are evaluated at w. Collective.
+
+        Args:
+            accepted: state at the start of the step.
+            step: time step.
+            dq: increment of the unknowns of the rigid bodies.
+        """
+        a = accepted.motion
+        # pairs that slide keep the memory of their place on each other
+        pairs = zip(self.problem.surfaces, accepted.memory, strict=True)
+        eq = self.problem.with_memory([m if s.slides else None for s, m in pairs]).equations
+        # friction acts on the difference of w to this reference, during a part of the step
+        reference = self._body.origin
+        part = step.gain
+        if self._method.massless:
+            reference = step.seen(a.u, reference)
+            part = 1.0 / step.share
+        q = eq.rigid.given + (1.0 - part) * dq
+        memories = []
+        for i, (s, memory) in enumerate(zip(eq.surfaces, accepted.memory, strict=True)):
+            at = eq.kinematics(s, reference, q)
+            gap = None
+            if self._method.level == "velocity":
+                # gap in w whose sign is that of un'_1 + e un'_0; n . (jump at w) is subtracted
+                n = s.points.data.n
+                risen = s.points.data.gap - a.surfaces[i].obstacle
+                moved = at.operator.rate(eq.relative(s, step.length * a.v, dq))
+                opening = risen - np.sum(moved * n, axis=1)  # h un'_0
+                rebound = self._method.restitution * step.gain * opening
+                gap = np.sum(at.jump * n, axis=1) + step.gain * risen + rebound
+                active = a.surfaces[i].un + 0.5 * opening <= 0
+                gap = np.where(active, gap, gap + _FAR * eq.body_size)
+            nodes = reference[: eq.owned_sizes[0]].reshape(-1, eq.dim) if s.slides else None
+            memories.append(
+                Memory(
+                    jump=at.whole,
+                    fields=memory.fields,
+                    # a law of the slip rate needs the time of the increment, a h
+                    step=step.length * (part if s.law.creeps else 1.0),
+                    gap=gap,
+                    displacement=nodes,
+                    place=at.place,
+                    motion=at.motion,
+                )
+            )
+        return memories
 
     def _restore(self, accepted: AcceptedState) -> None:
         super()._restore(accepted)
@@ -201,18 +303,17 @@ class MotionStepper(Stepper):
     # -- the start of a run ----------------------------------------------------------------------
 
     def start(self, time: float, given: State | None = None) -> AcceptedState:
-        """The start of a motion under the load of its time, which has been set. Collective.
+        """Return the start of a motion; the load of its time has been set. Collective.
 
         Raises:
-            ValueError: on every rank, if a point is within an obstacle, the state is not finite or
-                differs from Dirichlet data, or these are such that a solve refuses them.
+            ValueError: on every rank, if a point is inside an obstacle, or the state is not finite
+                or differs from Dirichlet data, or these are not admissible.
         """
         self._matrices.update(self._body)
         with self.problem.restored():
             law, evaluation, memory = self._begun(given)
-            # Under laws of velocities points come to rest within the obstacle.
-            ended = given is not None and all(m is not None for m in given.previous)
-            if not (ended and self._method.ends_within):
+            continues = given is not None and all(m is not None for m in given.previous)
+            if not (continues and self._method.penetrates):
                 self._require_no_penetration(evaluation)
         motion = self._motion(law, evaluation)
         energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
@@ -224,20 +325,41 @@ class MotionStepper(Stepper):
             self._velocity.x.array[:] = given.velocity
 
     def _evaluated(self, law: ContactProblem) -> Evaluation:
-        """The contact of a start, without the rows of H. Collective."""
+        """Evaluate the contact in the Functions, without the equation of motion. Collective."""
         x = law.create_vector()
         law.write(x)
-        found = law.equations.contact(x, law.written_statuses)
+        evaluation = law.equations.contact(x, law.written_statuses)
         x.destroy()
-        return found
+        return evaluation
+
+    def _check_start(self) -> None:
+        super()._check_start()
+        finite = bool(np.isfinite(self._velocity.x.array).all())
+        require(self.problem.comm, finite, "the velocity at the start is not finite")
+        require_obstacles(self.problem.equations)
+        self._prescribed.require_displacement()
+
+    def _require_no_penetration(self, state: Evaluation) -> None:
+        """Raise ``ValueError`` if a point is inside an obstacle at the start. Collective."""
+        eq = self.problem.equations
+        for s, contact in zip(eq.surfaces, state.surfaces, strict=True):
+            if s.law.compliant:
+                continue
+            least = float(np.min(contact.kinematics.gap, initial=np.inf))
+            least = eq.comm.allreduce(least, op=min)
+            require(
+                eq.comm,
+                least >= -_PENETRATION * eq.body_size,
+                f"{s.name}: at the start points are within the obstacle, by up to {-least:.3g}",
+            )
 
     def continued(self, accepted: AcceptedState) -> AcceptedState:
         assert isinstance(accepted, MovingState)
         self.put(accepted)
         self._matrices.update(self._body)
-        motion = accepted.motion
-        rows = self._body.forces(motion.u, motion.v)
-        return replace(accepted, motion=replace(motion, rows=rows, load=self._body.load()))
+        a = accepted.motion
+        motion = replace(a, rows=self._body.forces(a.u, a.v), load=self._body.load())
+        return replace(accepted, motion=motion)
 
     def recalled(
         self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
@@ -245,88 +367,19 @@ class MotionStepper(Stepper):
         self._set(time)
         self._matrices.update(self._body)
         law = self.problem.with_memory(memory)
-        found = self._evaluated(law)
-        motion = self._motion(law, found)
-        memory = tuple(memory)
-        return self._moving(law, found.statuses, memory, time, energies, motion, known=not first)
-
-    def _guess(self, a: Motion, step: TimeStep) -> Array:
-        """Where contact is looked for first: free flight, which gives good statuses. Collective.
-
-        Nodes without mass have any velocity, which may turn cells inside out: the body stays then.
-        """
-        origin = self._body.origin
-        flight = origin + step.gain * step.length * a.v
-        rows = self._body.forces(step.displacement(flight, origin), a.v)
-        comm = self.problem.equations.comm
-        if comm.allreduce(int(np.isfinite(rows).all()), op=MPI.MIN):
-            return np.asarray(flight)
-        return step.seen(a.u, origin)
-
-    # -- what contact sees -----------------------------------------------------------------------
-
-    def _seen(self, accepted: MovingState, step: TimeStep, motion: Array) -> list[Memory]:
-        """The memory with which the laws are evaluated in a step. Collective.
-
-        Args:
-            accepted: state at the start.
-            step: time step.
-            motion: change of the unknowns of the rigid bodies in the step.
-        """
-        a = accepted.motion
-        # Faces that slide over each other have their slips from where they were.
-        pairs = zip(self.problem.surfaces, accepted.memory, strict=True)
-        eq = self.problem.with_memory([m if s.slides else None for s, m in pairs]).equations
-        origin = self._body.origin
-        gain = step.gain
-        if self._method.massless:
-            origin = step.seen(a.u, origin)
-            gain = 1.0 / step.share
-        q = eq.rigid.given + (1.0 - gain) * motion
-        found = []
-        for i, (s, memory) in enumerate(zip(eq.surfaces, accepted.memory, strict=True)):
-            at = eq.kinematics(s, origin, q)
-            gap = None
-            if self._method.level == "velocity":
-                moved = at.operator.rate(eq.relative(s, step.length * a.v, motion))
-                n = s.points.data.n
-                risen = s.points.data.gap - a.gaps[i]
-                opening = risen - np.sum(moved * n, axis=1)  # h un'_0
-                back = self._method.restitution * step.gain * opening
-                closes = np.sum(at.jump * n, axis=1) + step.gain * risen + back
-                active = a.un[i] + 0.5 * opening <= 0
-                gap = np.where(active, closes, closes + _FAR * eq.body_size)
-            # For a velocity friction gets the motion along the surface, which is h a v_1.
-            passed = step.length * (gain if s.law.creeps else 1.0)
-            was = origin[: eq.owned_sizes[0]].reshape(-1, eq.dim) if s.slides else None
-            found.append(Memory(at.whole, memory.fields, passed, gap, was, at.place, at.motion))
-        return found
-
-    def _at(self, eq: ContactEquations, state: Evaluation, u: Array) -> Evaluation:
-        """The contact of a step's end at its displacement, as tables show it. Collective."""
-        surfaces = []
-        for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-            surfaces.append(replace(found, kinematics=eq.kinematics(s, u, state.q)))
-        return replace(state, u=u, surfaces=surfaces)
-
-    def _shown(
-        self, eq: ContactEquations, result: Result, shown: Evaluation, lost: float
-    ) -> Result:
-        """A result with tables and checks of the step's end, and the frictional dissipation."""
-        supports = support_at_nodes(eq, shown)
-        tables = {s.name: contact_table(eq, i, shown, supports) for i, s in enumerate(eq.surfaces)}
-        energies = result.energies | {"friction": lost}
-        return replace(
-            result, tables=tables, energies=energies, indicators=indicators_of(eq, shown)
+        evaluation = self._evaluated(law)
+        motion = self._motion(law, evaluation)
+        return self._moving(
+            law, evaluation.statuses, memory, time, energies, motion, known=not first
         )
 
     # -- accepted states -------------------------------------------------------------------------
 
     def _motion(self, law: ContactProblem, evaluation: Evaluation) -> Motion:
-        """The motion in the Functions. Collective."""
+        """Return the motion in the Functions. Collective."""
         for f in (law.u, self._velocity):
-            f.x.scatter_forward()  # values given by the user may be those of the owners alone
-        u, v = (f.x.array.copy() for f in (law.u, self._velocity))
+            f.x.scatter_forward()  # users may have set owned values only
+        u, v = law.u.x.array.copy(), self._velocity.x.array.copy()
         return motion_at(law.equations, evaluation, u, v)
 
     def _moving(
@@ -339,126 +392,37 @@ class MotionStepper(Stepper):
         motion: Motion,
         *,
         known: bool = True,
-        turns: tuple[Array, int] | None = None,
+        deviation: Deviation | None = None,
     ) -> MovingState:
-        """The motion in the Functions as an accepted state. Collective."""
-        state = replace(self._state(law, statuses, memory, time, energies), velocity=motion.v)
-        held = state.statuses if known else None
-        return MovingState(state, self._unknowns(), energies, held, True, motion, turns)
+        """Return the motion in the Functions as an accepted state. Collective.
 
-    # -- what is held ----------------------------------------------------------------------------
-
-    def _held(self) -> npt.NDArray[np.bool_]:
-        """Which of the owned dofs Dirichlet data hold."""
-        eq = self.problem.equations
-        return np.asarray(eq.fixed[: eq.owned_sizes[0]])
-
-    def _require_held(self) -> None:
-        """Refuse a start at which the displacement is not what is prescribed. Collective."""
-        eq = self.problem.equations
-        held = self._held()
-        n = len(held)
-        given = eq.prescribed.values().reshape(-1)[:n]
-        u = self.problem.u.x.array[:n]
-        size = eq.comm.allreduce(
-            max(float(np.max(np.abs(v), initial=0.0)) for v in (given, u)), op=max
-        )
-        off = np.where(held, np.abs(u - given), 0.0)
-        words = self._worst(off, _AGAINST * size + _PENETRATION * eq.body_size, u, given)
-        message = (
-            f"at the start the displacement is not what Dirichlet data prescribe: {words}; solve() "
-            "first, or put into the displacement what is prescribed"
-        )
-        require(eq.comm, not words, message)
-
-    def _require_speed(self, a: Motion) -> None:
-        """Refuse a start with a velocity where Dirichlet data do not move. Collective."""
-        eq = self.problem.equations
-        held = self._held()
-        n = len(held)
-        given = eq.prescribed.values().reshape(-1)[:n]
-        size = eq.comm.allreduce(float(np.max(np.abs(a.v), initial=0.0)), op=max)
-        still = held & (np.abs(given - a.u[:n]) <= _PENETRATION * eq.body_size)
-        speed = np.where(still, np.abs(a.v[:n]), 0.0)
-        words = self._worst(speed, _AGAINST * size, a.v[:n], np.zeros(n))
-        message = (
-            "the velocity at the start is against Dirichlet data, which do not move in the first "
-            f"step: {words}; it would change its sign in every step: set the velocity to that of "
-            "the data where they hold the body"
-        )
-        require(eq.comm, not words, message)
-
-    def _worst(self, off: Array, tolerance: float, is_: Array, prescribed: Array) -> str:
-        """Where owned values are furthest off, in words; "" where none is. Collective."""
-        V = self.problem.V
-        comm = self.problem.equations.comm
-        worst = comm.allreduce(float(np.max(off, initial=0.0)), op=max)
-        if worst <= tolerance:
-            return ""
-        # Of several that are as far off the first in the order of their places.
-        bs = V.dofmap.index_map_bs
-        nodes = node_positions(V)
-        mine = []
-        size = self.problem.equations.body_size
-        for i in np.flatnonzero(off >= (1 - _ROUND_OFF) * worst):
-            x = np.round(nodes[i // bs, : V.mesh.geometry.dim] / size, 9) * size + 0.0
-            mine.append((x.tolist(), int(i % bs), float(is_[i]), float(prescribed[i])))
-        x, component, found, wanted = min(place for part in comm.allgather(mine) for place in part)
-        return (
-            f"component {'xyz'[component]} at the node ({', '.join(f'{c:.6g}' for c in x)}) is "
-            f"{found:.6g}, prescribed is {wanted:.6g}"
-        )
-
-    def _turns(self, accepted: MovingState, b: Motion, step: TimeStep) -> tuple[Array, int]:
-        """Deviations of the velocities of held nodes from their mean, and their changes of sign.
-
-        With theta = 1/2 the end of a step has twice the mean velocity less that of the start, so
-        that a velocity which was not that of the data once turns about it for ever. Collective.
+        Args:
+            law: problem with the law by which the state was found.
+            statuses: statuses of the contact points.
+            memory: memory from which the next step starts, one per surface.
+            time: time of the state.
+            energies: energies since the start.
+            motion: motion in the Functions.
+            known: whether it is the end of a step, not a start.
+            deviation: deviation of the velocities of held nodes.
         """
-        held = self._held()
-        a = accepted.motion
-        n = len(held)
-        mean: Array = np.asarray((b.u - a.u)[:n] / step.length)
-        off = np.where(held, b.v[:n] - mean, 0.0)
-        lasts = step.scheme != "theta-euler" and step.theta < _LASTING
-        if not lasts or accepted.turns is None or len(accepted.turns[0]) != n:
-            return off, 0
-        before, times = accepted.turns
-        comm = self.problem.equations.comm
-        sizes = [float(np.max(np.abs(v), initial=0.0)) for v in (off, off + before, mean, b.v)]
-        turned = comm.allreduce(np.array(sizes), op=np.maximum)
-        again = turned[1] < _TURNS * turned[0] and turned[0] > _PERCENT * max(turned[2:])
-        times = times + 1 if again else 0
-        if times == _MOST_TURNS and not self._warned:
-            self._warned = True
-            words = self._worst(np.abs(off), 0.5 * turned[0], b.v[:n], mean)
-            if comm.rank == 0:
-                logger.warning(
-                    "velocities of nodes that Dirichlet data hold change from step to step about "
-                    "those of the data (%s by the data's increment): the motion began with another "
-                    "velocity than the data, or these have a kink in time; theta > 1/2 damps it",
-                    words,
-                )
-        return off, times
+        state = replace(self._state(law, statuses, memory, time, energies), velocity=motion.v)
+        statuses_of_step = state.statuses if known else None
+        return MovingState(
+            state, self._unknowns(), energies, statuses_of_step, True, motion, deviation
+        )
 
-    def _check_start(self) -> None:
-        super()._check_start()
-        eq = self.problem.equations
-        finite = bool(np.isfinite(self._velocity.x.array).all())
-        require(eq.comm, finite, "the velocity at the start is not finite")
-        require_obstacles(eq)
-        self._require_held()
 
-    def _require_no_penetration(self, state: Evaluation) -> None:
-        """Refuse a start within an obstacle. Collective."""
-        eq = self.problem.equations
-        for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-            if s.law.compliant:
-                continue
-            gap = found.kinematics.gap
-            least = eq.comm.allreduce(float(np.min(gap, initial=np.inf)), op=min)
-            require(
-                eq.comm,
-                least >= -_PENETRATION * eq.body_size,
-                f"{s.name}: at the start points are within the obstacle, by up to {-least:.3g}",
-            )
+def _evaluation_at(eq: ContactEquations, solution: Evaluation, u: Array) -> Evaluation:
+    """Return the contact forces of a step with the kinematics at its end. Collective.
+
+    Args:
+        eq: equations with the memory of the start of the step.
+        solution: solution w of the step.
+        u: displacement u_1 at its end, all local values.
+    """
+    surfaces = [
+        replace(contact, kinematics=eq.kinematics(s, u, solution.q))
+        for s, contact in zip(eq.surfaces, solution.surfaces, strict=True)
+    ]
+    return replace(solution, u=u, surfaces=surfaces)

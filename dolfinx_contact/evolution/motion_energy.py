@@ -1,28 +1,28 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The energy account of a body in motion, every term by its own formula.
+r"""Energy balance of a time step of a body in motion, impacts included.
 
-Over a step of length h from 0 to 1, with the mean velocity v = (v_0 + v_1)/2, loads f, mean forces
-S of supports and tractions t of contact, t' what of these is not adhesion, and velocities v_o of
-what is touched,
+Over a step of length h from state 0 to state 1, with the mean velocity v = (v_0 + v_1)/2, loads f,
+mean forces S of supports, mean contact tractions t over areas W, tractions t' = t without adhesion,
+and velocity v_o of the obstacle, the energies grow by
 
-    kinetic     v^T M v / 2, at the end
-    external    (f_0 + f_1)/2 . (u_1 - u_0) + S . (u_1 - u_0) + h sum W t . v_o
-    stored      the energy of the body without the potential of its loads, that of bonds, and what
-                compliant surfaces hold, sum W (p_0 + p_1)/2 . (increment of the penetration)
-    damping     h v^T (theta C v_1 + (1 - theta) C v_0)
-    contact     - h sum W t'_n . (B v - v_o)_n, impulse times mean velocity, of surfaces that are
-                not compliant
-    dissipated  - h sum W t'_t . (B v - v_o)_t, by friction
-    damage      what breaking bonds has cost
+    kinetic     v_1^T M v_1 / 2 - v_0^T M v_0 / 2
+    external    ((f_0 + f_1)/2 + S) . (u_1 - u_0) + h sum W t . v_o
+    stored      energy of the body without the load potential, energy of bonds, and energy of
+                compliant surfaces, sum W (p_0 + p_1)/2 . (increment of the penetration)
+    damping     h v^T C (theta v_1 + (1 - theta) v_0)
+    contact     - h sum W t'_n . (B v - v_o)_n      impulse times mean velocity (Moreau 1988), for
+                                                    surfaces that are not compliant
+    dissipated  - h sum W t'_t . (B v - v_o)_t      friction
+    damage      energy spent by breaking bonds
 
-The residue is external less all the others, the growth of the kinetic energy among them, since the
-start. With theta = 1/2 it vanishes for a linear body, but for adhesion and compliance, and is of
-second order in h for others. Otherwise it is the energy that the scheme dissipates or feeds.
+The residue is the external work minus all other terms, since the start. With theta = 1/2 it is zero
+for a linear body without adhesion and compliance, and of second order in h otherwise. With other
+schemes it is the energy dissipated or produced by the scheme.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -39,13 +39,13 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MotionEnergies(Energies):
-    """Energies of a body in motion, since the start but for the kinetic one.
+    """Energies of a body in motion; all but the kinetic energy are summed since the start.
 
     Attributes:
-        kinetic: as it is.
-        at_start: the kinetic energy at the start.
-        damping: dissipated by the damping of the body.
-        contact: that impacts have taken; less than nothing where they gave.
+        kinetic: kinetic energy.
+        at_start: kinetic energy at the start.
+        damping: dissipation by the damping of the body.
+        contact: energy lost in impacts; negative if they add energy.
     """
 
     kinetic: float = 0.0
@@ -55,26 +55,40 @@ class MotionEnergies(Energies):
 
     @property
     def residue(self) -> float:
-        """What of the external work is nowhere."""
-        grown = self.kinetic - self.at_start
-        return super().residue - grown - self.damping - self.contact
+        """External work minus all other energies."""
+        growth = self.kinetic - self.at_start
+        return super().residue - growth - self.damping - self.contact
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMotion:
+    """Values at the contact points of a surface at one time, each of shape (n,).
+
+    Attributes:
+        obstacle: gap between the undeformed body and the obstacle, a length.
+        un: gap, a length.
+        push: compressive force without adhesion.
+        bonds: energy stored in bonds.
+    """
+
+    obstacle: Array
+    un: Array
+    push: Array
+    bonds: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A state of motion, and what its energies need.
+    """State of motion with the forces and energies that a step needs.
 
     Attributes:
-        u, v: displacement and velocity, all local values.
-        rows: R(u) + C v (owned).
-        load: -R(0) (owned).
-        inner: energy of the body without its loads; None if it is not known.
-        kinetic: energy.
-        gaps: of the obstacles at the contact points where the body is undeformed, surface by
-            surface (n,).
-        un: gaps now, likewise.
-        pressed: forces of pressure at the points without adhesion, likewise.
-        bonds: energies that bonds hold, likewise.
+        u: displacement, all local values.
+        v: velocity, all local values.
+        rows: internal forces and loads R(u) + C v (owned).
+        load: loads -R(0) (owned).
+        inner: energy of the body without the load potential; None for a body given by a residual.
+        kinetic: kinetic energy.
+        surfaces: values at the contact points of each surface.
     """
 
     u: Array
@@ -83,127 +97,124 @@ class Motion:
     load: Array
     inner: float | None
     kinetic: float
-    gaps: tuple[Array, ...]
-    un: tuple[Array, ...]
-    pressed: tuple[Array, ...]
-    bonds: tuple[Array, ...]
+    surfaces: tuple[SurfaceMotion, ...]
 
 
 def motion_at(eq: ContactEquations, state: Evaluation, u: Array, v: Array) -> Motion:
-    """The state of motion at the end of a step, or at a start. Collective.
+    """Return the state of motion at the start or the end of a step. Collective.
 
     Args:
-        eq: the contact problem of the step.
-        state: whose contact is that of the end.
+        eq: equations with the data of that time.
+        state: evaluation of the contact at that time.
         u: displacement, all local values.
-        v: velocity, likewise.
+        v: velocity, all local values.
     """
     body = eq.bulk
     assert isinstance(body, MovingBody)
-    comm = eq.comm
     n = eq.owned_sizes[0]
     load = body.load()
     inner = body.body.energy_at(u)
-    sums = [float(np.dot(load, u[:n])), 0.5 * float(np.dot(v[:n], body.times(body.mass, v)))]
-    potential, kinetic = comm.allreduce(np.array(sums))
-    gaps = []
-    un = []
-    pressed = []
-    bonds = []
-    for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-        normal = found.data.n
-        areas = found.kinematics.operator.areas
-        gaps.append(s.points.data.gap.copy())
-        un.append(found.kinematics.gap)
-        force = found.traction
+    products = np.array([load @ u[:n], 0.5 * v[:n] @ body.times(body.mass, v)])
+    potential, kinetic = eq.comm.allreduce(products).tolist()
+    surfaces = []
+    for s, contact in zip(eq.surfaces, state.surfaces, strict=True):
+        areas = contact.kinematics.operator.areas
+        traction = contact.traction
+        bonds = np.zeros_like(areas)
         if s.law_at_points.compiled.bonded:
-            force = force - found.answers.bond("traction")
-        pressed.append(-areas * np.sum(force * normal, axis=1))
-        none = np.zeros_like(areas)
-        bonds.append(
-            areas * found.answers.bond("stored") if s.law_at_points.compiled.bonded else none
-        )
-    return Motion(
-        u,
-        v,
-        body.forces(u, v),
-        load,
-        None if inner is None else inner + float(potential),
-        float(kinetic),
-        tuple(gaps),
-        tuple(un),
-        tuple(pressed),
-        tuple(bonds),
-    )
+            traction = traction - contact.answers.bond("traction")
+            bonds = areas * contact.answers.bond("stored")
+        push = -areas * np.sum(traction * contact.data.n, axis=1)
+        gap = s.points.data.gap.copy()
+        surfaces.append(SurfaceMotion(gap, contact.kinematics.gap, push, bonds))
+    inner = None if inner is None else inner + potential
+    return Motion(u, v, body.forces(u, v), load, inner, kinetic, tuple(surfaces))
 
 
 def account(
     energies: MotionEnergies,
     eq: ContactEquations,
-    state: Evaluation,
+    end: Evaluation,
     a: Motion,
     b: Motion,
-    turned: Array,
+    dq: Array,
 ) -> MotionEnergies:
-    """The account after a step. Collective.
+    """Return the energies after a step. Collective.
 
     Args:
-        energies: before it.
-        eq: the contact problem of the step.
-        state: its solution, with reactions.
-        a: the motion before it.
-        b: the motion after it.
-        turned: by which the unknowns of the rigid bodies change in it.
+        energies: energies before the step.
+        eq: equations of the step.
+        end: solution of the step, with reactions.
+        a: motion before the step.
+        b: motion after the step.
+        dq: increment of the unknowns of the rigid bodies.
     """
     body = eq.bulk
     assert isinstance(body, MovingBody)
-    assert state.reactions is not None
+    assert end.reactions is not None
     step = body.step
     n = eq.owned_sizes[0]
-    h = step.length
     v = (a.v + b.v) / 2
     du = (b.u - a.u)[:n]
-    support = np.where(eq.fixed[:n], state.reactions, 0.0)
-    external = float(np.dot((a.load + b.load) / 2 + support, du))
-    stored = damping = contact = slipped = spent = 0.0
+    # the body: work of loads and supports, damping, stored energy
+    support = np.where(eq.fixed[:n], end.reactions, 0.0)
+    external = float(((a.load + b.load) / 2 + support) @ du)
+    damping = stored = 0.0
     if body.damping is not None:
         mean = step.theta * b.v + (1 - step.theta) * a.v
-        damping = h * float(np.dot(v[:n], body.times(body.damping, mean)))
-    inner_of_rows = (a.rows + a.load + b.rows + b.load) / 2
-    for i, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
-        operator = found.kinematics.operator
-        W = operator.areas
-        normal = found.data.n
-        force = W[:, None] * found.traction
-        at = s, state.u, state.q
-        relative = operator.apply(eq.relative_rate(*at, h * v, turned))
-        dragged = -operator.apply(eq.relative_rate(*at, np.zeros_like(v), turned))
-        external += float(np.sum(force * dragged))
-        closing = np.sum(force * normal, axis=1)
-        external += float(np.dot(closing, b.gaps[i] - a.gaps[i]))
-        if s.law_at_points.compiled.bonded:
-            force = force - W[:, None] * found.answers.bond("traction")
-            spent += float(np.sum(W * found.answers.bond("spent")))
-            stored += float(np.sum(b.bonds[i] - a.bonds[i]))
-        pull = np.sum(force * normal, axis=1)
-        along = np.sum(relative * normal, axis=1)
-        slipped -= float(np.sum(force * relative) - np.dot(pull, along))
-        if s.law.compliant:
-            stored -= float(np.dot((a.pressed[i] + b.pressed[i]) / 2, b.un[i] - a.un[i]))
-        else:
-            contact -= float(np.dot(pull, along - (b.gaps[i] - a.gaps[i])))
-    inner = float(np.dot(inner_of_rows, du)) - damping
-    sums = np.array([external, stored, damping, contact, slipped, spent, inner])
-    external, stored, damping, contact, slipped, spent, inner = eq.comm.allreduce(sums).tolist()
+        damping = step.length * float(v[:n] @ body.times(body.damping, mean))
+    if a.inner is None or b.inner is None:
+        # the trapezoidal rule of the internal forces, exact for a linear body
+        stored = float((a.rows + a.load + b.rows + b.load) / 2 @ du) - damping
+    parts = [MotionEnergies(external=external, stored=stored, damping=damping)]
+    # the surfaces
+    parts += [_of_surface(eq, i, end, a, b, step.length * v, dq) for i in range(len(eq.surfaces))]
+    increments = eq.comm.allreduce(np.sum([astuple(part) for part in parts], axis=0))
+    after = MotionEnergies(*(np.array(astuple(energies)) + increments).tolist())
     if a.inner is not None and b.inner is not None:
-        inner = b.inner - a.inner
-    return MotionEnergies(
-        energies.external + external,
-        energies.stored + inner + stored,
-        energies.dissipated + slipped,
-        energies.damage + spent,
-        b.kinetic,
-        energies.at_start,
-        energies.damping + damping,
-        energies.contact + contact,
-    )
+        after = replace(after, stored=after.stored + b.inner - a.inner)
+    return replace(after, kinetic=b.kinetic)
+
+
+def _of_surface(
+    eq: ContactEquations, i: int, end: Evaluation, a: Motion, b: Motion, moved: Array, dq: Array
+) -> MotionEnergies:
+    """Increments of the energies at a surface on this rank.
+
+    Args:
+        eq: equations of the step.
+        i: number of the surface.
+        end: solution of the step.
+        a: motion before the step.
+        b: motion after the step.
+        moved: length of the step times the mean velocity, all local values.
+        dq: increment of the unknowns of the rigid bodies.
+    """
+    s = eq.surfaces[i]
+    contact = end.surfaces[i]
+    before, after = a.surfaces[i], b.surfaces[i]
+    operator = contact.kinematics.operator
+    normal = contact.data.n
+    force = operator.areas[:, None] * contact.traction
+    # relative displacements h (B v - v_o), and h v_o of a rigid body
+    place = s, end.u, end.q
+    relative = operator.apply(eq.relative_rate(*place, moved, dq))
+    dragged = -operator.apply(eq.relative_rate(*place, np.zeros_like(moved), dq))
+    # an obstacle that is moved by its data
+    risen = after.obstacle - before.obstacle
+    external = float(np.sum(force * dragged) + np.sum(force * normal, axis=1) @ risen)
+    # bonds
+    spent = stored = impact = 0.0
+    if s.law_at_points.compiled.bonded:
+        force = force - operator.areas[:, None] * contact.answers.bond("traction")
+        spent = float(np.sum(operator.areas * contact.answers.bond("spent")))
+        stored = float(np.sum(after.bonds - before.bonds))
+    # pressure and friction
+    pull = np.sum(force * normal, axis=1)
+    opening = np.sum(relative * normal, axis=1)
+    friction = float(pull @ opening - np.sum(force * relative))
+    if s.law.compliant:
+        stored -= float((before.push + after.push) / 2 @ (after.un - before.un))
+    else:
+        impact = -float(pull @ (opening - risen))
+    return MotionEnergies(external, stored, friction, spent, contact=impact)

@@ -1,5 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Motions that continue until the body is at rest."""
+r"""Motions that continue until the body is at rest.
+
+The body is at rest once its kinetic energy E has satisfied
+
+    E <= rest max E
+
+at the ends of ten successive steps and for a time of 4 sqrt(rest) T, where T is the time since the
+start. A body that reverses its velocity v after a time T, for example at the top of a throw, has
+v = v_max t/T around that instant, and satisfies the inequality for 2 sqrt(rest) T only.
+"""
 
 from __future__ import annotations
 
@@ -14,66 +23,51 @@ from dolfinx_contact.evolution.run import RunState
 from dolfinx_contact.evolution.step import SolvedStep, Stepper
 from dolfinx_contact.evolution.through_times import HistoryTask, ThroughTimes
 
-__all__ = ["RestState", "RestTask", "ToRest"]
+__all__ = ["RestTask", "ToRest"]
 
-_TURNING = 4.0  # sqrt(rest) of the way there: twice as long as one that turns back is slow
-_QUIET = 10  # steps in which a body at rest does not move
+_TURNING = 4.0  # multiple of sqrt(rest) T, twice the slow phase of a reversal
+_QUIET = 10  # least number of steps at rest
 
 
 @dataclass(frozen=True)
 class RestTask(HistoryTask):
-    """The task of a run to rest, by steps of the longest length; see `NSCD.settle`.
+    """Task of a run to rest in steps of the longest length; its only time is that of the start.
 
-    The only one of its times is that of the start.
+    Attributes:
+        max_time: upper bound of the duration.
+        rest: fraction of the largest kinetic energy; see `NSCD.settle`.
     """
 
     max_time: float = math.inf
     rest: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class RestState(RunState):
-    """All that the next step of a run to rest depends on.
-
-    Attributes:
-        peak: largest kinetic energy at the end of a step so far.
-        quiet: number of the last steps at whose ends the kinetic energy was small.
-    """
-
-    peak: float = 0.0
-    quiet: int = 0
-
-
 class ToRest(ThroughTimes):
-    """Continues by equal steps until the kinetic energy has been small for long enough.
+    """Rule of equal steps until the kinetic energy has been small for long enough.
 
     Args:
         stepper: stepper of the motion.
         task: task of the run.
-        run_state: state of the run where it starts or continues.
+        run_state: state of the run at its start.
     """
 
     task: RestTask
 
     def __init__(self, stepper: Stepper, task: RestTask, run_state: RunState):
         super().__init__(stepper, task, run_state)
-        self._peak = run_state.peak if isinstance(run_state, RestState) else 0.0
-        self._quiet = run_state.quiet if isinstance(run_state, RestState) else 0
+        self._peak = 0.0
+        self._quiet = 0
         self._goal = run_state.accepted.time
-
-    @property
-    def run_state(self) -> RestState:
-        return RestState(**vars(super().run_state), peak=self._peak, quiet=self._quiet)
 
     def where(self, step: EvolutionStep) -> str:
         end = self.task.times[0] + self.task.max_time
         return f"time {step.time:.6g}, at most {end:.6g}  step {step.number}"
 
-    def part(self, step: EvolutionStep) -> None:
-        return None  # it may be at rest at any time
+    def part(self, step: EvolutionStep) -> float | None:
+        return None  # unknown: the body may come to rest at any time
 
     def _goals(self) -> Iterator[float]:
-        """Ends of steps of the longest length, one after the other."""
+        """Ends of successive steps of the longest length."""
         while self.ending is None:
             self._length = self.task.longest
             self._goal = self._accepted.time + self.task.longest
@@ -87,10 +81,9 @@ class ToRest(ThroughTimes):
         assert isinstance(energies, MotionEnergies)
         self._peak = max(self._peak, energies.kinetic)
         self._quiet = self._quiet + 1 if energies.kinetic <= self.task.rest * self._peak else 0
-        start = self.task.times[0]
-        passed = solved.after.time - start
-        turning = _TURNING * math.sqrt(self.task.rest) * passed
+        duration = solved.after.time - self.task.times[0]
+        turning = _TURNING * math.sqrt(self.task.rest) * duration
         if self._quiet >= _QUIET and self._quiet * self.task.longest >= turning:
             self.end(Ending.REACHED, "the body is at rest")
-        elif not solved.after.time < start + self.task.max_time:
-            self.end(Ending.BUDGET, f"not at rest after {passed:.6g}")
+        elif not solved.after.time < self.task.times[0] + self.task.max_time:
+            self.end(Ending.BUDGET, f"not at rest after {duration:.6g}")

@@ -8,9 +8,9 @@ Dirichlet data.
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -34,9 +34,12 @@ from dolfinx_contact.results.tables import ContactTable, contact_table, violatio
 from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 
-__all__ = ["Named", "Result", "collect", "log_warnings"]
+__all__ = ["Named", "Result", "Shown", "collect", "log_warnings"]
 
 logger = logging.getLogger(__name__)
+
+#: Function of a solution that returns the equations and the evaluation for tables and indicators.
+Shown: TypeAlias = Callable[[Evaluation], tuple[ContactEquations, Evaluation]]
 
 _LARGEST_VIOLATION = 1e-4  # largest violation without a warning, relative to the largest force
 _T = TypeVar("_T")
@@ -199,7 +202,12 @@ def _shown(vector: npt.NDArray[np.float64]) -> str:
     return "(" + ", ".join(f"{v:.6g}" for v in vector) + ")"
 
 
-def collect(eq: ContactEquations, state: Evaluation, attempts: Sequence[Attempt]) -> Result:
+def collect(
+    eq: ContactEquations,
+    state: Evaluation,
+    attempts: Sequence[Attempt],
+    shown: Shown | None = None,
+) -> Result:
     """Return the result at a solution, which is in the user's Functions. Collective.
 
     A violated law is logged as a warning on rank 0; `log_warnings` logs the indicators.
@@ -208,6 +216,9 @@ def collect(eq: ContactEquations, state: Evaluation, attempts: Sequence[Attempt]
         eq: equations of the contact problem.
         state: evaluation at the solution, with reactions.
         attempts: strategies that were tried; the last one converged.
+        shown: function of the solution that returns the equations and the evaluation for tables and
+            indicators; default: those of the solution. In dynamics they are those at the end of the
+            step, which differs from the solution.
 
     Raises:
         ValueError: on every rank, if a point touches an obstacle at a place without a normal.
@@ -215,9 +226,11 @@ def collect(eq: ContactEquations, state: Evaluation, attempts: Sequence[Attempt]
     assert state.reactions is not None
     lost = without_normal(eq, state) or held_across(eq, state)
     require(eq.comm, not lost, lost)
-    supports = support_at_nodes(eq, state)
+    at = (eq, state) if shown is None else shown(state)
+    supports = support_at_nodes(*at)
     tables = {
-        s.name: contact_table(eq, number, state, supports) for number, s in enumerate(eq.surfaces)
+        s.name: contact_table(at[0], number, at[1], supports)
+        for number, s in enumerate(eq.surfaces)
     }
     energy = eq.bulk.energy_at(state.u)
     energies = {} if energy is None else {"bulk": energy}
@@ -248,7 +261,7 @@ def collect(eq: ContactEquations, state: Evaluation, attempts: Sequence[Attempt]
                 if s.between_bodies
             }
         ),
-        indicators_of(eq, state),
+        indicators_of(*at),
         Named(rigid_body_results(eq, state)),
     )
 

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Consistency of a motion with the Dirichlet data of its body.
+
+Dirichlet data prescribe the displacement u_1 at the end of a step. With theta = 1/2 the velocity of
+a held node follows from it as
+
+    v_1 = 2 (u_1 - u_0)/h - v_0,
+
+so that a velocity v_0 different from that of the data oscillates about it in all later steps.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._errors import require
+from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._shared import largest
+from dolfinx_contact.body.moving import TimeStep
+from dolfinx_contact.evolution.motion_energy import Motion
+from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["Deviation", "PrescribedMotion"]
+
+logger = logging.getLogger(__name__)
+
+Array = npt.NDArray[np.float64]
+
+_ROUND_OFF = 1e-9  # fraction of the body size that counts as no displacement
+_SAME = 1e-6  # fraction of the largest displacement or velocity that counts as no deviation
+_DAMPED = 0.51  # theta above which an oscillation decays
+_REVERSED = 0.1  # relative change of a deviation with reversed sign
+_VISIBLE = 0.01  # fraction of the velocities above which an oscillation is reported
+_REVERSALS = 3  # successive reversals after which it is reported
+
+
+@dataclass(frozen=True, eq=False)
+class Deviation:
+    """Deviation of the velocities of held nodes from their mean velocity in a step.
+
+    Attributes:
+        values: deviations at the end of the step, zero where nothing is held (owned).
+        reversals: number of successive steps, up to this one, in which it changed its sign.
+    """
+
+    values: Array
+    reversals: int = 0
+
+
+class PrescribedMotion:
+    """Checks of a motion against Dirichlet data.
+
+    Args:
+        problem: contact problem of a time step.
+    """
+
+    def __init__(self, problem: ContactProblem):
+        self._problem = problem
+        self._reported = False
+
+    @property
+    def _held(self) -> npt.NDArray[np.bool_]:
+        """Mask of the owned dofs that Dirichlet data hold."""
+        eq = self._problem.equations
+        return np.asarray(eq.fixed[: eq.owned_sizes[0]])
+
+    def require_displacement(self) -> None:
+        """Raise ``ValueError`` if the displacement differs from the Dirichlet data. Collective."""
+        eq = self._problem.equations
+        u, data = self._displacement_and_data()
+        (size,) = self._largest(np.maximum(np.abs(u), np.abs(data)))
+        tolerance = _SAME * size + _ROUND_OFF * eq.body_size
+        place = self._largest_deviation(u, data, self._held, tolerance)
+        require(
+            eq.comm,
+            not place,
+            f"at the start the displacement differs from the Dirichlet data: {place}; solve() "
+            "first, or copy the prescribed values into the displacement",
+        )
+
+    def require_velocity(self, v: Array) -> None:
+        """Raise ``ValueError`` if a node moves that Dirichlet data hold at its place. Collective.
+
+        The state at the start of the first step is in the Functions, the data are those of its end.
+
+        Args:
+            v: velocity at the start, all local values.
+        """
+        eq = self._problem.equations
+        u, data = self._displacement_and_data()
+        still = self._held & (np.abs(data - u) <= _ROUND_OFF * eq.body_size)
+        (size,) = self._largest(v)
+        place = self._largest_deviation(v[: len(u)], np.zeros_like(u), still, _SAME * size)
+        require(
+            eq.comm,
+            not place,
+            "the velocity at the start is against Dirichlet data that are constant in the first "
+            f"step: {place}; it would change its sign in every step: set the velocity of held "
+            "nodes to that of the data",
+        )
+
+    def deviation(self, last: Deviation | None, a: Motion, b: Motion, step: TimeStep) -> Deviation:
+        """Compare velocities at the end of a step with their mean in the step. Collective.
+
+        An oscillation is logged once on rank 0.
+
+        Args:
+            last: deviation in the previous step; None at a start.
+            a: motion at the start of the step.
+            b: motion at the end of the step.
+            step: time step.
+        """
+        held = self._held
+        n = len(held)
+        mean = np.asarray((b.u - a.u)[:n] / step.length)
+        values = np.where(held, b.v[:n] - mean, 0.0)
+        if last is None or step.scheme == "theta-euler" or step.theta >= _DAMPED:
+            return Deviation(values)
+        size, change, *speeds = self._largest(values, values + last.values, mean, b.v)
+        if not (change < _REVERSED * size and size > _VISIBLE * max(speeds)):
+            return Deviation(values)
+        reversals = last.reversals + 1
+        if reversals == _REVERSALS and not self._reported:
+            self._reported = True
+            place = self._largest_deviation(b.v[:n], mean, held, 0.5 * size)
+            if self._problem.comm.rank == 0:
+                logger.warning(
+                    "velocities of nodes held by Dirichlet data change from step to step about the "
+                    "velocity of the data (%s according to the data): the motion started with "
+                    "another velocity than the data, or these have a kink in time; theta > 1/2 "
+                    "damps the oscillation",
+                    place,
+                )
+        return Deviation(values, reversals)
+
+    def _displacement_and_data(self) -> tuple[Array, Array]:
+        """Owned values of the displacement and of the Dirichlet data."""
+        eq = self._problem.equations
+        n = eq.owned_sizes[0]
+        return self._problem.u.x.array[:n], eq.prescribed.values().reshape(-1)[:n]
+
+    def _largest(self, *values: Array) -> list[float]:
+        """Largest absolute values over all ranks. Collective."""
+        mine = [np.max(np.abs(v), initial=0.0) for v in values]
+        return [float(v) for v in largest(self._problem.comm, mine)]
+
+    def _largest_deviation(
+        self, values: Array, data: Array, which: npt.NDArray[np.bool_], tolerance: float
+    ) -> str:
+        """Describe the largest deviation of values from data; "" if it is small. Collective.
+
+        Args:
+            values: owned values.
+            data: owned values prescribed by the data.
+            which: mask of the compared dofs.
+            tolerance: deviation that counts as small.
+        """
+        V = self._problem.V
+        bs = V.dofmap.index_map_bs
+        size = self._problem.equations.body_size
+        off = np.where(which, np.abs(values - data), 0.0)
+        worst = np.flatnonzero((off == np.max(off, initial=0.0)) & (off > tolerance))
+        places = []
+        if len(worst):
+            nodes = node_positions(V)[worst // bs, : V.mesh.geometry.dim]
+            nodes = np.round(nodes / size, 9) * size + 0.0
+            columns = (-off[worst], nodes, worst % bs, values[worst], data[worst])
+            places = list(zip(*(column.tolist() for column in columns), strict=True))
+        # of equal deviations that at the first place in lexicographic order
+        places = [place for part in self._problem.comm.allgather(places) for place in part]
+        if not places:
+            return ""
+        _, x, component, value, wanted = min(places)
+        return (
+            f"component {'xyz'[component]} at the node ({', '.join(f'{c:.6g}' for c in x)}) is "
+            f"{value:.6g}, prescribed is {wanted:.6g}"
+        )
