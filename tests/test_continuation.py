@@ -496,7 +496,7 @@ class bratu(System):
 def test_parity_is_that_of_mumps():
     """The low-rank identity and MUMPS' sign of det J say the same, for every pair of statuses."""
     from dolfinx_contact.continuation.branch import Ray
-    from dolfinx_contact.continuation.crossing import parity
+    from dolfinx_contact.continuation.ray_finder import parity
 
     for F in (0.5, 3.0):
         system = one_node(2.0, 2.0, 1.0, F, (0.0, -1.0), (-1.0, 0.3))

@@ -8,7 +8,6 @@ import importlib
 import itertools
 import pkgutil
 from dataclasses import is_dataclass, replace
-from types import SimpleNamespace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -20,21 +19,14 @@ from textbook import coulomb_system
 from dolfinx_contact.continuation import Piece, System
 from dolfinx_contact.continuation import rays as rays_module
 from dolfinx_contact.continuation.affine import AffineSystem, largest
-from dolfinx_contact.continuation.branch import Departures
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.rays import (
     AffineRay,
-    Rays,
-    _by_newton,
-    _far_end,
-    _other_end,
-    _random_state,
     distinct,
     outgoing,
     same_direction,
-    step,
 )
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 
@@ -438,9 +430,9 @@ def test_branches_meet_where_two_points_change_at_once(F, load, rate, kinds, dir
                     for dw, g in others
                 )
             there = pivoting.rays_at(branch.points[s.index])
-            assert len(there.points) == len(every)
+            assert len(there.rays) == len(every)
             assert there.complete
-            found = directions(out_of(pivoting, p) for p in there.points)
+            found = directions(out_of(pivoting, p) for p in there.rays)
             np.testing.assert_allclose(found, directions((dw, g) for _, dw, g in every), atol=1e-6)
     assert seen == kinds
 
@@ -459,11 +451,11 @@ def test_starts_at_which_pieces_meet(sign):
         found = pivoting.departures(x, 0.0)
         assert (found.complete, found.method[:11]) == (True, "enumeration")
         np.testing.assert_allclose(
-            directions(out_of(pivoting, p) for p in found.points),
+            directions(out_of(pivoting, p) for p in found.rays),
             directions((dw, g) for _, dw, g in rays),
             atol=1e-6,
         )
-        for p in found.points:
+        for p in found.rays:
             np.testing.assert_allclose(numbers(points, p.y)[0], w, atol=1e-12)
             assert (p.gamma, p.step) == (0.0, 0.0)
         # The tangent of the piece of the state, and what of the rays is closest to it.
@@ -472,7 +464,7 @@ def test_starts_at_which_pieces_meet(sign):
         ahead = [dw for _, dw, g in rays if g == sign]
         pivoting = points.pivoting(0.5)
         if not ahead:
-            with pytest.raises(ValueError, match=f"on none of the {len(found.points)} rays"):
+            with pytest.raises(ValueError, match=f"on none of the {len(found.rays)} rays"):
                 pivoting.start(x, 0.0, direction=direction)
             seen.add("none")
             continue
@@ -495,8 +487,8 @@ def test_a_state_inside_a_piece_has_two_ways():
     oracle, points, pivoting, start = started("two points", 3)
     w, gamma = numbers(points, start.y)
     found = pivoting.departures(points.vector(w, gamma), gamma)
-    assert (found.complete, found.method, len(found.points)) == (True, "", 2)
-    up, down = (out_of(pivoting, p) for p in found.points)
+    assert (found.complete, found.method, len(found.rays)) == (True, "", 2)
+    up, down = (out_of(pivoting, p) for p in found.rays)
     (expected,) = (dw for _, dw, g in oracle.rays(w) if g == 1)
     assert (up[1], down[1]) == (1.0, -1.0)
     np.testing.assert_allclose(up[0], expected, atol=1e-12)
@@ -566,61 +558,6 @@ def test_slip_that_never_ends(unit):
     np.testing.assert_allclose(direction / direction[0, 0], [[1.0, 0.0, -2.0, 1.0]], atol=1e-9)
 
 
-def test_a_vertex_without_a_way_on(monkeypatch):
-    """As far as it was looked for; what is asked for a proof is the cone, with the way back."""
-    points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
-    pivoting = points.pivoting()
-    start = pivoting.start(points.vector(np.zeros((1, 4)), 0.0), 0.0)
-    none = Rays((), True, "trial")
-    monkeypatch.setattr(pivoting, "_rays_onwards", lambda *_: none)
-    branch = pivoting.run(start, gamma_range=(-8.0, 8.0))
-    assert branch.ending is Ending.NOT_FOUND
-    assert branch.reason == "no way on was found from gamma = 0.5"
-    (end,) = branch.special
-    assert (end.kind, end.smooth, end.gamma, end.index) == ("end", False, 0.5, 1)
-    assert (end.complete, end.method, end.parity, end.changes) == (True, "trial", 0, ())
-
-
-@pytest.mark.parametrize(
-    ("verdict", "complete"), [("complete", True), ("incomplete", False), (None, False)]
-)
-def test_rays_that_are_proved_to_be_all(verdict, complete, monkeypatch):
-    """Where unfolding looks for them a proof says whether they are all, and adds what it has."""
-    monkeypatch.setattr(rays_module, "MOST_PIECES", 0)
-    monkeypatch.setattr(rays_module, "_unfold", lambda cone, known, _: Rays(known, False, "trial"))
-    S = np.array([[2.0, 1.0], [1.0, 2.0]])
-    oracle = Oracle(S, np.zeros(2), (-2.5, -1.0), 3.0)
-    cone = oracle.system.tangent_cone(np.zeros((1, 4)), 1e-10)
-    rays = [AffineRay(c, dw, g) for c, dw, g in oracle.rays(np.zeros((1, 4)))]
-    assert len(rays) == 4
-    asked = []
-
-    def prove(cone, known):
-        asked.append((cone, [(c.tolist(), g) for c, g in known]))
-        if verdict is None:
-            return None
-        return SimpleNamespace(
-            rays=[(r.codes, r.rate) for r in rays[1:]], verdict=verdict, method="proof"
-        )
-
-    found = outgoing(cone, tuple(rays[:2]), prove=prove)
-    assert asked == [(cone, [(r.codes.tolist(), r.rate) for r in rays[:2]])]
-    assert found.complete is complete
-    assert found.method == ("trial" if verdict is None else "trial, proof")
-    assert len(found.rays) == (2 if verdict is None else 4)
-    for a, b in zip(found.rays, rays, strict=False):
-        assert (a.codes.tolist(), a.rate) == (b.codes.tolist(), b.rate)
-        np.testing.assert_allclose(a.direction, b.direction, atol=1e-12)
-    # A ray in a piece that is singular is no certain one.
-    critical = Oracle(S, np.zeros(2), (-2.5, -1.0), 2.0)
-    cone = critical.system.tangent_cone(np.zeros((1, 4)), 1e-10)
-    singular = SimpleNamespace(
-        rays=[(np.array([MINUS], np.int8), 1.0)], verdict="complete", method="proof"
-    )
-    found = outgoing(cone, prove=lambda *_: singular)
-    assert (found.complete, found.rays) == (False, ())
-
-
 def test_rays_that_are_one():
     """Of one rate, and of directions that differ by 1e-7 of the largest entry at most."""
     w = np.array([[1.0, -4.0], [0.0, 2.0]])
@@ -645,7 +582,7 @@ def test_how_far_a_state_may_go():
     w = np.array([[0.0, 0.0, 0.1, 1.0], [0.0, 0.3, 0.0, 0.0]])
 
     def along(*numbers):
-        return step(system, codes, w, np.array(numbers, dtype=float).reshape(2, 4))
+        return system.step(codes, w, np.array(numbers, dtype=float).reshape(2, 4))
 
     assert along(0, 0, 1, 0, 0, 0, 0, 0) == pytest.approx(0.4)
     assert along(0, 0, -1, 0, 0, 0, 0, 0) == pytest.approx(0.6)
@@ -659,92 +596,6 @@ def test_how_far_a_state_may_go():
 
 
 # -- cones ----------------------------------------------------------------------------------------
-
-
-def rays_of(oracle, w):
-    return [AffineRay(c, dw, g) for c, dw, g in oracle.rays(w)]
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2, 5])
-def test_what_comes_in_along_a_ray_goes_out_along_another(seed):
-    """With any load added; and what came out, turned round, goes back."""
-    origin = np.zeros((2, 4))
-    oracle = random_oracle(seed, 2, 2.5)
-    cone = replace(oracle.system.tangent_cone(origin, 1e-10), load=np.zeros(4))
-    rays = rays_of(oracle, origin)
-    random = np.random.default_rng(seed)
-    for _ in range(3):
-        unfolded = replace(cone, load=random.standard_normal(4))
-        ends = [_other_end(unfolded, ray) for ray in rays]
-        numbers_of_ends = [
-            next(i for i, ray in enumerate(rays) if same_direction(ray, end)) for end in ends
-        ]
-        assert sorted(numbers_of_ends) == list(range(len(rays)))
-        assert all(numbers_of_ends[j] == i != j for i, j in enumerate(numbers_of_ends))
-        for end, i in zip(ends, numbers_of_ends, strict=True):
-            assert end.codes.tolist() == rays[i].codes.tolist()
-        # Any state of the branch has these two ends.
-        codes, w = _random_state(cone, [np.arange(4)] * 2, random)
-        through = replace(cone, load=np.einsum("nmk,mk->n", cone.matrix, w))
-        both = [_far_end(through.piece(codes), 0.0, sense) for sense in (1.0, -1.0)]
-        assert same_direction(both[0], _other_end(through, both[1]))
-        assert all(any(same_direction(r, end) for r in rays) for end in both)
-
-
-def test_states_that_are_drawn_at_random():
-    """Inside the cones of statuses that are allowed, of which all are drawn."""
-    oracle = random_oracle(0, 3, 0.3)
-    cone = oracle.system
-    choices = [np.array([OPEN, STICK]), np.array([PLUS]), np.array([STICK, PLUS, MINUS])]
-    random = np.random.default_rng(1)
-    drawn = set()
-    for _ in range(60):
-        codes, w = _random_state(cone, choices, random)
-        assert all(c in among for c, among in zip(codes, choices, strict=True))
-        assert oracle.holds(codes, w, 1e-12)
-        assert np.abs(w).max(axis=1).min() > 1e-6
-        drawn.add(tuple(codes))
-    assert len(drawn) == 6
-
-
-def test_how_many_unfoldings_there_are(monkeypatch):
-    """Six in a row that find nothing new; what is known before is not looked for."""
-    monkeypatch.setattr(rays_module, "MOST_PIECES", 0)
-    origin = np.zeros((1, 4))
-    oracle = Oracle([[2.0, 1.0], [1.0, 2.0]], np.zeros(2), (-2.5, -1.0), 3.0)
-    cone = oracle.system.tangent_cone(origin, 1e-10)
-    rays = rays_of(oracle, origin)
-    found = outgoing(cone, rays)
-    assert (found.method, len(found.rays)) == ("6 unfoldings of 1 points", 4)
-    # From nothing the first one finds two rays at least, and the others bring the rest.
-    monkeypatch.setattr(rays_module, "_by_newton", lambda *_: ())
-    numbers_known = []
-    every = rays_module.distinct
-
-    def counted(items, same):
-        kept = every(items, same)
-        numbers_known.append(len(kept))
-        return kept
-
-    monkeypatch.setattr(rays_module, "distinct", counted)
-    found = outgoing(cone)
-    assert len(found.rays) == 4
-    assert numbers_known[:2] == [0, 2]
-    assert numbers_known[-7:] == [4] * 7
-    assert numbers_known[-8] < 4
-    assert found.method == f"{len(numbers_known) - 1} unfoldings of 1 points"
-
-
-def test_rays_by_newtons_method():
-    """At either gamma, in statuses that are allowed."""
-    oracle = Oracle([[2.0, 1.0], [1.0, 2.0]], np.zeros(2), (1.0, 0.3), 0.5)
-    cone = oracle.system
-    rays = rays_of(oracle, np.zeros((1, 4)))
-    for choices in ([np.arange(4)], [np.array([OPEN, PLUS])]):
-        found = list(_by_newton(cone, choices))
-        assert {r.rate for r in found} == {1.0, -1.0}
-        for r in found:
-            assert any(same_direction(r, ray) for ray in rays)
 
 
 def test_a_status_that_is_not_allowed_has_no_rays():
@@ -823,29 +674,6 @@ def test_pieces_that_round_off_hides():
 # -- pieces ---------------------------------------------------------------------------------------
 
 
-def test_pieces_next_to_one_another(monkeypatch):
-    """Brought up to date by the columns that change, of one point or of two."""
-    oracle = random_oracle(4, 3, 0.8)
-    system = oracle.system
-    codes = np.array([STICK, OPEN, PLUS], dtype=np.int8)
-    piece = system.piece(codes)
-    changes = [((0,), (MINUS,)), ((2,), (OPEN,)), ((0, 2), (PLUS, STICK)), ((1, 2), (STICK, MINUS))]
-    exact = []
-    for points, new in changes:
-        other = codes.copy()
-        other[list(points)] = new
-        exact.append(system.piece(other))
-    monkeypatch.setattr(AffineSystem, "piece", None)  # it is not made anew
-    for (points, new), known in zip(changes, exact, strict=True):
-        found = piece.neighbour(np.array(points), np.array(new, dtype=np.int8))
-        assert found.codes.tolist() == known.codes.tolist()
-        np.testing.assert_allclose(found.inverse, known.inverse, rtol=1e-9, atol=1e-11)
-        assert found.sign == known.sign == oracle.sign(known.codes)
-        for gamma in (0.0, -2.0):
-            expected = oracle.state(known.codes, oracle.load + gamma * oracle.rate)
-            np.testing.assert_allclose(found.at(gamma), expected, atol=1e-10)
-
-
 def test_singular_pieces_have_none_next_to_them():
     """At the critical coefficient; near it the piece is made anew where an update would not do."""
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
@@ -921,39 +749,6 @@ def test_the_largest_of_numbers():
 # -- vertices -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("came", [1.0, -1.0])
-def test_the_way_on_that_is_followed(came):
-    """Of those that keep the sense of gamma the straightest; else the straightest of all."""
-    codes = np.array([STICK], dtype=np.int8)
-
-    def ray(rate, *numbers):
-        return AffineRay(codes, np.array([numbers]), rate)
-
-    before = ray(came, 1.0, 0.0)
-    straight, bent = ray(-came, 1.0, 0.1), ray(came, 0.1, 1.0)
-    sharp, still = ray(came, -1.0, 0.3), ray(0.0, 2.0, 0.01)
-    for rays, first in (
-        ((straight, bent, sharp), bent),
-        ((straight, sharp, bent), bent),
-        ((sharp, straight), sharp),
-        ((still, straight), still),
-        ((straight, still), still),
-        ((still, bent), bent),
-    ):
-        known = SimpleNamespace(
-            _piece=lambda codes: None,
-            _rays_onwards=lambda *_, rays=rays: Rays(rays, True, "all"),
-            _tangent=lambda w, gamma, r: r,
-            point=lambda w, gamma, r, length: SimpleNamespace(y="y", piece="there", tangent=r),
-            condensed=SimpleNamespace(piece=lambda codes: "piece", point=lambda i: (0, i)),
-        )
-        _, special, onwards = Pivoting.cross(known, np.zeros((1, 2)), 0.5, before, 1.0)
-        assert onwards is first
-        assert (special.kind, special.parity) == ("bifurcation", 0)
-        assert {id(r.tangent) for r in special.others} == {id(r) for r in rays} - {id(first)}
-        assert (special.onwards.tangent, special.incoming.tangent) == (first, before)
-
-
 @pytest.mark.parametrize("gamma_scale", [1e-6, 1.0, 1e6])
 def test_tangents_in_any_scale_of_gamma(gamma_scale):
     """The way that they lead is found again from them."""
@@ -974,58 +769,6 @@ class Moved(FewPoints):
     def metric(self, x, out):
         out.set(0.0)
         out.array[:-1].reshape(-1, 4)[:, :2] = x.array_r[:-1].reshape(-1, 4)[:, :2]
-
-
-@pytest.mark.parametrize(("unit", "scale", "size"), [(2.0, 0.25, 2.0), (2.0, 16.0, 8.0)])
-def test_what_is_at_a_border_without_load(unit, scale, size):
-    """Beside the numbers on the way, and what they become over the range of gamma."""
-    asked = []
-    allowed = np.array([[True, False], [True, True]])
-
-    def tangent_cone(w, tolerance):
-        asked.append((w, tolerance))
-        return SimpleNamespace(allowed=allowed)
-
-    known = SimpleNamespace(
-        condensed=SimpleNamespace(system=SimpleNamespace(tangent_cone=tangent_cone)),
-        bordered=SimpleNamespace(gamma_scale=scale),
-        _unit=unit,
-    )
-    ray = SimpleNamespace(direction=np.array([[0.25, -0.5]]))
-    assert Pivoting._cone_at(known, "w", ray).allowed is allowed
-    assert asked == [("w", pytest.approx(1e-10 * size))]
-    allowed[1, 1] = False
-    assert Pivoting._cone_at(known, "w", ray) is None
-
-
-@pytest.mark.parametrize("rate", [1.0, -1.0, 0.0])
-def test_rays_along_which_nothing_moves(rate):
-    """Have no length where the load stays as well; else it is that of the load."""
-    required = []
-
-    def vector():
-        return PETSc.Vec().createWithArray(np.zeros(2), comm=MPI.COMM_SELF)
-
-    def join(x, gamma, y):
-        y.array[:] = [x.array_r[0], gamma]
-
-    bordered = SimpleNamespace(
-        vector=vector,
-        join=join,
-        set_scale=lambda t, y: None,
-        x_scale=0.0,
-        require_scale=lambda: required.append(rate),
-        inner=lambda a, b: 4.0,
-    )
-    known = SimpleNamespace(
-        bordered=bordered,
-        system=SimpleNamespace(create_vector=vector),
-        condensed=SimpleNamespace(expand=lambda w, gamma, x: x.set(1.0)),
-    )
-    ray = SimpleNamespace(direction=0.0, rate=rate)
-    t = Pivoting._tangent(known, 0.0, 0.5, ray)
-    assert t.array_r.tolist() == [0.0, rate / 2]
-    assert required == ([] if rate else [0.0])
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
@@ -1077,22 +820,6 @@ def test_a_branch_ends_where_its_range_does():
         branch = pivoting.run(start, gamma_range=(-0.5, 0.5))
         assert branch.ending is Ending.REACHED
         assert ([p.gamma for p in branch.points], branch.special) == ([0.0, end], [])
-
-
-def test_ways_out_that_are_not_all_known(monkeypatch):
-    """Where none was found, and there may be some, the piece of the state has two."""
-    oracle = Oracle([[2.0, 1.0], [1.0, 2.0]], (-0.5, -1.0), (1.0, 0.0), 0.5)
-    points = FewPoints(oracle)
-    pivoting = points.pivoting()
-    w = np.array([[0.0, 0.0, 0.5, 1.0]])
-    x = points.vector(w, 0.0)
-    one = pivoting.departures(x, 0.0).points[:1]
-    for found, complete, number in (((), False, 2), ((), True, 0), (one, False, 1), (one, True, 1)):
-        departures = Departures(found, complete, "trial")
-        monkeypatch.setattr(pivoting, "_rays_out", lambda *_, d=departures: d)
-        known = pivoting.departures(x, 0.0)
-        assert (len(known.points), known.complete, known.method) == (number, complete, "trial")
-        assert all(p.step == 0.0 for p in known.points)
 
 
 # -- what is found --------------------------------------------------------------------------------

@@ -95,6 +95,13 @@ class AffineSystem:
         values = np.einsum("mek,mk->me", C, w)
         return np.where(np.any(C != 0, axis=2), values, np.inf)
 
+    def step(self, codes: Codes, w: Array, direction: Array) -> float:
+        """Distance along a direction to the first border of a piece; infinite if there is none."""
+        slack = self.slacks(codes, w)
+        rate = self.slacks(codes, direction)
+        falling = np.isfinite(slack) & (rate < -TOLERANCE * largest(direction))
+        return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
+
     def statuses_at(self, w: Array, tolerance: float) -> npt.NDArray[np.bool_]:
         """Which statuses hold every point of the state ``w``, borders included, (m, statuses)."""
         z = np.einsum("msdk,mk->msd", self._left_inverses, w)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Generic, Literal, TypeVar
 
 from petsc4py import PETSc
 
@@ -15,14 +15,15 @@ __all__ = [
     "Branch",
     "BranchPoint",
     "Change",
-    "Departures",
     "Diagram",
     "Edge",
+    "FoundRays",
     "Node",
     "Ray",
     "SpecialPoint",
 ]
 
+R = TypeVar("R")
 Kind = Literal["event", "fold", "bifurcation", "end"]
 
 
@@ -68,17 +69,17 @@ class Ray:
 
 
 @dataclass(frozen=True)
-class Departures:
-    """How branches leave a solution.
+class FoundRays(Generic[R]):
+    """Rays that lead out of a point, as found by a search.
 
     Attributes:
-        points: the solution, once for each ray that leads out, with that as its tangent. Where one
-            smooth branch passes these are two, and so are they at an ordinary kink.
-        complete: whether it is known that there are no others.
-        method: how the rays were looked for; "" where one smooth branch passes.
+        rays: rays in any order: `Ray`, `AffineRay`, or `BranchPoint`, the point with the tangent of
+            the ray. A point passed by one smooth branch has two, one for each sense.
+        complete: True if there are provably no others.
+        method: description of the search; "" where one smooth branch passes.
     """
 
-    points: tuple[BranchPoint, ...]
+    rays: tuple[R, ...]
     complete: bool = True
     method: str = ""
 

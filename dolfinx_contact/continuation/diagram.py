@@ -34,9 +34,9 @@ from dolfinx_contact.continuation.arguments import (
 from dolfinx_contact.continuation.branch import (
     Branch,
     BranchPoint,
-    Departures,
     Diagram,
     Edge,
+    FoundRays,
     Node,
     Ray,
     SpecialPoint,
@@ -181,7 +181,7 @@ class _Explorer:
             if left:
                 x, gamma = left.pop(0)
                 departures = self.follower.departures(x, gamma)
-                moved = [self.follower.correction(x, p) for p in departures.points[:1]]
+                moved = [self.follower.correction(x, p) for p in departures.rays[:1]]
                 diagram.start_correction = max([diagram.start_correction, *moved])
                 self._depart(departures)
                 continue
@@ -247,10 +247,10 @@ class _Explorer:
         self.diagram.edges.append(Edge(branch, start, end))
         self._observers.explored(self.diagram)
 
-    def _depart(self, found: Departures) -> None:
+    def _depart(self, found: FoundRays[BranchPoint]) -> None:
         """Set out from a start along its rays, those that leave the range of gamma excepted."""
-        inside = [p for p in found.points if not self._leaves(p)]
-        if len(found.points) > 2 and inside:
+        inside = [p for p in found.rays if not self._leaves(p)]
+        if len(found.rays) > 2 and inside:
             self._node_of(found, inside)
         else:
             self._all_rays_known = self._all_rays_known and found.complete
@@ -264,10 +264,10 @@ class _Explorer:
         found = self.follower.rays_at(point)
         if found is None:
             return None
-        inside = [p for p in found.points if not self._leaves(p)]
+        inside = [p for p in found.rays if not self._leaves(p)]
         back = point.tangent.copy()
         back.scale(-1.0)
-        if len(found.points) <= 2:
+        if len(found.rays) <= 2:
             self._all_rays_known = self._all_rays_known and found.complete
             self._waiting += [p for p in inside if not self._is_ray(p.tangent, back)]
             return None
@@ -279,7 +279,7 @@ class _Explorer:
         self._take_ray(node, Ray(point.piece, back), number)
         return node
 
-    def _node_of(self, found: Departures, inside: Sequence[BranchPoint]) -> int:
+    def _node_of(self, found: FoundRays[BranchPoint], inside: Sequence[BranchPoint]) -> int:
         """The node where more than two rays lead out, of which some lead into the range."""
         point = inside[0]
         known = self._node_at(point.y)

@@ -36,18 +36,23 @@ from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
     Branch,
     BranchPoint,
-    Departures,
+    FoundRays,
     Ray,
     SpecialPoint,
 )
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.crossing import finder_at, kinks_at, rays_out, reach_of_events
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import BranchStep, Observer, ObserverLike, Stepping, Stop
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.passage import SteppingSteps
 from dolfinx_contact.continuation.pivoting import Pivoting
-from dolfinx_contact.continuation.ray_finder import Kink
+from dolfinx_contact.continuation.ray_finder import (
+    Kink,
+    finder_at,
+    kinks_at,
+    rays_out,
+    reach_of_events,
+)
 from dolfinx_contact.continuation.steps import AT_BORDER, ExactSteps
 from dolfinx_contact.continuation.system import (
     Piece,
@@ -236,17 +241,17 @@ class Follower(Walker):
         found = self.rays_at(point)
         return point if found is None else onwards_from(self.bordered, point, found, sign)
 
-    def departures(self, x: PETSc.Vec, gamma: float) -> Departures:
+    def departures(self, x: PETSc.Vec, gamma: float) -> FoundRays[BranchPoint]:
         passing = []
         for sign in (1.0, -1.0):
             point = self._tangent_at(x, gamma, sign)
             found = self.rays_at(point)
-            if found is not None and (found.points or found.complete):
+            if found is not None and (found.rays or found.complete):
                 return found
             passing.append(point)
-        return Departures(tuple(passing), complete=found is None)
+        return FoundRays(tuple(passing), complete=found is None)
 
-    def rays_at(self, point: BranchPoint) -> Departures | None:
+    def rays_at(self, point: BranchPoint) -> FoundRays[BranchPoint] | None:
         kinks, tolerance = self._kinks(point)
         if not kinks:
             return None
@@ -256,7 +261,7 @@ class Follower(Walker):
         for ray in found.rays:
             leaving = BranchPoint(y.copy(), ray.tangent, ray.piece, point.gamma, 0.0, 0)
             points.append(self._steps.rescaled(leaving))
-        return Departures(tuple(points), found.complete, found.method)
+        return FoundRays(tuple(points), found.complete, found.method)
 
     def _kinks(self, point: BranchPoint) -> tuple[tuple[Kink, ...], float]:
         """Contact points at a border, and the distance that counts as zero. Collective."""

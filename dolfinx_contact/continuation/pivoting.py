@@ -31,7 +31,7 @@ from dolfinx_contact.continuation.branch import (
     Branch,
     BranchPoint,
     Change,
-    Departures,
+    FoundRays,
     Ray,
     SpecialPoint,
 )
@@ -44,7 +44,6 @@ from dolfinx_contact.continuation.rays import (
     neighbours,
     outgoing,
     same_direction,
-    step,
 )
 from dolfinx_contact.continuation.system import Condensed, System
 from dolfinx_contact.continuation.walk import Next, Walk, Walker, onwards_from
@@ -99,18 +98,18 @@ class Pivoting(Walker):
             return point
         return onwards_from(self.bordered, point, self._rays_out(cone, w, gamma), sign)
 
-    def departures(self, x: PETSc.Vec, gamma: float) -> Departures:
+    def departures(self, x: PETSc.Vec, gamma: float) -> FoundRays[BranchPoint]:
         piece = self._piece_of(x, gamma)
         w = piece.at(gamma)
         rays = [AffineRay(piece.codes, s * piece.coefficients[1], s) for s in (1.0, -1.0)]
         passing = tuple(self.point(w, gamma, ray, 0.0) for ray in rays)
         cone = self._cone_at(w, rays[0])
         if cone is None:
-            return Departures(passing)
+            return FoundRays(passing)
         found = self._rays_out(cone, w, gamma)
-        return found if found.points or found.complete else replace(found, points=passing)
+        return found if found.rays or found.complete else replace(found, rays=passing)
 
-    def rays_at(self, point: BranchPoint) -> Departures | None:
+    def rays_at(self, point: BranchPoint) -> FoundRays[BranchPoint] | None:
         w, ray = self.state(point)
         cone = self._cone_at(w, ray)
         return None if cone is None else self._rays_out(cone, w, point.gamma)
@@ -139,11 +138,11 @@ class Pivoting(Walker):
         cone = affine.tangent_cone(w, TOLERANCE * max(self._unit, change))
         return cone if (cone.allowed.sum(axis=1) > 1).any() else None
 
-    def _rays_out(self, cone: AffineSystem, w: Array, gamma: float) -> Departures:
+    def _rays_out(self, cone: AffineSystem, w: Array, gamma: float) -> FoundRays[BranchPoint]:
         """What leads out of a start at which pieces meet. Collective."""
         found = outgoing(cone, prove=partial(self.system.prove_rays, self.condensed))
         points = tuple(self.point(w, gamma, ray, 0.0) for ray in found.rays)
-        return Departures(points, found.complete, found.method)
+        return FoundRays(points, found.complete, found.method)
 
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
         """The special point itself, with one of its other rays as the tangent."""
@@ -393,7 +392,7 @@ class _Segments(Walk):
         w = self._w
         ray = self._ray
         low, high = self._range
-        length = step(pivoting.condensed.system, ray.codes, w, ray.direction)
+        length = pivoting.condensed.system.step(ray.codes, w, ray.direction)
         if not np.isfinite(length) and ray.rate == 0:
             where = f"the branch goes to infinity at gamma = {point.gamma:.10g}"
             branch.end(Ending.UNBOUNDED, where)

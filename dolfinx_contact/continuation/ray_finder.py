@@ -1,50 +1,75 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Rays that lead out of a point at which pieces of H meet.
+r"""Outgoing rays of a nonsmooth point, at which several pieces of H meet.
 
-Three methods find them:
+A piece has an outgoing ray if its tangent, in one of its two senses, stays inside the piece. Three
+methods find rays:
 
-- *by the tangent cone*, where the system is condensed onto few points: its rays are all those of H
-  (`rays`: by enumeration, or unfolded).
-- *enumerated*: every point at a border takes each of its statuses. A piece has an outgoing ray if
-  its tangent, in one of its two senses, stays inside its borders. Nothing is known of H but its
-  pieces, and these must be few.
-- *led by H*: near the point H = 0 is solved with the statuses recomputed, at a gamma a little
-  larger or smaller. That finds one ray, also where more pieces meet than can be tried.
+- *by the tangent cone*, where the system can be condensed onto few points (`rays.py`): all rays;
+- *by enumeration*: each kinked point, a point at a border, takes each of its statuses. All rays if
+  H has a derivative on every piece, but the number of pieces must be small;
+- *led by H*: H = 0 is solved near the point at a slightly larger or smaller gamma, with the
+  statuses recomputed. One ray, for any number of pieces.
 
-When a ray counts as inside, and in what norm two rays are one, is for the caller to define.
+`RayFinder` leaves the criterion for "inside" to its caller. Along a branch the distances to the
+borders must grow (`finder_at`); in the rate problem of an evolution they must not fall
+(`evolution.rate_problem`). `rays_out` and `cross` combine the methods for the start of a branch and
+for a kink on it.
 """
 
 from __future__ import annotations
 
 import itertools
 import logging
+import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.continuation.branch import Ray
+from dolfinx_contact.continuation.borders import again
+from dolfinx_contact.continuation.branch import Change, FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.rays import distinct, number_of_pieces, outgoing
-from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.continuation.rays import distinct, outgoing
+from dolfinx_contact.continuation.system import Events, Piece
 
-__all__ = ["FoundRays", "Kink", "RayFinder"]
+__all__ = [
+    "Crossing",
+    "Kink",
+    "RayFinder",
+    "cross",
+    "finder_at",
+    "kinks_at",
+    "parity",
+    "rays_out",
+    "reach_of_events",
+]
 
 logger = logging.getLogger(__name__)
 
-_LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # of steps on H itself
-_SAME = 1e-6  # of the size of a tangent
-_PROBE = 1e-6  # size of the steps by which it is seen whether a piece is smooth
-_BENT = 1e-3  # of the change of a row, by which it is not
+_MOST_PIECES = 1024  # largest number of pieces to enumerate
+_LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # changes of gamma at which H itself is solved
+_SAME = 1e-6  # relative distance of tangents of one ray
+_PROBE = 1e-6  # length of finite differences along a tangent
+_BENT = 1e-3  # relative nonlinearity of a row without a derivative
+_ALONG = 0.9  # least cosine between a ray and the solution of H that led to it
 
 
 @dataclass(frozen=True)
 class Kink:
-    """A point at a kink: where it lives, its status, and the statuses it may take."""
+    """A point at a border.
+
+    Attributes:
+        rank: rank that owns it.
+        point: local number there.
+        code: status on the incoming piece.
+        target: status beyond the border.
+        statuses: all statuses that it can have.
+    """
 
     rank: int
     point: int
@@ -54,31 +79,34 @@ class Kink:
 
 
 @dataclass(frozen=True)
-class FoundRays:
-    """Rays that lead out of a point.
+class Crossing:
+    """The passage through a nonsmooth point.
 
     Attributes:
-        rays: as they were found.
-        complete: whether it is known that there are no others.
-        method: how they were looked for, or why they were not, human-readable.
+        kinks: number of points at a border.
+        rays: outgoing rays without the one that leads back; the branch continues along the first.
+        changes: changes of status along the first ray.
+        parity: sign of the ratio of the determinants on its two sides (`parity`); 0 if unknown.
+        complete: True if all rays are known.
+        method: description of the search.
     """
 
+    kinks: int
     rays: tuple[Ray, ...]
+    changes: tuple[Change, ...]
+    parity: int
     complete: bool
     method: str
 
 
 class RayFinder:
-    """Looks for the rays that lead out of a point. Collective, as its methods are.
+    """Search for the outgoing rays of a point. All methods are collective.
 
     Args:
-        corrector: on the bordered system.
-        y: the point.
-        inside: whether a ray stays inside the borders of its piece.
-        norm: in which rays are one whose tangents differ by round-off.
-
-    Attributes:
-        inside: as given.
+        corrector: corrector on the bordered system.
+        y: point (x, gamma).
+        inside: criterion for a ray that stays inside its piece.
+        norm: norm in which rays are compared.
     """
 
     def __init__(
@@ -93,101 +121,11 @@ class RayFinder:
         self.inside = inside
         self._norm = norm
 
-    def of_statuses(
-        self, piece: Piece, kinks: Sequence[Kink], codes: Sequence[int], towards: PETSc.Vec
-    ) -> list[Ray]:
-        """Rays of the piece in which ``kinks`` have ``codes``: none, one, or two."""
-        rank = self._corrector.bordered.comm.rank
-        mine = [(k.point, c) for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
-        points = np.array([p for p, _ in mine], dtype=np.int32)
-        new = piece.with_codes(points, [c for _, c in mine])
-        tangent = self._corrector.tangent(self._y, towards, new)
-        if tangent is None:
-            return []
-        rays = []
-        for sense in (1.0, -1.0):
-            t = tangent.copy()
-            t.scale(sense)
-            ray = Ray(new, t)
-            if self.inside(ray):
-                rays.append(ray)
-            else:
-                t.destroy()
-        tangent.destroy()
-        return rays
-
-    def rough_statuses(self, piece: Piece, kinks: Sequence[Kink]) -> set[int]:
-        """Statuses with which H has no derivative at the point, so that rays may be missed.
-
-        As slip in 3D where nothing slips yet, and no shear tells in which direction it will: the
-        sum of two small changes does not change H by the sum of what they do.
-        """
-        b = self._corrector.bordered
-        mine = np.array([k.point for k in kinks if k.rank == b.comm.rank], dtype=np.int32)
-        x, gamma = b.split(self._y)
-        x = x.copy()
-        changes = [b.system.probe(seed) for seed in (1, 2)]
-        changes.append(changes[0] + changes[1])
-        rough = set()
-        for status in sorted({s for k in kinks for s in k.statuses}):
-            held = piece.with_codes(mine, [status] * len(mine))
-            rows = [self._rows(x, gamma, held)]
-            for change in changes:
-                there = x.copy()
-                there.axpy(_PROBE, change)
-                rows.append(self._rows(there, gamma, held) - rows[0])
-                there.destroy()
-            _, one, other, both = rows
-            bent = np.abs(both - one - other) > _BENT * (np.abs(one) + np.abs(other))
-            if b.comm.allreduce(int(bent.any()), op=max):
-                rough.add(status)
-        for v in (x, *changes):
-            v.destroy()
-        return rough
-
-    def _rows(self, x: PETSc.Vec, gamma: float, piece: Piece) -> npt.NDArray[np.float64]:
-        """H on this rank. Collective."""
-        system = self._corrector.bordered.system
-        out = system.create_vector()
-        system.residual(x, gamma, out, piece)
-        rows = out.array_r.copy()
-        out.destroy()
-        return np.asarray(rows, dtype=np.float64)
-
-    def enumerated(
-        self,
-        piece: Piece,
-        kinks: Sequence[Kink],
-        towards: PETSc.Vec,
-        *,
-        most: int,
-        tried: tuple[int, ...] | None = None,
-    ) -> FoundRays:
-        """Rays of all statuses of points at a kink; none if too many pieces meet.
+    def by_tangent_cone(self, tolerance: float) -> FoundRays[Ray] | None:
+        """Rays of the tangent cone; None if the system cannot be condensed.
 
         Args:
-            piece: which the other points stay in.
-            kinks: those points.
-            towards: of the two senses of a tangent that which is tried first.
-            most: pieces that are tried.
-            tried: statuses that have been tried before.
-        """
-        number = number_of_pieces(len(k.statuses) for k in kinks)
-        if number > most:
-            return FoundRays((), False, f"{number} pieces meet there, too many to be tried")
-        rays = tuple(
-            ray
-            for codes in itertools.product(*(k.statuses for k in kinks))
-            if codes != tried
-            for ray in self.of_statuses(piece, kinks, codes, towards)
-        )
-        return FoundRays(rays, True, f"enumeration of {number} pieces")
-
-    def by_tangent_cone(self, tolerance: float) -> FoundRays | None:
-        """Rays of the tangent cone; None where the system is not condensed.
-
-        Args:
-            tolerance: distances to borders that count as zero.
+            tolerance: distance that counts as zero.
         """
         b = self._corrector.bordered
         x, gamma = b.split(self._y)
@@ -198,15 +136,13 @@ class RayFinder:
             return None
         w = condensed.contract(x)
         condensed.expand(w, gamma, x)
-        base = b.vector()
-        b.join(x, gamma, base)
+        base = b.joined(x, gamma)
         cone = condensed.system.tangent_cone(w, tolerance)
         found = outgoing(cone, prove=partial(b.system.prove_rays, condensed))
         rays = []
         for ray in found.rays:
             condensed.expand(w + ray.direction, gamma + ray.rate, x)
-            tangent = b.vector()
-            b.join(x, gamma + ray.rate, tangent)
+            tangent = b.joined(x, gamma + ray.rate)
             tangent.axpy(-1.0, base)
             tangent.scale(1.0 / np.sqrt(b.inner(tangent, tangent)))
             rays.append(Ray(condensed.piece(ray.codes), tangent))
@@ -218,47 +154,337 @@ class RayFinder:
             logger.info("gamma = %.10g: %d rays by %s", gamma, len(rays), found.method)
         return FoundRays(tuple(rays), found.complete, found.method)
 
+    def enumerated(
+        self,
+        piece: Piece,
+        kinks: Sequence[Kink],
+        towards: PETSc.Vec,
+        *,
+        most: int = _MOST_PIECES,
+        tried: tuple[int, ...] | None = None,
+    ) -> FoundRays[Ray]:
+        """Rays of all statuses of the kinked points; none if too many pieces meet.
+
+        Args:
+            piece: statuses of all other points.
+            kinks: kinked points.
+            towards: sense in which a tangent is tried first.
+            most: largest number of pieces.
+            tried: statuses of the kinked points to skip.
+        """
+        number = math.prod(len(k.statuses) for k in kinks)
+        if number > most:
+            return FoundRays((), False, f"{number} pieces meet there, too many to be tried")
+        rays = tuple(
+            ray
+            for codes in itertools.product(*(k.statuses for k in kinks))
+            if codes != tried
+            for ray in self.of_statuses(piece, kinks, codes, towards)
+        )
+        return FoundRays(rays, True, f"enumeration of {number} pieces")
+
+    def of_statuses(
+        self, piece: Piece, kinks: Sequence[Kink], codes: Sequence[int], towards: PETSc.Vec
+    ) -> list[Ray]:
+        """Rays of the piece in which ``kinks`` have the statuses ``codes``: none, one, or two."""
+        rank = self._corrector.bordered.comm.rank
+        own = [(k.point, c) for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
+        points = np.array([p for p, _ in own], dtype=np.int32)
+        new = piece.with_codes(points, [c for _, c in own])
+        tangent = self._corrector.tangent(self._y, towards, new)
+        if tangent is None:
+            return []
+        reverse = tangent.copy()
+        reverse.scale(-1.0)
+        return [ray for ray in (Ray(new, tangent), Ray(new, reverse)) if self.inside(ray)]
+
     def led_by_H(
         self,
         senses: Sequence[float],
         leads: Callable[[Ray, PETSc.Vec], bool],
         *,
         tangent_at_point: bool,
-    ) -> FoundRays:
-        """The ray on which H itself has a solution beside the point; others are not looked for.
+    ) -> FoundRays[Ray]:
+        """The ray towards a solution of H near the point, with the statuses recomputed.
 
         Args:
-            senses: in which gamma is changed, in this order.
-            leads: whether a ray leads out, towards a solution whose difference to the point is
-                given with it.
-            tangent_at_point: whether tangents are those at the point; else at the solution.
+            senses: signs of the change of gamma, in the order of the trials.
+            leads: criterion for a ray, given the difference of the solution and the point.
+            tangent_at_point: True for tangents at the point, False for tangents at the solution.
         """
         method = "one step of Newton's method on H"
-        for there, away, piece in self._solutions_beside(senses):
-            at = self._y if tangent_at_point else there
+        for solution, away, piece in self._solutions_nearby(senses):
+            at = self._y if tangent_at_point else solution
             tangent = self._corrector.tangent(at, away, piece)
             if tangent is not None and leads(ray := Ray(piece, tangent), away):
                 return FoundRays((ray,), False, method)
         return FoundRays((), False, method)
 
-    def _solutions_beside(
+    def _solutions_nearby(
         self, senses: Sequence[float]
     ) -> Iterator[tuple[PETSc.Vec, PETSc.Vec, Piece]]:
-        """Solutions of H itself, their differences to the point, and their pieces."""
+        """Solutions of H near the point, their differences from the point, and their pieces."""
         b = self._corrector.bordered
         gamma = b.gamma(self._y)
         for length, sense in itertools.product(_LENGTHS, senses):
-            there = self._y.copy()
-            if self._corrector.natural(there, gamma + sense * length * b.gamma_scale, None):
-                yield there, there - self._y, b.system.piece_at(*b.split(there))
+            y = self._y.copy()
+            if self._corrector.natural(y, gamma + sense * length * b.gamma_scale, None):
+                yield y, y - self._y, b.system.piece_at(*b.split(y))
+
+    def rough_statuses(self, piece: Piece, kinks: Sequence[Kink]) -> set[int]:
+        """Statuses with which H has no derivative at the point, so that rays may be missed.
+
+        In 3D the slip direction of a point without slip and shear is undefined. There the change
+        of H by the sum of two small changes of x differs from the sum of the two changes of H.
+        """
+        b = self._corrector.bordered
+        points = np.array([k.point for k in kinks if k.rank == b.comm.rank], dtype=np.int32)
+        x, gamma = b.split(self._y)
+        x = x.copy()
+        changes = [b.system.probe(seed) for seed in (1, 2)]
+        changes.append(changes[0] + changes[1])
+        rough = set()
+        for status in sorted({s for k in kinks for s in k.statuses}):
+            uniform = piece.with_codes(points, [status] * len(points))
+            base = self._residual(x, gamma, uniform)
+            rows = []
+            for change in changes:
+                shifted = x.copy()
+                shifted.axpy(_PROBE, change)
+                rows.append(self._residual(shifted, gamma, uniform) - base)
+                shifted.destroy()
+            first, second, total = rows
+            bent = np.abs(total - first - second) > _BENT * (np.abs(first) + np.abs(second))
+            if b.comm.allreduce(int(bent.any()), op=max):
+                rough.add(status)
+        for v in (x, *changes):
+            v.destroy()
+        return rough
+
+    def _residual(self, x: PETSc.Vec, gamma: float, piece: Piece) -> npt.NDArray[np.float64]:
+        """Rows of H on this rank."""
+        system = self._corrector.bordered.system
+        out = system.create_vector()
+        system.residual(x, gamma, out, piece)
+        rows = out.array_r.copy()
+        out.destroy()
+        return np.asarray(rows, dtype=np.float64)
 
     def same(self, a: Ray, other: Ray) -> bool:
-        """Whether two rays are one, as are those of two pieces that run along their border."""
+        """Return True if two rays coincide, as those of two pieces along their common border."""
         away = a.tangent - other.tangent
         distance = self._norm(away)
         away.destroy()
         return distance <= _SAME * self._norm(a.tangent)
 
     def distinct(self, rays: Sequence[Ray]) -> list[Ray]:
-        """Rays without those that stand before."""
+        """Rays without repetitions."""
         return distinct(rays, self.same)
+
+
+# -- kinks of a branch -----------------------------------------------------------------------------
+
+
+def kinks_at(
+    corrector: Corrector, y: PETSc.Vec, piece: Piece, tolerance: float
+) -> tuple[Kink, ...]:
+    """Points of all ranks with an event within ``tolerance``. Collective."""
+    b = corrector.bordered
+    events = b.system.events(*b.split(y), piece)
+    targets: dict[int, int] = {}
+    for i in np.flatnonzero(np.abs(events.distance) <= tolerance):
+        targets.setdefault(int(events.point[i]), int(events.target[i]))
+    own = [
+        Kink(b.comm.rank, point, int(piece.codes[point]), target, tuple(map(int, statuses)))
+        for point, target in targets.items()
+        for statuses in [b.system.statuses(point)]
+    ]
+    return tuple(k for part in b.comm.allgather(own) for k in part)
+
+
+def reach_of_events(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> float:
+    """The largest distance of an event, or its largest rate along ``t``. Collective.
+
+    At a start without load all distances vanish; the rates then give their size.
+    """
+    events, slope = _slopes(corrector, y, piece, t)
+    return max(_largest(corrector, events.distance), _largest(corrector, slope))
+
+
+def finder_at(
+    corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...], *, idle: bool = False
+) -> RayFinder:
+    """A finder of rays along which the events of the kinked points grow.
+
+    Args:
+        corrector: corrector on the bordered system.
+        y: nonsmooth point.
+        kinks: kinked points there.
+        idle: True to accept rays along which all of them stay at their borders.
+    """
+    inside = partial(_stays_inside, corrector, y, kinks, idle=idle)
+    return RayFinder(corrector, y, inside, PETSc.Vec.norm)
+
+
+def rays_out(
+    corrector: Corrector,
+    y: PETSc.Vec,
+    piece: Piece,
+    t: PETSc.Vec,
+    kinks: tuple[Kink, ...],
+    tolerance: float,
+) -> FoundRays[Ray]:
+    """All outgoing rays of a nonsmooth point at which a branch begins or ends. Collective.
+
+    Args:
+        corrector: corrector on the bordered system.
+        y: point.
+        piece: one of the pieces that meet.
+        t: direction that is tried first.
+        kinks: kinked points.
+        tolerance: distance that counts as zero.
+    """
+    b = corrector.bordered
+    finder = finder_at(corrector, y, kinks, idle=True)
+    found = finder.by_tangent_cone(100 * tolerance)
+    if found is None or not (found.rays or found.complete):
+        found = finder.enumerated(piece, kinks, t)
+        rough = finder.rough_statuses(piece, kinks) if found.complete else set()
+        if rough:
+            smooth = [r for r in found.rays if rough.isdisjoint(_codes(corrector, r.piece, kinks))]
+            method = f"{found.method}, some of which have no tangent there"
+            found = FoundRays(tuple(smooth), False, method)
+    if not found.complete:
+        led = [
+            finder.led_by_H((sense,), partial(_is_along, corrector), tangent_at_point=False)
+            for sense in (1.0, -1.0)
+            if not any(sense * b.gamma(ray.tangent) > 0 for ray in found.rays)
+        ]
+        rays = (*found.rays, *(ray for one in led for ray in one.rays))
+        method = "; ".join((found.method, *(one.method for one in led[:1])))
+        found = FoundRays(rays, False, method)
+    return replace(found, rays=tuple(finder.distinct(found.rays)))
+
+
+def cross(
+    corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, tolerance: float
+) -> Crossing:
+    """Find the rays by which a branch leaves a kink. Collective.
+
+    For one kinked point the status beyond the border is tried first; the others follow if that
+    fails, or if the parity shows that other branches meet. For several points the rays of the
+    tangent cone are computed, or all statuses are tried.
+
+    Args:
+        corrector: corrector on the bordered system.
+        y: kink.
+        piece: piece of the incoming branch.
+        t: unit tangent of the incoming branch.
+        tolerance: distance that counts as zero.
+    """
+    b = corrector.bordered
+    kinks = kinks_at(corrector, y, piece, tolerance)
+    finder = finder_at(corrector, y, kinks)
+    sign = 0
+    found = finder.by_tangent_cone(100 * tolerance) if len(kinks) > 1 else None
+    if found is not None:
+        rays = [r for r in finder.distinct(found.rays) if b.inner(r.tangent, t) > -1 + 1e-6]
+        rays.sort(key=lambda r: -b.inner(r.tangent, t))  # the straightest first
+    else:
+        natural = tuple(k.target for k in kinks)
+
+        def leads_on(ray: Ray) -> bool:
+            return not (_is_same_piece(corrector, ray.piece, piece) and b.inner(ray.tangent, t) < 0)
+
+        rays = [r for r in finder.of_statuses(piece, kinks, natural, t) if leads_on(r)]
+        sign = parity(corrector, y, piece, t, rays[0]) if len(rays) == 1 else 0
+        found = FoundRays((), False, "")
+        if len(kinks) > 1 or len(rays) != 1 or sign <= 0:
+            found = finder.enumerated(piece, kinks, t, tried=natural)
+            rays += [r for r in found.rays if leads_on(r)]
+        if not rays and not found.complete:
+            forwards = 1.0 if b.gamma(t) >= 0 else -1.0
+            found = finder.led_by_H(
+                (forwards, -forwards),
+                lambda ray, away: _is_along(corrector, ray, away) and leads_on(ray),
+                tangent_at_point=False,
+            )
+            rays = list(found.rays)
+        rays = finder.distinct(rays)
+    after = _codes(corrector, rays[0].piece, kinks) if rays else []
+    changes = tuple(
+        Change(k.rank, k.point, k.code, code)
+        for k, code in zip(kinks, after, strict=bool(rays))
+        if code != k.code
+    )
+    return Crossing(len(kinks), tuple(rays), changes, sign, found.complete, found.method)
+
+
+def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: Ray) -> int:
+    """Sign of det J_1 / det J_0 with J = [grad H; t^T] across the point ``y``. Collective."""
+    b = corrector.bordered
+    rows = b.vector(), b.vector()
+    for row, tangent in zip(rows, (t, ray.tangent), strict=True):
+        b.dual(tangent, row)
+    sign = b.solver.determinant_quotient(y, (rows[0], piece), (rows[1], ray.piece))
+    for row in rows:
+        row.destroy()
+    return sign
+
+
+def _codes(corrector: Corrector, piece: Piece, kinks: Sequence[Kink]) -> list[int]:
+    """Statuses of kinked points of all ranks on a piece. Collective."""
+    comm = corrector.bordered.comm
+    own = [int(piece.codes[k.point]) if comm.rank == k.rank else 0 for k in kinks]
+    parts = comm.allgather(own)
+    return [parts[k.rank][i] for i, k in enumerate(kinks)]
+
+
+def _is_along(corrector: Corrector, ray: Ray, away: PETSc.Vec) -> bool:
+    b = corrector.bordered
+    return bool(b.inner(ray.tangent, away) > _ALONG * np.sqrt(b.inner(away, away)))
+
+
+def _is_same_piece(corrector: Corrector, a: Piece, c: Piece) -> bool:
+    """Return True if two pieces have the same statuses on all ranks. Collective."""
+    same = bool(np.array_equal(a.codes, c.codes))
+    return bool(corrector.bordered.comm.allreduce(same, op=MPI.LAND))
+
+
+def _stays_inside(
+    corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...], ray: Ray, *, idle: bool
+) -> bool:
+    """Return True if the vanishing events of the kinked points grow along a ray. Collective."""
+    b = corrector.bordered
+    points = np.array([k.point for k in kinks if k.rank == b.comm.rank], dtype=np.int32)
+    events, slope = _slopes(corrector, y, ray.piece, ray.tangent)
+    chosen = np.isin(events.point, points)
+    rate = _largest(corrector, slope)
+    least = 1e-7 * rate
+    # Distances count as zero up to a hundredth of their change along the probe, and round-off. An
+    # event at its border must grow; the other events must be inside.
+    border = max(1e-2 * rate * _PROBE, 1e-11 * _largest(corrector, events.distance))
+    at_border = chosen & (np.abs(events.distance) <= border)
+    bad = np.where(at_border, slope < -least, chosen & (events.distance < 0))
+    moves = at_border & (np.abs(slope) > least)
+    inside = not b.comm.allreduce(bool(bad.any()), op=MPI.LOR)
+    return inside and (idle or bool(b.comm.allreduce(bool(moves.any()), op=MPI.LOR)))
+
+
+def _slopes(
+    corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec
+) -> tuple[Events, npt.NDArray[np.float64]]:
+    """Events of a piece at ``y``, and the rates of their distances along ``t``. Collective."""
+    b = corrector.bordered
+    events = b.system.events(*b.split(y), piece)
+    ahead = y.copy()
+    ahead.axpy(_PROBE, t)
+    beyond = b.system.events(*b.split(ahead), piece)
+    ahead.destroy()
+    return events, np.asarray((again(events, beyond) - events.distance) / _PROBE, dtype=np.float64)
+
+
+def _largest(corrector: Corrector, values: npt.NDArray[np.float64]) -> float:
+    """The largest absolute value on all ranks. Collective."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    return float(corrector.bordered.comm.allreduce(largest, op=max))

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""All outgoing rays of a point at which the pieces of an affine system meet.
+r"""Rays of the tangent cone at a point where pieces of an affine system meet.
 
-The directions (dw, dgamma) that lead out solve a system of cones without load, M dw = dgamma q:
-the tangent cone. Its solutions are rays. They are found
+The directions (dw, dgamma) that lead out of the point solve M dw = dgamma q with dw in cones. The
+solutions are rays. Two methods find them:
 
-- by enumeration of the pieces, where these are few: the set is then complete, and rays with
-  dgamma = 0, along which gamma is constant, are among them;
-- otherwise by unfolding: with a load e added, M w = gamma q + e, the point falls apart into
-  branches without degenerate points, each of which comes in along one ray and goes out along
-  another. They are followed by pivoting from the rays that are known, and from a state drawn at
-  random, for which e is made; loads drawn anew connect rays in other pairs. What that does not
-  reach is not found, and nothing is proved; but the system may have a proof of its own
-  (`System.prove_rays`).
+- *Enumeration* of the pieces, up to `MOST_PIECES`. The set is complete and includes rays with
+  dgamma = 0, along which gamma is constant.
+- *Unfolding* otherwise. With a load e added, M w = gamma q + e, the point splits into branches
+  without degenerate points; each comes in along one ray and goes out along another. They are
+  traced by pivoting from the rays found so far and from a random state, which defines e. Another
+  random load connects the rays in other pairs. Unfolding proves nothing about completeness; the
+  system may have a proof of its own (`System.prove_rays`).
 """
 
 from __future__ import annotations
@@ -33,6 +32,7 @@ from dolfinx_contact.continuation.affine import (
     Codes,
     largest,
 )
+from dolfinx_contact.continuation.branch import FoundRays
 from dolfinx_contact.continuation.system import RayProof
 
 __all__ = [
@@ -41,25 +41,30 @@ __all__ = [
     "Rays",
     "distinct",
     "neighbours",
-    "number_of_pieces",
     "outgoing",
     "same_direction",
-    "step",
 ]
 
 Item = TypeVar("Item")
-#: Looks for a proof of all rays of a cone, of which some are known.
+Choices = Sequence[npt.NDArray[np.int64]]
+#: Search for a proof that a cone has no rays other than the ones passed.
 Prove = Callable[[AffineSystem, Sequence[tuple[Codes, float]]], RayProof | None]
 
-MOST_PIECES = 65536  # that are enumerated
-_MOST_IDLE = 6  # unfoldings in a row that bring nothing new
-_CHUNK = 4096  # pieces examined together
+MOST_PIECES = 65536  # largest number of pieces to enumerate
+_MOST_IDLE = 6  # consecutive unfoldings without a new ray
+_CHUNK = 4096  # pieces solved together
 _SINGULAR = 1e-14  # singular values that are round-off, relative to the largest
 
 
 @dataclass(frozen=True, eq=False)
 class AffineRay:
-    """An outgoing ray: statuses, dw of shape (m, k), and dgamma: 1, -1 or 0."""
+    """An outgoing ray.
+
+    Attributes:
+        codes: statuses of the points, shape (m,).
+        direction: dw, shape (m, k).
+        rate: dgamma: 1, -1 or 0.
+    """
 
     codes: Codes
     direction: Array
@@ -67,37 +72,31 @@ class AffineRay:
 
 
 @dataclass(frozen=True)
-class Rays:
-    """The outgoing rays of a point.
+class Rays(FoundRays[AffineRay]):
+    """The outgoing rays of a tangent cone.
 
     Attributes:
-        rays: in no order.
-        complete: whether it is proved that there are no others.
-        method: how they were found, human-readable.
-        continua: pieces that hold more than single rays, each with the rays among `rays` that lie
-            in it, borders included.
+        continua: pieces that contain more than single rays, each with the elements of `rays` that
+            lie in it or on its border.
     """
 
-    rays: tuple[AffineRay, ...]
-    complete: bool
-    method: str
     continua: tuple[tuple[Codes, tuple[AffineRay, ...]], ...] = ()
-
-
-def step(system: AffineSystem, codes: Codes, w: Array, direction: Array) -> float:
-    """How far a state can go in a direction before an inequality is violated; maybe infinitely."""
-    slack = system.slacks(codes, w)
-    rate = system.slacks(codes, direction)
-    falling = np.isfinite(slack) & (rate < -TOLERANCE * largest(direction))
-    return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
 
 
 def neighbours(
     piece: AffinePiece, w: Array, kinked: int, held: npt.NDArray[np.bool_], tolerance: float
 ) -> list[tuple[AffinePiece, float]]:
-    """Pieces that differ in the status of one point, with the sense in which they lead out of w.
+    """Pieces beyond a vertex at which one point changes its status.
 
-    No other point of the state is at a border.
+    Args:
+        piece: piece that reaches the vertex.
+        w: state at the vertex, shape (m, k).
+        kinked: the only point at a border.
+        held: statuses whose cones contain the point, shape (statuses,).
+        tolerance: distance that counts as zero.
+
+    Returns:
+        Pieces with the sense of gamma in which each leads out of the vertex.
     """
     found = []
     for code in np.flatnonzero(held):
@@ -114,23 +113,15 @@ def neighbours(
     return found
 
 
-def number_of_pieces(statuses: Iterable[int]) -> int:
-    """How many pieces there are if points may take so many statuses each."""
-    return math.prod(int(number) for number in statuses)
-
-
 def outgoing(
-    cone: AffineSystem,
-    known: Sequence[AffineRay] = (),
-    *,
-    prove: Prove | None = None,
+    cone: AffineSystem, known: Sequence[AffineRay] = (), *, prove: Prove | None = None
 ) -> Rays:
-    """All rays of a tangent cone, as far as they can be found.
+    """Find the rays of a tangent cone.
 
     Args:
-        cone: a system without load.
-        known: rays that are known already.
-        prove: looks for a proof that there are no others than those that unfolding finds.
+        cone: system without load.
+        known: rays found before.
+        prove: search for a proof that unfolding has found all rays.
 
     Raises:
         ValueError: if a number of the system is not finite.
@@ -139,30 +130,23 @@ def outgoing(
     choices = [np.flatnonzero(a) for a in cone.allowed]
     if not all(len(c) for c in choices):
         return Rays(tuple(known), False, "no enumeration: a point is in no cone, for round-off")
-    pieces = number_of_pieces(len(c) for c in choices)
-    if pieces <= MOST_PIECES:
-        wide: list[Codes] = []
-        found = list(known)
-        doubt = ""
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                found += _enumerate(cone, choices, wide)
-        except FloatingPointError as error:
-            doubt = f", {error}"
-        rays = distinct(found, same_direction)
-        edges = [(codes, _inside_of(cone, codes, rays)) for codes in wide]
-        continua = tuple((codes, ends) for codes, ends in edges if len(ends) > 1)
-        if continua:
-            doubt += ", with continua between these"
-        method = f"enumeration of {pieces} pieces{doubt}"
-        return Rays(tuple(rays), not doubt, method, continua)
-    unfolded = _unfold(cone, known, choices)
-    proof = None if prove is None else prove(cone, [(r.codes, r.rate) for r in unfolded.rays])
-    return unfolded if proof is None else _with_proof(cone, unfolded, proof)
+    pieces = math.prod(len(c) for c in choices)
+    if pieces > MOST_PIECES:
+        unfolded = _unfold(cone, known, choices)
+        proof = None if prove is None else prove(cone, [(r.codes, r.rate) for r in unfolded.rays])
+        return unfolded if proof is None else _with_proof(cone, unfolded, proof)
+    with np.errstate(over="ignore", invalid="ignore"):
+        enumerated, wide, gap = _enumerate(cone, choices)
+    rays = distinct([*known, *enumerated], same_direction)
+    edges = [(codes, _rays_in(cone, codes, rays)) for codes in wide]
+    continua = tuple((codes, ends) for codes, ends in edges if len(ends) > 1)
+    if continua:
+        gap += ", with continua between these"
+    return Rays(tuple(rays), not gap, f"enumeration of {pieces} pieces{gap}", continua)
 
 
 def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
-    """What unfolding and a proof found; if that is complete they are all."""
+    """Add the rays of a proof; the set is complete if the proof is and all its rays exist."""
     pieces = [(cone.piece(codes), rate) for codes, rate in proof.rays]
     certain = [AffineRay(p.codes, p.at(rate), rate) for p, rate in pieces if p is not None]
     complete = proof.verdict == "complete" and len(certain) == len(pieces)
@@ -170,10 +154,8 @@ def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
     return Rays(tuple(rays), complete, f"{unfolded.method}, {proof.method}")
 
 
-def _inside_of(
-    cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]
-) -> tuple[AffineRay, ...]:
-    """Those of the rays that lie in one piece, borders included."""
+def _rays_in(cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]) -> tuple[AffineRay, ...]:
+    """Rays that lie in one piece or on its border."""
     points = np.arange(cone.points)
     return tuple(
         r
@@ -182,23 +164,20 @@ def _inside_of(
     )
 
 
-def _enumerate(
-    cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]], wide: list[Codes]
-) -> Iterator[AffineRay]:
-    """Rays of all pieces; points that keep their status are eliminated first.
+# -- enumeration -----------------------------------------------------------------------------------
 
-    Pieces whose solutions are no single ray are added to ``wide``; the edges of what they hold are
-    rays of other pieces.
 
-    Raises:
-        FloatingPointError: at the end, if some pieces are undecided for round-off.
+def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], list[Codes], str]:
+    """Solve all pieces after eliminating the points that keep their status.
+
+    Returns:
+        Rays; pieces whose solutions are more than a single ray (their edges are rays of other
+        pieces); and the reason why rays may be missing, "" if none can be.
     """
-    doubt = ""
-    m = cone.points
-    d = cone.bases.shape[3]
+    m, d, N = cone.points, cone.bases.shape[3], len(cone.rate)
     kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
     codes = np.array([c[0] for c in choices], dtype=np.int8)
-    N = len(cone.rate)
+    # eliminate the points with one status, unless their columns are dependent
     held = np.setdiff1d(np.arange(m), kinked)
     fixed: Array = cone.pieced(codes).reshape(N, m, d)[:, held].reshape(N, d * len(held))
     singular = len(held) > 0 and np.linalg.matrix_rank(fixed) < d * len(held)
@@ -206,42 +185,43 @@ def _enumerate(
         kinked = np.arange(m)
         held = held[:0]
         fixed = fixed[:, :0]
-    width = fixed.shape[1]
-    Q = np.linalg.qr(fixed, mode="complete")[0][:, width:]
+    Q = np.linalg.qr(fixed, mode="complete")[0][:, fixed.shape[1] :]
     M = np.einsum("np,nmk->pmk", Q, cone.matrix[:, kinked])
     q = Q.T @ cone.rate
-    # Of every kinked point, in every status: its columns of A.
-    columns = np.einsum("pmk,mskd->mspd", M, cone.bases[kinked])
-    every = itertools.product(*(choices[i] for i in kinked))
     B = cone.bases[kinked]
     C = cone.inequalities[kinked]
+    columns = np.einsum("pmk,mskd->mspd", M, B)  # of A, for every point and status
     points = np.arange(len(kinked))
+    rays: list[AffineRay] = []
+    wide: list[Codes] = []
+    gap = ""
+    every = itertools.product(*(choices[i] for i in kinked))
     while chunk := list(itertools.islice(every, _CHUNK)):
+        # solve A z = q for a chunk of pieces
         statuses = np.array(chunk, dtype=np.int8).reshape(len(chunk), len(kinked))
-        A = columns[points, statuses]  # (pieces, points, p, d)
-        A = np.moveaxis(A, 1, 2).reshape(len(chunk), len(q), -1)
+        A = np.moveaxis(columns[points, statuses], 1, 2).reshape(len(chunk), len(q), -1)
         regular, z = _solve_all(A, q)
         w = np.einsum("cmkd,cmd->cmk", B[points, statuses], z.reshape(len(A), -1, d))
         if not np.isfinite(w).all():
-            raise FloatingPointError("which overflowed")
+            return rays, wide, ", which overflowed"
+        # keep the pieces that contain the solution or its reverse, and examine the singular ones
         slack = np.einsum("cmek,cmk->cme", C[points, statuses], w)
         tolerance = TOLERANCE * np.abs(w).max(axis=(1, 2), initial=0.0)
         least, most = (f(axis=(1, 2), initial=0.0) for f in (slack.min, slack.max))
         for i in np.flatnonzero(~regular | (least >= -tolerance) | (most <= tolerance)):
             codes[kinked] = statuses[i]
-            dimension, found = (1, (z[i], 1.0)) if regular[i] else _kernel(A[i], q)
+            dimension, vector = (1, (z[i], 1.0)) if regular[i] else _kernel(A[i], q)
             if dimension > 1:
                 wide.append(codes.copy())
             elif dimension < 0:
-                doubt = "some of which are too badly conditioned"
-            elif found is not None:
-                yield from _inside(cone, codes.copy(), kinked, held, fixed, *found)
-    if doubt:
-        raise FloatingPointError(doubt)
+                gap = ", some of which are too badly conditioned"
+            elif vector is not None:
+                rays += _senses(cone, codes.copy(), kinked, held, fixed, *vector)
+    return rays, wide, gap
 
 
 def _solve_all(A: Array, q: Array) -> tuple[npt.NDArray[np.bool_], Array]:
-    """Which of the matrices A_i are regular, and A_i^{-1} q (zeros for the others)."""
+    """Flags of the regular matrices A_i, and A_i^{-1} q (zeros for the singular ones)."""
     sizes = np.abs(A).max(axis=(1, 2), initial=0.0) * A.shape[1]
     inverse = _inverses(A)
     regular = np.abs(inverse).max(axis=(1, 2), initial=0.0) * sizes < 1e10
@@ -260,9 +240,9 @@ def _inverses(A: Array) -> Array:
 
 
 def _kernel(A: Array, q: Array) -> tuple[int, tuple[Array, float] | None]:
-    """The dimension of the kernel of [A, -q], and its vector (z, rate) if that is 1.
+    """Dimension of the kernel of [A, -q], and its vector (z, dgamma) if the dimension is 1.
 
-    -1 if A is so badly conditioned that it could as well be regular.
+    The dimension is -1 if round-off does not allow to distinguish A from a regular matrix.
     """
     values = np.linalg.svd(A, compute_uv=False)
     if _SINGULAR * values[0] < values[-1] <= TOLERANCE * values[0]:
@@ -273,7 +253,7 @@ def _kernel(A: Array, q: Array) -> tuple[int, tuple[Array, float] | None]:
     return 1, (V[-1, :-1], float(V[-1, -1]))
 
 
-def _inside(
+def _senses(
     cone: AffineSystem,
     codes: Codes,
     kinked: npt.NDArray[np.int64],
@@ -282,12 +262,13 @@ def _inside(
     z: Array,
     rate: float,
 ) -> Iterator[AffineRay]:
-    """The ray of a kernel vector, in the senses in which it is inside its cones."""
+    """Rays along a kernel vector and its reverse, as far as these stay inside the cones."""
     B = cone.bases[np.arange(cone.points), codes]
     w: Array = np.zeros(cone.matrix.shape[1:])
     w[kinked] = np.einsum("mkd,md->mk", B[kinked], z.reshape(len(kinked), -1))
-    quick = cone.slacks(codes, w)[kinked]
-    senses = [s for s in (1.0, -1.0) if _inside_for(quick, s) >= -TOLERANCE * largest(w)]
+    # the kinked points alone exclude most pieces without a solve for the others
+    slack = cone.slacks(codes, w)[kinked]
+    senses = [s for s in (1.0, -1.0) if _least(s * slack) >= -TOLERANCE * largest(w)]
     if not senses:
         return
     if len(held):
@@ -298,19 +279,20 @@ def _inside(
     size = abs(rate) if abs(rate) > 1e-9 * scale else scale
     slack = cone.slacks(codes, w)
     for sense in senses if size > 0 else ():
-        if _inside_for(slack, sense) >= -TOLERANCE * scale:
+        if _least(sense * slack) >= -TOLERANCE * scale:
             direction: Array = np.asarray(sense * w / size, dtype=np.float64)
             yield AffineRay(codes, direction, float(np.round(sense * rate / size)))
 
 
-def _inside_for(slack: Array, sense: float) -> float:
-    """The least slack of a state that is multiplied by ``sense``."""
-    return float(np.min(sense * slack[np.isfinite(slack)], initial=np.inf))
+def _least(slack: Array) -> float:
+    """The least finite slack."""
+    return float(np.min(slack[np.isfinite(slack)], initial=np.inf))
 
 
-def _unfold(
-    cone: AffineSystem, known: Sequence[AffineRay], choices: Sequence[npt.NDArray[np.int64]]
-) -> Rays:
+# -- unfolding -------------------------------------------------------------------------------------
+
+
+def _unfold(cone: AffineSystem, known: Sequence[AffineRay], choices: Choices) -> Rays:
     rays = distinct([*known, *_by_newton(cone, choices)], same_direction)
     idle = 0
     count = 0
@@ -319,22 +301,23 @@ def _unfold(
         codes, w = _random_state(cone, choices, random)
         unfolded = replace(cone, load=np.einsum("nmk,mk->n", cone.matrix, w))
         before = len(rays)
-        ends = list[AffineRay]()
+        ends: list[AffineRay] = []
         piece = unfolded.piece(codes)
         if piece is not None:
-            found = (_far_end(piece, 0.0, sense) for sense in (1.0, -1.0))
-            ends = [end for end in found if end is not None]
+            far = (_far_end(piece, 0.0, sense) for sense in (1.0, -1.0))
+            ends += [end for end in far if end is not None]
         for ray in rays:
             if not any(same_direction(ray, end) for end in ends):
-                ends += [end for end in [_other_end(unfolded, ray)] if end is not None]
+                end = _other_end(unfolded, ray)
+                ends += [] if end is None else [end]
         rays = distinct([*rays, *ends], same_direction)
         idle = idle + 1 if len(rays) == before else 0
-        count = count + 1
+        count += 1
     return Rays(tuple(rays), False, f"{count} unfoldings of {len(choices)} points")
 
 
 def _random_state(
-    cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]], random: np.random.Generator
+    cone: AffineSystem, choices: Choices, random: np.random.Generator
 ) -> tuple[Codes, Array]:
     """Random statuses, and a random state inside their cones."""
     codes = np.array([random.choice(c) for c in choices], dtype=np.int8)
@@ -350,8 +333,8 @@ def _random_state(
     return codes, w
 
 
-def _by_newton(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> Iterator[AffineRay]:
-    """Rays found at dgamma = 1 and -1 from uniform statuses."""
+def _by_newton(cone: AffineSystem, choices: Choices) -> Iterator[AffineRay]:
+    """Rays at dgamma = 1 and -1 by Newton's method from uniform statuses."""
     for gamma, code in itertools.product((1.0, -1.0), range(cone.bases.shape[1])):
         start = np.array([code if code in c else c[0] for c in choices], dtype=np.int8)
         codes = cone.solve(gamma, start)
@@ -361,24 +344,23 @@ def _by_newton(cone: AffineSystem, choices: Sequence[npt.NDArray[np.int64]]) -> 
 
 
 def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
-    """The outgoing ray of the branch with the incoming ``ray``; None if it gets lost."""
+    """The outgoing ray of the branch that comes in along ``ray``; None if it is not found."""
     if ray.rate == 0:
         return None
-    codes = unfolded.solve(1e6 * ray.rate, ray.codes)  # a border point of the ray falls to a side
+    codes = unfolded.solve(1e6 * ray.rate, ray.codes)  # moves points of the ray off borders
     piece = None if codes is None else unfolded.piece(codes)
     return None if piece is None else _far_end(piece, 1e6 * ray.rate, -ray.rate)
 
 
 def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None:
-    """The ray by which the branch goes out that leaves ``gamma`` in this sense."""
+    """The ray along which a branch goes out that leaves ``gamma`` in this sense."""
     unfolded = piece.system
     for _ in range(50 * unfolded.points):
         direction = sense * piece.coefficients[1]
         s_0, s_1 = piece.slack_coefficients
         slack = s_0 + gamma * s_1
         rate = sense * s_1
-        falling = rate < -TOLERANCE * largest(direction)
-        falling &= np.isfinite(slack)
+        falling = (rate < -TOLERANCE * largest(direction)) & np.isfinite(slack)
         if not falling.any():
             return AffineRay(piece.codes, direction, sense)
         length = float((np.maximum(slack[falling], 0.0) / -rate[falling]).min())
@@ -389,21 +371,21 @@ def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None
         if len(kinked) != 1:
             return None
         held = unfolded.statuses_of(int(kinked[0]), w[kinked[0]], tolerance)
-        found = neighbours(piece, w, int(kinked[0]), held, tolerance)
-        if len(found) != 1:
+        beyond = neighbours(piece, w, int(kinked[0]), held, tolerance)
+        if len(beyond) != 1:
             return None
-        piece, sense = found[0]
+        piece, sense = beyond[0]
     return None
 
 
 def same_direction(a: AffineRay, b: AffineRay) -> bool:
-    """Whether two rays are one."""
+    """Return True if two rays coincide."""
     unit = np.abs(a.direction).max(initial=1e-300)
     return a.rate == b.rate and bool(np.abs(a.direction - b.direction).max() <= 1e-7 * unit)
 
 
 def distinct(items: Iterable[Item], same: Callable[[Item, Item], bool]) -> list[Item]:
-    """Items without those that are the same as one before."""
+    """Items without those that are the same as an earlier one."""
     kept: list[Item] = []
     for item in items:
         if not any(same(item, other) for other in kept):

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -42,7 +43,6 @@ from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.rays import (
     MOST_PIECES,
     AffineRay,
-    number_of_pieces,
     outgoing,
 )
 from dolfinx_contact.continuation.system import (
@@ -291,7 +291,7 @@ def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
     affine = condensed.system
     affine.require_finite()
     sure = None
-    if number_of_pieces(affine.allowed.sum(axis=1)) > MOST_PIECES:
+    if math.prod(map(int, affine.allowed.sum(axis=1))) > MOST_PIECES:
         sure = _of_proof(system, x, gamma, seconds)
     if sure is not None and sure.complete:
         return sure

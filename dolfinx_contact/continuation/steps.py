@@ -3,7 +3,7 @@
 
 A step stays on one piece, which is smooth, by predictor and corrector. Then the events of the piece
 are checked: if one has become negative, the first change of status is located along the branch to
-round-off, and the branch continues in the piece beyond (`crossing.py`), its tangent oriented into
+round-off, and the branch continues in the piece beyond (`ray_finder.py`), its tangent oriented into
 it.
 
 A corrector ends somewhere on the solutions of the piece, be it far from where it began, or behind
@@ -30,7 +30,7 @@ from dolfinx_contact.continuation.bifurcation import BifurcationTest
 from dolfinx_contact.continuation.borders import again, reached
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.crossing import cross
+from dolfinx_contact.continuation.ray_finder import cross
 from dolfinx_contact.continuation.system import Events, Piece, System
 
 __all__ = ["AT_BORDER", "ExactSteps"]
@@ -225,7 +225,7 @@ class ExactSteps:
         special = self.smooth_points(point, here)
         tolerance = AT_BORDER * self._unit(y, point.piece)
         crossing = cross(self.corrector, y, point.piece, tangent, tolerance)
-        onwards = crossing.onwards
+        onwards, *others = crossing.rays or (None,)
         if onwards is None or self._leads_nowhere(here, onwards):
             tried = "all pieces were tried" if crossing.complete else "too many pieces to try"
             self.dead_end = (
@@ -238,7 +238,7 @@ class ExactSteps:
             return None, [], h
         self._incoming = (y, Ray(point.piece, tangent))
         turned = self.turned(tangent, onwards.tangent)
-        kind = "bifurcation" if crossing.others else "fold" if turned else "event"
+        kind = "bifurcation" if others else "fold" if turned else "event"
         special.append(
             SpecialPoint(
                 kind,  # type: ignore[arg-type]
@@ -248,7 +248,7 @@ class ExactSteps:
                 0,
                 crossing.changes,
                 crossing.parity,
-                crossing.others,
+                tuple(others),
                 crossing.complete,
                 Ray(point.piece, tangent),
                 onwards,

@@ -17,7 +17,7 @@ from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import leads_out, reason_to_stop
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import Branch, BranchPoint, Departures, SpecialPoint
+from dolfinx_contact.continuation.branch import Branch, BranchPoint, FoundRays, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.observer import (
     BranchStep,
@@ -71,7 +71,7 @@ def require_way(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float
 
 
 def onwards_from(
-    bordered: Bordered, start: BranchPoint, found: Departures, sign: float
+    bordered: Bordered, start: BranchPoint, found: FoundRays[BranchPoint], sign: float
 ) -> BranchPoint:
     """The ray along which a branch leaves a start at which pieces meet. Collective.
 
@@ -85,14 +85,14 @@ def onwards_from(
     """
     least = _STILL * bordered.gamma_scale
     for wanted in (lambda rate: sign * rate > least, lambda rate: abs(rate) <= least):
-        rays = [p for p in found.points if wanted(bordered.gamma(p.tangent))]
+        rays = [p for p in found.rays if wanted(bordered.gamma(p.tangent))]
         if rays:
             return max(rays, key=lambda p: bordered.inner(p.tangent, start.tangent))
     if not found.complete:
         return start
     goes = "increases" if sign > 0 else "decreases"
     raise ValueError(
-        f"gamma {goes} on none of the {len(found.points)} rays that lead out of the start at "
+        f"gamma {goes} on none of the {len(found.rays)} rays that lead out of the start at "
         f"gamma = {start.gamma:.10g}, by {found.method}"
     )
 
@@ -132,7 +132,7 @@ class Walker(ABC):
         return float(self.bordered.comm.allreduce(size, op=MPI.MAX))
 
     @abstractmethod
-    def departures(self, x: PETSc.Vec, gamma: float) -> Departures:
+    def departures(self, x: PETSc.Vec, gamma: float) -> FoundRays[BranchPoint]:
         """How branches leave the solution near (x, gamma), in either sense of gamma.
 
         Raises:
@@ -141,7 +141,7 @@ class Walker(ABC):
         """
 
     @abstractmethod
-    def rays_at(self, point: BranchPoint) -> Departures | None:
+    def rays_at(self, point: BranchPoint) -> FoundRays[BranchPoint] | None:
         """What leads out of a point of a branch at which pieces meet; None where they do not."""
 
     @abstractmethod

@@ -26,10 +26,9 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.continuation.branch import Ray
+from dolfinx_contact.continuation.branch import FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.crossing import parity
-from dolfinx_contact.continuation.ray_finder import FoundRays, Kink, RayFinder
+from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, parity
 from dolfinx_contact.continuation.system import Events, Piece
 
 __all__ = ["Directions", "RateProblem"]
@@ -220,7 +219,7 @@ class RateProblem:
 
     # -- several ---------------------------------------------------------------------------------
 
-    def _enumerated(self, piece: Piece, t: PETSc.Vec) -> FoundRays:
+    def _enumerated(self, piece: Piece, t: PETSc.Vec) -> FoundRays[Ray]:
         """Directions by all statuses of the points at a border, unless these are too many."""
         rank = self._comm.rank
         mine = []

@@ -20,9 +20,9 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.continuation import BranchStep, Follower, StepControl
-from dolfinx_contact.continuation.branch import BranchPoint, Departures, Ray, SpecialPoint
-from dolfinx_contact.continuation.crossing import finder_at, kinks_at
+from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.ray_finder import finder_at, kinks_at
 from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.solvers.following import Loaded
@@ -111,17 +111,19 @@ def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:
     return StepBranch(ends=not unknown, why=unknown or why)
 
 
-def _with_more(follower: Follower, x: PETSc.Vec, found: Departures) -> list[BranchPoint]:
+def _with_more(
+    follower: Follower, x: PETSc.Vec, found: FoundRays[BranchPoint]
+) -> list[BranchPoint]:
     """The rays out of a start along which the load grows, the straightest last. Collective.
 
     If there are none, those along which it does not change; and where rays may be missing and there
     are neither, the start itself, whose first step looks for a direction.
     """
     b = follower.bordered
-    rates = [b.gamma(point.tangent) for point in found.points]
-    chosen = [p for p, rate in zip(found.points, rates, strict=True) if rate > _NO_MORE]
+    rates = [b.gamma(point.tangent) for point in found.rays]
+    chosen = [p for p, rate in zip(found.rays, rates, strict=True) if rate > _NO_MORE]
     if not chosen:
-        chosen = [p for p, rate in zip(found.points, rates, strict=True) if abs(rate) <= _NO_MORE]
+        chosen = [p for p, rate in zip(found.rays, rates, strict=True) if abs(rate) <= _NO_MORE]
     if len(chosen) == 1 or (not chosen and found.complete):
         return chosen
     start = follower.start(x, 0.0)
