@@ -148,6 +148,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)
         self._condensed: Reduction | None = None
         self._condensed_from = 0  # mark of the data
+        self._condensed_at_gamma: Reduction | None = None
         #: Surfaces on which a warning of sliding has been logged.
         self._warned: set[str] = set()
 
@@ -171,7 +172,14 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """
         problem = self.problem.with_memory(memory)
         equations = problem.equations
-        return copy_with(self, problem=problem, equations=equations, _last=None, _condensed=None)
+        return copy_with(
+            self,
+            problem=problem,
+            equations=equations,
+            _last=None,
+            _condensed=None,
+            _condensed_at_gamma=None,
+        )
 
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Put a point of a branch into the Functions of the problem, its statuses included.
@@ -291,6 +299,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """
         if self.kinks:
             return None
+        if not conic and not (self.is_linear and self._held_laws):
+            return self._condensed_at(gamma)
         cones = can_condense(self)
         if not cones and (conic or not self._is_of_points):
             return None
@@ -305,6 +315,29 @@ class ParametricContact(ReadOnly, ParametricEquations):
             nothing.destroy()
             self._condensed_from = mark
         return self._condensed
+
+    def _condensed_at(self, gamma: float) -> Reduction | None:
+        """The problem at one value of gamma, which may enter the forms in any way. Collective.
+
+        None if the body is not linear, or the problem is not one of its contact points.
+        """
+        eq = self.equations
+        if not eq.linear:
+            return None
+        if self._condensed_at_gamma is not None:
+            self._condensed_at_gamma.destroy()
+            self._condensed_at_gamma = None
+        with super().restored(always=True):
+            self._set(gamma)
+            constant = fem.Constant(eq.V.mesh, 0.0)
+            fixed = ParametricEquations(eq, constant, lambda: self.problem.linear_solver)
+            in_plane = eq.dim == 2
+            if can_condense(fixed, bounded=True) if in_plane else not obstacle_in_space(fixed):
+                x = fixed.create_vector()
+                self._condensed_at_gamma = Reduction(fixed, x, 0.0, exact=True, conic=False)
+                x.destroy()
+            fixed.destroy()
+        return self._condensed_at_gamma
 
     @property
     def _is_of_points(self) -> bool:
@@ -406,6 +439,9 @@ class ParametricContact(ReadOnly, ParametricEquations):
         if self._condensed is not None:
             self._condensed.destroy()
             self._condensed = None
+        if self._condensed_at_gamma is not None:
+            self._condensed_at_gamma.destroy()
+            self._condensed_at_gamma = None
 
 
 def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem.Function, Any]]:

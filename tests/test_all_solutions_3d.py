@@ -175,7 +175,7 @@ def test_what_is_refused_by_name(options, reason):
     assert reason in found.method
 
 
-def test_friction_as_the_parameter_is_refused_by_name():
+def test_friction_as_the_parameter_is_proved():
     given = []
 
     def law(domain):
@@ -184,9 +184,7 @@ def test_friction_as_the_parameter_is_refused_by_name():
 
     problem = cube(law, n=1).problem
     system = ParametricContact(problem, given[0])
-    found = find_solutions(system, [system.create_vector()], 0.3, lengths=(0.5,), max_iterations=3)
-    assert not found.complete
-    assert "a law or an obstacle depends on gamma" in found.method
+    assert find_solutions(system, [system.create_vector()], 0.3).complete
 
 
 @pytest.mark.verifies(

@@ -71,6 +71,53 @@ def test_all_solutions_of_a_triangle(gamma, count):
     system.destroy()
 
 
+def square(kind, cells):
+    """A body on a floor whose load (26, 4) or friction coefficient 3 is a function of gamma."""
+    dim = 2 if cells == "triangles" else 3
+    if dim == 2:
+        domain = mesh.create_unit_square(COMM, 8, 8)
+    else:
+        domain = mesh.create_unit_cube(COMM, 2, 2, 2)
+    held = lambda x: np.isclose(x[0], 1) | np.isclose(x[dim - 1], 1)  # noqa: E731
+    sides = mesh.locate_entities_boundary(domain, dim - 1, held)
+    bottom = mesh.locate_entities_boundary(domain, dim - 1, lambda x: np.isclose(x[dim - 1], 0))
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    bcs = [fem.dirichletbc(np.zeros(dim), fem.locate_dofs_topological(V, dim - 1, sides), V)]
+    gamma = fem.Constant(domain, 1.0)
+    factor = {"load": gamma, "squared load": gamma**2, "friction": 1.0}[kind]
+    load = factor * ufl.as_vector((-26.0, *([0.0] * (dim - 2)), -4.0))
+    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
+    law = Coulomb(3.0 * gamma if kind == "friction" else 3.0)
+    floor = HalfSpace((0,) * dim, (0,) * (dim - 1) + (1,))
+    contact = ContactSurface(u, bottom, obstacle=floor, law=law)
+    return ParametricContact(ContactProblem(energy, u, [contact], bcs=bcs), gamma)
+
+
+@pytest.mark.parametrize("cells", ["triangles", "tetrahedra"])
+@pytest.mark.parametrize("kind", ["squared load", "friction"])
+@pytest.mark.verifies(
+    "all solutions",
+    reference="itself: the load proportional to gamma",
+    aspects=("2D", "3D", "proofs"),
+)
+def test_a_proof_is_of_one_gamma_however_it_enters(kind, cells):
+    """At gamma = 1 the problem is that with a load proportional to gamma, and gamma stays."""
+    expected = square("load", cells)
+    system = square(kind, cells)
+    found, all_of_them = found_at(system, 1.0), found_at(expected, 1.0)
+    assert found.complete
+    assert words(system, found) == words(expected, all_of_them)
+    half = found_at(system, 0.5)
+    assert half.complete
+    b = system.create_vector()
+    for solutions, gamma in ((found, 1.0), (half, 0.5)):
+        for solution in solutions.found:
+            assert system.residual(solution.x, gamma, b, solution.piece) < 1e-12
+    for s in (system, expected):
+        s.destroy()
+
+
 @serial
 @pytest.mark.parametrize(
     ("n", "friction"),

@@ -136,7 +136,7 @@ def test_what_a_solve_finds_in_space_is_found(options):
     problem = block(**options, law=Coulomb(friction), domain=first.V.mesh)
     system = ParametricContact(problem, friction)
     nothing = state(system, np.zeros(system.create_vector().getSize()))
-    few = dict(lengths=(0.5,), max_iterations=3)
+    few = dict(lengths=(0.5,), max_iterations=3, proof_seconds=0.0)
     solutions = find_solutions(system, [nothing], 0.3, **few)
     assert problem.u.x.array.max(initial=0.0) == 0.0
     assert nothing.norm() == 0.0
@@ -157,7 +157,8 @@ def test_what_was_not_found_is_said():
     problem = block(cell="tet", domain=domain, law=Coulomb(friction), options={"snes_max_it": 0})
     system = ParametricContact(problem, friction)
     nothing = state(system, np.zeros(system.create_vector().getSize()))
-    solutions = find_solutions(system, [nothing], 0.3, lengths=(0.5,), max_iterations=1)
+    few = dict(lengths=(0.5,), max_iterations=1, proof_seconds=0.0)
+    solutions = find_solutions(system, [nothing], 0.3, **few)
     assert solutions.found == ()
     assert not solutions.complete
     assert solutions.method.startswith("not found: solve() found no solution (full steps: ")
