@@ -114,7 +114,7 @@ def main(argv=None):
     hang = np.linspace(0.0, 1.0, 3)
     pull = 1.0 + np.arange(1, args.steps + 1) / args.steps
     times = [*hang, *pull]
-    history = QuasiStatic(problem, load).run(times, rays=False, sudden=np.inf, observer=watch)
+    history = QuasiStatic(problem, load).run(times, observer=watch)
     last = history.steps[-1]
     table = last.result.tables["drum"]
     plot.picture_of_body(folder / "belt.png", problem)

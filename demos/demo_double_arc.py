@@ -203,7 +203,7 @@ def main(argv=None):
 
     times = np.append(np.arange(0.0, args.until - 1e-9, args.step), args.until)
     history = QuasiStatic(pressed, load).run(
-        times, rays=False, sudden=np.inf, at_jump="stop", extrapolate=True, observer=watch
+        times, halve_steps=True, at_jump="stop", extrapolate=True, observer=watch
     )
     say(history.reason)
     last = history.steps[-1].result

@@ -185,7 +185,7 @@ class Ring:
             say(f"plate down by {step.time:.3f}: {found[-1][0]:.5f}, inside {found[-1][1]:.5f}")
 
         history = QuasiStatic(self.problem, load)
-        done = history.run(times, rays=False, sudden=np.inf, observer=watch)
+        done = history.run(times, halve_steps=True, observer=watch)
         return done, times[1:], np.array(found)
 
 

@@ -201,7 +201,7 @@ def main(argv=None):
     up = down[(down < down[-1] - 1e-9) & (down >= down[-1] - args.back - 1e-9)]
     times = np.union1d(down, 2 * args.until - up)
     history = QuasiStatic(pressed, load).run(
-        times, rays=False, sudden=np.inf, at_jump="stop", observer=watch
+        times, halve_steps=True, at_jump="stop", observer=watch
     )
     say(history.reason)
     last = history.steps[-1].result

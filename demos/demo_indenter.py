@@ -100,7 +100,7 @@ def indented(args, comm, recovers, folder=None):
         if end > begin:  # without a rest there is none
             stops = np.linspace(begin, end, steps + 1)
             times.extend(stops[1:])
-    history = QuasiStatic(problem, load).run(times, at_jump="jump")
+    history = QuasiStatic(problem, load).run(times, locate_jumps=True, at_jump="jump")
     if folder is not None:
         io.write_fields(folder, problem, state=history.steps[-1].state)
     depth = [-np.interp(s.time, turns, way) for s in history.steps]

@@ -275,9 +275,7 @@ def main(argv=None):
 
     # Solves begin at what the last step leads to.
     evolution = QuasiStatic(pressed, load)
-    history = evolution.run(
-        times(args), rays=False, sudden=np.inf, extrapolate=True, observer=watch
-    )
+    history = evolution.run(times(args), halve_steps=True, extrapolate=True, observer=watch)
     steps = history.steps
     t = np.array([s.time for s in steps])
     V, H = np.array([forces(args, s) for s in steps]).T

@@ -128,7 +128,11 @@ def main(argv=None):
 
     times = np.linspace(0.0, 1.0, args.steps + 1)
     with io.EvolutionSeries(folder, bodies, every=5) as series:
-        steps = QuasiStatic(bodies, load).run(times, at_jump="jump", observer=series).steps
+        steps = (
+            QuasiStatic(bodies, load)
+            .run(times, locate_jumps=True, at_jump="jump", observer=series)
+            .steps
+        )
 
     tables = [s.result.tables["contact"] for s in steps]
     end = args.end * np.array([s.time for s in steps])

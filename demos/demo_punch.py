@@ -136,7 +136,7 @@ def history(args, comm, shape):
         way.value = args.way * max(t - 1.0, 0.0)
 
     times = [0.0, 0.5, *np.linspace(1.0, 2.0, args.steps + 1)]
-    return problem, QuasiStatic(problem, load).run(times, rays=False, sudden=np.inf).steps
+    return problem, QuasiStatic(problem, load).run(times).steps
 
 
 def main(argv=None):

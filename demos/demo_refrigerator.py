@@ -85,7 +85,7 @@ def year(args, law, comm):
     load(0.0)
     start = problem.solve().tables["contact"]
     times = np.linspace(0.0, YEAR, args.steps + 1)
-    history = QuasiStatic(problem, load).run(times, sudden=np.inf)
+    history = QuasiStatic(problem, load).run(times)
 
     tables = [start]
     for step in history.steps:

@@ -201,7 +201,7 @@ class Rolling:
     def run(self):
         """The last step."""
         history = QuasiStatic(self.problem, self.load)
-        given = dict(rays=False, sudden=np.inf)
+        given = dict(halve_steps=True)
         history.run(np.linspace(0.0, 1.0, 5), **given)
         self.start_time = 1.0
         if self.creepage != 0:

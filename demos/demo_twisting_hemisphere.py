@@ -206,7 +206,7 @@ def main(argv=None):
     angles = np.union1d(np.arange(0.0, args.until + 1e-9, args.step), SHOWN)
     turn = 1.0 + angles[angles <= args.until] / 180
     times = np.union1d(press, turn)
-    history = QuasiStatic(turned, load).run(times, rays=False, sudden=np.inf, observer=watch)
+    history = QuasiStatic(turned, load).run(times, halve_steps=True, observer=watch)
     last = history.steps[-1].result
     _, angle, force, torque = np.array(rows).T
     reached = [a for a in SHOWN if a <= args.until + 1e-9]

@@ -110,7 +110,7 @@ def test_pressed_down_again(cell):
         problem, top = bonded(cell, 1 if cell == "hex" else 2, law=law, young=1e4)
         up = (*aside, 4 * U0)
         load = along(top, up, (*aside, -0.002), (*aside, -0.002), up)
-        history = QuasiStatic(problem, load).run(np.linspace(0.0, 4.0, 41), sudden=np.inf)
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 4.0, 41))
         tables = [s.result.tables["contact"] for s in history.steps]
         pull = [-t.rn.sum() for t in tables]
         ways[recovers] = max(pull[:10]), max(pull[30:]), tables
@@ -132,7 +132,7 @@ def thresholds(contact, young=1e3, steps=24):
         law = RCCM(C, C, W, 0.4, viscosity=0.02, contact=contact, threshold=threshold)
         problem, top = bonded(law=law, young=young)
         load = along(top, (0.0, -0.02), (0.3, -0.02), (0.3, 0.2))
-        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, steps + 1), sudden=np.inf)
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, steps + 1))
         found.append([s.result.tables["contact"] for s in history.steps])
         assert all(s.result.kkt_violation < 1e-8 for s in history.steps)
     return found
@@ -197,7 +197,7 @@ def test_energies(given):
         law = RCCM(C, C, W, 0.3, viscosity=0.2, **given)
         problem, top = bonded(n=1, law=law, young=1e3, comm=MPI.COMM_SELF)
         load = along(top, (0.0, -0.05), (0.1, 0.4), (0.05, -0.05))
-        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 3 * n + 1), sudden=np.inf)
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 3 * n + 1))
         left.append(abs(history.energies.residue))
         spent = [s.energies.damage for s in history.steps]
         assert max(spent) > 0.5 * W

@@ -128,23 +128,23 @@ def test_another_evolution_of_a_problem_needs_a_start(kind):
 def test_bonds_are_those_of_the_start():
     """Broken in the state of a history, intact in a snapshot."""
     glued = Glued()
-    first = glued.history().run(np.linspace(0.0, 2.0, 11), sudden=np.inf)
+    first = glued.history().run(np.linspace(0.0, 2.0, 11))
     intact = max(np.abs(force(s)).max() for s in first.steps)
     state = first.steps[-1].state
-    broken = glued.history().run(np.linspace(2.0, 3.0, 6), start=state, sudden=np.inf)
+    broken = glued.history().run(np.linspace(2.0, 3.0, 6), start=state)
     assert max(np.abs(force(s)).max() for s in broken.steps) < 0.05 * intact
     glued.u.x.array[:] = 0.0
     glued.problem.surfaces[0].multiplier.x.array[:] = 0.0
     glued.load(2.0)
     start = glued.problem.snapshot()
-    again = glued.history().run(np.linspace(2.0, 3.0, 6), start=start, sudden=np.inf)
+    again = glued.history().run(np.linspace(2.0, 3.0, 6), start=start)
     assert max(np.abs(force(s)).max() for s in again.steps) == pytest.approx(intact, rel=1e-6)
 
 
 def test_a_path_starts_from_the_state_of_a_history():
     """With the bonds of that state, and with intact ones from a snapshot."""
     glued = Glued()
-    state = glued.history().run(np.linspace(0.0, 2.0, 11), sudden=np.inf).steps[-1].state
+    state = glued.history().run(np.linspace(0.0, 2.0, 11)).steps[-1].state
     lift = fem.Constant(glued.problem.V.mesh, 0.0)
     way = ufl.as_vector((0.0 * lift, 0.02 * lift))
     system = ParametricContact(glued.problem, lift, driven=[(glued.top, way)])
@@ -249,7 +249,7 @@ def test_an_accept_that_never_accepts_ends():
         return False
 
     with pytest.raises(ValueError, match=r"accept rejects every step from the time 0, down to"):
-        rubbing.evolution.run([0.0, 1.0], accept=never, shortest=0.01, sudden=np.inf)
+        rubbing.evolution.run([0.0, 1.0], accept=never, shortest=0.01)
     assert asked == [0.5**k for k in range(7)]
     assert rubbing.evolution.run([0.0, 1.0]).complete
 

@@ -67,7 +67,7 @@ def dragged(problem, force, way, times, **given):
 
     load(0.0)
     problem.solve()
-    return QuasiStatic(problem, load).run(times, sudden=np.inf, **given)
+    return QuasiStatic(problem, load).run(times, **given)
 
 
 @pytest.mark.parametrize(

@@ -357,7 +357,6 @@ class OnBody:
         def load(t):
             self.move(lambda X: motion(t, X))
 
-        given = {"rays": False, "sudden": np.inf} | given
         self.evolution = QuasiStatic(self.problem, load)
         return self.evolution.run(times, **given)
 
@@ -708,7 +707,7 @@ def test_against_a_stiff_body():
         rigid = OnBody(2, Sphere((0.4, -1.0), 1.0), Coulomb(0.3), n=n)
         expected = rigid.run(moved, times).steps[-1].result.resultants["contact"]
         problem, load = drum_of_a_body(0.3, moved, n)
-        history = QuasiStatic(problem, load).run(times, rays=False, sudden=np.inf)
+        history = QuasiStatic(problem, load).run(times)
         force = history.steps[-1].result.resultants["contact"]
         off.append(np.abs(force - expected).max() / np.abs(expected).max())
     assert off[-1] < 0.02
@@ -747,7 +746,7 @@ def test_energy(turning):
             on_drum.move(lambda X: around(t, X, 2, angle=0.0 if turning else 0.3))
 
         times = np.linspace(0.0, 3.0, 3 * steps + 1)
-        history = QuasiStatic(on_drum.problem, load).run(times, rays=False, sudden=np.inf)
+        history = QuasiStatic(on_drum.problem, load).run(times)
         first = history.steps[2 * steps - 1].energies
         last = history.steps[-1].energies
         spent = last.dissipated - first.dissipated
@@ -814,7 +813,7 @@ def test_ranks(dim, method):
             on_body.move(lambda X: pressed_and_led(t, X, press=0.12, shear=0.1))
 
         evolution = QuasiStatic(on_body.problem, load)
-        history = evolution.run(np.arange(0.0, 2.6, 0.5), rays=False, sudden=np.inf)
+        history = evolution.run(np.arange(0.0, 2.6, 0.5))
         found.append(history.steps[-1])
     mine, alone = (step.result.tables["contact"] for step in found)
     assert np.isin(mine.letters, ["+", "-", "s"]).any()
@@ -894,8 +893,8 @@ def test_half_a_turn_in_a_step_is_refused():
 
     evolution = QuasiStatic(on_body.problem, load)
     with pytest.raises(ValueError, match="rad in one step: slips on it are known below half"):
-        evolution.run([0.0, 2 * np.pi], rays=False, sudden=np.inf)
-    history = evolution.run([0.0, 2.0, 4.0], rays=False, sudden=np.inf)
+        evolution.run([0.0, 2 * np.pi])
+    history = evolution.run([0.0, 2.0, 4.0])
     assert history.energies.dissipated > 0
 
 

@@ -341,7 +341,7 @@ def test_several_runs_are_as_one():
     for ends in itertools.pairwise(times[:-1]):
         evolution.run(ends)
     with pytest.raises(NoContinuation, match="no solution continues"):
-        evolution.run(times[-2:])
+        evolution.run(times[-2:], locate_jumps=True)
     friction = []
 
     def law(domain):
@@ -494,13 +494,13 @@ def test_where_nothing_continues(folder, at_jump):
     if at_jump == "raise":
         told = pytest.raises(NoContinuation, match=r"no solution continues .* from 3 to .* k to o")
         with told as e, io.EvolutionSeries(folder, problem, format="vtk") as series:
-            evolution.run(times, observer=series)
+            evolution.run(times, locate_jumps=True, observer=series)
         rows = (folder / "steps.csv").read_text().splitlines()
         assert len(rows) == 1 + len(e.value.history.steps)
         assert len(list((folder / "evolution_contact").iterdir())) == len(rows) - 1
         history = e.value.history
     else:
-        history = evolution.run(times, at_jump=at_jump)
+        history = evolution.run(times, locate_jumps=True, at_jump=at_jump)
     held = [s for s in history.steps if not s.jump and s.time <= 3]
     assert held[-1].time == pytest.approx(3.0, abs=1e-5)
     assert all(s.result.counts["stick"] == 1 for s in held)
@@ -536,7 +536,7 @@ def test_a_jump_after_other_data():
     evolution = QuasiStatic(problem, load)
     evolution.run([0.0, 0.5])
     g.value = 0.6  # which the load overwrites
-    history = evolution.run([0.5, 4.0], shortest=1e-3, at_jump="jump")
+    history = evolution.run([0.5, 4.0], shortest=1e-3, locate_jumps=True, at_jump="jump")
     assert [s.jump for s in history.steps].count(True) == 1
 
 
@@ -556,7 +556,9 @@ def test_a_jump_in_a_long_step(times):
 
     load(0.0)
     problem.solve()
-    history = QuasiStatic(problem, load).run(times, shortest=1e-3, at_jump="jump")
+    history = QuasiStatic(problem, load).run(
+        times, shortest=1e-3, locate_jumps=True, at_jump="jump"
+    )
     (jump,) = (s for s in history.steps if s.jump)
     assert jump.start <= 3.0 <= jump.time < jump.start + 2e-3
     assert all(s.result.counts["stick"] == 1 for s in history.steps if s.time < 3)
@@ -566,7 +568,9 @@ def test_sudden_but_no_jump():
     """What comes fast but with the load is no jump, and takes no other steps."""
     problem, top = dragged()
     problem.surfaces[0].law.friction.value = 0.02  # little holds, and then nothing
-    sticky = QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 1.001, 1.5, 3.0], sudden=1.0)
+    sticky = QuasiStatic(problem, cycle(top)).run(
+        [0.0, 1.0, 1.001, 1.5, 3.0], locate_jumps=True, sudden=1.0
+    )
     assert [s.time for s in sticky.steps] == [1.0, 1.001, 1.5, 3.0]
 
 
@@ -610,7 +614,7 @@ def test_a_step_that_is_not_solved_proves_no_jump(at_jump):
 
     loaded(0.0)
     problem.solve()
-    history = QuasiStatic(problem, loaded).run([0.0, 0.25, 0.5], at_jump=at_jump)
+    history = QuasiStatic(problem, loaded).run([0.0, 0.25, 0.5], locate_jumps=True, at_jump=at_jump)
     assert history.complete
     assert not any(s.jump for s in history.steps)
     (table,) = history.steps[-1].result.tables.values()
@@ -653,6 +657,7 @@ def test_bad_input():
         {"longest": "a"},
         {"shortest": "a"},
         {"at_jump": "ignore"},
+        {"at_jump": "jump"},
         {"sudden": 0.5},
         {"rays": "all"},
         {"rays": False, "follow_rays": True},

@@ -296,7 +296,7 @@ def test_steps_up_to_a_jump(at_jump, folder):
     """Ended in the midst of the steps that were found with a jump: they are found once more."""
 
     times = [0.0, 1.5, 2.5, 3.6, 4.0]
-    given = {"at_jump": at_jump, "shortest": 0.01}
+    given = {"locate_jumps": True, "at_jump": at_jump, "shortest": 0.01}
     with EvolutionRecord(folder / "whole", klarbring()) as kept:
         history = kept.evolution.run(times, record=kept, **given)
     journal = read_journal(folder / "whole")

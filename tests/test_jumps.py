@@ -83,7 +83,9 @@ def test_columns_that_come_off_one_by_one(stiffness, steps, degree):
 
     It is one of many, in steps as long as from one to the next.
     """
-    history = pulled(stiffness, degree).run(np.linspace(0.0, 4.0, steps + 1), at_jump="jump")
+    history = pulled(stiffness, degree).run(
+        np.linspace(0.0, 4.0, steps + 1), locate_jumps=True, at_jump="jump"
+    )
     exact = sorted(1 + 1 / k for k in stiffness if k < 3)
     found = jumps_of(history)
     assert len(found) == len(exact)
@@ -91,15 +93,42 @@ def test_columns_that_come_off_one_by_one(stiffness, steps, degree):
         assert start - 2e-5 < load < end + 2e-5
 
 
+@pytest.mark.verifies(
+    "jumps", "RCCM adhesion", reference="closed form: columns snap at 1 + 1/k", aspects=("2D",)
+)
+def test_a_step_in_which_the_state_may_jump_gives_a_warning(caplog):
+    """By default a history takes the given times; the step of a jump is named once."""
+    times = np.linspace(0.0, 4.0, 24)
+    history = pulled((0.5, 4.0)).run(times)
+    assert [s.time for s in history.steps] == times[1:].tolist()
+    assert not any(s.inserted or s.jump for s in history.steps)
+    (snap,) = (s for s in history.steps if s.start < 3.0 < s.time)
+    (warned,) = (s for s in history.steps if "jump" in s.result.warnings)
+    assert warned is snap
+    text = snap.result.warnings["jump"]
+    assert f"in step {snap.number} from the time" in text
+    assert "locate_jumps=True" in text
+    assert sum(text in r.message for r in caplog.records) == (COMM.rank == 0)
+    indicators = snap.result.indicators.step
+    change = snap.energies.residue - history.steps[snap.number - 2].energies.residue
+    assert indicators.residue > 0.1
+    assert change > 0
+    assert "jump" not in history.steps[0].result.warnings
+    located = pulled((0.5, 4.0)).run(times, locate_jumps=True, at_jump="jump", shortest=1e-3)
+    assert sum(s.jump for s in located.steps) == 1
+    assert all(s.inserted == (s.time not in times) for s in located.steps)
+    assert not any("jump" in s.result.warnings for s in located.steps)
+
+
 def test_what_is_proved_of_a_coarse_step():
     """The load turns back in the step, not where it begins; shorter steps lead nearer."""
     evolution = pulled([1.0])
-    history = evolution.run([0.0, 1.8, 2.1], at_jump="stop", shortest=0.6)
+    history = evolution.run([0.0, 1.8, 2.1], locate_jumps=True, at_jump="stop", shortest=0.6)
     assert "beyond the time 1.8" not in history.reason
     assert "continues the evolution in the step from 1.8 to 2.1" in history.reason
     assert "at 0.6667 of its change" in history.reason
     assert history.ending is Ending.NO_SOLUTION
-    later = evolution.run([1.8, 1.9, 1.999], at_jump="stop")
+    later = evolution.run([1.8, 1.9, 1.999], locate_jumps=True, at_jump="stop")
     assert later.complete
     assert jumps_of(later) == []
 
@@ -129,7 +158,9 @@ def test_a_jump_from_which_no_solution_is_near(stiffness, law, pressed, times):
 
     load(0.0)
     problem.solve()
-    history = QuasiStatic(problem, load).run(times, at_jump="jump", progress=False)
+    history = QuasiStatic(problem, load).run(
+        times, locate_jumps=True, at_jump="jump", progress=False
+    )
     assert history.complete
     ((start, end),) = jumps_of(history)
     assert start - 1e-4 * times[-1] <= static * pressed <= end + 1e-4 * times[-1]

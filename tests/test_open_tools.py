@@ -40,7 +40,7 @@ def led_off(u, surface, held, top, *, at_sides=()):
         way.value[0] = max(t - 1.0, 0.0)
         way.value[dim - 1] = -0.05 * min(t, 1.0)
 
-    history = QuasiStatic(problem, load).run(TIMES, rays=False, sudden=np.inf, shortest=0.02)
+    history = QuasiStatic(problem, load).run(TIMES, shortest=0.02)
     return [step for step in history.steps if step.time in TIMES]
 
 

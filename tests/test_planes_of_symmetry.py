@@ -92,7 +92,7 @@ def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, plane=0.0, **start):
     def load(t):
         down.value[dim - 1] = -t
 
-    steps = QuasiStatic(problem, load).run([0.0, 0.1, 0.2], rays=False, sudden=np.inf).steps
+    steps = QuasiStatic(problem, load).run([0.0, 0.1, 0.2]).steps
     last = steps[-1].result
     assert last.imbalance < 1e-9  # along planes, where all forces are those of the model
     return last.tables["contact"], [s.result.iterations for s in steps]
@@ -332,7 +332,7 @@ def test_a_plane_that_moves(dim, itself):
         moved.value = 0.01 * max(t - 1.0, 0.0)
 
     with pytest.raises(ValueError, match=OFF):
-        QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf)
+        QuasiStatic(problem, load).run([0.0, 1.0, 2.0])
 
 
 @pytest.mark.parametrize("evolution", ["history", "motion"])

@@ -592,7 +592,7 @@ def flat_punch(method):
         way.value = 0.1 * max(t - 1.0, 0.0)
 
     times = [0.0, 0.5, 1.0, 1.5, 2.0]
-    return QuasiStatic(problem, load).run(times, rays=False, sudden=np.inf).steps[-1].result
+    return QuasiStatic(problem, load).run(times).steps[-1].result
 
 
 @pytest.mark.verifies(
@@ -776,7 +776,7 @@ def test_ways_through_tools_that_turn(dim, angle, through):
     def load(t):
         turns[0].value = angle * t * (1 if dim == 2 else -1)
 
-    steps = QuasiStatic(on_body.problem, load).run([0.0, 1.0], rays=False, sudden=np.inf).steps
+    steps = QuasiStatic(on_body.problem, load).run([0.0, 1.0]).steps
     assert ("passing of 'contact'" in steps[-1].result.warnings) == through
 
 

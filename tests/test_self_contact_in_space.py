@@ -173,7 +173,7 @@ def pressed_hairpin(domain, inner):
     def load(t):
         value.value = -t
 
-    history = QuasiStatic(problem, load).run(np.linspace(0.0, 0.6, 3), rays=False, sudden=np.inf)
+    history = QuasiStatic(problem, load).run(np.linspace(0.0, 0.6, 3))
     assert history.reason == "the last time is reached"
     reactions = problem.evaluate().reactions
     mine = above[above < len(reactions)]

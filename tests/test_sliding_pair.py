@@ -981,7 +981,7 @@ def test_self_contact(friction, force, accuracy):
         value.value = -t
 
     times = np.linspace(0.0, 0.7, 8)
-    history = QuasiStatic(problem, load).run(times, rays=False, sudden=np.inf)
+    history = QuasiStatic(problem, load).run(times)
     assert history.reason == "the last time is reached"
     reactions = problem.evaluate().reactions
     assert reactions is not None
@@ -1054,7 +1054,7 @@ def test_a_disc_that_spins(cell, slave, common):
         moves[0][0].interpolate(turned(angle * (1.0 + common), 0.02 * min(t, 1.0)))
         moves[1][0].interpolate(turned(angle * common, 0.0))
 
-    history = QuasiStatic(problem, load).run(np.arange(4.0), rays=False, sudden=np.inf)
+    history = QuasiStatic(problem, load).run(np.arange(4.0))
     last = history.steps[-1].result
     assert last.indicators.surfaces["contact"].spin == pytest.approx(20.0, rel=5e-3)
     assert "spin of 'contact'" not in last.warnings
@@ -1093,7 +1093,7 @@ def test_a_step_that_spins_too_far_gives_a_warning(rubs):
         down = np.array([[0.0], [0.0], [0.01 * min(t, 1.0)]])
         turned.interpolate(lambda x: turn @ x - x - down)
 
-    history = QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf)
+    history = QuasiStatic(problem, load).run([0.0, 1.0, 2.0])
     step = history.steps[-1]
     angle = 60.0 * (step.time - history.steps[-2].time)
     assert angle > 40.0

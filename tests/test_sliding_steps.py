@@ -11,7 +11,7 @@ from test_mortar import stacked
 from test_sliding_pair import TIMES, Bodies, sliding_history
 
 from dolfinx_contact import Coulomb, Frictionless
-from dolfinx_contact.evolution import QuasiStatic, sliding_steps
+from dolfinx_contact.evolution import NoContinuation, QuasiStatic
 
 COMM = MPI.COMM_WORLD
 
@@ -47,8 +47,7 @@ def test_a_step_in_a_cycle_is_halved(caplog):
 
         history = QuasiStatic(ring.problem, load).run(
             times,
-            rays=False,
-            sudden=np.inf,
+            halve_steps=True,
             stop=lambda step: "it was halved" if step.rejected else "",
         )
         ends.append(ring.problem)
@@ -102,28 +101,14 @@ def pressed_block(way):
     reference="itself: shorter steps",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_a_fall_of_the_smallest_det_is_refused(monkeypatch):
-    """In a long step it is refused; what stays folded however short the step is ends the run."""
-    rejected = []
-    for folds in (sliding_steps._FOLDS, 0.0):
-        monkeypatch.setattr(sliding_steps, "_FOLDS", folds)
-        history = pressed_block(0.9).run([0.0, 1.0], rays=False, sudden=np.inf)
-        assert history.reason == "the last time is reached"
-        rejected.append(sum(s.rejected for s in history.steps))
-    assert rejected[0] > rejected[1] == 0
-    monkeypatch.undo()
-    whole = sliding_steps.smallest_jacobian
-
-    def folded(V, u, **given):
-        least, place = whole(V, u, **given)
-        return (least if least > 0.9 else 0.1 * least), place
-
-    monkeypatch.setattr(sliding_steps, "smallest_jacobian", folded)
-    history = pressed_block(0.9).run(
-        [0.0, 1.0], rays=False, sudden=np.inf, at_jump="stop", shortest=0.01
-    )
-    assert "the smallest det F falls from" in history.reason
-    assert 0.0 < history.steps[-1].time < 1.0
+def test_a_fall_of_the_smallest_det_is_refused():
+    """A folded solution ends a run; if steps are halved, the run continues."""
+    with pytest.raises(NoContinuation, match=r"the smallest det F falls from .*halve_steps=True"):
+        pressed_block(0.9).run([0.0, 1.0])
+    history = pressed_block(0.9).run([0.0, 1.0], halve_steps=True)
+    assert history.complete
+    assert sum(s.rejected for s in history.steps) > 0
+    assert [s.inserted for s in history.steps] == [True] * (len(history.steps) - 1) + [False]
 
 
 @pytest.mark.verifies(
@@ -139,9 +124,7 @@ def test_facets_that_a_step_passes(caplog):
         shift = [0.15 * max(t - 1.0, 0.0), -1e-3 * min(t, 1.0)]
         bodies.move(lambda X: np.tile(shift, (len(X), 1)))
 
-    history = QuasiStatic(bodies.problem, load).run(
-        [0.0, 1.0, 2.0, 4.0, 6.0], rays=False, sudden=np.inf
-    )
+    history = QuasiStatic(bodies.problem, load).run([0.0, 1.0, 2.0, 4.0, 6.0])
     ways = [s.result.indicators.surfaces["contact"].slip_in_step for s in history.steps]
     facet = 3.0 / 40
     expected = np.array([0.0, 0.15, 0.3, 0.3]) / facet

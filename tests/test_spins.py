@@ -78,7 +78,7 @@ class Disc:
         self.top.interpolate(lambda x: turn @ (x - shift - about) + about - x)
 
     def run(self, load, times=(0.0, 1.0, 2.0)):
-        return QuasiStatic(self.problem, load).run(list(times), rays=False, sudden=np.inf).steps
+        return QuasiStatic(self.problem, load).run(list(times)).steps
 
 
 def plate():
@@ -386,7 +386,7 @@ def test_one_of_two_bodies_on_a_floor_spins(angle):
         way = np.array([[30.0 * max(t - 1.0, 0.0)], [0.0], [0.0]])
         top.interpolate(lambda x: down + np.where(x[0] < 2.0, turn @ x - x, way + 0.0 * x))
 
-    steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf).steps
+    steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0]).steps
     assert spin(steps[-1]) == pytest.approx(angle, rel=0.03)
     assert ("spin of 'contact'" in steps[-1].result.warnings) == (angle > 21.0)
 
@@ -404,6 +404,6 @@ def test_what_is_in_the_air_does_not_spin():
 
         load(0.0)
         problem.solve()
-        steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0], rays=False, sudden=np.inf).steps
+        steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0]).steps
         assert steps[-1].result.counts["open"] == 16
         assert spin(steps[-1]) == 0.0

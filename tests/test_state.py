@@ -135,7 +135,7 @@ def test_evaluators_use_the_law_of_the_step_that_ended_in_the_state():
         move(0.01 * t, -0.02)
 
     evolution = QuasiStatic(problem, load)
-    evolution.run([0.0, 1.0], rays=False, sudden=np.inf)
+    evolution.run([0.0, 1.0])
     load(2.0)
     step = problem.with_memory(evolution.memory)
     step.solve()
@@ -169,7 +169,7 @@ def test_a_table_in_an_observer_has_the_law_of_the_step():
         np.testing.assert_array_equal(table.internal["beta"], expected.internal["beta"])
         found.append(table.internal["beta"])
 
-    QuasiStatic(problem, load).run([0.0, 0.5, 1.0], sudden=np.inf, observer=observe)
+    QuasiStatic(problem, load).run([0.0, 0.5, 1.0], observer=observe)
     after = problem.table(problem.surfaces[0]).internal["beta"]
     np.testing.assert_array_equal(after, found[-1])
     assert COMM.allreduce(after.min(initial=1.0), op=MPI.MIN) < 1.0

@@ -43,8 +43,6 @@ def test_steps_one_by_one_are_a_history():
     seen = []
     QuasiStatic(other, cycle(top)).run(
         TIMES,
-        rays=False,
-        sudden=np.inf,
         observer=lambda s: seen.append((s.status, other.u.x.array.copy())),
     )
     assert [s for s, _ in found] == [s for s, _ in seen]

@@ -191,6 +191,51 @@ def test_in_a_history(law):
         dragged.problem.solve()
 
 
+class Weakening(FrictionLaw):
+    """Friction that weakens with the speed: F(v) = 0.27 + 0.03 / (1 + v / 0.4)."""
+
+    def bound(self, a, p):
+        speed = ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / a.step, 0.0)
+        return (0.27 + 0.03 / (1 + speed / 0.4)) * p
+
+
+@pytest.mark.verifies(
+    "friction of speed and time",
+    "quasi-static",
+    reference="closed form: a quadratic equation for the speed in every step",
+    aspects=("2D",),
+)
+def test_velocity_weakening_in_exactly_the_given_steps():
+    """A column of stiffness 1 under the pressure 1 is dragged; shorter steps are not unique."""
+    domain = box(COMM, 1, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    top = fem.Constant(domain, (0.0, -1.0))
+    held = fem.dirichletbc(top, fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0)), V)
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Weakening())
+    energy = ufl.inner(ufl.grad(u), ufl.grad(u)) / 2 * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[held])
+    problem.solve()
+
+    def load(t):
+        top.value[0] = t
+
+    times = np.linspace(0.0, 1.0, 11)
+    history = QuasiStatic(problem, load).run(times)
+    assert [s.time for s in history.steps] == times[1:].tolist()
+    assert not any(s.inserted or s.jump for s in history.steps)
+    slip = 0.0
+    for step in history.steps:
+        reach = step.time - slip - 0.27
+        h = step.time - step.start
+        if reach > 0.03:
+            slip += h * np.roots([-h / 0.4, reach / 0.4 - h, reach - 0.03]).max()
+        table = step.result.tables["contact"]
+        np.testing.assert_allclose(np.abs(table.ut[:, 0]), slip, rtol=1e-8, atol=1e-12)
+    assert slip > 0.7
+
+
 @pytest.mark.long
 def test_in_a_motion():
     dragged = Dragged(OfSpeed(), 0.0)

@@ -195,7 +195,7 @@ def solve(p, settings):
         how = {"extrapolate": True, "rays": False} if law else {}
         start = problem.snapshot()
         evolution = QuasiStatic(problem, load)
-        history = evolution.run(times, sudden=np.inf, observer=keep, progress=False, **how)
+        history = evolution.run(times, observer=keep, progress=False, **how)
         states = [start, *(step.state for step in history.steps)]
         last = problem.step_from(states[-2], step=1.0)
     seconds = COMM.allreduce(processor_time() - begun)

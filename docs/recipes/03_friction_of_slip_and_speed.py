@@ -4,7 +4,8 @@
 # Write a `FrictionLaw` and its `bound`, the largest shear at the pressure p, in UFL. At a point
 # `a.slid` is the distance slipped and `a.step` the length of the time step; the quotient below is
 # the sliding velocity. The static law has no time: say what holds there by comparing `a.step` with
-# 0. A history remembers the distance.
+# 0. A history remembers the distance. Friction that weakens with the speed has
+# {doc}`a recipe of its own <41_velocity_weakening>`.
 
 from common import Block
 
@@ -14,7 +15,9 @@ from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws import FrictionLaw
 
 
-class Weakening(FrictionLaw):
+class OfSlipAndSpeed(FrictionLaw):
+    """Friction that weakens with the distance slipped and strengthens with the speed."""
+
     def bound(self, a, p):
         speed = ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / a.step, 0.0)
         return (0.2 + 0.1 * ufl.exp(-a.slid / 0.002) + 0.05 * speed) * p
@@ -25,7 +28,7 @@ def load(t):
 
 
 block = Block()
-history = QuasiStatic(block.problem(Weakening()), load).run([0.0, 0.5, 1.0])
+history = QuasiStatic(block.problem(OfSlipAndSpeed()), load).run([0.0, 0.5, 1.0])
 table = history.steps[-1].result.tables["contact"]
 print("slipped", table.slid.round(5))
 print("coefficient", (table.bound / table.rn).round(4))

@@ -41,6 +41,8 @@ __all__ = ["Energies", "Forces", "forces_at"]
 
 Array = npt.NDArray[np.float64]
 
+_ROUND_OFF = 1e-9  # of all energies, the least that counts in a step
+
 
 @dataclass(frozen=True)
 class Energies:
@@ -62,6 +64,18 @@ class Energies:
     def residue(self) -> float:
         """What of the external work is neither stored nor dissipated."""
         return self.external - self.stored - self.dissipated - self.damage
+
+    def residue_since(self, before: Energies) -> float:
+        """Return the residue of a step over the energies that are turned over in it.
+
+        Args:
+            before: energies at the start of the step.
+        """
+        parts = ("external", "stored", "dissipated", "damage")
+        turned = sum(abs(getattr(self, k) - getattr(before, k)) for k in parts)
+        least = _ROUND_OFF * sum(abs(getattr(self, k)) for k in parts)
+        size = max(turned, least)
+        return (self.residue - before.residue) / size if size > 0 else 0.0
 
     def row(self) -> dict[str, float]:
         """By name, with the residue, for a table of steps."""

@@ -33,6 +33,8 @@ class EvolutionStep:
             evolution.
         directions: number of solutions of the rate problem at its start that are known; more than
             one if other evolutions lead on from there. None if they were not looked for.
+        inserted: whether the run inserted its end between the requested times, because a step was
+            halved or a jump was located.
         state: state at its end, with time, energies and, in dynamics, velocity. Evaluators take it,
             as ``problem.table(surface, state=step.state)``, and another evolution starts from it.
     """
@@ -45,6 +47,7 @@ class EvolutionStep:
     rejected: int = 0
     jump: bool = False
     directions: int | None = None
+    inserted: bool = False
     state: State | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -73,6 +76,7 @@ class EvolutionStep:
             "rejected": self.rejected,
             "jump": self.jump,
             "directions": self.directions,
+            "inserted": self.inserted,
         }
 
     def row_before(self, known: Mapping[str, Any]) -> dict[str, Any]:

@@ -47,9 +47,15 @@ def _check_jump(a: Arguments) -> None:
 
 def _check_run(a: Arguments) -> None:
     a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
+    a.locate_jumps = bool(a.locate_jumps)
+    if a.halve_steps is None:
+        a.halve_steps = a.locate_jumps or a.shortest is not None
+    a.halve_steps = bool(a.halve_steps)
     if a.shortest is None:
         a.shortest = (a.times[-1] - a.times[0]) / 2**_HALVINGS
     a.follow_rays = bool(a.follow_rays)
+    if a.rays is None and not (a.locate_jumps or a.follow_rays):
+        a.rays = False
     a.extrapolate = bool(a.extrapolate)
     task = HistoryTask(
         a.times,
@@ -57,6 +63,7 @@ def _check_run(a: Arguments) -> None:
         a.shortest,
         a.at_jump,
         a.sudden,
+        locate_jumps=a.locate_jumps,
         rays=a.rays,
         follow_rays=a.follow_rays,
         extrapolate=a.extrapolate,
@@ -113,6 +120,8 @@ class QuasiStatic(Evolution):
         start: State | None = None,
         longest: float = math.inf,
         shortest: float | None = None,
+        halve_steps: bool | None = None,
+        locate_jumps: bool = False,
         at_jump: AtJump = "raise",
         sudden: float = 2.0,
         rays: bool | None = None,
@@ -126,39 +135,50 @@ class QuasiStatic(Evolution):
     ) -> History:
         """Step through the given times. Collective.
 
-        If the run cannot continue, ``history.reason`` or the error states whether this is proved.
-        The proof applies to a step of the shortest length: along every solution that leads out of
-        its start, the load would have to decrease. A step that was not solved proves nothing;
-        shorter steps are tried from the same state. Discontinuous data are not a jump: in a jump
-        the state changes suddenly although the data change little.
+        A history takes exactly the given times. Each step has indicators of a jump of the state
+        within it (``result.indicators.step``) with one warning. The following keywords insert
+        steps, which are marked (`EvolutionStep.inserted`): ``longest``, ``halve_steps``,
+        ``locate_jumps``, ``accept``. Shorter steps change the results of laws that depend on time.
 
-        Jump detection takes a few additional steps. If there is no jump, they are kept only if
-        shorter steps lead to another solution. Jumps are missed if they are a tenth or less of the
-        change in the step, or if the rate stays below the threshold.
+        In a jump the state changes suddenly although the load changes little. If a run cannot
+        continue, ``history.reason`` or the error states whether this is proved: along every
+        solution that leads out of the state, the load would have to decrease. The proof applies to
+        a step of the shortest length. A step that was not solved proves nothing. Discontinuous
+        data are not a jump.
 
         Args:
             times: increasing times: the time of the start, then the ends of the steps.
             start: state at the first time, such as ``history.steps[-1].state`` or
                 ``problem.snapshot()``. Default: end of the last run; in a first run the present
-                values of the Functions with virgin memory (slip is counted from there, bonds are
-                intact). Required in the first run if the problem has had another evolution.
-            longest: upper bound of the step length, a time; default: infinite.
-            shortest: lower bound of the step length, a time, unless ``times`` are closer; default:
-                the whole time divided by 2^20.
-            at_jump: action if no continuation exists or is found: ``"raise"`` `NoContinuation`
-                (default), ``"stop"`` with the reason in the history, or ``"jump"`` to the solution
-                found at a slightly later time, labelled as a jump. Without such a solution
+                Functions with virgin memory (slip is counted from there, bonds are intact).
+                Required in the first run if the problem has had another evolution.
+            longest: upper bound of the length of a step. Default: the given times.
+            shortest: lower bound of the length of a halved step. Default: the whole time halved
+                twenty times.
+            halve_steps: whether a step that was not solved is tried again with half or a quarter of
+                its length, down to ``shortest``. Default: only if ``shortest``, ``locate_jumps`` or
+                ``accept`` is given.
+            locate_jumps: whether steps in which the state changes suddenly are searched for a jump,
+                which takes additional solves. A jump is located to ``shortest``. If there is none,
+                the additional steps are kept only if they lead to another solution. Jumps are
+                missed if they are a tenth or less of the change in the step, or if the rate stays
+                below ``sudden``. Default: False.
+            at_jump: action if no solution continues the evolution: ``"raise"`` (default)
+                `NoContinuation`; ``"stop"``: end the run before the jump; ``"jump"``, with
+                ``locate_jumps``: continue from the solution beyond the jump, or from one found at a
+                slightly later time, marked by `EvolutionStep.jump`. Without such a solution
                 ``"jump"`` raises.
-            sudden: threshold of jump detection, a factor of at least 1 (default 2; ``inf``: never).
-                A step is searched for a jump if the state changes faster than ``sudden`` times its
-                rate in the previous step. Rates are those of all unknowns and of the points of each
-                surface (mean and maximum), if these exceed half the rate of the body. The first
-                step and steps in which a bond loses more than a quarter of the largest strength are
-                always searched, unless they begin in a state that is not a solution.
+            sudden: threshold of ``locate_jumps``, a factor of at least 1 (default 2). A step is
+                searched if the state changes faster than ``sudden`` times its rate in the previous
+                step. Rates are those of all unknowns and of the points of each surface (mean and
+                maximum), if these exceed half the rate of the body. The first step and steps in
+                which a bond loses more than a quarter of the largest strength are always searched,
+                unless they begin in a state that is not a solution.
             rays: whether all solutions of the rate problem are computed and counted in
                 `EvolutionStep.directions`: True: at the start of every step, in 2D with nodal
-                contact; False: only as many as needed to continue; None (default): up to sixteen
-                points, and if the statuses of the previous step do not hold.
+                contact; False: never. None (default): with ``locate_jumps`` or ``follow_rays``, up
+                to sixteen points, where the statuses of the previous step do not hold; otherwise
+                never.
             follow_rays: whether the remaining solutions are followed, too, each to the last time
                 (`History.others`), up to sixteen. ``observer``, ``stop`` and ``accept`` are not
                 called with their steps.
@@ -189,12 +209,16 @@ class QuasiStatic(Evolution):
             OSError: on every rank, if a step cannot be recorded.
         """
         assert shortest is not None
+        # accept may be given on some ranks only
+        accepts = bool(self.problem.comm.allreduce(int(accept is not None)))
         task = HistoryTask(
             tuple(times),
             longest,
             shortest,
             at_jump,
             sudden,
+            locate_jumps=locate_jumps,
+            halve=bool(halve_steps) or accepts,
             rays=rays,
             follow_rays=follow_rays,
             extrapolate=extrapolate,

@@ -11,6 +11,7 @@ folded: there the smallest det F falls at once, however short the step is.
 from __future__ import annotations
 
 import bisect
+import math
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +38,7 @@ class SlidingSteps:
         longest: longest length of a step.
         shortest: shortest length of a step.
         extrapolate: whether solves start from the extrapolated last step.
+        halve: whether steps that are not solved are halved.
         start: state at the start of the run.
     """
 
@@ -48,6 +50,7 @@ class SlidingSteps:
         longest: float,
         shortest: float,
         extrapolate: bool,
+        halve: bool,
         start: AcceptedState,
     ):
         self._problem = problem
@@ -55,6 +58,7 @@ class SlidingSteps:
         self._longest = longest
         self._shortest = shortest
         self._extrapolate = extrapolate
+        self._halve = halve
         self._slide = isinstance(start, AtRest) and any(s.slides for s in problem.surfaces)
         self._folds = self._slide and not problem.equations.bulk.linear
         self._known: tuple[AcceptedState, float] | None = None
@@ -73,8 +77,16 @@ class SlidingSteps:
         before = self._times[max(bisect.bisect_left(self._times, end) - 1, 0)]
         least = max(min(end - before, self._longest) / _PARTS, self._shortest)
         # Sums of steps of the same length are off by round-off.
-        brief = (time - accepted.time) / 2 >= least * (1 - 1e-9)
+        brief = self._halve and (time - accepted.time) / 2 >= least * (1 - 1e-9)
         return Trial(extrapolated=self._extrapolated(accepted, time), brief=brief)
+
+    def requested(self, time: float) -> float:
+        """Length of the equal steps that were requested around a time. Not collective."""
+        k = bisect.bisect_left(self._times, time)
+        if not 0 < k < len(self._times):
+            return 0.0
+        whole = self._times[k] - self._times[k - 1]
+        return whole / max(math.ceil(whole / self._longest * (1 - 1e-12)), 1)
 
     def _extrapolated(self, accepted: AcceptedState, time: float) -> npt.NDArray[np.float64] | None:
         """Unknowns at a time if they continue as in the last step; None if that is not known."""

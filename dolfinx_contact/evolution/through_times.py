@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
 from mpi4py import MPI
@@ -31,8 +31,10 @@ from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
 from dolfinx_contact.evolution.run import Rule, RunState
 from dolfinx_contact.evolution.sliding_steps import SlidingSteps
-from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
+from dolfinx_contact.evolution.step import AcceptedState, AtRest, SolvedStep, Stepper
 from dolfinx_contact.laws.status import closed
+from dolfinx_contact.results.indicators import StepIndicators
+from dolfinx_contact.results.result import Result
 from dolfinx_contact.solvers import ConvergenceError
 
 __all__ = ["Accept", "AtJump", "HistoryTask", "ThroughTimes", "checked_times"]
@@ -49,6 +51,7 @@ _BREAKS = 0.25  # of a bond, lost in a step: it may have snapped
 _FURTHER = 4.0  # times as far in time, the next at which a solution is looked for
 _MOST_FURTHER = 20  # such times
 _REACHED = "the last time is reached"
+_HALVE = "; shorter steps are tried with halve_steps=True"
 
 
 @dataclass(frozen=True)
@@ -63,8 +66,10 @@ class HistoryTask:
     longest: float
     shortest: float
     at_jump: AtJump = "raise"
-    sudden: float = math.inf
+    sudden: float = 2.0
     locate: bool = False
+    locate_jumps: bool = False
+    halve: bool = True
     rays: bool | None = False
     follow_rays: bool = False
     extrapolate: bool = False
@@ -85,6 +90,8 @@ class HistoryTask:
         check_rays(self.rays)
         if self.follow_rays and self.rays is False:
             raise ValueError("rays must be True or None, to follow some too: False")
+        if self.at_jump == "jump" and not self.locate_jumps:
+            raise ValueError("at_jump='jump' needs locate_jumps=True")
         if not self.sudden >= 1:
             raise ValueError(f"sudden must be 1 or more, got {self.sudden}")
 
@@ -164,6 +171,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             longest=task.longest,
             shortest=task.shortest,
             extrapolate=task.extrapolate,
+            halve=task.halve,
             start=run_state.accepted,
         )
 
@@ -255,21 +263,42 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             self.end(Ending.REACHED, _REACHED)
 
     def _step(self, solved: SolvedStep, jump: bool, directions: int | None = None) -> EvolutionStep:
+        start = solved.before.time
+        end = solved.after.time
+        requested = self._sizes.requested(end)
         return EvolutionStep(
             self._number + 1,
-            solved.before.time,
-            solved.after.time,
-            solved.result,
+            start,
+            end,
+            self._with_indicators(solved),
             solved.after.energies,
             self._rejected,
             jump,
             directions,
+            inserted=end not in self.task.times and end - start < (1 - _ROUND_OFF) * requested,
             state=solved.after.state,
         )
 
+    def _with_indicators(self, solved: SolvedStep) -> Result:
+        """Return the result of a step with its indicators of a jump. Collective."""
+        a, b = solved.before, solved.after
+        result = solved.result
+        if not (isinstance(a, AtRest) and a.solved) or self._rate is None:
+            return result
+        rate = _rate(self._stepper.problem.comm, solved)[1]
+        indicators = StepIndicators(
+            self._number + 1,
+            a.time,
+            b.time,
+            float(rate / self._rate[1]) if self._rate[1] > 0 else math.inf,
+            b.energies.residue_since(a.energies),
+            searched=self.task.locate_jumps,
+        )
+        return replace(result, indicators=replace(result.indicators, step=indicators))
+
     def _jump(self, solved: SolvedStep) -> Found | None:
         """Search a step for a jump if it changes the state suddenly; None if there is none."""
-        if math.isinf(self.task.sudden) or not solved.before.solved:
+        if not self.task.locate_jumps or not solved.before.solved:
             return None
         slow = self._sudden(solved, self.task.sudden)
         if slow is None:
@@ -345,7 +374,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         """
         length = goal - self._accepted.time
         part = 2 if error is None or brief else 4
-        if length / part < self.task.shortest:
+        if not self.task.halve or length / part < self.task.shortest:
             if error is not None and self.task.at_jump == "jump":
                 beyond = self._beyond(goal)
                 if beyond is not None:
@@ -355,7 +384,8 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             raise _Ended(
                 Ending.NOT_SOLVED,
                 f"no solution was found beyond the time {self._accepted.time:.10g}, in a step of "
-                f"{length:.2g}, which was not solved: {error}",
+                f"{length:.2g}, which was not solved: {error}"
+                + ("" if self.task.halve else _HALVE),
             ) from error
         self._length = length / part
         self._rejected = self._rejected + 1

@@ -20,6 +20,7 @@ facet size of the contact surface, x, g, n, j are position, gap, normal and jump
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u) of a nonlinear body | 0 (below) |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
+| `speed`, `residue` | history, signs of a jump of the state within a step: rate of change of all unknowns over that in the previous step; energy of the step that is neither stored nor dissipated, over the sum of the magnitudes of external work, stored energy and dissipation in the step | both: 1.5 and 0.1 |
 
 An evolution defines "in a step" as since its last accepted state; the static law as since the mesh.
 """  # noqa: E501
@@ -54,6 +55,7 @@ from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 __all__ = [
     "LIMITS",
     "Indicators",
+    "StepIndicators",
     "SurfaceIndicators",
     "indicators_of",
     "small_sliding_violated",
@@ -78,6 +80,8 @@ LIMITS = {
     "penetration": 0.1,
     "min_det_F": 0.0,
     "rotation": np.degrees(0.2),
+    "speed": 1.5,
+    "residue": 0.1,
 }
 _MESSAGES = {
     "misfit": "the gap at the displaced contact points differs by {:.2g} facet sizes from the gap "
@@ -107,6 +111,9 @@ _MESSAGES = {
     "or an energy that grows without bound at det F = 0",
     "rotation": "a linear body has rotated by {:.3g} degrees, and linear strains are not invariant "
     "under rotations; take materials.StVenantKirchhoff or materials.NeoHookean",
+    "jump": "the state may jump in step {} from the time {:.6g} to {:.6g}: it changes {:.3g} times "
+    "faster than in the step before, and {:.0%} of the energy turned over is neither stored nor "
+    "dissipated; QuasiStatic.run(..., locate_jumps=True) decides",
 }
 _LENGTHS = ("misfit", "penetration")  # compared with the facet size
 _LEFT = 0.5  # facets beyond the edge of a master, from which a point has left it
@@ -165,6 +172,37 @@ class SurfaceIndicators:
 
 
 @dataclass(frozen=True)
+class StepIndicators:
+    """Indicators of a jump of the state within a step of a history.
+
+    Attributes:
+        number: number of the step.
+        start: time at its start.
+        time: time at its end.
+        speed: rate of change of all unknowns over that in the previous step.
+        residue: residue of the energies of the step over the energies turned over in it; energy
+            released by a jump is positive.
+        searched: whether the run locates jumps, so that a warning is not needed.
+    """
+
+    number: int
+    start: float
+    time: float
+    speed: float
+    residue: float
+    searched: bool = False
+
+    @property
+    def warning(self) -> str:
+        """Message if the state may jump in the step, otherwise ""."""
+        jumps = self.speed > LIMITS["speed"] and self.residue > LIMITS["residue"]
+        if self.searched or not jumps:
+            return ""
+        values = self.number, self.start, self.time, self.speed, self.residue
+        return _MESSAGES["jump"].format(*values)
+
+
+@dataclass(frozen=True)
 class Indicators:
     """Indicators of model validity at a solution.
 
@@ -173,11 +211,14 @@ class Indicators:
         min_det_F: smallest det(I + grad u), including the hoop stretch of a body of revolution;
             None for linear bodies.
         rotation: largest mean rotation of a part of a linear body in degrees; None for others.
+        step: indicators of a jump within the step of a history; None for other solves, first steps
+            and steps from states that are not solutions.
     """
 
     surfaces: dict[str, SurfaceIndicators]
     min_det_F: float | None = None
     rotation: float | None = None
+    step: StepIndicators | None = None
 
     @property
     def warnings(self) -> dict[str, str]:
@@ -187,6 +228,8 @@ class Indicators:
             found["min_det_F"] = _MESSAGES["min_det_F"].format(self.min_det_F)
         if self.rotation is not None and self.rotation > LIMITS["rotation"]:
             found["rotation"] = _MESSAGES["rotation"].format(self.rotation)
+        if self.step is not None and self.step.warning:
+            found["jump"] = self.step.warning
         for surface, s in self.surfaces.items():
             found |= {f"{name} of {surface!r}": text for name, text in s.warnings.items()}
         return found
