@@ -95,13 +95,13 @@ BODY = RigidBody(Sphere((0.0, 0.0), 1.0), about=(0.0, 0.0), held=["x", "y", "rz"
         ),
         ({"surface": BODY}, "the surface must be a HalfSpace"),
         ({"surface": Sphere((0, 0), 1.0), "gap": 0.1}, "has a gap and a normal of its own"),
-        ({"search_distance": 0.1}, "a search distance is for sliding='large'"),
-        ({"sliding": "large", "gap": 0.1}, "sliding='large' does not support a gap"),
+        ({"search_distance": 0.1}, "only sliding='large' supports search_distance"),
+        ({"sliding": "large", "gap": 0.1}, "sliding='large' does not support gap"),
         ({"sliding": "large", "search_distance": -1.0}, "search distance must be positive"),
         ({"remove_overlap": 0.1, "gap": 0.1}, "there is no overlap to remove"),
         ({"axisymmetric": 1}, "axisymmetric must be True or False"),
-        ({"law": 0.3}, "the law must be Frictionless"),
-        ({"name": ""}, "the name of a contact pair must be a word"),
+        ({"law": 0.3}, "the law must be a Law, such as Frictionless"),
+        ({"name": ""}, "the name of a contact surface must be a word"),
     ],
 )
 def test_arguments_that_a_pair_refuses(arguments, message):
@@ -163,7 +163,7 @@ def test_quadrature_integrates_multiplier_times_displacement(degrees, axisymmetr
     assert surface(u, **given).quadrature_degree == default
     assert surface(u, quadrature_degree=least, **given).quadrature_degree == least
     for bad in (least - 1, float(least), "4"):
-        with pytest.raises(ValueError, match=f"at least {least} for .* P{degrees[0]} with"):
+        with pytest.raises(ValueError, match=f"of P{degrees[0]} with .* a whole number >= {least}"):
             surface(u, quadrature_degree=bad, **given)
 
 

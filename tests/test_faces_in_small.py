@@ -394,12 +394,12 @@ def test_overlaps_that_are_allowed():
     ]
     assert presses == [False, True, False]
     for interference, removed, words in (
-        (0.0, None, "interference is True or False"),
-        (-1.0, None, "interference is True or False"),
-        (np.inf, None, "interference is True or False"),
-        ("x", None, "interference is True or False"),
-        (False, 0.0, "remove_overlap is the largest"),
-        (False, True, "remove_overlap is the largest"),
+        (0.0, None, "interference must be True, False"),
+        (-1.0, None, "interference must be True, False"),
+        (np.inf, None, "interference must be True, False"),
+        ("x", None, "interference must be True, False"),
+        (False, 0.0, "remove_overlap must be the largest"),
+        (False, True, "remove_overlap must be the largest"),
         (True, 0.5, "a press fit, or is removed"),
         (0.5, 0.5, "a press fit, or is removed"),
     ):

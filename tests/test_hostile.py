@@ -331,7 +331,7 @@ MISUSE = {
     "name 3": (lambda w: discretised(w, name=3), "the name of a contact surface"),
     "quadrature degree word": (
         lambda w: discretised(w, method="integral", quadrature_degree="4"),
-        "the quadrature degree must be",
+        "the quadrature degree of P. with P. must be",
     ),
     "displacement expression": (
         lambda w: ContactSurface(2 * w.u, facets(w.domain, 1, 0.0), obstacle=FLOOR, law=BadLaw()),

@@ -295,7 +295,7 @@ def test_which_sliding():
     ("given", "message"),
     [
         ({"method": "mixed"}, "gaps of mixed contact are averages"),
-        ({"sliding": "huge"}, "sliding must be 'small', 'large' or None, got 'huge'"),
+        ({"sliding": "huge"}, "sliding must be one of small, large, None; got 'huge'"),
     ],
 )
 @pytest.mark.refuses("mixed contact", aspects=("large sliding",))

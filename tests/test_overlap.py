@@ -126,8 +126,8 @@ def test_refused(dim, sliding):
         ({}, r"overlap by 0\.04; interference=True for a press fit"),
         ({"interference": 0.9 * OVERLAP}, r"overlap by 0\.04; interference allows 0\.036"),
         ({"remove_overlap": 0.9 * OVERLAP}, r"overlap by 0\.04; remove_overlap allows 0\.036"),
-        ({"interference": -1.0}, "interference is True or False, or the largest overlap"),
-        ({"remove_overlap": True}, "remove_overlap is the largest overlap that is removed"),
+        ({"interference": -1.0}, "interference must be True, False or the largest overlap"),
+        ({"remove_overlap": True}, "remove_overlap must be the largest overlap that is removed"),
         ({"interference": True, "remove_overlap": 0.1}, "and not both"),
     ):
         with pytest.raises(ValueError, match=words):
@@ -244,7 +244,7 @@ def test_overlaps_that_are_not_removed(folder):
         ({"remove_overlap": 0.05}, r"overlap by 0\.08; remove_overlap allows 0\.05"),
         ({}, r"overlap by 0\.08; .*remove_overlap for a start without stress"),
         ({"remove_overlap": 0.1, "interference": True}, "and not both"),
-        ({"remove_overlap": -0.1}, "remove_overlap is the largest overlap that is removed"),
+        ({"remove_overlap": -0.1}, "remove_overlap must be the largest overlap that is removed"),
     ):
         with pytest.raises(ValueError, match=words):
             on_tool(2, 0.08, **options)

@@ -556,7 +556,7 @@ def test_bad_pairs():
     for gap in (np.nan, "x", ufl.SpatialCoordinate(both.mesh)):
         refused("the gap must be", u, both, gap=gap)
     refused(r"the given gap is -0\.1; interference=True", u, both, gap=-0.1)
-    refused("interference is True or False", u, both, interference="no")
+    refused("interference must be True, False or", u, both, interference="no")
     indices = both.facet_tags.find(3)
     with pytest.raises(ValueError, match="by their indices need master_facets"):
         discretise(ContactPair(u, indices, law=Frictionless()))

@@ -19,7 +19,6 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
-    Frictionless,
     HalfSpace,
     ParametricContact,
 )
@@ -29,7 +28,6 @@ from dolfinx_contact.equations import (
     sliding,
     substitute,
 )
-from dolfinx_contact.equations.constraints import Constraints
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import data_in
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation, differs
@@ -38,7 +36,6 @@ from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.rates import Driven, Rate, RigidRates, depends_on, dirichlet_rates
 from dolfinx_contact.equations.scaling import LooseMotions, _direction, require_hoop_stiffness
 from dolfinx_contact.equations.sliding import SlidingTerms, _Block, _pattern, _Pieces
-from dolfinx_contact.equations.validation import check, fit, listed, lists
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.materials import LinearElastic
 
@@ -633,68 +630,6 @@ def test_bodies_that_resist_no_hoop(entry, plane):
 # -- arguments ------------------------------------------------------------------------------------
 
 
-def test_arguments_of_problems():
-    domain = box(COMM, 1, "tri")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, other = fem.Function(V), fem.Function(V)
-    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-
-    def surface(name="a", f=u):
-        return ContactSurface(
-            f, facets(domain, 1, 0.0), obstacle=floor, law=Frictionless(), name=name
-        )
-
-    one = surface()
-    energy = LinearElastic(1.0, 1.0).energy(u)
-    bc = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0)), V)
-    check(energy * ufl.dx, u, [one], [bc])
-    for bulk, surfaces, words in (
-        (energy * ufl.dx, [], "at least one contact surface"),
-        (energy * ufl.dx, [one, surface("b", other)], "made with the displacement u"),
-        (energy * ufl.dx, [one, surface()], "contact surfaces need different names"),
-        (energy, [one], "got .*: multiply the energy density by ufl.dx"),
-        (3.0, [one], "the bulk must be a UFL form, got float$"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            check(bulk, u, surfaces, [bc])
-    odd = SimpleNamespace(u=u, name="b", axisymmetric=True)
-    with pytest.raises(ValueError, match=r"axisymmetric or none is, unlike \['a'\]"):
-        check(energy * ufl.dx, u, [one, odd], [bc])
-    assert lists((one,), iter([bc])) == ([one], [bc])
-    for surfaces, bcs, words in (
-        (one, [bc], "must be (a list|lists)"),
-        ([one], bc, "must be (a list|lists)"),
-        (3, [bc], "must be (a list|lists)"),
-        ([one], 3, "must be (a list|lists)"),
-        ([one, "b"], [bc], "must be a list of ContactSurface"),
-        ([one], [bc, "b"], "must be a list of Dirichlet conditions"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            lists(surfaces, bcs)
-    assert listed([(1, 2)]) == [[1, 2]]
-    for wrong in (3, [3]):
-        with pytest.raises(ValueError, match="expected must be a list of statuses"):
-            listed(wrong)
-
-
-def test_statuses_that_fit():
-    surfaces = [
-        SimpleNamespace(points=SimpleNamespace(number=n), law_at_points=SimpleNamespace(codes=c))
-        for n, c in ((2, (OPEN, PLUS)), (1, (OPEN, STICK)))
-    ]
-    good = [np.array([OPEN, PLUS]), np.array([STICK])]
-    assert fit(surfaces, good)
-    for wrong in (
-        good[:1],
-        [*good, good[0]],
-        [np.array([OPEN]), good[1]],
-        [np.array([[OPEN, PLUS]]), good[1]],
-        [np.array([OPEN, STICK]), good[1]],
-        [good[0], np.array([PLUS])],
-    ):
-        assert not fit(surfaces, wrong)
-
-
 def test_what_answers_instead_of_a_law(monkeypatch):
     """Bounds that are given, bonds that are held, and contact that yields."""
     monkeypatch.setattr(ContactEquations, "_contact", lambda self, x, u, q, statuses: self.states)
@@ -750,34 +685,6 @@ def test_what_answers_instead_of_a_law(monkeypatch):
 # -- what Dirichlet data hold ---------------------------------------------------------------------
 
 
-def test_slaves_that_hold_more_nodes_than_the_master_has():
-    fixed = np.array([[True, True], [True, True], [True, False], [False, False], [True, True]])
-    known = SimpleNamespace(
-        fixed=fixed,
-        _V=SimpleNamespace(dofmap=SimpleNamespace(index_map=SimpleNamespace(size_local=4))),
-    )
-
-    def refused(master, matching=False, pair=True):
-        sides = np.array([[True, True, True, False, True], [False] * 5])
-        sides[1, :master] = True
-        opposite = SimpleNamespace(matching=matching, sides=sides)
-        s = SimpleNamespace(
-            name="pair",
-            comm=ALONE,
-            between_bodies=pair,
-            obstacle=SimpleNamespace(opposite=opposite),
-        )
-        Constraints._check_slave(known, s)
-
-    refused(2)
-    refused(1, matching=True)
-    refused(1, pair=False)
-    with pytest.raises(
-        ValueError, match="pair: Dirichlet data hold 2 nodes of the slave, more than"
-    ):
-        refused(1)
-
-
 def removed(fixed, normals, friction=True, follows=None):
     s = SimpleNamespace(
         name="floor",
@@ -791,153 +698,6 @@ def removed(fixed, normals, friction=True, follows=None):
         law_at_points=SimpleNamespace(codes=(OPEN, STICK, PLUS) if friction else (OPEN, PLUS)),
     )
     return constraints._removed(s, np.array(fixed)).tolist()
-
-
-def test_multipliers_that_data_remove():
-    """All where the normal is held, those along it where they are; none at an oblique one."""
-    down, right = [0.0, -1.0], [1.0, 0.0]
-    yes, no = [True, True], [False, False]
-    assert removed([yes, no, [True, False], [False, True]], [down] * 4) == [
-        yes,
-        no,
-        [True, False],
-        yes,
-    ]
-    assert removed([[True, False], [False, True]], [right] * 2) == [yes, [False, True]]
-    oblique = [0.6, -0.8]
-    assert removed([[True, False]], [oblique], friction=False) == [no]
-    assert removed([yes, no], [oblique] * 2) == [yes, no]
-    with pytest.raises(ValueError, match="floor: Dirichlet data fix a displacement component that"):
-        removed([[True, False]], [oblique])
-    rough, smooth = SimpleNamespace(friction=True), SimpleNamespace(friction=False)
-    every = [yes, [True, False], [False, True], no]
-    assert removed(every, [down] * 4, False, smooth) == [yes, no, no, no]
-    assert removed([yes, [True, False]], [down] * 2, True, rough) == [yes, [True, False]]
-    with pytest.raises(ValueError, match="floor: Dirichlet data fix the normal displacement alone"):
-        removed([yes, [False, True]], [down] * 2, True, rough)
-
-
-def test_facets_that_two_surfaces_have():
-    def surface(name, mine, master=None):
-        opposite = SimpleNamespace(master_facets=np.array(master or []))
-        return SimpleNamespace(
-            name=name,
-            comm=ALONE,
-            submesh=SimpleNamespace(parent_facets=np.array(mine)),
-            between_bodies=master is not None,
-            obstacle=SimpleNamespace(opposite=opposite),
-        )
-
-    constraints.check_overlap([surface("a", [1, 2]), surface("b", [3]), surface("c", [4])])
-    with pytest.raises(ValueError, match="surfaces a and c have common facets"):
-        constraints.check_overlap([surface("a", [1, 2]), surface("b", [3]), surface("c", [2])])
-    constraints.check_overlap([surface("a", [1], [2]), surface("b", [2], [3])])
-    constraints.check_overlap([surface("a", [1], [2]), surface("b", [2])])
-    with pytest.raises(ValueError, match="a and b are one pair with slave and master exchanged"):
-        constraints.check_overlap([surface("a", [1], [2]), surface("b", [2], [1])])
-
-
-def values_of(**more):
-    """Constraints of one surface of two nodes on a floor, the first of which is held."""
-    fixed = np.array([[True, True], [False, False], [True, False]])
-    values = np.where(fixed, 0.0, np.nan)
-    known = SimpleNamespace(
-        values=lambda: values,
-        fixed=fixed,
-        held=[fixed],
-        _normals=[np.array([[0.0, -1.0]] * 2)],
-        _V=SimpleNamespace(mesh=SimpleNamespace(comm=ALONE)),
-        _warn_of_contradictions=lambda: None,
-    )
-    places = []
-    points = SimpleNamespace(
-        vertex_trace_dofs=np.array([0, 1]),
-        vertex_normals=np.array([[0.0, -1.0]] * 2),
-        require_in_place=lambda prescribed, size, where: places.append(
-            (prescribed.copy(), size, where)
-        ),
-    )
-    s = SimpleNamespace(
-        name="floor",
-        comm=ALONE,
-        points=points,
-        displaced=None,
-        rigid_body=None,
-        opposite_nodes=None,
-        opposite=lambda v: 0.0 * v,
-        at_vertices=lambda moved: (0.5 + moved[:, 1], np.array([[0.0, -1.0]] * 2)),
-        relative=lambda moved, motion: moved - motion,
-    )
-    vars(s).update(more)
-    Constraints_check = lambda where="": Constraints.check_values(known, [s], 4.0, where)  # noqa: E731
-    return Constraints_check, values, s, places, known
-
-
-def test_values_that_surfaces_cannot_have():
-    """Numbers, that push no clamped node into its obstacle, beside the size of the body."""
-    asked, values, s, places, known = values_of()
-    asked(" at the start")
-    ((prescribed, size, where),) = places
-    np.testing.assert_array_equal(prescribed, np.zeros((3, 2)))
-    assert (size, where) == (4.0, "floor at the start")
-    values[0, 1] = -0.5 - 3.9e-9
-    asked()
-    values[0, 1] = -0.5 - 4.1e-9
-    with pytest.raises(
-        ValueError, match=r"floor there: Dirichlet data push a contact node 4\.1e-09"
-    ):
-        asked(" there")
-    # What is not held along the normal may open, and what is far off counts for nothing.
-    known.held = [np.array([[True, False], [False, False], [True, False]])]
-    asked()
-    values[0, 1] = np.inf
-    with pytest.raises(ValueError, match="a Dirichlet value is not finite there"):
-        asked(" there")
-    asked, values, s, *_ = values_of()
-    for off in (0.9e-6, 1.1e-6):
-        s.points.vertex_normals = np.array([[off, -1.0], [0.5, -1.0]])
-        if off < 1e-6:
-            asked()
-        else:
-            with pytest.raises(
-                ValueError, match="floor: the obstacle has turned at a contact node"
-            ):
-                asked()
-    s.displaced = SimpleNamespace(friction=True)
-    asked()
-    body = SimpleNamespace(fixed=np.array([True, False]), numbers=lambda: np.array([0.0, 9.0]))
-    body.fixed = np.array([True, True])
-    body.numbers = lambda: np.array([0.0, 0.6])
-    asked, values, s, *_ = values_of(rigid_body=body)
-    with pytest.raises(ValueError, match=r"push a contact node 0\.1 into"):
-        asked()
-    body.fixed = np.array([True, False])
-    asked()
-    asked, values, s, *_ = values_of(opposite=lambda v: np.full_like(v, 0.6))
-    with pytest.raises(ValueError, match=r"push a contact node 0\.1 into"):
-        asked()
-
-
-@pytest.mark.parametrize("matching", [True, False])
-def test_gaps_at_the_front_of_a_crack(matching):
-    """Where both sides have a node in common there is none, of meshes that match."""
-    opposite = SimpleNamespace(none=np.array([False, True, False]), matching=matching)
-    gap = np.array([0.5, -3.9e-9])
-    asked, *_ = values_of(
-        opposite_nodes=opposite, at_vertices=lambda moved: (gap, np.array([[0.0, -1.0]] * 2))
-    )
-    asked()
-    gap[1] = -4.1e-9
-    if matching:
-        with pytest.raises(ValueError, match=r"the gap is -4\.1e-09 at the front of the crack"):
-            asked()
-    else:
-        asked()
-    # A node with nothing opposite is pushed into nothing.
-    gap[:] = -1.0, 0.5
-    opposite.none = np.array([True, False, False])
-    opposite.matching = False
-    asked()
 
 
 # -- terms of sliding faces -----------------------------------------------------------------------

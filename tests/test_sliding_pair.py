@@ -694,9 +694,9 @@ def test_ironing(folder):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"gap": 0.1}, "does not support a gap"),
-        ({"normal": (0.0, 1.0)}, "does not support .* a normal"),
-        ({"method": "nodal"}, "does not support .* a choice of the method"),
+        ({"gap": 0.1}, "does not support gap"),
+        ({"normal": (0.0, 1.0)}, "does not support normal"),
+        ({"method": "nodal"}, "does not support method"),
         ({"search_distance": -1.0}, "search distance must be positive"),
         ({"sliding": "huge"}, "sliding must be"),
         ({"law": Tresca(1.0)}, "bounds the shear of open points"),

@@ -23,7 +23,16 @@ from dolfinx import fem, mesh
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import require
 from dolfinx_contact._ufl_data import described
-from dolfinx_contact._validate import count, flag, is_number, one_of, positive, scalar, vector, word
+from dolfinx_contact._validate import (
+    count,
+    flag,
+    instance,
+    one_of,
+    positive,
+    scalar,
+    vector,
+    word,
+)
 from dolfinx_contact.laws import Law
 from dolfinx_contact.meshing import GmshMesh
 from dolfinx_contact.obstacles import Obstacle, has_ufl
@@ -57,6 +66,14 @@ _STABLE: dict[str, set[tuple[int, int]]] = {
     "integral": {(1, 1), (2, 1), (2, 2)},
     "mixed": {(1, 1)},
 }
+#: Arguments of a pair that exclude others, with the reason.
+_EXCLUSIVE: tuple[tuple[str, set[str], str], ...] = (
+    ("remove_overlap", {"gap", "surface"}, "there is no overlap to remove"),
+    ("surface", {"gap", "normal"}, "a given surface has a gap and a normal of its own"),
+    ("master_facets", {"slave", "master"}, "facets by their indices have no tags"),
+)
+_SMALL_ONLY = ("gap", "surface", "normal", "method", "quadrature_degree")
+_LARGE_ONLY = ("search_distance", "symmetry")
 _ROUND_OFF = 1e-9  # relative excess of an overlap that counts as round-off
 _ACROSS = 1e-9  # part of a unit direction across a plane of symmetry that counts as round-off
 
@@ -64,55 +81,41 @@ _ACROSS = 1e-9  # part of a unit direction across a plane of symmetry that count
 # -- arguments -------------------------------------------------------------------------------------
 
 
-def _bound_law(a: Arguments) -> Law:
-    """The law with its numbers as Constants of the mesh."""
-    if not isinstance(a.law, Law):
-        raise ValueError(
-            f"{a.name}: the law must be Frictionless(), Coulomb(F), Tresca(g) or a Law"
-        )
-    return a.law.bind(a.u.function_space.mesh)
+def _check_common(a: Arguments) -> int:
+    """Validate the arguments of all descriptions and return the degree of the displacement.
 
-
-def _check_sliding(a: Arguments) -> None:
-    if a.sliding not in ("small", "large", None):
-        raise ValueError(f"{a.name}: sliding must be 'small', 'large' or None, got {a.sliding!r}")
+    The law gets its numbers as Constants of the mesh.
+    """
+    degree = displacement_degree(a.u)
+    word(a.name, "the name of a contact surface")
+    one_of(getattr(a, "sliding", None), f"{a.name}: sliding", ("small", "large", None))
+    flag(getattr(a, "axisymmetric", False), f"{a.name}: axisymmetric")
+    hint = "such as Frictionless(), Coulomb(F) or Tresca(g)"
+    a.law = instance(a.law, f"{a.name}: the law", Law, hint).bind(a.u.function_space.mesh)
+    return degree
 
 
 def displacement_degree(u: Any) -> int:
     """Return the degree of a vector Lagrange displacement, or raise ``ValueError``."""
-    if not isinstance(u, fem.Function):
-        raise ValueError(f"the displacement must be a Function, got {type(u).__name__}")
-    domain = u.function_space.mesh
+    domain = instance(u, "the displacement", fem.Function).function_space.mesh
     element = u.function_space.ufl_element()
-    cell = domain.basix_cell().name
-    dim = domain.geometry.dim
-    lagrange = element.family_name == "P" and not element.discontinuous
-    for right, message in (
-        (
-            domain.geometry.x.dtype == u.x.array.dtype == np.float64,
-            "the mesh and the displacement must be in double precision",
-        ),
-        (
-            cell in ("triangle", "quadrilateral", "tetrahedron", "hexahedron"),
-            f"cells of kind {cell} are not supported",
-        ),
-        (
-            domain.topology.dim == dim and dim in (2, 3),
-            "the body must be a 2D mesh in the plane or a 3D mesh",
-        ),
-        (
-            lagrange and element.reference_value_shape == (dim,),
-            f"the displacement must be a continuous vector Lagrange Function with {dim} "
-            f"components, got {element}",
-        ),
-        (
-            element.degree in (1, 2),
-            f"displacements of degree 1 and 2 are supported, got {element.degree}",
-        ),
+    cell, dim = domain.basix_cell().name, domain.geometry.dim
+    if (
+        cell not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron")
+        or domain.topology.dim != dim
     ):
-        if not right:
-            raise ValueError(message)
-    return int(element.degree)
+        raise ValueError(
+            "the body must be a 2D mesh in the plane of triangles or quadrilaterals, or a 3D mesh "
+            f"of tetrahedra or hexahedra; got cells of kind {cell} in {dim}D"
+        )
+    lagrange = element.family_name == "P" and not element.discontinuous
+    double = domain.geometry.x.dtype == u.x.array.dtype == np.float64
+    if not (lagrange and double and element.reference_value_shape == (dim,)):
+        raise ValueError(
+            f"the displacement must be a continuous vector Lagrange Function with {dim} components "
+            f"on a mesh in double precision; got {element} with values of {u.x.array.dtype}"
+        )
+    return int(one_of(element.degree, "the degree of the displacement", (1, 2)))
 
 
 def _check_elements(a: Arguments, degree: int) -> None:
@@ -129,35 +132,25 @@ def _check_elements(a: Arguments, degree: int) -> None:
             f"{a.name}: displacement P{degree} with multiplier P{multiplier} is not a stable pair "
             f"of the {a.method} method; stable: {stable}"
         )
-    weighted = bool(a.axisymmetric)
-    least = degree + multiplier + weighted
     if a.quadrature_degree is None:
-        a.quadrature_degree = 2 * degree + weighted
-    if not isinstance(a.quadrature_degree, int) or a.quadrature_degree < least:
-        raise ValueError(
-            f"{a.name}: the quadrature degree must be at least {least} for a stable contact of "
-            f"P{degree} with P{multiplier}, got {a.quadrature_degree}"
-        )
+        a.quadrature_degree = 2 * degree + a.axisymmetric
+    least = degree + multiplier + a.axisymmetric
+    what = f"{a.name}: the quadrature degree of P{degree} with P{multiplier}"
+    count(a.quadrature_degree, what, least)
 
 
 def _check_revolution(a: Arguments) -> None:
     """Raise ``ValueError`` for a law or obstacle that a body of revolution does not support."""
-    if not flag(a.axisymmetric, f"{a.name}: axisymmetric"):
-        return
     if a.law.averaging is not None:
         raise ValueError(f"{a.name}: there is no nonlocal friction of bodies of revolution")
     if isinstance(a.obstacle, RigidBody):
         body = a.obstacle
-        given = zip(body.components, body.expressions, body.fixed, strict=True)
-        held = [c for c, e, fixed in given if fixed and isinstance(e, ufl.constantvalue.Zero)]
-        if not {"x", "rz"} <= set(held):
+        parts = zip(body.components, body.expressions, body.fixed, strict=True)
+        held = {c for c, e, fixed in parts if fixed and isinstance(e, ufl.constantvalue.Zero)}
+        if not {"x", "rz"} <= held:
             raise ValueError(
                 f"{a.name}: {body.name} moves along the axis of revolution alone; hold x and rz"
             )
-
-
-def _is_length(value: Any) -> bool:
-    return is_number(value) and bool(np.isfinite(value)) and value > 0
 
 
 @dataclass(frozen=True)
@@ -181,23 +174,17 @@ class Overlap:
     @classmethod
     def of(cls, name: str, interference: Any, remove_overlap: Any) -> Overlap:
         """Return the overlap of two arguments of a surface, or raise ``ValueError``."""
-        is_flag = isinstance(interference, bool | np.bool_)
-        if not (is_flag or _is_length(interference)):
-            raise ValueError(
-                f"{name}: interference is True or False, or the largest overlap, a positive "
-                f"length, got {interference!r}"
-            )
+        if isinstance(interference, bool | np.bool_):
+            most = np.inf if interference else 0.0
+        else:
+            must = "True, False or the largest overlap, a positive length"
+            most = positive(interference, f"{name}: interference", must)
         if remove_overlap is None:
-            without_limit = np.inf if interference else 0.0
-            return cls(without_limit if is_flag else float(interference))
-        if not _is_length(remove_overlap):
-            raise ValueError(
-                f"{name}: remove_overlap is the largest overlap that is removed, a positive "
-                f"length, got {remove_overlap!r}"
-            )
-        if not is_flag or interference:
+            return cls(most)
+        if most:
             raise ValueError(f"{name}: an overlap is a press fit, or is removed, and not both")
-        return cls(float(remove_overlap), removed=True)
+        must = "the largest overlap that is removed, a positive length"
+        return cls(positive(remove_overlap, f"{name}: remove_overlap", must), removed=True)
 
     def exceeded_by(self, gap: float) -> bool:
         """Whether the smallest gap is negative by more than is allowed."""
@@ -215,22 +202,18 @@ class Overlap:
         """
         remedy = f"interference=True for a press fit, {unless}"
         if self.most > 0.0:
-            given = "remove_overlap" if self.removed else "interference"
-            remedy = f"{given} allows {self.most:.3g}"
+            kind = "remove_overlap" if self.removed else "interference"
+            remedy = f"{kind} allows {self.most:.3g}"
         good = gap >= -allowed or not self.exceeded_by(gap)
         require(comm, good, f"{name}: the bodies overlap by {-gap:.3g}; {remedy}")
 
 
 def _check_surface(a: Arguments) -> None:
-    degree = displacement_degree(a.u)
-    word(a.name, "the name of a contact surface")
-    _check_sliding(a)
+    degree = _check_common(a)
     a.method = a.method or ("nodal" if degree == 1 else "integral")
-    a.law = _bound_law(a)
-    if not isinstance(a.obstacle, Obstacle):
-        known = "HalfSpace, Sphere, Cylinder, LevelSet, RigidSurface or RigidBody"
-        raise ValueError(f"{a.name}: the obstacle must be a {known}")
-    _check_revolution(a)
+    instance(a.obstacle, f"{a.name}: the obstacle", Obstacle, "such as a HalfSpace or a RigidBody")
+    if a.axisymmetric:
+        _check_revolution(a)
     _check_elements(a, degree)
     if a.interference is None:  # points inside a smooth obstacle are pushed out
         a.interference = a.remove_overlap is None and a.obstacle.outline is None
@@ -244,68 +227,47 @@ def _check_surface(a: Arguments) -> None:
 
 
 def _check_pair(a: Arguments) -> None:
-    degree = displacement_degree(a.u)
-    word(a.name, "the name of a contact pair")
-    flag(a.axisymmetric, f"{a.name}: axisymmetric")
-    _check_sliding(a)
+    degree = _check_common(a)
     dim = a.u.function_space.mesh.geometry.dim
-    a.symmetry = checked_planes(a.symmetry, dim, a.name)
-    tagged = a.slave is not None or a.master is not None
-    removed = Overlap.of(a.name, a.interference, a.remove_overlap).removed
+    a.symmetry = checked_planes(a.symmetry, dim, a.name) or None
+    Overlap.of(a.name, a.interference, a.remove_overlap)
+    # arguments that exclude each other
     large = a.sliding == "large"
-    shaped = a.gap is not None or a.surface is not None
-    chosen = a.method not in (None, "mixed") or a.quadrature_degree is not None
-    for wrong, message in (
-        (removed and shaped, "with a given gap or surface there is no overlap to remove"),
-        (not large and a.symmetry, "planes of symmetry are for sliding='large'"),
-        (not large and a.search_distance is not None, "a search distance is for sliding='large'"),
-        (
-            large and (shaped or a.normal is not None or chosen),
-            "sliding='large' does not support a gap, a surface, a normal, a choice of the method "
-            "or of the quadrature: it evaluates gaps and normals of the displaced faces at nodes",
-        ),
-        (
-            large and (degree, a.multiplier_degree) != (1, 1),
-            "sliding='large' needs displacement and multiplier of degree 1",
-        ),
-        (
-            a.master_facets is not None and tagged,
-            "facets by their indices have no tags slave and master",
-        ),
-        (
-            a.master_facets is None and isinstance(a.facets, np.ndarray),
-            "facets of the slave by their indices need master_facets",
-        ),
-        (
-            a.surface is not None and (a.gap is not None or a.normal is not None),
-            "a given surface has a gap and a normal of its own",
-        ),
-        (
-            a.surface is not None
-            and (not isinstance(a.surface, Obstacle) or isinstance(a.surface, RigidBody)),
-            "the surface must be a HalfSpace, Sphere, Cylinder, LevelSet",
-        ),
-        (
-            getattr(a.surface, "outline", None) is not None,
-            "the surface of a pair is given by a formula, not by facets",
-        ),
-        (
-            isinstance(a.normal, ufl.core.expr.Expr) or has_ufl(a.normal),
-            f"the normal is copied, and must be numbers, got {a.normal!r}",
-        ),
-    ):
-        if wrong:
-            raise ValueError(f"{a.name}: {message}")
+    present = {name for name, value in vars(a).items() if value is not None}
+    if large and a.method == "mixed":
+        present.remove("method")
+    for name, others, reason in _EXCLUSIVE:
+        if name in present and present & others:
+            raise ValueError(f"{a.name}: {name} with {min(present & others)}: {reason}")
+    unsupported = [name for name in (_SMALL_ONLY if large else _LARGE_ONLY) if name in present]
+    if unsupported:
+        verb = "sliding='large' does not support" if large else "only sliding='large' supports"
+        raise ValueError(f"{a.name}: {verb} {', '.join(unsupported)}")
+    if isinstance(a.facets, np.ndarray) and a.master_facets is None:
+        raise ValueError(f"{a.name}: facets of the slave by their indices need master_facets")
+    # values
     if large:
-        _check_straight(a, "sliding='large'")
+        _check_straight(a, degree, "sliding='large'")
+    formula = isinstance(a.surface, Obstacle) and a.surface.outline is None
+    if a.surface is not None and (not formula or isinstance(a.surface, RigidBody)):
+        raise ValueError(
+            f"{a.name}: the surface must be a HalfSpace, Sphere, Cylinder or LevelSet, which is "
+            "given by a formula and does not move"
+        )
     a.gap = None if a.gap is None else scalar(a.gap, f"{a.name}: the gap")
+    if isinstance(a.normal, ufl.core.expr.Expr) or has_ufl(a.normal):  # would be copied
+        raise ValueError(f"{a.name}: the normal must be numbers, got {a.normal!r}")
     a.normal = None if a.normal is None else _unit(a.normal, dim, f"{a.name}: the normal")
-    a.law = _bound_law(a)
 
 
-def _check_straight(a: Arguments, what: str) -> None:
-    if a.u.function_space.mesh.ufl_domain().ufl_coordinate_element().degree != 1:
-        raise ValueError(f"{a.name}: {what} needs cells with straight edges")
+def _check_straight(a: Arguments, degree: int, what: str) -> None:
+    """Raise ``ValueError`` for elements or a search distance that large sliding excludes."""
+    cells = a.u.function_space.mesh.ufl_domain().ufl_coordinate_element()
+    if (degree, getattr(a, "multiplier_degree", 1), cells.degree) != (1, 1, 1):
+        raise ValueError(
+            f"{a.name}: {what} needs displacements of degree 1, multipliers of degree 1, and cells "
+            "with straight edges"
+        )
     if a.search_distance is not None:
         positive(a.search_distance, f"{a.name}: the search distance", "positive")
 
@@ -317,23 +279,18 @@ def _unit(value: Any, dim: int, name: str) -> npt.NDArray[np.float64]:
 
 
 def _check_self(a: Arguments) -> None:
-    degree = displacement_degree(a.u)
-    word(a.name, "the name of a contact surface")
-    if degree != 1:
-        raise ValueError(f"{a.name}: self-contact needs displacements of degree 1")
-    _check_straight(a, "self-contact")
+    _check_straight(a, _check_common(a), "self-contact")
     dim = a.u.function_space.mesh.geometry.dim
     a.symmetry = checked_planes(a.symmetry, dim, a.name)
     Overlap.of(a.name, a.interference, a.remove_overlap)
-    given = np.eye(dim)[-1] if a.direction is None else a.direction
-    a.direction = _unit(given, dim, f"{a.name}: the direction")
+    direction = np.eye(dim)[-1] if a.direction is None else a.direction
+    a.direction = _unit(direction, dim, f"{a.name}: the direction")
     across = [axis for axis in a.symmetry if abs(a.direction[axis]) > _ACROSS]
     if across:
         raise ValueError(
             f"{a.name}: the direction must be parallel to the planes of symmetry, and "
             f"{a.direction.tolist()} has a component along {'xyz'[across[0]]}"
         )
-    a.law = _bound_law(a)
 
 
 def _compared_surface(a: Arguments) -> dict[str, Any]:
