@@ -124,15 +124,14 @@ def _first(comm: MPI.Comm, failure: BaseException | None, what: str) -> BaseExce
 
 
 def on_root(comm: MPI.Comm, do: Callable[[], _T]) -> _T:
-    """What ``do``, called on rank 0, returns or raises, on every rank. Collective."""
-    found: _T | None = None
-    failure: Exception | None = None
-    if comm.rank == 0:
-        try:
-            found = do()
-        except Exception as error:
-            failure = error
-    found, failure = comm.bcast((found, failure))
-    if failure is not None:
-        raise failure
-    return found  # type: ignore[return-value]
+    """Return what ``do`` returns on rank 0, or raise its error, on every rank. Collective.
+
+    Rank 0 raises the error itself, with its traceback; on other ranks the traceback is a note.
+    """
+    if comm.size == 1:
+        return do()
+    result: _T | None = None
+    with everywhere(comm):
+        if comm.rank == 0:
+            result = do()
+    return comm.bcast(result)  # type: ignore[no-any-return]

@@ -2,6 +2,7 @@
 
 import faulthandler
 import logging
+import traceback
 
 from mpi4py import MPI
 
@@ -13,7 +14,14 @@ from textbook import coulomb_system
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    RigidSurface,
+)
 from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact.continuation import Observer, find_solutions, follow, solutions
 from dolfinx_contact.continuation.rays import Rays, outgoing
@@ -392,3 +400,20 @@ def test_what_differs_is_named_with_its_place():
 
 def test_the_log_is_the_users():
     assert logging.getLogger("dolfinx_contact").level == logging.NOTSET
+
+
+def test_a_result_prints_round_off_as_zero():
+    result = block(n=3).solve()
+    assert "loads and springs: (0, 0)" in str(result)
+
+
+def test_an_error_of_rank_0_has_its_traceback(folder):
+    """On rank 0 as the traceback, on others as a note."""
+    if COMM.rank == 0:
+        (folder / "tool.stl").write_text("solid tool\nfacet normal 0 0 1\n")
+    COMM.barrier()
+    with pytest.raises(ValueError, match="truncated") as failure:
+        RigidSurface.read(folder / "tool.stl")
+    text = "".join(traceback.format_exception(failure.value))
+    assert "rigid_surfaces" in text
+    assert "files.py" in text

@@ -41,6 +41,7 @@ logger = logging.getLogger(__name__)
 #: Function of a solution that returns the equations and the evaluation for tables and indicators.
 Shown: TypeAlias = Callable[[Evaluation], tuple[ContactEquations, Evaluation]]
 
+_ROUND_OFF = 1e-12  # forces over the largest one that are printed as 0
 _LARGEST_VIOLATION = 1e-4  # largest violation without a warning, relative to the largest force
 _T = TypeVar("_T")
 
@@ -91,11 +92,16 @@ class Result:
     def __str__(self) -> str:
         """Return strategy, numbers of points, forces and error measures as text."""
         counts = ", ".join(f"{n} {kind}" for kind, n in self.counts.items() if n)
+        forces = [*self.resultants.values(), self.support, self.external]
+        largest = max(float(np.abs(f).max()) for f in forces)
         lines = [
             f"{self.reason}, {self.iterations} iterations, {self.dofs} unknowns; points: {counts}",
-            *(f"contact force of {name}: {_shown(f)}" for name, f in self.resultants.items()),
-            f"reactions of Dirichlet data: {_shown(self.support)}; "
-            f"loads and springs: {_shown(self.external)}",
+            *(
+                f"contact force of {name}: {_shown(f, largest)}"
+                for name, f in self.resultants.items()
+            ),
+            f"reactions of Dirichlet data: {_shown(self.support, largest)}; "
+            f"loads and springs: {_shown(self.external, largest)}",
             f"violation of the law {self.kkt_violation:.1e}, imbalance {self.imbalance:.1e}",
             *(f"{name}: {text}" for name, text in self.warnings.items()),
         ]
@@ -198,8 +204,9 @@ class Result:
         return {"rigid_bodies": bodies} if bodies else {}
 
 
-def _shown(vector: npt.NDArray[np.float64]) -> str:
-    return "(" + ", ".join(f"{v:.6g}" for v in vector) + ")"
+def _shown(vector: npt.NDArray[np.float64], largest: float) -> str:
+    """Return components as text, with 0 for round-off of the largest force."""
+    return "(" + ", ".join(f"{v if abs(v) > _ROUND_OFF * largest else 0:.6g}" for v in vector) + ")"
 
 
 def collect(
