@@ -22,8 +22,8 @@ from dolfinx_contact import (
     Regularised,
     io,
 )
-from dolfinx_contact.continuation import Ending, Events, StepControl
-from dolfinx_contact.evolution import ArcLength, QuasiStatic, rate_problem
+from dolfinx_contact.continuation import Ending, StepControl
+from dolfinx_contact.evolution import ArcLength, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 
 COMM = MPI.COMM_WORLD
@@ -552,20 +552,3 @@ def test_every_longest_step_gives_the_same_folds(body, longest):
     np.testing.assert_allclose([s.gamma for s in seen], loads, rtol=1e-6)
     assert all(s.time > s.start for s in history.steps)
     assert max(s.result.kkt_violation for s in history.steps) < 1e-6
-
-
-def test_slopes_of_borders_that_are_there_on_one_side():
-    """Two points, of which the second has a second border ahead, and the first none behind."""
-
-    def events(*given):
-        distance, point, target = zip(*given, strict=True)
-        return Events(np.array(distance), np.array(point, np.int32), np.array(target, np.int8))
-
-    h = rate_problem._PROBE
-    here = events((1.0, 0, 2), (2.0, 1, 3), (5.0, 1, 3), (7.0, 1, 4))
-    ahead = events((1.0 + 3 * h, 0, 2), (2.0 - h, 1, 3), (5.0 + 4 * h, 1, 3))
-    behind = events((2.0 + h, 1, 3), (5.0 - 2 * h, 1, 3))
-    slopes = rate_problem._slopes(here, ahead, behind)
-    np.testing.assert_allclose(slopes, [3.0, -1.0, 3.0, 0.0], atol=1e-6)
-    both = events((1.0 + 3 * h, 0, 2)), events((1.0 - h, 0, 2))
-    np.testing.assert_allclose(rate_problem._slopes(events((1.0, 0, 2)), *both), 2.0, atol=1e-6)

@@ -14,7 +14,6 @@ from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.borders import reached
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.system import Events
-from dolfinx_contact.evolution.arc_steps import _cubic, _end_reached
 from dolfinx_contact.evolution.sliding_steps import _FOLDS, SlidingSteps
 from dolfinx_contact.evolution.through_times import ThroughTimes, _aim, checked_times
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
@@ -194,32 +193,6 @@ def test_slip_turns_by_way_of_stick():
 
 
 # -- steps ----------------------------------------------------------------------------------------
-
-
-def test_a_cubic_through_two_ends():
-    """It is found again from its values and rates at the ends, inside them."""
-    p = np.polynomial.Polynomial([1.0, -2.0, 3.0, -4.0])
-    ends = np.array([0.0, 2.5])
-    inside = np.linspace(*ends, 17)[1:-1]
-    value, slope = _cubic(p(ends), p.deriv()(ends), 2.5)
-    np.testing.assert_allclose(value[:, 0], p(inside), rtol=1e-12)
-    np.testing.assert_allclose(slope[:, 0], p.deriv()(inside), rtol=1e-12)
-
-
-def test_ends_of_a_range_that_are_reached():
-    """Beyond them, and near them unless the step began there."""
-    for before, gamma, end in (
-        (0.0, 0.5, None),
-        (0.5, 1.5, 1.0),
-        (0.0, -2.5, -2.0),
-        (0.5, 1.0 - 1e-10, 1.0),
-        (0.5, 1.0 - 1e-9, None),
-        (-1.0, -2.0, -2.0),
-        (1.0, 1.0 - 1e-11, None),
-        (-2.0, -2.0 + 1e-11, None),
-        (-2.0, 1.0, 1.0),
-    ):
-        assert _end_reached(before, gamma, (-2.0, 1.0)) == end
 
 
 def test_equal_steps_to_a_time():

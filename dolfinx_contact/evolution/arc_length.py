@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Arc length with memory: an evolution whose load is unknown, as where a structure snaps back.
+r"""Paths by arc length: a quasi-static evolution under a load that is unknown beforehand.
 
-A state x_n under the load gamma_n has left a memory m_n (slip so far, intensity of bonds). The next
-one is a point (x, gamma) of the curve
+A state x_n under the load gamma_n leaves the memory m_n (slip, intensity of bonds). The next point
+lies on the curve
 
     H(x, gamma; m_n) = 0,        <(x - x_n, gamma - gamma_n), t_n> = h,
 
-of given arc length h beyond it, t_n a solution of the rate problem at x_n. Once it is accepted it
-makes a new memory m_n+1, and the next step begins there. So the path is that of a quasi-static
-evolution whose load (or imposed displacement) rises and falls as it must for the state to change
-slowly: friction acts against slip as it happens, and what is damaged stays damaged. The control is
-that of Riks (Int. J. Solids Struct. 15, 1979), on the pieces of H.
+at arc length h, where t_n is a solution of the rate problem at x_n (`rate_problem`). Once accepted,
+it leaves the memory m_n+1. This is a quasi-static evolution whose load, or imposed displacement,
+rises and falls such that the state changes slowly, for example where a structure snaps back:
+friction opposes the slip as it happens, and damage is irreversible. The constraint is that of Riks
+(Int. J. Solids Struct. 15, 1979) on the pieces of H.
 
-Time has no meaning on such a path: laws must not depend on it.
+Time has no meaning on a path: laws must not depend on it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, get_args
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,25 +41,29 @@ from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.by_arc_length import ByArcLength
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.evolution import Runnable
-from dolfinx_contact.evolution.path import PathHistory, PathStep
-from dolfinx_contact.evolution.path_state import (
+from dolfinx_contact.evolution.path import (
     Known,
+    OnPath,
     PathDirection,
+    PathHistory,
     PathState,
+    PathStep,
+    PathStepper,
     PathTask,
     begun,
 )
-from dolfinx_contact.evolution.path_stepper import OnPath, PathStepper
 from dolfinx_contact.evolution.run import NOT_BY_VALUE, Listeners, Run, compared_arguments
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["ArcLength", "PathDirection"]
 
-_LONGEST = 0.005  # of the range of gamma and the first tangent
+_LONGEST = 0.005  # default step length, relative to the range of gamma and the first tangent
 
 
 def _check_run(a: Arguments) -> None:
+    """Check the arguments of a run and insert defaults."""
     path: ArcLength = a.self
     gamma = path._gamma if a.start is None else getattr(a.start, "gamma", None)
     value = float(path.parametric.constant.value) if gamma is None else gamma
@@ -71,28 +75,33 @@ def _check_run(a: Arguments) -> None:
     a.control = a.control or StepControl(kinks="exact", initial=_LONGEST, maximum=_LONGEST)
     if a.control.kinks not in (None, "exact"):
         raise ValueError(f"a path with memory passes kinks exactly, not {a.control.kinks!r}")
-    first = a.start is not None or path._run_state is None or path._run_state.arrived is None
-    a.direction = a.direction or ("increasing" if first else "onwards")
-    known = get_args(PathDirection)[:2] if first else get_args(PathDirection)[2:]
+    is_first = a.start is not None or path._run_state is None or path._run_state.arrived is None
+    known = ("increasing", "decreasing") if is_first else ("onwards", "back")
+    a.direction = a.direction or known[0]
     if a.direction not in known:
-        run = "the first run" if first else "a later run"
+        run = "the first run" if is_first else "a later run"
         raise ValueError(f"the direction of {run} must be one of {known}: {a.direction!r}")
 
 
 class ArcLength(Runnable[PathTask, PathState, PathHistory]):
-    """The path of a contact problem with a memory under a load that is unknown.
+    """The path of a contact problem with memory under a load that is unknown beforehand.
 
-    Its first run starts from the state in the problem's Functions, a solution under the present
-    value of the parameter, or from ``start=``. A later run starts where the last one has ended.
-    Another evolution of the same problem needs ``start=``. Functions and parameter follow the
-    accepted points; the state of each is kept, as ``history.steps[-1].state``.
+    The first run starts from the state in the Functions of the problem, which must be a solution
+    under the present value of the parameter, or from ``start=``. A later run starts where the
+    previous one ended. Another evolution of the same problem needs ``start=``. Functions and
+    parameter follow the accepted points. The state of each point is stored, as
+    ``history.steps[-1].state``.
 
     Args:
-        parametric: the contact problem and its load or imposed displacement gamma.
+        parametric: contact problem with its load or imposed displacement gamma.
+
+    Attributes:
+        parametric: parametric problem as given.
+        problem: contact problem.
 
     Raises:
-        ValueError: on every rank, if that is none, or a law depends on the time or length of a
-            step, or on the distance slipped, or the bulk has kinks in u.
+        ValueError: on every rank, if a law depends on the time, on the length of a step or on the
+            distance slipped, or the bulk form has kinks in u.
 
     Example:
         ::
@@ -117,31 +126,13 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         self._require_no_time()
 
     def _require_no_time(self) -> None:
+        """Raise ``ValueError`` if a law depends on time or on the distance slipped. Collective."""
         check_times(self.problem.equations)
         for s in self.problem.surfaces:
             s.update_geometry()
-            fields = s.points.data.fields
-            slow = [n for n in s.law.needs_time if np.any(fields[n] != 0)]
-            require(
-                self.problem.comm,
-                not slow,
-                f"{s.name}: the law {s.law.name} answers to the time or length of a step, by its "
-                f"{' and '.join(slow)}; a path by arc length has none: use QuasiStatic",
-            )
-            compiled = s.law_at_points.compiled
-            require(
-                self.problem.comm,
-                bool(s.law.needs_time) or not compiled.needs_time(0.0),
-                f"{s.name}: the law {s.law.name} depends on the time of a step (a.step); a path "
-                "by arc length has none: use QuasiStatic",
-            )
-            slip = s.law_at_points.compiled.knows_slip
-            require(
-                self.problem.comm,
-                not slip,
-                f"{s.name}: friction of the law {s.law.name} depends on the distance slipped "
-                "(a.slid), of which an evolution has no memory yet",
-            )
+            obstacle_to_path = _dependence(s)
+            message = f"{s.name}: the law {s.law.name} {obstacle_to_path}"
+            require(self.problem.comm, not obstacle_to_path, message)
 
     @collective(
         "a path by arc length",
@@ -163,40 +154,41 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         record: Observer | None = None,
         progress: bool | None = None,
     ) -> PathHistory:
-        """Follow the path until the load leaves a range. Collective.
+        """Follow the path until the load reaches an end of its range. Collective.
 
         Args:
-            gamma_range: the path ends where the load reaches either end.
+            gamma_range: range of the load, (lowest, highest).
             start: state at which the path starts, such as ``history.steps[-1].state`` or
                 ``problem.snapshot()``, under its ``gamma`` or the present value of the parameter;
-                by default the end of the last run, in a first run the Functions as they are with
+                default: end of the previous run, in a first run the Functions as they are with
                 virgin memory. Required in the first run if the problem has had another evolution.
-            direction: of the first run ``"increasing"``, the default, or ``"decreasing"``, the load
-                at the start; of a later one ``"onwards"``, the default, or ``"back"``, by which the
-                state unloads and nothing heals.
+            direction: direction in which the path leaves its start: in the first run
+                ``"increasing"`` (default) or ``"decreasing"`` load; in a later run ``"onwards"``
+                (default) or ``"back"``, in which the state unloads without recovery.
             control: step lengths, in units in which the first tangent and the range of gamma have
-                size 1; by default up to 0.005. Longer ones may pass a fold of many bonds unseen.
-            max_steps: budget.
-            rays: whether all solutions of the rate problem are looked for, and counted in
-                `PathStep.directions`: True at every kink and nonsmooth fold, by all statuses that
-                meet there, up to 256; False or None, the default, no more than it takes to
-                continue: they are tried where no direction is found otherwise.
-            stop: called with every accepted point, on every rank; the reason for which the path
-                ends there, or "" to continue.
-            observer: called with every accepted point while it is in the problem.
-            record: keeps every accepted point before the observer is called, as
-                `records.PathRecord` does.
-            progress: whether rank 0 reports on the standard error stream where it is; by default
-                once it takes more than some seconds.
+                size 1; default: up to 0.005. Longer steps may miss a fold of many bonds.
+            max_steps: largest number of points.
+            rays: whether all solutions of the rate problem are computed and counted in
+                `PathStep.directions`: True: at every kink and nonsmooth fold, by all statuses that
+                meet there, up to 256 pieces; False or None (default): only if no direction is found
+                otherwise.
+            stop: function called with every accepted point on every rank; it returns the reason to
+                end the run there, or "" to continue.
+            observer: function called with every accepted point while it is in the problem, or a
+                `continuation.Observer`. It must be read-only.
+            record: record of every accepted point, such as `records.PathRecord`; it is written
+                before the observer is called.
+            progress: whether rank 0 shows the progress on the standard error stream; default: only
+                if the run takes longer than a few seconds.
 
         Returns:
-            The accepted points, and in words why the path ended. It never jumps: where no
-            continuation is found, or no step is solved, it ends, and `complete` is False.
+            History with the accepted points and the reason why the path ended. A path never jumps:
+            if no continuation is found, or no step is solved, it ends, and ``complete`` is False.
 
         Raises:
-            ValueError: on every rank, for arguments that do not fit, a law that depends on the
-                time, a start that is no solution, or a load that leaves its range at once; what
-                ``stop`` or ``observer`` raises.
+            ValueError: on every rank, if arguments are not admissible, a law depends on the time,
+                the start is not a solution, or the load leaves its range immediately. Errors of
+                ``stop`` and ``observer`` on one rank are raised on every rank.
             OSError: on every rank, if a point cannot be recorded.
         """
         assert control is not None
@@ -223,20 +215,15 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         *,
         first: bool,
     ) -> OnPath:
-        """The state that is in Functions, statuses and rigid bodies, as one of it. Collective.
+        """Return the state in the Functions as an earlier accepted state. Collective.
 
-        Args:
-            time: arc length from the start.
-            gamma: the load.
-            memory: that it left.
-            energies: since the start.
-            first: whether it is a start whose statuses are not known.
+        See `PathStepper.recalled_under`.
         """
         return self._stepper(None).recalled_under(gamma, time, memory, energies, first=first)
 
     @property
     def _gamma(self) -> float:
-        """The load at the last accepted state, or its value before the first run."""
+        """Load at the last accepted state; before the first run, the value of the parameter."""
         value = self.parametric.constant.value
         return float(value) if self._run_state is None else self._run_state.gamma
 
@@ -244,7 +231,6 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         return PathStepper(self.parametric)
 
     def _run(self, task: PathTask, run_state: PathState, listeners: Listeners) -> PathHistory:
-        """A run from where it is to its end. Collective."""
         low, high = task.gamma_range
         accepted = run_state.accepted
         bordered = Bordered(self.parametric, gamma_scale=high - low)
@@ -258,3 +244,24 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
             for thing in (steps, steps.corrector, bordered):
                 thing.destroy()
         return history
+
+
+def _dependence(s: DiscreteSurface) -> str:
+    """Predicate that says why a law has no path by arc length; "" if it has one."""
+    rates = [name for name in s.law.needs_time if np.any(s.points.data.fields[name] != 0)]
+    if rates:
+        return (
+            f"answers to the time or length of a step, by its {' and '.join(rates)}; a path by arc "
+            "length has none: use QuasiStatic"
+        )
+    compiled = s.law_at_points.compiled
+    if not s.law.needs_time and compiled.needs_time(0.0):
+        return (
+            "depends on the time of a step (a.step); a path by arc length has none: use QuasiStatic"
+        )
+    if compiled.knows_slip:
+        return (
+            "has friction that depends on the distance slipped (a.slid), of which a path by arc "
+            "length has no memory"
+        )
+    return ""

@@ -1,20 +1,29 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Steps of a path whose memory is accepted at every point.
+r"""Steps of given arc length on one piece of H, with the memory of their start.
 
-A step begins at an accepted state, in the piece and along the direction that solve its rate problem
-(`rate_problem.py`), and stays on that piece with the memory of its start: so a bond that damages
-continues to, and a point that slips keeps slipping. It ends where the state first comes to another
-border, or where gamma turns back, both located to round-off. A step is too long in which a bond
-would heal or a slip be taken back, in the end; one whose end is elsewhere on the piece than where
-it leads to (`ExactSteps.lands`); and one in which gamma turns twice, or a border is reached and
-left. Where a bond ceases to damage, or a point to slip, somewhere in a step, the rate problem at
-its end shows it: what that misses is of second order in the step.
+A step begins at an accepted state y_n = (x_n, gamma_n), in the piece (statuses of all points) and
+along the tangent t_n that solve its rate problem (`rate_problem`). It solves
+
+    H(x, gamma; m_n) = 0  on the piece,        <y - y_n, t_n> = h,
+
+and ends at the first of: arc length h, border of the piece ("kink"), turning point of gamma
+("fold"), end of the range of gamma ("end"); all are located to round-off. The memory m_n is that of
+the start, so that a bond that breaks continues to break and a point that slips continues to slip.
+
+A step is too long, and shortened, if
+
+1. the corrector fails or ends elsewhere than the step leads (`ExactSteps.lands`),
+2. gamma turns twice within the step, or a border is reached and left again,
+3. a point that began at a border has crossed it: a bond would heal, or slip would be reversed.
+
+A bond that stops breaking, or a point that stops slipping, within a step shows up in the rate
+problem at its end; the resulting error is of second order in the step.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from petsc4py import PETSc
 
@@ -24,51 +33,60 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.borders import again
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.steps import ExactSteps
-from dolfinx_contact.continuation.system import Events, Piece
-from dolfinx_contact.evolution.path_state import Known
+from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.evolution.path import Known
 from dolfinx_contact.evolution.rate_problem import RateProblem
 
 __all__ = ["ArcSteps", "Arrival"]
 
-_AT_BORDER = 1e-10  # of the largest distance: a point whose rate decides
-_BEYOND = 1e-9  # of the largest distance: beyond round-off
-_AT_END = 1e-10  # of the range of gamma: an end that is reached
-_PROBE = 1e-4  # length over which rates of distances are taken, either way
-_IDLE = 1e-7  # of the range of gamma: no rate
-_SAMPLES = 17  # of what happens within a step
+Array = npt.NDArray[np.float64]
+#: What a step ends at; "" for its full length.
+EndOfStep: TypeAlias = Literal["", "kink", "fold", "end"]
+
+# Distances to borders, relative to the largest distance of the run:
+_AT_BORDER = 1e-10  # at the border, so that the rate decides
+_BEYOND = 1e-9  # beyond the border by more than round-off
+# Relative to the range of gamma:
+_AT_END = 1e-10  # at the end of the range
+_IDLE = 1e-7  # rate of gamma that counts as zero
+
+_PROBE = 1e-4  # arc length of central differences
+_SAMPLES = 17  # points at which the cubic of a step is sampled
 
 
 @dataclass(frozen=True)
 class Arrival:
-    """Where a step ends.
+    """End of a step.
 
     Attributes:
-        point: with piece and tangent of the step.
-        at: what it ends at: nothing special, a ``"kink"``, a smooth ``"fold"``, the ``"end"`` of
-            the range of gamma.
-        bifurcations: smooth ones on the way.
-        next_h: length of the step after it.
+        point: point with the piece and the tangent of the step.
+        at: what the step ends at.
+        bifurcations: smooth bifurcations within the step.
+        next_h: length of the next step.
     """
 
     point: BranchPoint
-    at: Literal["", "kink", "fold", "end"]
+    at: EndOfStep
     bifurcations: tuple[SpecialPoint, ...]
     next_h: float
 
 
 class ArcSteps(ExactSteps):
-    """Steps with the memory of the surfaces; it is for the caller to accept it at their ends."""
+    """Steps with the memory of their start; the caller accepts it at their ends."""
 
     @property
     def known(self) -> Known:
-        """What has been found out on the way."""
+        """Scales and signs of the run so far."""
         b = self.bordered
-        x_scale = b.x_scale / b.gamma_scale**2
-        signs = tuple(map(float, self.test.signs))
-        return Known(x_scale, self.largest_distance, tuple(self.system.scales), signs)
+        return Known(
+            x_scale=b.x_scale / b.gamma_scale**2,
+            largest_distance=self.largest_distance,
+            scales=tuple(self.system.scales),
+            signs=tuple(map(float, self.test.signs)),
+        )
 
-    def know(self, known: Known) -> None:
-        """Know what was found out before."""
+    def restore(self, known: Known) -> None:
+        """Restore scales and signs of a run that continues."""
         self.bordered.x_scale = known.x_scale * self.bordered.gamma_scale**2
         self.largest_distance = known.largest_distance
         self.system.scales = tuple(known.scales)
@@ -76,12 +94,12 @@ class ArcSteps(ExactSteps):
             self.test.signs[:] = known.signs
 
     def rate_problem(self, y: PETSc.Vec, piece: Piece) -> RateProblem:
-        """The rate problem at a state, with the memory of the surfaces. Collective."""
+        """Return the rate problem at a state, with the present memory. Collective."""
         unit = self._unit(y, piece)
         return RateProblem(self.corrector, y, _AT_BORDER * unit, _BEYOND * unit)
 
-    def go_on(self, point: BranchPoint, ray: Ray) -> BranchPoint:
-        """The point with another piece and tangent to leave it by. Collective."""
+    def leave(self, point: BranchPoint, ray: Ray) -> BranchPoint:
+        """Return a point with the piece and tangent of a ray. Collective."""
         if ray.tangent is point.tangent:
             return point
         new = BranchPoint(point.y, ray.tangent, ray.piece, point.gamma, point.step, 0)
@@ -90,53 +108,76 @@ class ArcSteps(ExactSteps):
     def arrive(
         self, point: BranchPoint, h: float, gamma_range: tuple[float, float]
     ) -> Arrival | None:
-        """The end of a step no longer than ``h``; None if no step succeeds. Collective."""
-        control = self.control
-        started = self._distances(point.y, point.piece)
-        at_start = np.abs(started) <= _AT_BORDER * self._unit(point.y, point.piece)
-        while h >= control.minimum:
-            new = self._corrected(point, h)
-            if new is None:
-                h *= control.decrease
-                continue
-            if self._turns_twice(point, new):
-                h *= control.decrease
-                continue
-            easy = new.corrections <= control.easy
-            next_h = min(h * control.increase if easy else h, control.maximum)
-            beyond = self._distances(new.y, new.piece)
-            beyond = beyond < -_BEYOND * self._unit(new.y, new.piece)
-            at: Literal["", "kink", "fold", "end"] = ""
-            if self._any(beyond):
-                border = None
-                if not self._any(beyond & at_start):
-                    border = self._border(point, new)
-                if border is None:
-                    h *= control.decrease
-                    continue
-                new = border
-                at = "kink"
-                next_h = h
-            special = self.smooth_points(point, new)
-            folds = [s for s in special if s.kind == "fold"]
-            if self.lacks_fold(point, new, special):
-                h *= control.decrease
-                continue
-            if folds:
-                new = self._at_fold(point, new, folds[0])
-                at = "fold"
-                next_h = h
-            end = _end_reached(point.gamma, new.gamma, gamma_range)
-            if end is not None:
-                new = self._at_end(point, new, end)
-                at = "end"
-            before = [s for s in special if s.kind == "bifurcation"]
-            return Arrival(new, at, tuple(before), next_h)
+        """Take a step of at most a given arc length. Collective.
+
+        Args:
+            point: point, piece and tangent at the start of the step.
+            h: largest arc length.
+            gamma_range: range of gamma.
+
+        Returns:
+            The end of the step; None if no step of at least the shortest length succeeds.
+        """
+        distances = self._distances(point.y, point.piece)
+        at_border = np.abs(distances) <= _AT_BORDER * self._unit(point.y, point.piece)
+        while h >= self.control.minimum:
+            arrival = self._step_of(point, h, at_border, gamma_range)
+            if arrival is not None:
+                return arrival
+            h *= self.control.decrease
         return None
 
+    def _step_of(
+        self,
+        point: BranchPoint,
+        h: float,
+        at_border: npt.NDArray[np.bool_],
+        gamma_range: tuple[float, float],
+    ) -> Arrival | None:
+        """Take a step of arc length h, shorter if it ends earlier; None if h is too long.
+
+        Collective.
+
+        Args:
+            point: point, piece and tangent at the start.
+            h: arc length.
+            at_border: events that vanish at the start.
+            gamma_range: range of gamma.
+        """
+        control = self.control
+        new = self._corrected(point, h)
+        if new is None or self._turns_twice(point, new):
+            return None
+        next_h = h * control.increase if new.corrections <= control.easy else h
+        next_h = min(next_h, control.maximum)
+        at: EndOfStep = ""
+        # the first border of the piece
+        distances = self._distances(new.y, new.piece)
+        beyond = distances < -_BEYOND * self._unit(new.y, new.piece)
+        if self._any(beyond):
+            if self._any(beyond & at_border):
+                return None
+            crossing = self._first_event(point, new.y)
+            border = None if crossing is None else self._point_at(point, *crossing)
+            if border is None:
+                return None
+            new, at, next_h = border, "kink", h
+        # folds and bifurcations on the piece
+        special = self.smooth_points(point, new)
+        if self.lacks_fold(point, new, special):
+            return None
+        folds = [s for s in special if s.kind == "fold"]
+        if folds:
+            new = self._point_at(point, self._distance(point, folds[0].y), folds[0].y) or new
+            at, next_h = "fold", h
+        # the end of the range
+        end = _reached_end(point.gamma, new.gamma, gamma_range)
+        if end is not None:
+            new, at = self._at_end(point, new, end), "end"
+        return Arrival(new, at, tuple(s for s in special if s.kind == "bifurcation"), next_h)
+
     def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
-        """The point a step ``h`` away on the piece of ``point``."""
-        b = self.bordered
+        """Predict and correct a point at arc length h on the piece; None on failure."""
         y = point.y.copy()
         t = point.tangent.copy()
         y.axpy(h, point.tangent)
@@ -147,81 +188,80 @@ class ArcSteps(ExactSteps):
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
         if tangent is None or not self.lands(point, h, y, tangent):
             return None
-        tau = self.test(accepted=True)
-        return self.rescaled(BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections, tau))
+        gamma, tau = self.bordered.gamma(y), self.test(accepted=True)
+        return self.rescaled(BranchPoint(y, tangent, point.piece, gamma, h, corrections, tau))
 
     def _turns_twice(self, point: BranchPoint, new: BranchPoint) -> bool:
-        """Whether gamma turns twice in a step, or a border is reached and left again. Collective.
+        """Return whether gamma turns twice, or a border is reached and left again. Collective.
 
-        As far as the cubics through values and rates at the two ends show: a shorter step decides.
+        Both are judged by the cubics through values and rates at the two ends of the step. A wrong
+        answer costs a shorter step.
         """
         b = self.bordered
         ends = (point, new)
-        away = new.y - point.y
-        length = self._length(away)
-        away.destroy()
+        length = self._distance(point, new.y)
+        # gamma
         rates = [b.gamma(p.tangent) / self._length(p.tangent) for p in ends]
         if min(rates) * max(rates) > 0 and min(map(abs, rates)) > _IDLE * b.gamma_scale:
             _, slopes = _cubic([p.gamma for p in ends], rates, length)
             if np.any(slopes * rates[0] < 0):
                 return True
+        # distances to the borders of the piece
         events = self._events(point.y, point.piece)
-        here, before, after = (
-            [self._again(events, p, shift) for p in ends] for shift in (0.0, -_PROBE, _PROBE)
-        )
-        rises = [(c - a) / (2 * _PROBE) for a, c in zip(before, after, strict=True)]
-        values, _ = _cubic(here, rises, length)
-        dips = (rises[0] < 0) & (rises[1] > 0) & (np.minimum(*here) >= 0)
-        dips &= values.min(axis=0) < -_BEYOND * self._unit(new.y, new.piece)
-        return self._any(dips)
 
-    def _again(self, events: Events, point: BranchPoint, away: float) -> np.ndarray:
-        """Distances to the borders of a piece, away from a point along its tangent."""
-        y = point.y.copy()
-        y.axpy(away, point.tangent)
-        there = self._events(y, point.piece)
-        y.destroy()
-        return again(events, there)
+        def distances(p: BranchPoint, shift: float) -> Array:
+            y = p.y.copy()
+            y.axpy(shift, p.tangent)
+            shifted = again(events, self._events(y, p.piece))
+            y.destroy()
+            return shifted
 
-    def _border(self, point: BranchPoint, new: BranchPoint) -> BranchPoint | None:
-        """Where the first other border is, between two points."""
-        found = self._first_event(point, new.y)
-        if found is None:
-            return None
-        s, y = found
-        return self._there(point, s, y)
+        at_ends = [distances(p, 0.0) for p in ends]
+        growth = [(distances(p, _PROBE) - distances(p, -_PROBE)) / (2 * _PROBE) for p in ends]
+        inside, _ = _cubic(at_ends, growth, length)
+        dips = (growth[0] < 0) & (growth[1] > 0) & (np.minimum(*at_ends) >= 0)
+        return self._any(dips & (inside.min(axis=0) < -_BEYOND * self._unit(new.y, new.piece)))
 
-    def _there(self, point: BranchPoint, s: float, y: PETSc.Vec) -> BranchPoint | None:
+    def _point_at(self, point: BranchPoint, s: float, y: PETSc.Vec) -> BranchPoint | None:
+        """Return the point y at arc length s from a point; None if it has no tangent."""
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
         if tangent is None:
             return None
         corrections = self.corrector.iterations
-        return BranchPoint(
-            y, tangent, point.piece, self.bordered.gamma(y), s, corrections, self.test()
-        )
-
-    def _at_fold(self, point: BranchPoint, new: BranchPoint, fold: SpecialPoint) -> BranchPoint:
-        away = fold.y - point.y
-        s = float(np.sqrt(self.bordered.inner(away, away)))
-        return self._there(point, s, fold.y) or new
+        gamma = self.bordered.gamma(y)
+        return BranchPoint(y, tangent, point.piece, gamma, s, corrections, self.test())
 
     def _at_end(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
+        """Return the point between two points at which gamma is the end of its range."""
         end, _ = self.end_at(point, new, (), (gamma, gamma))
         if end is not new:
             x, _ = self.bordered.split(end.y)
-            self.bordered.join(x, gamma, end.y)  # without the round-off of the corrector
-        away = end.y - point.y
-        s = float(np.sqrt(self.bordered.inner(away, away)))
-        return self._there(point, s, end.y) or end
+            self.bordered.join(x, gamma, end.y)  # remove the round-off of the corrector
+        return self._point_at(point, self._distance(point, end.y), end.y) or end
 
-    def _any(self, which: np.ndarray) -> bool:
+    def _distance(self, point: BranchPoint, y: PETSc.Vec) -> float:
+        """Distance from a point to y, in the measure of arc length."""
+        away = y - point.y
+        length = self._length(away)
+        away.destroy()
+        return length
+
+    def _any(self, which: npt.NDArray[np.bool_]) -> bool:
+        """Return whether an entry is true on any rank. Collective."""
         return bool(self.bordered.comm.allreduce(int(which.any())))
 
 
-def _cubic(
-    values: npt.ArrayLike, rates: npt.ArrayLike, length: float
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Values and derivatives within a step of the cubic that fits its ends (Hermite)."""
+def _cubic(values: npt.ArrayLike, rates: npt.ArrayLike, length: float) -> tuple[Array, Array]:
+    """Sample the cubic Hermite interpolant of a step.
+
+    Args:
+        values: values at both ends of the step, shape (2,) or (2, n).
+        rates: derivatives by arc length at both ends, of the same shape.
+        length: length of the step.
+
+    Returns:
+        Values and derivatives inside the step, each of shape (samples, 1) or (samples, n).
+    """
     a, c = np.asarray(values)
     da, dc = np.asarray(rates) * length
     s = np.linspace(0.0, 1.0, _SAMPLES)[1:-1, np.newaxis]
@@ -230,10 +270,16 @@ def _cubic(
     return value, slope / length
 
 
-def _end_reached(before: float, gamma: float, gamma_range: tuple[float, float]) -> float | None:
-    """The end of the range that a step from ``before`` to ``gamma`` reaches; None if it does not.
+def _reached_end(before: float, gamma: float, gamma_range: tuple[float, float]) -> float | None:
+    """Return the end of the range of gamma that a step reaches; None if it reaches none.
 
-    A kink at the very end, as where all bonds close without load, is found on either side of it.
+    A kink at an end, for example where all bonds close without load, may be located on either side
+    of it. Hence an end counts as reached within round-off, unless the step began there.
+
+    Args:
+        before: gamma at the start of the step.
+        gamma: gamma at its end.
+        gamma_range: range of gamma.
     """
     low, high = gamma_range
     if not low <= gamma <= high:

@@ -1,34 +1,68 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Paths in load and state: accepted points, folds and kinks."""
+r"""Paths in load and state: accepted points, their history, and the state of a run.
+
+A point of a path is an accepted state x_n in equilibrium under a load gamma_n that is unknown
+beforehand; its time is the arc length from the start of the path. `arc_length` states the
+equations.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
+from dolfinx_contact.continuation.branch import BranchPoint
+from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.evolution.energy import Energies, Forces
 from dolfinx_contact.evolution.history import EvolutionStep, History
+from dolfinx_contact.evolution.run import RunState
+from dolfinx_contact.evolution.step import AcceptedState, AtRest, Stepper
+from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["PathEvent", "PathHistory", "PathStep"]
+__all__ = [
+    "Known",
+    "OnPath",
+    "PathDirection",
+    "PathEvent",
+    "PathHistory",
+    "PathState",
+    "PathStep",
+    "PathStepper",
+    "PathTask",
+    "begun",
+]
 
-#: What happens to a path at one of its points.
+#: Event at a point of a path.
 PathEvent: TypeAlias = Literal["", "kink", "smooth fold", "nonsmooth fold"]
+#: Direction in which a run leaves its start: increasing or decreasing load in a first run; onwards
+#: or back in a later one.
+PathDirection: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
+
+
+# -- history ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class PathStep(EvolutionStep):
     """An accepted point of a path; `start` and `time` are arc lengths from the start of the path.
 
+    If `method` says that all statuses that meet at the point were tried, `directions` is the number
+    of solutions of the rate problem, without the one that leads back. If a smooth bifurcation lies
+    on the step, `directions` counts the path and both senses of the other branch.
+
     Attributes:
-        gamma: the load there.
-        event: ``"smooth fold"`` the load turns back while all statuses stay, ``"nonsmooth fold"``
-            it turns back because statuses change, ``"kink"`` statuses change and the load
-            continues; else "".
-        before: statuses by which the path came, as in `status`.
-        after: those by which it continues; of bonds and friction as of contact.
-        method: how the direction was found. If all statuses that meet there were tried
-            `directions` is the number of solutions of the rate problem, less the one that goes
-            back. At a smooth bifurcation on the way it counts the path and both senses of the
-            other.
+        gamma: load parameter.
+        event: ``"smooth fold"`` if the load turns back while all statuses stay, ``"nonsmooth
+            fold"`` if it turns back because statuses change, ``"kink"`` if statuses change and the
+            load continues; otherwise "".
+        before: letters of the statuses on the step to the point, as in `status`, bonds included.
+        after: letters of the statuses on the next step.
+        method: method by which the direction of the next step was found.
         corrections: Newton steps of the corrector.
     """
 
@@ -41,10 +75,11 @@ class PathStep(EvolutionStep):
 
     @property
     def is_fold(self) -> bool:
-        """Whether the load turns back here."""
+        """Whether the load turns back at the point."""
         return self.event.endswith("fold")
 
     def row(self) -> dict[str, Any]:
+        """Return the scalars of a table of points."""
         return {
             **super().row(),
             "newton_iterations": self.corrections,
@@ -57,10 +92,10 @@ class PathStep(EvolutionStep):
 
 @dataclass
 class PathHistory(History):
-    """A path as far as it was followed; times are arc lengths.
+    """The accepted points of a run by arc length and its ending; times are arc lengths.
 
     Attributes:
-        gamma: load at the start.
+        gamma: load parameter at the start.
         steps: accepted points.
     """
 
@@ -79,3 +114,151 @@ class PathHistory(History):
     def kinks(self) -> list[PathStep]:
         """Points at which statuses change and the load continues."""
         return [p for p in self.steps if p.event == "kink"]
+
+
+# -- run -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PathTask:
+    """Task of a run by arc length; see `ArcLength.run` for the attributes."""
+
+    gamma_range: tuple[float, float]
+    direction: PathDirection
+    control: StepControl
+    max_steps: int
+    rays: bool
+
+
+@dataclass(frozen=True)
+class Known:
+    """Scales and signs found by the steps of a run.
+
+    Attributes:
+        x_scale: square of the length of x that counts as much as one unit of gamma; 0 before a
+            tangent has moved x.
+        largest_distance: largest distance to a border of a piece so far.
+        scales: scales of the residuals (`System.scales`).
+        signs: signs of the test for bifurcations; empty before the first step of a run.
+    """
+
+    x_scale: float = 0.0
+    largest_distance: float = 0.0
+    scales: Sequence[float] = ()
+    signs: Sequence[float] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class OnPath(AtRest):
+    """An accepted state of a path."""
+
+    @property
+    def gamma(self) -> float:
+        """Load parameter of the state."""
+        assert self.state.gamma is not None
+        return self.state.gamma
+
+
+@dataclass(frozen=True, eq=False)
+class PathState(RunState):
+    """State of a run between two points: everything that the next step depends on.
+
+    Attributes:
+        arrived: point of the accepted state, with piece and tangent of the step that ended there;
+            None at the start of a path.
+        known: scales and signs found by the steps.
+        passed: arc lengths of the start of the run and of its accepted points.
+    """
+
+    accepted: OnPath
+    arrived: BranchPoint | None = None
+    known: Known = field(default_factory=Known)
+    passed: Sequence[float] = ()
+
+    @property
+    def gamma(self) -> float:
+        """Load parameter at the accepted state."""
+        return self.accepted.gamma
+
+
+def begun(task: PathTask, run_state: PathState) -> PathState:
+    """Return the state of a new run that starts where another one has ended."""
+    return replace(
+        run_state,
+        length=task.control.initial,
+        known=Known(run_state.known.x_scale, scales=run_state.known.scales),
+        passed=(run_state.accepted.time,),
+        ending=None,
+        reason="",
+    )
+
+
+class PathStepper(Stepper):
+    """Puts accepted states of a path into the problem, with their load.
+
+    Args:
+        system: contact problem with its load parameter.
+    """
+
+    def __init__(self, system: ParametricContact):
+        super().__init__(system.problem, lambda _: None, None)
+        self._system = system
+
+    def start(self, time: float, given: State | None = None) -> AcceptedState:
+        accepted = super().start(time, given)
+        if given is None or None in given.previous:
+            return accepted
+        # statuses of the step that ended there, which the state does not determine at borders
+        return replace(accepted, statuses=given.statuses)
+
+    def recalled_under(
+        self,
+        gamma: float,
+        time: float,
+        memory: Sequence[Memory],
+        energies: Energies,
+        *,
+        first: bool,
+    ) -> OnPath:
+        """Return the state in the Functions as an accepted state under a load. Collective.
+
+        Args:
+            gamma: load parameter of the state.
+            time: arc length from the start of the path.
+            memory: memory from which the next step starts, one per surface.
+            energies: energies since the start.
+            first: whether it is the start, whose statuses are not known.
+        """
+        with self._system.restored():
+            self._system._set(gamma)
+            accepted = self.recalled(time, memory, energies, first=first)
+        assert isinstance(accepted, OnPath)
+        return accepted
+
+    def at_rest(
+        self,
+        law: ContactProblem,
+        evaluation: Evaluation,
+        memory: Sequence[Memory],
+        time: float,
+        energies: Energies,
+        forces: Forces,
+        *,
+        known: bool = True,
+        solved: bool = True,
+    ) -> OnPath:
+        accepted = super().at_rest(
+            law, evaluation, memory, time, energies, forces, known=known, solved=solved
+        )
+        state = replace(accepted.state, gamma=float(self._system.constant.value))
+        return OnPath(**vars(accepted) | {"state": state})
+
+    def _take_start(self, given: State) -> None:
+        super()._take_start(given)
+        gamma = self._system.constant.value if given.gamma is None else given.gamma
+        self._system._set(float(gamma))
+
+    def _restore(self, accepted: AcceptedState) -> None:
+        assert isinstance(accepted, OnPath)
+        super()._restore(accepted)
+        self._system._set(accepted.gamma)

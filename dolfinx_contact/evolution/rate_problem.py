@@ -1,24 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The rate problem at an accepted state: the directions in which an evolution can continue.
+r"""The rate problem: directions in which an evolution can continue from an accepted state.
 
-Where memory is accepted every point that slips is at the border of stick, and every bond that
-damages at that of an intact one. The directions that lead out of such a state, memory frozen,
-solve the rate problem, whose pieces are the statuses of the points at a border. A direction is
-inside its piece if the distances that vanish at the state grow along it.
+At a state y = (x, gamma) whose memory has just been accepted, every slipping point is at the border
+of stick, and every breaking bond at the border of an intact one. With the memory frozen, H has one
+linearisation J for each piece, that is for each choice of statuses of the points at a border. A
+direction t solves the rate problem if, for one of these pieces,
 
-The statuses of the last step are tried first. Where they fail, points whose distances fall take
-the status beyond, until none does: Newton's method for the rate problem. Each direction points to
-the side on which det [grad H; t^T] keeps its sign, as it does along a path unless another meets it;
-so a path that snaps back is distinguished from one that unloads. Where no such direction is found
-all statuses that meet are tried; then several directions lead on, or none.
+    J t = 0,        d' (t) >= 0 for all distances d(y) = 0 to borders of the piece.
 
-One of the directions leads *back*: it unloads, no bond that damages and no point that slips does so
-on it. It answers to the reverse of the direction by which it was reached, and does not lead on.
+Solutions are searched in this order:
+
+1. The statuses and the tangent of the last step.
+2. Newton's method for the rate problem: points whose distance decreases take the status beyond the
+   border, all at once, or the steepest one at a time if that cycles. The direction is oriented such
+   that det [J; t^T] keeps its sign, as it does along a path unless another path crosses. This
+   distinguishes snap-back from unloading.
+3. All pieces that meet at the state, if there are at most 256. The result is complete: there may be
+   several directions, or none.
+4. H itself, with recomputed statuses, next to the state.
+
+One solution leads back: it unloads, without slip or damage. It continues the reverse of the
+incoming direction and is not counted.
 """
 
 from __future__ import annotations
 
-from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from petsc4py import PETSc
@@ -26,269 +33,237 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.continuation.borders import again
 from dolfinx_contact.continuation.branch import FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, parity
 from dolfinx_contact.continuation.system import Events, Piece
 
-__all__ = ["Directions", "RateProblem"]
+__all__ = ["RateProblem"]
 
-_PROBE = 1e-4  # length over which rates of distances are taken, either way
-_IDLE = 1e-10  # of the largest rate: no rate
-_ROUNDS = 40  # of Newton's method
-_MOST_PIECES = 256  # that are tried
-_ALIKE = 1e-6  # of the steepest fall: as steep but for round-off
-_DIGITS = 6  # of cosines that distinguish directions
+_PROBE = 1e-4  # arc length of central differences
+_IDLE = 1e-10  # fraction of the largest rate that counts as zero
+_ROUNDS = 40  # largest number of iterations of Newton's method
+_MOST_PIECES = 256  # largest number of pieces that are enumerated
+_ALIKE = 1e-6  # relative difference of equal rates
+_DIGITS = 6  # digits of cosines that distinguish directions
+
+_LAST_STATUSES = "the statuses of the last step"
+_NEWTON = "Newton's method for the rate problem"
+_ALL = "all statuses that meet"
+_SOME = "some of the statuses that meet"
 
 
 @dataclass(frozen=True)
-class Directions:
-    """Directions that lead on from a state.
+class _Falling:
+    """Borders that a direction crosses, the steepest last; one entry per border on this rank.
 
     Attributes:
-        onwards: the one that is taken; None if none was found.
-        others: further ones, without the one that leads back.
-        method: how they were looked for.
-        complete: whether all statuses that meet were tried.
+        points: local numbers of the points.
+        targets: statuses beyond the borders.
+        rates: rates at which the distances decrease.
     """
 
-    onwards: Ray | None
-    others: tuple[Ray, ...] = ()
-    method: str = ""
-    complete: bool = False
-
-    @property
-    def number(self) -> int | None:
-        """Of the directions that lead on; None if not all were looked for."""
-        return len(self.others) + (self.onwards is not None) if self.complete else None
+    points: npt.NDArray[np.int32]
+    targets: npt.NDArray[np.int8]
+    rates: npt.NDArray[np.float64]
 
 
 class RateProblem:
-    """Directions out of a state y = (x, gamma), with the memory of the surfaces. Collective.
+    """Directions out of a state y = (x, gamma), with the memory of the system. Collective.
 
     Args:
-        corrector: on the bordered system.
-        y: the state.
-        tolerance: distances that count as zero.
-        outside: distances beyond a border, below zero, that are no round-off.
+        corrector: corrector of the bordered system.
+        y: state.
+        at_border: distance up to which a point is at a border.
+        beyond: negative distance from which a point is beyond a border.
     """
 
-    def __init__(self, corrector: Corrector, y: PETSc.Vec, tolerance: float, outside: float):
+    def __init__(self, corrector: Corrector, y: PETSc.Vec, at_border: float, beyond: float):
         self._corrector = corrector
+        self._bordered = corrector.bordered
+        self._comm = corrector.bordered.comm
         self._y = y
-        self._tolerance = tolerance
-        self._outside = outside
-        self._b = corrector.bordered
-        self._comm = self._b.comm
-        self._finder = RayFinder(corrector, y, self._leads_out, self._size)
+        self._at_border = at_border
+        self._beyond = beyond
+        b = self._bordered
+        self._finder = RayFinder(
+            corrector, y, self._leads_out, lambda t: float(np.sqrt(b.inner(t, t)))
+        )
 
-    def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool = False) -> Directions:
-        """The directions for a path that arrived on ``piece`` along ``t``.
+    def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool = False) -> FoundRays[Ray]:
+        """Return the directions for a path that arrived at the state.
 
         Args:
-            piece: of the last step.
+            piece: piece of the last step.
             t: its direction at the state.
-            every: whether all statuses that meet are tried where those of the last step fail, also
-                if a direction was found.
+            every: whether all pieces that meet are tried if the statuses of the last step fail,
+                also if Newton's method finds a direction.
+
+        Returns:
+            Directions without the one that leads back; the path continues along the first.
         """
-        ray = Ray(piece, t)
-        if self._leads_out(ray):
-            return Directions(ray, method="the statuses of the last step")
-        found = self._by_newton(piece, t)
-        if found is not None and not every:
-            return Directions(found, method="Newton's method for the rate problem")
-        every_ray = self._enumerated(piece, t)
-        complete = every_ray.complete
-        rays = [*([found] if found is not None else []), *every_ray.rays]
-        rays = rays or self._led_by_H(t)
-        back = self._by_newton(piece, self._reversed(t))
-        if back is not None:
-            rays = [r for r in rays if not self._finder.same(r, back)]
-        rays = self._finder.distinct(rays)
-        method = "all statuses that meet" if complete else "some of the statuses that meet"
-        if not rays:
-            return Directions(None, (), method, complete)
-        if found is None:
-            # Those that are alike keep their order.
-            rays.sort(key=lambda r: -round(self._b.inner(r.tangent, t), _DIGITS))
-        first, *others = rays
-        return Directions(first, tuple(others), method, complete)
+        incoming = Ray(piece, t)
+        if self._leads_out(incoming):
+            return FoundRays((incoming,), False, _LAST_STATUSES)
+        newton = self._by_newton(piece, t)
+        if newton and not every:
+            return FoundRays(newton, False, _NEWTON)
+        enumerated = self._enumerated(piece, t)
+        rays = self._without_back((*newton, *enumerated.rays) or self._next_to_state(t), incoming)
+        if not newton:
+            # the straightest direction first; equal ones keep their order
+            rays.sort(key=lambda r: -round(self._bordered.inner(r.tangent, t), _DIGITS))
+        method = _ALL if enumerated.complete else _SOME
+        return FoundRays(tuple(rays), enumerated.complete, method)
 
-    def back(self, piece: Piece, t: PETSc.Vec) -> Directions:
-        """The direction that unloads, for a path that arrived on ``piece`` along ``t``."""
-        ray = self._by_newton(piece, self._reversed(t))
-        return Directions(ray, method="Newton's method for the rate problem")
+    def back(self, piece: Piece, t: PETSc.Vec) -> FoundRays[Ray]:
+        """Return the direction that unloads, for a path that arrived on a piece along ``t``."""
+        reverse = t.copy()
+        reverse.scale(-1.0)
+        return FoundRays(self._by_newton(piece, reverse), False, _NEWTON)
 
-    def begun(self, piece: Piece, towards: PETSc.Vec) -> Directions:
-        """The directions from a start, on the side of ``towards``."""
-        ray = self._by_newton(piece, towards, oriented=False)
-        rays = [ray] if ray is not None else self._led_by_H(towards)
-        return Directions(rays[0] if rays else None, method="Newton's method for the rate problem")
+    def from_start(self, piece: Piece, towards: PETSc.Vec) -> FoundRays[Ray]:
+        """Return a direction out of a start.
+
+        Args:
+            piece: piece with which the search begins.
+            towards: vector to which the direction is not opposed.
+        """
+        newton = self._by_newton(piece, towards, oriented=False)
+        return FoundRays(newton or self._next_to_state(towards), False, _NEWTON)
 
     # -- one piece -------------------------------------------------------------------------------
 
     def _leads_out(self, ray: Ray) -> bool:
-        """Whether a direction leads no point over a border."""
-        return not self._any(self._falling(ray)[0])
+        """Return whether a direction crosses no border of its piece."""
+        return not self._any(self._falling(ray).points)
 
-    def _falling(
-        self, ray: Ray
-    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int8], npt.NDArray[np.float64]]:
-        """Local points that a direction leads over a border, their statuses beyond; how steeply.
+    def _falling(self, ray: Ray) -> _Falling:
+        """Return the borders that a direction crosses."""
+        present = self._events(ray, 0.0)
+        slopes = _slopes(present, self._events(ray, _PROBE), self._events(ray, -_PROBE))
+        largest = self._comm.allreduce(float(np.max(np.abs(slopes), initial=0.0)), op=max)
+        at_border = np.abs(present.distance) <= self._at_border
+        crosses = at_border & (slopes < -_IDLE * largest) | (present.distance < -self._beyond)
+        falling = np.flatnonzero(crosses)
+        falling = falling[np.argsort(-slopes[falling], kind="stable")]
+        return _Falling(present.point[falling], present.target[falling], -slopes[falling])
 
-        A point is there as often as it is at a border, the steepest last.
-        """
-        here = self._distances(ray, 0.0)
-        slope = _slopes(here, self._distances(ray, _PROBE), self._distances(ray, -_PROBE))
-        largest = self._comm.allreduce(float(np.max(np.abs(slope), initial=0.0)), op=max)
-        at_border = np.abs(here.distance) <= self._tolerance
-        over = (at_border & (slope < -_IDLE * largest)) | (here.distance < -self._outside)
-        falling = np.flatnonzero(over)
-        falling = falling[np.argsort(-slope[falling], kind="stable")]
-        fall = np.asarray(-slope[falling], dtype=np.float64)
-        return here.point[falling], here.target[falling], fall
-
-    def _distances(self, ray: Ray, away: float) -> Events:
-        """To the borders of the piece of a direction, at a distance along it."""
+    def _events(self, ray: Ray, shift: float) -> Events:
+        """Return the distances to the borders of a piece, at a shift along a direction."""
         y = self._y.copy()
-        y.axpy(away, ray.tangent)
-        events = self._b.system.events(*self._b.split(y), ray.piece)
+        y.axpy(shift, ray.tangent)
+        events = self._bordered.system.events(*self._bordered.split(y), ray.piece)
         y.destroy()
         return events
 
-    def _by_newton(self, piece: Piece, t: PETSc.Vec, *, oriented: bool = True) -> Ray | None:
-        """A direction inside its piece, from a piece and a direction. None if none is found.
-
-        Where all points that fall at once lead round in circles they change one by one.
+    def _by_newton(self, piece: Piece, t: PETSc.Vec, *, oriented: bool = True) -> tuple[Ray, ...]:
+        """Find a direction inside its piece by Newton's method; none if that fails.
 
         Args:
-            piece: by which the path came along ``t``; or to begin with.
-            t: its direction; or one that the result must not oppose.
-            oriented: whether [grad H; t^T] keeps the sign of its determinant, as it does along a
-                path on which no other meets it.
+            piece: first piece.
+            t: direction in the first piece; without orientation, a vector that the result must not
+                oppose.
+            oriented: whether det [J; t^T] keeps its sign.
         """
-        for at_once in (True, False):
-            found = self._pivoted(piece, t, oriented, at_once)
-            if found is not None:
-                return found
-        return None
+        for one_by_one in (False, True):
+            ray = self._iterate(piece, t, oriented, one_by_one=one_by_one)
+            if ray is not None:
+                return (ray,)
+        return ()
 
-    def _pivoted(self, first: Piece, t: PETSc.Vec, oriented: bool, at_once: bool) -> Ray | None:
-        seen: set[bytes] = set()
-        incoming = Ray(first, t)
+    def _iterate(
+        self, first: Piece, t: PETSc.Vec, oriented: bool, *, one_by_one: bool
+    ) -> Ray | None:
+        """Iterate Newton's method; None if it cycles. See `_by_newton`."""
+        tried: set[bytes] = set()
         piece = first
         for _ in range(_ROUNDS):
-            known = b"".join(self._comm.allgather(piece.codes.tobytes()))
-            if known in seen:
+            codes = b"".join(self._comm.allgather(piece.codes.tobytes()))
+            if codes in tried:
                 return None
-            seen.add(known)
+            tried.add(codes)
             tangent = self._corrector.tangent(self._y, t, piece)
             if tangent is None:
                 return None
-            if oriented and len(seen) > 1 and self._parity(incoming, Ray(piece, tangent)) < 0:
-                tangent.scale(-1.0)
             ray = Ray(piece, tangent)
-            points, targets, fall = self._falling(ray)
-            if not self._any(points):
+            changed = oriented and piece is not first
+            if changed and parity(self._corrector, self._y, first, t, ray) < 0:
+                tangent.scale(-1.0)
+            falling = self._falling(ray)
+            if not self._any(falling.points):
                 return ray
-            if not at_once:
-                points, targets = self._steepest(points, targets, fall)
-            piece = piece.with_codes(points, targets)
+            if one_by_one:
+                falling = self._steepest(falling)
+            piece = piece.with_codes(falling.points, falling.targets)
         return None
 
-    def _steepest(
-        self,
-        points: npt.NDArray[np.int32],
-        targets: npt.NDArray[np.int8],
-        fall: npt.NDArray[np.float64],
-    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int8]]:
-        """One of the points of all ranks: the steepest; of several the first by its place."""
-        steepest = self._comm.allreduce(float(np.max(fall, initial=-np.inf)), op=max)
-        least = steepest - _ALIKE * abs(steepest)
-        places = self._b.system.order()[points]
-        mine = [
-            (int(places[k]), int(targets[k]), self._comm.rank, int(k))
-            for k in np.flatnonzero(fall >= least)
+    def _steepest(self, falling: _Falling) -> _Falling:
+        """Return the steepest border over all ranks; among equal ones the first in order."""
+        rates = falling.rates
+        steepest = self._comm.allreduce(float(np.max(rates, initial=-np.inf)), op=max)
+        order = self._bordered.system.order()[falling.points]
+        candidates = [
+            (int(order[k]), int(falling.targets[k]), self._comm.rank, int(k))
+            for k in np.flatnonzero(rates >= steepest - _ALIKE * abs(steepest))
         ]
-        *_, rank, k = min(one for part in self._comm.allgather(mine) for one in part)
-        number = int(self._comm.rank == rank)
-        return points[k:][:number], targets[k:][:number]
+        _, _, rank, k = min(c for part in self._comm.allgather(candidates) for c in part)
+        chosen = slice(k, k + 1) if self._comm.rank == rank else slice(0)
+        return _Falling(falling.points[chosen], falling.targets[chosen], rates[chosen])
 
-    def _parity(self, a: Ray, c: Ray) -> int:
-        return parity(self._corrector, self._y, a.piece, a.tangent, c)
-
-    # -- several ---------------------------------------------------------------------------------
+    # -- several pieces --------------------------------------------------------------------------
 
     def _enumerated(self, piece: Piece, t: PETSc.Vec) -> FoundRays[Ray]:
-        """Directions by all statuses of the points at a border, unless these are too many."""
-        rank = self._comm.rank
-        mine = []
-        order = self._b.system.order()
-        x, gamma = self._b.split(self._y)
-        events = self._b.system.events(x, gamma, piece)
-        at_border = np.abs(events.distance) <= self._tolerance
+        """Try all statuses of the points at a border, unless there are too many."""
+        system = self._bordered.system
+        order = system.order()
+        events = system.events(*self._bordered.split(self._y), piece)
+        at_border = np.abs(events.distance) <= self._at_border
+        placed = []
         for i in np.unique(events.point[at_border]):
-            targets = [int(c) for c in events.target[at_border & (events.point == i)]]
             code = int(piece.codes[i])
-            every = tuple(sorted({code, *targets}))
-            mine.append((int(order[i]), Kink(rank, int(i), code, targets[0], every)))
-        placed = [pair for part in self._comm.allgather(mine) for pair in part]
-        kinks = [kink for _, kink in sorted(placed, key=lambda pair: pair[0])]
+            targets = events.target[at_border & (events.point == i)].tolist()
+            statuses = tuple(sorted({code, *targets}))
+            kink = Kink(self._comm.rank, int(i), code, targets[0], statuses)
+            placed.append((int(order[i]), kink))
+        every = [pair for part in self._comm.allgather(placed) for pair in part]
+        kinks = [kink for _, kink in sorted(every, key=lambda pair: pair[0])]
         return self._finder.enumerated(piece, kinks, t, most=_MOST_PIECES)
 
-    def _led_by_H(self, t: PETSc.Vec) -> list[Ray]:
-        """The direction in which H itself, statuses recomputed, has a solution nearby."""
-        sense = 1.0 if self._b.gamma(t) >= 0 else -1.0
+    def _next_to_state(self, t: PETSc.Vec) -> tuple[Ray, ...]:
+        """Return the direction towards a solution of H next to the state, if there is one."""
+        sense = 1.0 if self._bordered.gamma(t) >= 0 else -1.0
         found = self._finder.led_by_H(
             (sense,), lambda ray, _away: self._leads_out(ray), tangent_at_point=True
         )
-        return list(found.rays)
+        return found.rays
 
-    # -- tools -----------------------------------------------------------------------------------
+    def _without_back(self, rays: Sequence[Ray], incoming: Ray) -> list[Ray]:
+        """Return distinct directions without the one that leads back."""
+        back = self.back(incoming.piece, incoming.tangent).rays
+        onwards = [r for r in rays if not any(self._finder.same(r, b) for b in back)]
+        return self._finder.distinct(onwards)
 
     def _any(self, points: npt.NDArray[np.int32]) -> bool:
+        """Return whether there is a point on any rank."""
         return bool(self._comm.allreduce(len(points)))
 
-    def _reversed(self, t: PETSc.Vec) -> PETSc.Vec:
-        back = t.copy()
-        back.scale(-1.0)
-        return back
 
-    def _size(self, t: PETSc.Vec) -> float:
-        """In the measure of a path."""
-        return float(np.sqrt(self._b.inner(t, t)))
+def _slopes(present: Events, ahead: Events, behind: Events) -> npt.NDArray[np.float64]:
+    """Derivatives of the distances to borders along a direction, by central differences.
 
+    A border that exists on one side only, such as that of an intact bond, has the one-sided
+    derivative; on neither side, 0.
 
-def _slopes(here: Events, ahead: Events, behind: Events) -> npt.NDArray[np.float64]:
-    """Derivatives of distances to borders along a direction, by what is `_PROBE` ahead and behind.
-
-    A border may exist on one side alone, as that at which a bond is whole again: then it is the
-    derivative on that side; 0 if it is on neither.
+    Args:
+        present: events at the state.
+        ahead: events at the distance `_PROBE` along the direction.
+        behind: events at that distance against it.
     """
-    same = all(
-        np.array_equal(here.point, other.point) and np.array_equal(here.target, other.target)
-        for other in (ahead, behind)
-    )
-    if same:
-        return np.asarray((ahead.distance - behind.distance) / (2 * _PROBE))
-    after = _by_border(ahead)
-    before = _by_border(behind)
-    slopes = []
-    for border, distance in _by_border(here).items():
-        sides = [s for s in (before.get(border), after.get(border)) if s is not None]
-        width = len(sides) * _PROBE
-        last = after.get(border, distance)
-        first = before.get(border, distance)
-        slopes.append((last - first) / width if sides else 0.0)
-    return np.array(slopes, dtype=np.float64)
-
-
-def _by_border(events: Events) -> dict[tuple[int, int, int], float]:
-    """Distances by point, status beyond, and number among those of both."""
-    found: dict[tuple[int, int, int], float] = {}
-    known: Counter[tuple[int, int]] = Counter()
-    for k, distance in enumerate(events.distance):
-        border = int(events.point[k]), int(events.target[k])
-        found[*border, known[border]] = float(distance)
-        known[border] += 1
-    return found
+    missing = np.full_like(present.distance, np.nan)
+    after, before = (again(present, events, missing) for events in (ahead, behind))
+    sides = np.isfinite(after).astype(float) + np.isfinite(before)
+    after = np.where(np.isfinite(after), after, present.distance)
+    before = np.where(np.isfinite(before), before, present.distance)
+    return np.asarray((after - before) / (np.maximum(sides, 1.0) * _PROBE))

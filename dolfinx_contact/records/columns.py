@@ -19,7 +19,7 @@ import numpy as np
 
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.evolution.path_state import Known
+from dolfinx_contact.evolution.path import Known
 from dolfinx_contact.laws import status
 
 __all__ = [
@@ -305,7 +305,7 @@ class Arrived(_Columns):
 
 @dataclass(frozen=True, kw_only=True)
 class PathGoesOn(_Columns):
-    """The continuation of a path from a state; see `evolution.path_state.PathState`."""
+    """The continuation of a path from a state; see `evolution.path.PathState`."""
 
     gamma: float
     arrived: Arrived | None = None

@@ -19,7 +19,7 @@ from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.observer import ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution import ArcLength, PathHistory, PathStep
-from dolfinx_contact.evolution.path_state import PathState, PathTask, begun
+from dolfinx_contact.evolution.path import PathState, PathTask, begun
 from dolfinx_contact.evolution.run import Listeners
 from dolfinx_contact.records.arrays import Arrays
 from dolfinx_contact.records.columns import Arrived, PathGoesOn, StateEntry, plain
