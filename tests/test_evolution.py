@@ -33,7 +33,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
-from dolfinx_contact.evolution.step_rays import rays_of_step
+from dolfinx_contact.evolution.step_branch import rays_of_step
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.points.memory import Memory
 
@@ -774,6 +774,6 @@ def test_no_solution_of_the_rate_problem():
     assert last.result.counts["stick"] == 1
     g.value = 3.1
     rays = rays_of_step(problem)
-    assert (rays.statuses, rays.complete) == ((), True)
+    assert (rays.rays, rays.complete) == ((), True)
     g.value = 2.9
-    assert len(rays_of_step(problem).statuses) == 2
+    assert len(rays_of_step(problem).rays) == 2

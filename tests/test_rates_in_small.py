@@ -33,7 +33,6 @@ from dolfinx_contact.equations.data import data_in
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation, differs
 from dolfinx_contact.equations.jacobian import _Numbering
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.equations.rates import Driven, Rate, RigidRates, depends_on, dirichlet_rates
 from dolfinx_contact.equations.scaling import LooseMotions, _direction, require_hoop_stiffness
 from dolfinx_contact.equations.sliding import SlidingTerms, _Block, _pattern, _Pieces
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
@@ -43,113 +42,7 @@ COMM = MPI.COMM_WORLD
 ALONE = MPI.COMM_SELF
 
 
-def integral(form):
-    return COMM.allreduce(
-        fem.assemble_scalar(form if isinstance(form, fem.Form) else fem.form(form))
-    )
-
-
-# -- rates by a parameter -------------------------------------------------------------------------
-
-
-def test_rates_of_forms_and_expressions():
-    """Derivatives by gamma alone; what does not hold it has none."""
-    domain = box(COMM, 1, "tri")
-    gamma, other = fem.Constant(domain, 3.0), fem.Constant(domain, 5.0)
-    x = ufl.SpatialCoordinate(domain)
-    rate = Rate(gamma)
-    form = (gamma**2 * other * x[0] + other) * ufl.dx
-    assert integral(rate.of_form(form)) == pytest.approx(2 * 3.0 * 5.0 / 2)
-    assert rate.of_form(other * ufl.dx(domain)) is None
-    assert rate.of_form((gamma - gamma + other) * ufl.dx(domain)) is None
-    assert rate.constants_of(form) == [gamma, other]
-    assert rate.constants_of(other * ufl.dx(domain)) == []
-    assert rate.constants_of(gamma * ufl.dx(domain)) == []
-    assert set(rate.constants_of(gamma**2 * other)) == {gamma, other}
-    assert rate.constants_of(gamma * 2.0) == []
-    vector = ufl.as_vector([gamma**3, other])
-    found = rate.of_expression(vector)
-    assert integral(found[0] * ufl.dx(domain)) == pytest.approx(27.0)
-    assert integral(found[1] * ufl.dx(domain)) == pytest.approx(0.0)
-    assert rate.of_expression(x).ufl_shape == (2,)
-    assert integral(ufl.inner(rate.of_expression(x), x) * ufl.dx(domain)) == 0.0
-    assert depends_on(gamma, other, gamma + 1.0)
-    assert not depends_on(gamma, other, 2.0)
-    for e, affine in (
-        (gamma * other * x[0], True),
-        (gamma**2, False),
-        (other**2, True),
-        (abs(gamma), False),
-    ):
-        assert (rate.not_affine(e) == "") is affine
-        assert (rate.not_affine(e * ufl.dx(domain)) == "") is affine
-    for e, smooth in ((gamma**2, True), (abs(gamma), False), (abs(other), True)):
-        assert (rate.kinks(e) == "") is smooth
-        assert (rate.kinks(e * ufl.dx(domain)) == "") is smooth
-
-
-def test_functions_that_a_parameter_drives():
-    """Their value, and the rate of it, where they are prescribed; put back afterwards."""
-    domain = box(COMM, 1, "tri")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    gamma = fem.Constant(domain, 3.0)
-    x = ufl.SpatialCoordinate(domain)
-    f = fem.Function(V)
-    driven = Driven(f, ufl.as_vector([gamma**2, gamma * x[0]]), Rate(gamma))
-    driven.set()
-    values = f.x.array.reshape(-1, 2).copy()
-    nodes = V.tabulate_dof_coordinates()[:, 0]
-    np.testing.assert_allclose(values[:, 0], 9.0)
-    np.testing.assert_allclose(values[:, 1], 3.0 * nodes, atol=1e-14)
-    assert driven.not_affine
-    assert driven.kinks == ""
-    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-    bc = fem.dirichletbc(f, held)
-
-    class Held:
-        def values(self, fill):
-            g = fem.Function(V)
-            g.x.array[:] = fill
-            bc.set(g.x.array)
-            return g.x.array.reshape(-1, 2).copy()
-
-    rates = dirichlet_rates(Held(), [driven]).reshape(-1, 2)
-    top = V.tabulate_dof_coordinates()[:, 1] > 0.5
-    np.testing.assert_allclose(rates[~top], 0.0)
-    np.testing.assert_allclose(rates[top, 0], 6.0)
-    np.testing.assert_allclose(rates[top, 1], nodes[top], atol=1e-14)
-    np.testing.assert_array_equal(f.x.array.reshape(-1, 2), values)
-    driven.add_rate()
-    np.testing.assert_allclose(f.x.array.reshape(-1, 2)[:, 0], 15.0)
-    W = fem.functionspace(domain, ("Lagrange", 1))
-    scalar = Driven(fem.Function(W), 2.0, Rate(gamma))
-    scalar.set()
-    np.testing.assert_allclose(scalar.function.x.array, 2.0)
-    assert scalar.not_affine == ""
-
-
-def test_rates_of_rigid_bodies():
-    domain = box(COMM, 1, "tri")
-    gamma = fem.Constant(domain, 3.0)
-    asked = []
-    bodies = SimpleNamespace(
-        bodies=[
-            SimpleNamespace(expressions=[2.0, gamma * 4.0]),
-            SimpleNamespace(expressions=[gamma**2]),
-        ],
-        rates=lambda rates: asked.append(rates) or ("loads", "motions"),
-    )
-    found = RigidRates(bodies, Rate(gamma))
-    assert found.applies
-    assert found.not_affine
-    assert found.kinks == ""
-    assert found() == ("loads", "motions")
-    assert [integral(r * ufl.dx(domain)) for r in asked[0]] == pytest.approx([0.0, 4.0, 6.0])
-    bodies.bodies = [SimpleNamespace(expressions=[2.0, abs(gamma)])]
-    assert RigidRates(bodies, Rate(gamma)).kinks
-    bodies.bodies = [SimpleNamespace(expressions=[2.0])]
-    still = RigidRates(bodies, Rate(gamma))
-    assert (still.applies, still.kinks, still.not_affine) == (False, "", "")
+# -- data ------------------------------------------------------------------------------------------
 
 
 def test_places_of_data_in_words():

@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Derivatives by the parameter gamma of forms, Dirichlet data, obstacles and laws."""
+r"""Derivatives by the parameter gamma of forms, Dirichlet data, obstacles, laws and rigid bodies.
+
+    dH/dgamma = dR/dgamma + (dR/du) dg/dgamma + (derivatives of the contact law by gap, normal and
+                law fields) . (their derivatives by gamma)
+
+with the residual R of the body and the Dirichlet values g. UFL differentiates all data; they are
+evaluated like the data themselves.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +29,18 @@ from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.points.contact_points import Given
 from dolfinx_contact.points.surface import DiscreteSurface
 
-__all__ = ["Driven", "Rate", "RigidRates", "SurfaceRates", "depends_on"]
+__all__ = ["Driven", "Rate", "RigidRates", "SurfaceRates", "depends_on", "dirichlet_rates"]
 
 Array = npt.NDArray[np.float64]
 
 
 def depends_on(gamma: fem.Constant, *expressions: Any) -> bool:
-    """Whether UFL expressions contain gamma."""
-    return any(gamma in extract_constants(ufl.as_ufl(e)) for e in expressions)
+    """Return whether UFL forms or expressions contain gamma."""
+    return any(gamma in extract_constants(_as_ufl(e)) for e in expressions)
+
+
+def _as_ufl(e: Any) -> Any:
+    return e if isinstance(e, ufl.Form) else ufl.as_ufl(e)
 
 
 @dataclass(frozen=True)
@@ -37,116 +48,127 @@ class Rate:
     """Differentiation by gamma.
 
     Attributes:
-        gamma: the Constant of the user's forms.
+        gamma: Constant in the forms of the user.
     """
 
     gamma: fem.Constant
 
-    def of(self, e: Any) -> Any:
-        """The derivative of a UFL expression or form."""
-        variable = ufl.variable(self.gamma)
-        return ufl.diff(ufl.replace(e, {self.gamma: variable}), variable)
-
     def of_expression(self, e: Any) -> Any:
-        """The derivative of an expression of any shape, expanded; zero where gamma is not in it."""
+        """Return the derivative of an expression of any shape, zero if it does not contain gamma.
+
+        The derivative is expanded.
+        """
         e = ufl.as_ufl(e)
-        if not depends_on(self.gamma, e):
-            return 0.0 * e
-        return ufl.algorithms.expand_derivatives(self.of(e))
+        return self._derivative(e) if depends_on(self.gamma, e) else 0.0 * e
 
     def of_form(self, form: ufl.Form) -> fem.Form | None:
-        """The derivative of a form, compiled; None if it vanishes."""
-        if self.gamma not in form.constants():
+        """Return the derivative of a form, compiled; None if it vanishes."""
+        if not depends_on(self.gamma, form):
             return None
-        rate = ufl.algorithms.expand_derivatives(self.of(form))
+        rate = self._derivative(form)
         return None if rate.empty() else compiled_form(rate)
 
     def constants_of(self, e: Any) -> list[fem.Constant]:
-        """Constants in the derivative of a form or an expression."""
-        if isinstance(e, ufl.Form):
-            if self.gamma not in e.constants():
-                return []
-            return list(ufl.algorithms.expand_derivatives(self.of(e)).constants())
-        return list(extract_constants(self.of_expression(e)))
+        """Return the Constants in the derivative of a form or an expression."""
+        present = depends_on(self.gamma, e)
+        return list(extract_constants(self._derivative(_as_ufl(e)))) if present else []
 
     def not_affine(self, e: Any) -> str:
-        """What makes a form or an expression not affine in gamma, in words; "" if it is affine."""
+        """Return the part of a form or expression that is not affine in gamma; "" if all is."""
         if isinstance(e, ufl.Form) and is_affine(e, self.gamma):
             return ""
         found = dependence(e, self.gamma)
         return "" if found.is_affine else found.text
 
     def kinks(self, e: Any) -> str:
-        """Where a form or an expression has kinks or jumps in gamma, in words; "" if nowhere."""
+        """Return the parts of a form or expression with kinks or jumps in gamma; "" if none."""
+        present = depends_on(self.gamma, e)
         if isinstance(e, ufl.Form):
-            present = self.gamma in e.constants() and has_branches(e)
-        else:
-            present = depends_on(self.gamma, e)
+            present = present and has_branches(e)
         return dependence(e, self.gamma).text_of_kinks if present else ""
+
+    def _derivative(self, e: Any) -> Any:
+        """Expanded derivative of a form or expression that contains gamma."""
+        variable = ufl.variable(self.gamma)
+        rate = ufl.diff(ufl.replace(e, {self.gamma: variable}), variable)
+        return ufl.algorithms.expand_derivatives(rate)
 
 
 class Driven:
-    """A Function of Dirichlet data with its value and rate as interpolable expressions."""
+    """A Function of Dirichlet data that is a UFL expression of gamma.
+
+    Args:
+        function: Function of a Dirichlet condition.
+        expression: its value.
+        rate: differentiation by gamma.
+
+    Attributes:
+        function: Function as given.
+        expression: expression in UFL.
+        not_affine: part that is not affine in gamma; "" if all is.
+        kinks: parts with kinks or jumps in gamma; "" if there are none.
+    """
 
     def __init__(self, function: fem.Function, expression: Any, rate: Rate):
+        self.function = function
+        self.expression = ufl.as_ufl(expression)
+        self.not_affine = rate.not_affine(self.expression)
+        self.kinks = rate.kinks(self.expression)
         points = interpolation_points(function.function_space)
-        expression = ufl.as_ufl(expression)
         domain = function.function_space.mesh
         x = ufl.SpatialCoordinate(domain)
-        # FFCx compiles no expression in which nothing but constants occurs.
-        nothing = fem.Constant(domain, 0.0) * (x if expression.ufl_shape else x[0])
-        self.expression = expression
-        self.function = function
-        slope = rate.of_expression(expression)
-        #: What makes it not affine in gamma; "" if it is.
-        self.not_affine = rate.not_affine(expression)
-        #: Where it has kinks or jumps in gamma; "" if nowhere.
-        self.kinks = rate.kinks(expression)
-        self._value = compiled_expression(expression + nothing, points)
-        self._rate = compiled_expression(slope + nothing, points)
+        # FFCx does not compile expressions of Constants alone.
+        zero = fem.Constant(domain, 0.0) * (x if self.expression.ufl_shape else x[0])
+        self._value = compiled_expression(self.expression + zero, points)
+        self._rate = compiled_expression(rate.of_expression(self.expression) + zero, points)
 
     def set(self) -> None:
-        """Give the Function its value. Collective."""
+        """Interpolate the value into the Function. Collective."""
         self.function.interpolate(self._value)
 
     def add_rate(self) -> None:
-        """Add the rate to the Function. Collective."""
+        """Add the derivative by gamma to the Function. Collective."""
         value = self.function.x.array.copy()
         self.function.interpolate(self._rate)
         self.function.x.array[:] += value
 
 
 class SurfaceRates:
-    """Rate of the answer of the law of a surface whose obstacle or law depends on gamma."""
+    """Derivative of the contact law of a surface by gamma, from its obstacle and law fields.
+
+    Args:
+        s: contact surface.
+        rate: differentiation by gamma.
+
+    Attributes:
+        applies: whether anything depends on gamma.
+        kinks: parts with kinks or jumps in gamma; "" if there are none.
+    """
 
     def __init__(self, s: DiscreteSurface, rate: Rate):
         self._surface = s
         given = s.given if s.displaced is None else s.displaced.given
-        self.moves = depends_on(rate.gamma, given.gap, given.normal)
-        self.law_changes = depends_on(rate.gamma, *given.fields.values())
-        self.kinks = ""
+        data = (given.gap, given.normal, *given.fields.values())
+        self.applies = depends_on(rate.gamma, *data)
+        self.kinks = next(filter(None, map(rate.kinks, data)), "")
         if not self.applies:
             return
-        every = given.gap, given.normal, *given.fields.values()
-        #: Where the obstacle or the law has kinks or jumps in gamma; "" if nowhere.
-        self.kinks = next(filter(None, map(rate.kinks, every)), "")
+        gap, normal = rate.of_expression(given.gap), rate.of_expression(given.normal)
         fields = {name: rate.of_expression(e) for name, e in given.fields.items()}
-        normal = rate.of_expression(given.normal)
-        self._rates = Given(rate.of_expression(given.gap), normal, fields)
-        offset = rate.of_expression(given.gap * given.normal)
+        rates = Given(gap, normal, fields)
         if s.displaced is None:
-            self._evaluators = s.points.evaluators(self._rates, offset)
+            offset = rate.of_expression(given.gap * given.normal)
+            self._evaluators = s.points.evaluators(rates, offset)
         else:
             seen = {"seen": rate.of_expression(s.displaced.seen)}
-            self._evaluators = s.points.evaluator({**self._rates.at_points, **seen}), None
-
-    @property
-    def applies(self) -> bool:
-        """Whether anything depends on gamma."""
-        return self.moves or self.law_changes
+            self._evaluators = s.points.evaluator({**rates.at_points, **seen}), None
 
     def __call__(self, state: ContactState) -> Array | None:
-        """The rate at held unknowns (n, dim); None if gamma is not in it. Collective."""
+        """Return the derivative at fixed unknowns, shape (n, dim); None if it vanishes. Collective.
+
+        Args:
+            state: evaluation of the surface.
+        """
         if not self.applies:
             return None
         s = self._surface
@@ -155,44 +177,60 @@ class SurfaceRates:
         moved = None
         if s.displaced is not None:
             assert at.place is not None
-            seen = self._evaluators[0], at.place, at.memory, at.frame
-            rates, moved = s.displaced.rates(*seen)
+            rates, moved = s.displaced.rates(self._evaluators[0], at.place, at.memory, at.frame)
         else:
             rates, aside = s.points.rates(self._evaluators)
             if at.memory is not None:
                 aside = aside + at.memory.reference_rate(data.n, rates.n)
         if at.memory is not None:
-            given = {k: v for k, v in rates.fields.items() if k not in at.memory.fields}
-            rates = replace(rates, fields=given)
-        args = state.jump, state.traction, data, rates, state.statuses
-        rate = s.law_at_points.rate(*args, moved)
+            # fields in the memory are constant during a step
+            fields = {k: v for k, v in rates.fields.items() if k not in at.memory.fields}
+            rates = replace(rates, fields=fields)
+        law = s.law_at_points
+        rate = law.rate(state.jump, state.traction, data, rates, state.statuses, moved)
         return rate if s.displaced is not None else rate - state.along(aside)
 
 
-def dirichlet_rates(constraints: Any, driven: Sequence[Driven]) -> Array:
-    """Derivatives of Dirichlet values by gamma on the local displacement dofs, 0 elsewhere."""
-    fixed = constraints.values(fill=0.0)
-    kept = [d.function.x.array.copy() for d in driven]
-    for d in driven:
-        d.add_rate()
-    moved = constraints.values(fill=0.0)
-    for d, values in zip(driven, kept, strict=True):
-        d.function.x.array[:] = values
-    return np.asarray(moved - fixed).reshape(-1)
-
-
 class RigidRates:
-    """Rates of loads and prescribed motions of rigid bodies."""
+    """Derivatives of loads and prescribed motions of rigid bodies by gamma.
+
+    Args:
+        bodies: rigid bodies.
+        rate: differentiation by gamma.
+
+    Attributes:
+        applies: whether anything depends on gamma.
+        not_affine: part that is not affine in gamma; "" if all is.
+        kinks: parts with kinks or jumps in gamma; "" if there are none.
+    """
 
     def __init__(self, bodies: RigidBodies, rate: Rate):
         self._bodies = bodies
-        given = [e for b in bodies.bodies for e in b.expressions]
-        self._rates = [rate.of_expression(e) for e in given]
-        #: Whether anything depends on gamma.
-        self.applies = depends_on(rate.gamma, *given)
-        self.kinks = next(filter(None, map(rate.kinks, given)), "")
-        #: What makes one of them not affine in gamma; "" if all are.
-        self.not_affine = next(filter(None, map(rate.not_affine, given)), "")
+        expressions = [e for b in bodies.bodies for e in b.expressions]
+        self._rates = [rate.of_expression(e) for e in expressions]
+        self.applies = depends_on(rate.gamma, *expressions)
+        self.not_affine = next(filter(None, map(rate.not_affine, expressions)), "")
+        self.kinks = next(filter(None, map(rate.kinks, expressions)), "")
 
     def __call__(self) -> tuple[Array, Array]:
+        """Return the derivatives of loads and of prescribed motions."""
         return self._bodies.rates(self._rates)
+
+
+def dirichlet_rates(constraints: Any, driven: Sequence[Driven]) -> Array:
+    """Return derivatives of Dirichlet values by gamma on the local displacement dofs. Collective.
+
+    They are zero at all other dofs.
+
+    Args:
+        constraints: Dirichlet conditions.
+        driven: Functions of these conditions that gamma drives.
+    """
+    values = [d.function.x.array.copy() for d in driven]
+    before = constraints.values(fill=0.0)
+    for d in driven:
+        d.add_rate()
+    after = constraints.values(fill=0.0)
+    for d, value in zip(driven, values, strict=True):
+        d.function.x.array[:] = value
+    return np.asarray(after - before).reshape(-1)

@@ -2,7 +2,7 @@
 """Steps at whose start the rate problem has several solutions.
 
 A step is tried with the statuses of the step before first. Where these do not hold, and elsewhere
-on request, all directions are enumerated in which the state can continue (`step_rays`). If a step
+on request, all directions are enumerated in which the state can continue (`step_branch`). If a step
 is not solved, the statuses of these directions are tried.
 """
 
@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dolfinx_contact.continuation.branch import FoundRays
 from dolfinx_contact.equations.evaluation import Statuses, differs
 from dolfinx_contact.evolution.changes import change
 from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
-from dolfinx_contact.evolution.step_rays import StepRays, number_of_points, rays_of_step
+from dolfinx_contact.evolution.step_branch import rays_of_step
 from dolfinx_contact.solvers import ConvergenceError
 from dolfinx_contact.solvers.strategies import Trial
 
@@ -38,12 +39,12 @@ class Forked:
     """
 
     solved: SolvedStep
-    rays: StepRays | None = None
+    rays: FoundRays[Statuses] | None = None
 
     @property
     def directions(self) -> int | None:
         """Number of solutions of the rate problem that are known."""
-        return None if self.rays is None else len(self.rays.statuses)
+        return None if self.rays is None else len(self.rays.rays)
 
 
 class Forks:
@@ -58,7 +59,8 @@ class Forks:
     def __init__(self, stepper: Stepper, wanted: bool | None):
         self._stepper = stepper
         self._wanted = wanted
-        self._few = number_of_points(stepper.problem) <= _FEW
+        points = sum(s.points.number for s in stepper.problem.surfaces)
+        self._few = stepper.problem.comm.allreduce(points) <= _FEW
 
     def take(self, accepted: AcceptedState, time: float, trial: Trial) -> Forked:
         """Step from an accepted state to a time.
@@ -77,7 +79,7 @@ class Forks:
             if trial.brief:
                 raise
             rays = self._rays(accepted, time)
-            for statuses in () if rays is None else rays.statuses:
+            for statuses in () if rays is None else rays.rays:
                 if self._same(accepted.statuses, statuses):
                     continue  # tried
                 try:
@@ -95,7 +97,7 @@ class Forks:
         found = [forked.solved]
         comm = self._stepper.problem.comm
         whole = change(comm, solved.before, solved.after)
-        for statuses in () if forked.rays is None else forked.rays.statuses:
+        for statuses in () if forked.rays is None else forked.rays.rays:
             try:
                 other = self._stepper.take(solved.before, solved.after.time, likely=(statuses,))
             except ConvergenceError as error:
@@ -112,7 +114,7 @@ class Forks:
                 found.append(other)
         return found[1:]
 
-    def _rays(self, accepted: AcceptedState, time: float) -> StepRays | None:
+    def _rays(self, accepted: AcceptedState, time: float) -> FoundRays[Statuses] | None:
         if self._wanted is False or not (self._wanted or self._few) or accepted.statuses is None:
             return None
         return rays_of_step(self._stepper.begin(accepted, time))
