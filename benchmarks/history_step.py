@@ -30,8 +30,9 @@ from timing import REPEATS, clean, median, save
 
 from dolfinx_contact import parse_arguments
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.evolution import QuasiStatic, forks
+from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.evolution import step as steps
+from dolfinx_contact.evolution.through_times import ThroughTimes
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.solvers.newton import Newton
 
@@ -43,7 +44,7 @@ PARTS = {
     "result": [(ContactProblem, "_collected")],
     "energies": [(steps, "forces_at")],
     "memory": [(ContactEquations, "advanced"), (ContactEquations, "with_memory")],
-    "rate_problem": [(forks.Forks, "_rays")],
+    "rate_problem": [(ThroughTimes, "_rays")],
     "moments": [
         (steps.Stepper, "put"),
         (steps.Stepper, "at_rest"),

@@ -1,12 +1,9 @@
 """Small parts of continuation and evolution whose answers are known beforehand."""
 
-from types import SimpleNamespace
-
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import pytest
 from textbook import Textbook, coulomb_system
 
 from dolfinx_contact._factor import Factor
@@ -14,10 +11,7 @@ from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.borders import reached
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.system import Events
-from dolfinx_contact.evolution.sliding_steps import _FOLDS, SlidingSteps
-from dolfinx_contact.evolution.through_times import ThroughTimes, _aim, checked_times
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
-from dolfinx_contact.solvers.history import ConvergenceError
 from dolfinx_contact.solvers.pivoting import _by_stick
 
 COMM = MPI.COMM_WORLD
@@ -195,62 +189,6 @@ def test_slip_turns_by_way_of_stick():
 # -- steps ----------------------------------------------------------------------------------------
 
 
-def test_equal_steps_to_a_time():
-    """As few as are no longer than asked for, but for round-off."""
-    for end, length, number in ((1.0, 0.1, 10), (0.3, 0.1, 3), (1.0, 0.4, 3), (1.0, 2.0, 1)):
-        times = [0.0]
-        while times[-1] < end:
-            times.append(_aim(times[-1], end, length))
-        np.testing.assert_allclose(times, np.linspace(0.0, end, number + 1), rtol=1e-12)
-        assert times[-1] == end
-
-
-def test_times_begin_where_the_evolution_is():
-    """But for the round-off of sums, which is that of the whole time."""
-    now = SimpleNamespace(time=0.1 + 0.2)
-    assert checked_times([0.3, 5.0], now) == (now.time, 5.0)
-    assert checked_times([0.3 + 1e-9, 5.0], now) == (now.time, 5.0)
-    for wrong in (0.3 + 1e-8, 0.3 - 1e-8):
-        with pytest.raises(ValueError, match="the evolution is at the time"):
-            checked_times([wrong, 5.0], now)
-
-
-@pytest.mark.parametrize(("length", "next_one"), [(0.2, 0.4), (0.7, 1.0)])
-def test_steps_grow_to_twice_their_length(length, next_one):
-    """After one that was accepted, but not beyond the longest."""
-    known = SimpleNamespace(
-        task=SimpleNamespace(follow_rays=False, longest=1.0),
-        _length=length,
-        _step=lambda *_: SimpleNamespace(number=4),
-        _sizes=SimpleNamespace(accept=lambda solved, jump: None),
-        _end_if_reached=lambda solved: None,
-    )
-    forked = SimpleNamespace(solved=SimpleNamespace(after="after"), directions=None)
-    ThroughTimes._accept(known, forked, jump=True)
-    assert (known._length, known._number, known._accepted) == (next_one, 4, "after")
-    assert (known._rejected, known._settled) == (0, True)
-
-
-def test_what_counts_as_folded():
-    """Of a state that is not folded the smallest det F falls below a part of it, or of 1."""
-    for before, after, folded in (
-        (1.0, 1.01 * _FOLDS, False),
-        (1.0, 0.99 * _FOLDS, True),
-        (4.0, 1.01 * _FOLDS, False),
-        (0.5, 0.51 * _FOLDS, False),
-        (0.5, 0.49 * _FOLDS, True),
-        (0.0, -1.0, False),
-        (-0.1, -1.0, False),
-    ):
-        known = SimpleNamespace(_folds=True, _smallest=lambda state: state.det)
-        ends = (SimpleNamespace(solved=True, det=det) for det in (before, after))
-        solved = SimpleNamespace(**dict(zip(("before", "after"), ends, strict=True)))
-        if folded:
-            with pytest.raises(ConvergenceError, match="is folded"):
-                SlidingSteps.require_unfolded(known, solved)
-        else:
-            SlidingSteps.require_unfolded(known, solved)
-            assert known._known == (solved.after, after)
 
 
 # -- by pivots ------------------------------------------------------------------------------------

@@ -1,18 +1,28 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Detection of jumps of the state under a load that continues smoothly.
+r"""Changes of the state in a step, and jumps under a load that continues smoothly.
+
+The change from a state a to a state b consists of
+
+    moved      largest displacement of a node, a length
+    unknowns   |x_b - x_a|, x all unknowns as lengths
+    means      mean change |j_b - j_a| of the jump at the points of each surface, a length
+    bonds      mean change of the variable by which the bonds of each surface weaken.
+
+Where points move one after the other, such a mean over a time is the sum over its parts.
 
 Where a branch of the rate problem folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction
-beyond a bound), the solver finds a solution that no path of solutions leads to. Such a jump differs
-from a large change in one step: halving the step does not reduce it. Changes with the load, and
-faster changes after kinks, shrink with the step.
+beyond a bound), the solver finds a solution to which no path of solutions leads. Such a jump
+differs from a large change in one step: halving the step does not reduce it. Changes with the load,
+and faster changes after kinks, shrink with the step. `find_jump` searches a step by halves.
 
-A change that does not shrink is not a proof, because the solver may have passed over a solution. So
-in the end the branch of solutions is followed from the state (`step_branch`). A step that was not
-solved is not a proof either: then shorter steps are tried from the same state.
+A change that does not shrink is not a proof, because the solver may have passed over a solution.
+Therefore the branch of solutions is finally followed from the state (`step_branch`). A step that
+was not solved is not a proof either: shorter steps are tried from the same state.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,36 +32,134 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.data import data_of_surface
-from dolfinx_contact.evolution.changes import changes
-from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
+from dolfinx_contact.evolution.step import AcceptedState, AtRest, SolvedStep, Stepper
 from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
 
-__all__ = ["Found", "find_jump", "where_it_changes"]
+__all__ = ["Changes", "Found", "changes", "find_jump", "where_it_changes"]
 
 Array = npt.NDArray[np.float64]
 
-_SMALL = 0.1  # of the change in a step: no jump that is looked for
-_ROUND_OFF = 1e-6  # of the largest change: none
-_EVEN = 0.55  # of the change of a part, at most, that of its half where it is even
-_NEAR = 0.5  # of a jump, at most, the change in a step that leads on instead
-_SAME = 1e-4  # of a step, between two solutions of it: the same
-_SHORTER = 0.25  # of a step that was not solved, the next
-_SHOWN = 5  # places
+_SMALL = 0.1  # of the change in a step, below which a jump is not searched
+_ROUND_OFF = 1e-6  # of the largest change, below which a change is zero
+_EVEN = 0.55  # largest share of a half in the change of a part that is even
+_NEAR = 0.5  # of a jump, largest change in a step that continues the evolution instead
+_SAME = 1e-4  # of a step, largest distance of equal solutions
+_SHORTER = 0.25  # of a step that was not solved, length of the next one
+_SHOWN = 5  # places in a message
+
+
+# -- changes ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Changes from a state to another one, see the top of the module.
+
+    Attributes:
+        parts: moved, unknowns, and, between states of equilibrium, the means and the bonds of all
+            n surfaces, shape (2 + 2 n,).
+        largest: largest change of the jump at a point of each surface, a length, shape (n,).
+        broken: largest weakening of a bond of each surface, relative to the strength that the
+            strongest bond had left; 0 where that is unknown, shape (n,).
+    """
+
+    parts: Array
+    largest: Array
+    broken: Array
+
+    @property
+    def unknowns(self) -> float:
+        """Change of all unknowns, a length."""
+        return float(self.parts[1])
+
+
+def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> Changes:
+    """Measure the changes from one state to another one. Collective."""
+    d = b.unknowns - a.unknowns
+    if not (isinstance(a, AtRest) and isinstance(b, AtRest)):
+        size = math.sqrt(comm.allreduce(float(np.dot(d, d))))
+        return Changes(np.array([0.0, size]), np.zeros(0), np.zeros(0))
+    if a.forces.covered is not None and b.forces.covered is not None:
+        d = d * np.minimum(a.forces.covered, b.forces.covered)
+    n = len(b.forces.surfaces)
+    sums = [np.array([np.dot(d, d)])]
+    maxima = [np.array([np.abs(b.forces.u - a.forces.u).max(initial=0.0)])]
+    for k in range(n):
+        points = _at_points(a, b, k)
+        sums.append(np.array([*points[:2].sum(axis=1), points.shape[1]]))
+        maxima.append(points.max(axis=1, initial=0.0))
+    square, *totals = comm.allreduce(np.concatenate(sums))
+    moved, *most = comm.allreduce(np.concatenate(maxima), op=np.maximum)
+    distances, weakened, number = np.reshape(totals, (n, 3)).T
+    means = np.array([distances, weakened]) / np.maximum(number, 1.0)
+    largest, lost, left = np.reshape(most, (n, 3)).T
+    broken = np.divide(lost, left, out=np.zeros_like(left), where=left > 0)
+    return Changes(np.array([moved, math.sqrt(square), *means.ravel()]), largest, broken)
+
+
+def _at_points(a: AtRest, b: AtRest, k: int) -> Array:
+    """Changes at the points of a surface that are not clamped, on this rank, shape (3, points).
+
+    Rows: change of the jump; change of the variable by which bonds weaken; its distance to its end
+    at the first state, which is the strength left.
+    """
+    eq = a.forces.equations
+    s = eq.surfaces[k]
+    distances = np.linalg.norm(b.forces.surfaces[k].jump - a.forces.surfaces[k].jump, axis=1)
+    rows = np.zeros((3, len(distances)))
+    rows[0] = distances
+    bond = s.law.weakening
+    if bond is not None:
+        before = a.memory[k].fields[bond.name]
+        end = bond.end
+        if end is None:
+            end = 0.0 if bond.sense < 0 else math.nan
+        rows[1] = np.abs(b.memory[k].fields[bond.name] - before)
+        rows[2] = np.nan_to_num(np.abs(end - before))
+    return rows if s.method == "integral" else rows[:, ~eq.constraints.clamped[k][: rows.shape[1]]]
+
+
+def where_it_changes(stepper: Stepper, before: AcceptedState, after: AcceptedState) -> str:
+    """Name the places whose status differs between two states. Collective."""
+    words: list[str] = []
+    states = zip(before.shown, after.shown, strict=True)
+    for s, (old, new) in zip(stepper.problem.surfaces, states, strict=True):
+        names = letters(s.dim)
+        differs = old != new
+        local = [
+            (tuple(x), str(names[a]), str(names[b]))
+            for x, a, b in zip(
+                s.positions[differs].tolist(), old[differs], new[differs], strict=True
+            )
+        ]
+        places: list[tuple[tuple[float, ...], str, str]] = sorted(
+            place for part in s.comm.allgather(local) for place in part
+        )
+        shown = ", ".join(
+            f"({', '.join(f'{c:.4g}' for c in x)}) {a} to {b}" for x, a, b in places[:_SHOWN]
+        )
+        more = f" and {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
+        if places:
+            words.append(f"{s.name}: {shown}{more}")
+    return "; ".join(words) or "all statuses are the same"
+
+
+# -- jumps -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Found:
-    """Result of the search within a step.
+    """Result of the search of a step.
 
     Attributes:
         steps: steps that continue the evolution from the start of the step.
-        far: step from the end of these whose end stays far however short it is; None if the
+        far: step from the end of these steps whose end stays far however short it is; None if the
             evolution continues there.
         proved: whether it is proved that no path of solutions leads through that step.
         failure: error of shorter steps from there; None if they were solved.
-        why: facts about the solutions beyond, in words.
+        why: facts about the solutions beyond, for the message.
     """
 
     steps: Sequence[SolvedStep]
@@ -62,17 +170,17 @@ class Found:
 
 
 def find_jump(stepper: Stepper, step: SolvedStep, slow: Array, least: float) -> Found | None:
-    """Search for a jump in a step that changes the state suddenly. Collective.
+    """Search a step in which the state changes suddenly for a jump. Collective.
 
-    Halves are examined in turn, the earlier one first. One is left alone if the state changes in
-    it slowly, by a small share of the change in the step, along a straight line, or evenly (by as
-    much in each of its halves, and in theirs if they can be halved). A jump is what none of these
-    become true of.
+    Halves are examined in turn, the earlier one first. A part does not contain a jump if the state
+    changes in it slowly, by a small share of the change in the step, along a straight line, or
+    evenly: by the same amount in each of its halves, and in their halves if they can be halved. If
+    a part of the shortest length remains, the branch of solutions decides.
 
     Args:
         stepper: stepper of the problem; the Functions are left in any state.
         step: step that is searched.
-        slow: rates of `changes` up to which nothing jumps.
+        slow: rates of the parts of `Changes` up to which the state does not jump.
         least: shortest length of a step.
 
     Returns:
@@ -82,41 +190,47 @@ def find_jump(stepper: Stepper, step: SolvedStep, slow: Array, least: float) -> 
 
 
 class _Search:
-    """The search for a jump in a step."""
+    """Search of a step; the arguments are those of `find_jump`."""
 
     def __init__(self, stepper: Stepper, step: SolvedStep, slow: Array, least: float):
         self._stepper = stepper
+        self._comm = stepper.problem.comm
         self._slow = slow
         self._least = least
-        self._end = step.after.statuses
-        self._aim = step.after.time
+        self._end = step.after
         whole = self._change(step)
         self._small = np.maximum(_SMALL * whole, _ROUND_OFF * whole.max())
-        equations = stepper.problem.equations
-        self._linear = equations.linear and all(
-            s.law_at_points.compiled.is_piecewise_linear for s in equations.surfaces
-        )
-        at_points = [d.value for s in equations.surfaces for d in data_of_surface(s)]
-        self._kept = [*equations.bulk.stiffness_data, *at_points]
+        eq = stepper.problem.equations
+        laws = [s.law_at_points.compiled for s in eq.surfaces]
+        self._linear = eq.linear and all(law.is_piecewise_linear for law in laws)
+        at_points = [d.value for s in eq.surfaces for d in data_of_surface(s)]
+        self._data = [*eq.bulk.stiffness_data, *at_points]
 
     def look(
         self, path: Sequence[SolvedStep], step: SolvedStep, even: bool = False
     ) -> Found | None:
-        """Examine a part of the step, which follows others; even: it is a half of an even one."""
+        """Examine a part of the step.
+
+        Args:
+            path: solved steps from the start of the whole step to the start of the part.
+            step: the part.
+            even: whether it is a half of an even part.
+        """
         a = step.before.time
         b = step.after.time
         size = self._change(step)
-        slow = size <= np.maximum(self._small, self._slow * (b - a))
-        if slow.all() or self._is_straight(step):
+        fast = size > np.maximum(self._small, self._slow * (b - a))
+        if not fast.any() or self._is_straight(step):
             return None
         middle = 0.5 * (a + b)
         if b - a < 2 * self._least or not a < middle < b:
-            return None if even else self._at_last(path, step)
+            return None if even else self._decide(path, step)
+        # halve the part
         first = self._first(step.before, middle)
         if isinstance(first, ConvergenceError):
             return None if self._leads_to_end(step) else Found(path, step, failure=first)
         before = [*path, first]
-        uneven = bool((self._change(first) > _EVEN * size)[~slow].any())
+        uneven = bool((self._change(first) > _EVEN * size)[fast].any())
         found = self.look(path, first) if uneven else None
         if found is not None:
             return found
@@ -125,9 +239,10 @@ class _Search:
         second = self._first(first.after, b)
         if isinstance(second, ConvergenceError):
             return None if self._leads_to_end(step) else Found(path, step, failure=second)
-        halves = not uneven and bool((self._change(second) <= _EVEN * size)[~slow].all())
+        halves = not uneven and bool((self._change(second) <= _EVEN * size)[fast].all())
         if halves and even:
             return None
+        # examine the halves
         if not uneven:
             found = self.look(path, first, halves)
         if found is None:
@@ -136,47 +251,54 @@ class _Search:
             return Found([*before, second])
         return found
 
-    def _is_elsewhere(self, second: SolvedStep, step: SolvedStep) -> bool:
-        """Whether two halves lead to another state than the whole, and so do solutions. Collective.
+    def _change(self, step: SolvedStep) -> Array:
+        return changes(self._comm, step.before, step.after).parts
 
-        The path of friction and damage depends on the steps: where the branch of the whole step
-        leads to its end, that is a solution as good as that of the halves.
+    def _is_elsewhere(self, second: SolvedStep, step: SolvedStep) -> bool:
+        """Return whether two halves lead to another state than the whole, and the branch too.
+
+        The path of friction and damage depends on the steps: if the branch of the whole step leads
+        to its end, that is a solution as good as that of the halves. Collective.
         """
-        comm = self._stepper.problem.comm
         much = np.maximum(_NEAR * self._change(step), self._small)
-        if (changes(comm, second.after, step.after) <= much).all():
-            return False
-        return not self._leads_to_end(step)
+        distance = changes(self._comm, second.after, step.after).parts
+        return bool((distance > much).any()) and not self._leads_to_end(step)
 
     def _leads_to_end(self, step: SolvedStep) -> bool:
-        """Whether the branch of solutions from the start of a step is at its end. Collective."""
+        """Return whether the branch of solutions from the start of a step is at its end."""
         branch = branch_of_step(self._stepper, step.before, step.after.time)
         return branch.reaches_end and self._is_at(branch, step)
 
-    def _change(self, step: SolvedStep) -> Array:
-        return changes(self._stepper.problem.comm, step.before, step.after)
+    def _is_at(self, branch: StepBranch, step: SolvedStep) -> bool:
+        """Return whether a branch leads to the end of a step. Collective."""
+        assert branch.unknowns is not None
+        off = branch.unknowns - step.after.unknowns
+        way = step.after.unknowns - step.before.unknowns
+        squares = self._comm.allreduce(np.array([np.dot(off, off), np.dot(way, way)]))
+        return bool(np.sqrt(squares[0]) <= _SAME * np.sqrt(squares[1]))
 
     def _is_straight(self, step: SolvedStep) -> bool:
-        """Whether the states between are solutions under the loads between. Collective.
+        """Return whether the states between are solutions under the loads between. Collective.
 
-        The statuses of both ends are the same, all is linear in them, and neither the stiffness nor
-        a law or obstacle has changed its data.
+        The statuses of both ends are the same, everything is linear in them, and neither the
+        stiffness nor a law or obstacle has changed its data.
         """
-        a = step.before
-        b = step.after
         if not self._linear:
             return False
-        mine = a.statuses is not None and b.statuses is not None
-        mine = mine and all(map(np.array_equal, a.statuses or (), b.statuses or ()))
-        if not self._stepper.problem.comm.allreduce(int(mine), op=MPI.MIN):
+        a = step.before
+        b = step.after
+        same = a.statuses is not None and b.statuses is not None
+        same = same and all(map(np.array_equal, a.statuses or (), b.statuses or ()))
+        if not self._comm.allreduce(int(same), op=MPI.MIN):
             return False
-        return self._stepper.keeps(self._kept, a.time, b.time)
+        return self._stepper.keeps(self._data, a.time, b.time)
 
     def _first(self, before: AcceptedState, time: float) -> SolvedStep | ConvergenceError:
-        """The longest step towards a time that is solved; why none is, down to the least length."""
+        """Take the longest step towards a time that is solved; return the error if none is."""
+        likely = before.statuses, self._end.statuses
         while True:
             try:
-                return self._stepper.take(before, time, likely=(before.statuses, self._end))
+                return self._stepper.take(before, time, likely=likely)
             except ConvergenceError as error:
                 failure = error
             length = _SHORTER * (time - before.time)
@@ -184,18 +306,17 @@ class _Search:
                 return failure
             time = before.time + length
 
-    def _at_last(self, path: Sequence[SolvedStep], step: SolvedStep) -> Found | None:
+    def _decide(self, path: Sequence[SolvedStep], step: SolvedStep) -> Found | None:
         """Decide a step of the shortest length by the branch of solutions from its start.
 
         If the branch leads to the end of the step, the state does not jump. If it leads elsewhere,
         it is followed, up to the end of the searched step if possible.
         """
-        stepper = self._stepper
-        far = self._change(step)
+        size = self._change(step)
         why = ""
         ends = False
-        for time in dict.fromkeys((self._aim, step.after.time)):
-            branch = branch_of_step(stepper, step.before, time)
+        for time in dict.fromkeys((self._end.time, step.after.time)):
+            branch = branch_of_step(self._stepper, step.before, time)
             why = branch.why
             ends = branch.ends
             if not branch.reaches_end:
@@ -203,41 +324,10 @@ class _Search:
             if time == step.after.time and self._is_at(branch, step):
                 return None
             try:
-                near = stepper.take(step.before, time, likely=(branch.statuses,))
+                near = self._stepper.take(step.before, time, likely=(branch.statuses,))
             except ConvergenceError as error:
                 return Found(path, step, failure=error)
-            if (self._change(near) <= np.maximum(_NEAR * far, self._small)).all():
+            if (self._change(near) <= np.maximum(_NEAR * size, self._small)).all():
                 return Found([*path, near])
             why = "solutions lead on from the state, but no step led to them"
         return Found(path, step, ends, why=why)
-
-    def _is_at(self, branch: StepBranch, step: SolvedStep) -> bool:
-        """Whether a branch leads to the end of a step. Collective."""
-        assert branch.unknowns is not None
-        off = branch.unknowns - step.after.unknowns
-        way = step.after.unknowns - step.before.unknowns
-        mine = np.array([np.dot(off, off), np.dot(way, way)])
-        found = np.sqrt(self._stepper.problem.comm.allreduce(mine))
-        return bool(found[0] <= _SAME * found[1])
-
-
-def where_it_changes(stepper: Stepper, before: AcceptedState, after: AcceptedState) -> str:
-    """Places whose status differs between two states, in words. Collective."""
-    words: list[str] = []
-    for s, old, new in zip(stepper.problem.surfaces, before.shown, after.shown, strict=True):
-        names = letters(s.dim)
-        here = old != new
-        mine = [
-            (tuple(x), str(names[a]), str(names[b]))
-            for x, a, b in zip(s.positions[here].tolist(), old[here], new[here], strict=True)
-        ]
-        found: Sequence[tuple[tuple[float, ...], str, str]] = sorted(
-            at for part in s.comm.allgather(mine) for at in part
-        )
-        shown = ", ".join(
-            f"({', '.join(f'{c:.4g}' for c in x)}) {a} to {b}" for x, a, b in found[:_SHOWN]
-        )
-        more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
-        if found:
-            words.append(f"{s.name}: {shown}{more}")
-    return "; ".join(words) or "all statuses are the same"

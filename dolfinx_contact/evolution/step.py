@@ -94,11 +94,20 @@ class AtRest(AcceptedState):
 
 @dataclass(frozen=True, eq=False)
 class SolvedStep:
-    """A step that was solved: its start, its end and the result there."""
+    """A solved step.
+
+    Attributes:
+        before: state at its start.
+        after: state at its end.
+        result: result at its end.
+        rays: statuses of the known solutions of the rate problem at its start; None if they were
+            not computed.
+    """
 
     before: AcceptedState
     after: AcceptedState
     result: Result
+    rays: tuple[Statuses, ...] | None = None
 
 
 class Stepper:

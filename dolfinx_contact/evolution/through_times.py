@@ -1,65 +1,103 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Runs through times, in steps whose lengths adapt.
+r"""The rule of histories and motions: steps through given times.
 
-A step that no strategy solves is tried again with a quarter of the length, down to the shortest
-length; where bodies slide over each other it is halved first (`sliding_steps`). A step in which the
-state changes much faster than in the step before is searched for a jump, by halves (`jumps`). If
-the change does not shrink with the step, the state jumps, or no solution was found that continues
-the evolution; the run then ends, or jumps on request. The times of the user are hit exactly.
+Between two given times t_k and t_k+1 the rule takes n equal steps,
+
+    n = ceil((t_k+1 - t_k)/L),          L = ``longest``, by default n = 1,
+
+and hits the given times exactly. Further steps are inserted only on request:
+
+    halving     a step of length h that is not solved is tried again with h/4 from the same state,
+                down to the shortest length; the length doubles after every accepted step. Bodies
+                that slide over each other are tried with h/2 first: Newton's method solves a step
+                of about one facet of the master in a few iterations, and where it fails, shorter
+                steps cost less than the further strategies of the `ladder`.
+    jumps       a step is searched for a jump (`jumps`) if its rates exceed ``sudden`` times those
+                of the step before: rates of `Changes.parts`, and of the largest change at a point
+                of each surface. Points that begin to slip may move with half the rate of the body.
+    accept      a step that the user rejects is tried again with h/2.
+
+At the start of a step every slipping point is at the border of stick, and the rate problem may have
+several solutions (`step_rays`). On request they are counted, their statuses are tried if a step is
+not solved, and the steps along the other ones are collected in `ThroughTimes.forks`.
+
+In a long step of sliding bodies Newton's method may find a folded state that does not continue the
+evolution: the smallest det F falls below half of its value, or of 1. Such a step is not accepted.
 """
 
 from __future__ import annotations
 
+import bisect
 import itertools
+import logging
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
-
-from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._validate import is_number
+from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation.arguments import check_rays
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.evolution.changes import changes, largest_at_points
-from dolfinx_contact.evolution.forks import Forked, Forks
+from dolfinx_contact.equations.evaluation import Statuses, differs
 from dolfinx_contact.evolution.history import EvolutionStep
-from dolfinx_contact.evolution.jumps import Found, find_jump, where_it_changes
+from dolfinx_contact.evolution.jumps import Changes, Found, changes, find_jump, where_it_changes
 from dolfinx_contact.evolution.run import Rule, RunState
-from dolfinx_contact.evolution.sliding_steps import SlidingSteps
 from dolfinx_contact.evolution.step import AcceptedState, AtRest, SolvedStep, Stepper
+from dolfinx_contact.evolution.step_rays import number_of_points, rays_of_step
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.results.indicators import StepIndicators
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.solvers import ConvergenceError
+from dolfinx_contact.solvers.strategies import Trial
 
 __all__ = ["Accept", "AtJump", "HistoryTask", "ThroughTimes", "checked_times"]
 
-#: What to do where no solution continues the evolution, or none is found that does.
+#: Action if no solution continues the evolution, or none is found that does.
 AtJump: TypeAlias = Literal["raise", "stop", "jump"]
-#: Asked of every step whether it is accepted.
+#: Function of a step that returns whether the step is accepted.
 Accept: TypeAlias = Callable[[EvolutionStep], bool]
 
-_ROUND_OFF = 1e-9  # of the whole time
-_SUDDEN = 2.0  # times the rate before: a step that was found from beyond is a jump
-_SLIPS = 0.5  # of the rate of the body, at most, that of points that begin to
-_BREAKS = 0.25  # of a bond, lost in a step: it may have snapped
-_FURTHER = 4.0  # times as far in time, the next at which a solution is looked for
-_MOST_FURTHER = 20  # such times
+logger = logging.getLogger(__name__)
+
+_ROUND_OFF = 1e-9  # relative difference of equal times and lengths
+_SUDDEN = 2.0  # times the rate before, above which a step found from beyond is a jump
+_SLIPS = 0.5  # of the rate of the body, largest rate of points that begin to slip
+_BREAKS = 0.25  # of the strength, loss of a bond that may have snapped
+_FURTHER = 4.0  # ratio of the distances in time at which a solution is searched
+_MOST_FURTHER = 20  # such distances
+_PARTS = 16  # of a requested step, below which sliding bodies are solved by all strategies
+_FOLDS = 0.5  # of the smallest det F before, or of 1, below which a state is folded
+_FEW = 16  # contact points up to which rays are computed by default
+_SAME = 1e-6  # of the change in a step, distance of equal ends
 _REACHED = "the last time is reached"
 _HALVE = "; shorter steps are tried with halve_steps=True"
 
 
 @dataclass(frozen=True)
 class HistoryTask:
-    """The task of a run; see `QuasiStatic.run`, and `NSCD.run` for ``locate``.
+    """Task of a run; see `QuasiStatic.run`, and `NSCD.run` for ``locate``.
+
+    Attributes:
+        times: time of the start, then the times that are hit exactly.
+        longest: upper bound of the length of a step.
+        shortest: lower bound of the length of a halved step.
+        at_jump: action if no solution continues the evolution.
+        sudden: threshold of the search for jumps.
+        locate: whether the closing of points is located to ``shortest``.
+        locate_jumps: whether sudden steps are searched for jumps.
+        halve: whether steps that are not solved are halved.
+        rays: whether all solutions of the rate problem are computed; None: up to sixteen points,
+            where the statuses of the step before do not hold.
+        follow_rays: whether steps along the other solutions are collected.
+        extrapolate: whether sliding bodies start from the extrapolated last step.
 
     Raises:
-        ValueError: if it does not fit.
+        ValueError: if an argument is not admissible.
     """
 
     times: tuple[float, ...]
@@ -95,28 +133,40 @@ class HistoryTask:
         if not self.sudden >= 1:
             raise ValueError(f"sudden must be 1 or more, got {self.sudden}")
 
+    def requested(self, time: float) -> float:
+        """Return the length of the requested equal steps around a time; 0 beyond the times."""
+        k = bisect.bisect_left(self.times, time)
+        if not 0 < k < len(self.times):
+            return 0.0
+        return _aim(self.times[k - 1], self.times[k], self.longest) - self.times[k - 1]
+
 
 def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tuple[float, ...]:
-    """The times as numbers, or ``ValueError``. Not collective."""
+    """Validate times and return them as numbers. Not collective.
+
+    Args:
+        times: times of a run, at least two.
+        accepted: state at the first time; None: any time.
+    """
     try:
-        found = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
+        values = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
     except (TypeError, ValueError):
         raise ValueError(f"two or more times are needed, as numbers, got {times!r}") from None
-    if len(found) < 2 or not all(math.isfinite(t) for t in found):
+    if len(values) < 2 or not all(math.isfinite(t) for t in values):
         raise ValueError(f"two or more finite times are needed, the first of them now: {times!r}")
-    for a, b in itertools.pairwise(found):
+    for a, b in itertools.pairwise(values):
         if not b > a:
             raise ValueError(f"times must increase, got {b!r} after {a!r}")
     if accepted is not None:
-        # Times that are summed up differ from those that are written down.
-        if abs(found[0] - accepted.time) > _ROUND_OFF * (found[-1] - found[0]):
-            raise ValueError(f"the evolution is at the time {accepted.time!r}, not {found[0]!r}")
-        found[0] = accepted.time
-    return tuple(found)
+        # times that are summed up differ from those that are written down
+        if abs(values[0] - accepted.time) > _ROUND_OFF * (values[-1] - values[0]):
+            raise ValueError(f"the evolution is at the time {accepted.time!r}, not {values[0]!r}")
+        values[0] = accepted.time
+    return tuple(values)
 
 
 class _Ended(Exception):
-    """A run cannot continue: no solution continues it, none was found, or a step was not solved."""
+    """The end of a run that cannot continue, with its ending and reason."""
 
     def __init__(self, ending: Ending, reason: str):
         super().__init__(reason)
@@ -124,7 +174,7 @@ class _Ended(Exception):
 
 
 class ThroughTimes(Rule[HistoryTask, RunState]):
-    """Goes from time to time, in steps that may be shorter.
+    """Rule of a run through given times.
 
     Args:
         stepper: stepper of the problem.
@@ -136,7 +186,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
     Attributes:
         failed: whether the run ended because no step continues it.
         failure: error of the last step; None if it was solved.
-        forks: steps along other rays, which are to be followed.
+        forks: steps along the other rays.
     """
 
     what = "evolution"
@@ -156,7 +206,8 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         self.failure: BaseException | None = None
         self.forks: list[SolvedStep] = []
         self._stepper = stepper
-        self._accepts = accept
+        self._comm = stepper.problem.comm
+        self._user_accepts = accept
         self._first = first
         self._accepted = run_state.accepted
         self._length = run_state.length
@@ -164,16 +215,12 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         self._number = run_state.number
         self._settled = True
         self._rejected = 0
-        self._forks = Forks(stepper, task.rays)
-        self._sizes = SlidingSteps(
-            stepper.problem,
-            task.times,
-            longest=task.longest,
-            shortest=task.shortest,
-            extrapolate=task.extrapolate,
-            halve=task.halve,
-            start=run_state.accepted,
-        )
+        self._changed: tuple[SolvedStep, Changes] | None = None
+        self._det: tuple[AcceptedState, float] | None = None
+        self._last: SolvedStep | None = None
+        at_rest = isinstance(run_state.accepted, AtRest)
+        self._slides = at_rest and any(s.slides for s in stepper.problem.surfaces)
+        self._rays_are_cheap = task.rays is None and number_of_points(stepper.problem) <= _FEW
 
     @property
     def run_state(self) -> RunState:
@@ -187,19 +234,6 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             self.reason,
         )
 
-    def steps(self) -> Iterator[EvolutionStep]:
-        try:
-            if self._first is not None:
-                yield self._accept(Forked(self._first))
-            for end in self._goals():
-                yield from self._to(end)
-        except _Ended as ended:
-            self.end(ended.ending, str(ended))
-            self.failed = True
-            self.failure = ended.__cause__
-        if self.ending is None:
-            self.end(Ending.REACHED, _REACHED)
-
     def where(self, step: EvolutionStep) -> str:
         return (
             f"time {step.time:.6g} of {self.task.times[-1]:.6g}  step {step.number}, of "
@@ -210,45 +244,73 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         start = self.start.accepted.time
         return (step.time - start) / (self.task.times[-1] - start)
 
+    # -- the steps -------------------------------------------------------------------------------
+
+    def steps(self) -> Iterator[EvolutionStep]:
+        try:
+            if self._first is not None:
+                yield self._accept(self._first)
+            for end in self._goals():
+                while self._accepted.time < end:
+                    yield from self._towards(end)
+        except _Ended as ended:
+            self.end(ended.ending, str(ended))
+            self.failed = True
+            self.failure = ended.__cause__
+        if self.ending is None:
+            self.end(Ending.REACHED, _REACHED)
+
     def _goals(self) -> Iterable[float]:
         """Times that are hit exactly."""
         return self.task.times
 
-    def _to(self, end: float) -> Iterator[EvolutionStep]:
-        """The steps to a time."""
-        while self._accepted.time < end:
-            goal = _aim(self._accepted.time, end, self._length)
-            trial = self._sizes.trial(self._accepted, goal, end)
-            try:
-                forked = self._forks.take(self._accepted, goal, trial)
-                self._sizes.require_unfolded(forked.solved)
-            except ConvergenceError as error:
-                beyond = self._shorten(goal, error, brief=trial.brief)
-                if beyond is not None:
-                    yield beyond
-                continue
-            solved = forked.solved
-            found = self._jump(solved)
-            if found is not None:
-                for before in found.steps:
-                    settled = found.far is None and before is found.steps[-1]
-                    yield self._accept(Forked(before), settled=settled)
-                if found.far is not None:
-                    yield self._jump_over(found, found.far)
-            elif self._wanted(solved):
-                yield self._accept(forked)
-            else:
-                self._shorten(goal)
+    def _towards(self, end: float) -> Iterator[EvolutionStep]:
+        """Try a step towards a time; yield the accepted steps, or shorten the next one."""
+        goal = _aim(self._accepted.time, end, self._length)
+        length = goal - self._accepted.time
+        trial = self._trial(goal, end)
+        try:
+            step = self._take(goal, trial)
+        except ConvergenceError as error:
+            shorter = length / (2 if trial.brief else 4)
+            if self.task.halve and shorter >= self.task.shortest:
+                self._retry(shorter)
+                return
+            beyond = self._beyond(goal)
+            if beyond is None:
+                raise _Ended(Ending.NOT_SOLVED, self._not_solved(length, error)) from error
+            jump = self._slow_rates(beyond, min(self.task.sudden, _SUDDEN)) is not None
+            yield self._accept(beyond, jump=jump)
+            return
+        found = self._search(step)
+        if found is not None:
+            for before in found.steps:
+                settled = found.far is None and before is found.steps[-1]
+                yield self._accept(before, settled=settled)
+            if found.far is not None:
+                if self.task.at_jump != "jump":
+                    raise self._end_before(found, found.far) from found.failure
+                yield self._accept(found.far, jump=True)
+        elif self._is_wanted(step):
+            yield self._accept(step)
+        else:
+            self._retry(length / 2)
 
-    def _accept(self, forked: Forked, *, jump: bool = False, settled: bool = True) -> EvolutionStep:
-        """Go to the end of a step."""
-        solved = forked.solved
-        step = self._step(solved, jump, forked.directions)
+    def _retry(self, length: float) -> None:
+        """Continue with a shorter step from the same state."""
+        self._length = length
+        self._rejected += 1
+
+    def _accept(
+        self, solved: SolvedStep, *, jump: bool = False, settled: bool = True
+    ) -> EvolutionStep:
+        """Make the end of a step the accepted state. Collective."""
+        step = self._step(solved, jump)
         if self.task.follow_rays:
-            self.forks += self._forks.others(forked)
+            self.forks += self._others(solved)
         if not jump:
-            self._rate = _rate(self._stepper.problem.comm, solved)
-        self._sizes.accept(solved, jump=jump)
+            self._rate = self._rates(solved)
+        self._last = None if jump or not solved.before.solved else solved
         self._accepted = solved.after
         self._number = step.number
         self._settled = settled
@@ -258,14 +320,15 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         return step
 
     def _end_if_reached(self, solved: SolvedStep) -> None:
-        """End the run if a step that was accepted leads to where it is to go."""
+        """End the run if an accepted step leads to its end."""
         if solved.after.time >= self.task.times[-1]:
             self.end(Ending.REACHED, _REACHED)
 
-    def _step(self, solved: SolvedStep, jump: bool, directions: int | None = None) -> EvolutionStep:
+    def _step(self, solved: SolvedStep, jump: bool = False) -> EvolutionStep:
+        """Return a step as users see it. Collective."""
         start = solved.before.time
         end = solved.after.time
-        requested = self._sizes.requested(end)
+        shorter = end - start < (1 - _ROUND_OFF) * self.task.requested(end)
         return EvolutionStep(
             self._number + 1,
             start,
@@ -274,8 +337,8 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             solved.after.energies,
             self._rejected,
             jump,
-            directions,
-            inserted=end not in self.task.times and end - start < (1 - _ROUND_OFF) * requested,
+            None if solved.rays is None else len(solved.rays),
+            inserted=shorter and end not in self.task.times,
             state=solved.after.state,
         )
 
@@ -285,121 +348,259 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         result = solved.result
         if not (isinstance(a, AtRest) and a.solved) or self._rate is None:
             return result
-        rate = _rate(self._stepper.problem.comm, solved)[1]
+        rate = self._changes(solved).unknowns / (b.time - a.time)
+        before = float(self._rate[1])
         indicators = StepIndicators(
             self._number + 1,
             a.time,
             b.time,
-            float(rate / self._rate[1]) if self._rate[1] > 0 else math.inf,
+            rate / before if before > 0 else math.inf,
             b.energies.residue_since(a.energies),
             searched=self.task.locate_jumps,
         )
         return replace(result, indicators=replace(result.indicators, step=indicators))
 
-    def _jump(self, solved: SolvedStep) -> Found | None:
-        """Search a step for a jump if it changes the state suddenly; None if there is none."""
+    # -- one step --------------------------------------------------------------------------------
+
+    def _trial(self, goal: float, end: float) -> Trial:
+        """Return the strategies for a step to a goal on the way to a given time."""
+        if not self._slides:
+            return Trial()
+        times = self.task.times
+        whole = end - times[max(bisect.bisect_left(times, end) - 1, 0)]
+        least = max(min(whole, self.task.longest) / _PARTS, self.task.shortest)
+        half = (goal - self._accepted.time) / 2
+        brief = self.task.halve and half >= least * (1 - _ROUND_OFF)
+        extrapolated = None
+        last = self._last
+        if self.task.extrapolate and last is not None and last.after is self._accepted:
+            part = (goal - last.after.time) / (last.after.time - last.before.time)
+            way = last.after.unknowns - last.before.unknowns
+            extrapolated = last.after.unknowns + part * way
+        return Trial(extrapolated=extrapolated, brief=brief)
+
+    def _take(self, time: float, trial: Trial) -> SolvedStep:
+        """Step from the accepted state to a time. Collective.
+
+        Raises:
+            ConvergenceError: if nothing solves the step, or its end is folded.
+        """
+        start = self._accepted
+        step: SolvedStep | None = None
+        try:
+            step = self._stepper.take(start, time, trial=trial)
+        except ConvergenceError:
+            rays = None if trial.brief else self._rays(start, time)
+            for statuses in rays or ():
+                if self._same(start.statuses, statuses):
+                    continue  # these statuses were tried
+                try:
+                    step = self._stepper.take(start, time, likely=(statuses,))
+                except ConvergenceError:
+                    continue
+                step = replace(step, rays=rays)
+                break
+            if step is None:
+                raise
+        else:
+            every = self.task.rays
+            if every or (every is None and not self._same(start.statuses, step.after.statuses)):
+                step = replace(step, rays=self._rays(start, time))
+        self._require_unfolded(step)
+        return step
+
+    def _rays(self, start: AcceptedState, time: float) -> tuple[Statuses, ...] | None:
+        """Return the statuses of all solutions of the rate problem; None if not computed."""
+        if not (self.task.rays or self._rays_are_cheap) or start.statuses is None:
+            return None
+        rays = rays_of_step(self._stepper.begin(start, time))
+        return None if rays is None else rays.statuses
+
+    def _same(self, a: Statuses | None, b: Statuses | None) -> bool:
+        """Return whether two statuses are equal on all ranks, or unknown. Collective."""
+        if a is None or b is None:
+            return True
+        number = sum(int(np.count_nonzero(d)) for d in differs(a, b))
+        return not self._comm.allreduce(number)
+
+    def _others(self, solved: SolvedStep) -> list[SolvedStep]:
+        """Return steps from the same start to the same time along the other rays. Collective."""
+        steps = [solved]
+        whole = self._changes(solved).unknowns
+        for statuses in solved.rays or ():
+            try:
+                other = self._stepper.take(solved.before, solved.after.time, likely=(statuses,))
+            except ConvergenceError as error:
+                if self._comm.rank == 0:
+                    logger.warning(
+                        "another way on from the time %.10g is not followed, since its first step "
+                        "was not solved: %s",
+                        solved.before.time,
+                        error,
+                    )
+                continue
+            size = max(whole, changes(self._comm, other.before, other.after).unknowns)
+            ends = (changes(self._comm, other.after, t.after).unknowns for t in steps)
+            if all(distance > _SAME * size for distance in ends):
+                steps.append(other)
+        return steps[1:]
+
+    def _require_unfolded(self, step: SolvedStep) -> None:
+        """Raise `ConvergenceError` if the smallest det F falls suddenly in a step. Collective."""
+        eq = self._stepper.problem.equations
+        if not self._slides or eq.bulk.linear or not step.before.solved:
+            return
+        before = self._smallest_det(step.before)
+        after = self._smallest_det(step.after)
+        if before <= 0 or after >= _FOLDS * min(before, 1.0):
+            self._det = step.after, after
+            return
+        raise ConvergenceError(
+            f"the smallest det F falls from {before:.3g} to {after:.3g} in one step: the solution "
+            "that was found is folded, and does not continue the state"
+        )
+
+    def _smallest_det(self, accepted: AcceptedState) -> float:
+        """Return the smallest det F at a state. Collective."""
+        if self._det is not None and self._det[0] is accepted:
+            return self._det[1]
+        eq = self._stepper.problem.equations
+        u = accepted.state.displacement
+        return smallest_jacobian(eq.V, u, vertices=False, axisymmetric=eq.axisymmetric)[0]
+
+    def _is_wanted(self, solved: SolvedStep) -> bool:
+        """Return whether the user accepts a step, whose end is put into the problem. Collective.
+
+        Raises:
+            ValueError: on every rank, if the user rejects a step that cannot be shorter.
+        """
+        comm = self._comm
+        length = solved.after.time - solved.before.time
+        shorter = length / 2 >= self.task.shortest
+        if shorter and self.task.locate and self._closes(solved):
+            return False
+        if not comm.allreduce(int(self._user_accepts is not None)):
+            return True
+        step = self._step(solved)
+        self._stepper.put(solved.after)
+        wanted = True
+        with everywhere(comm, "accept"):
+            if self._user_accepts is not None:
+                answer = self._user_accepts(step)
+                if not isinstance(answer, bool | np.bool_):
+                    raise ValueError(f"accept must answer True or False, got {answer!r}")
+                wanted = bool(answer)
+        # every rank that has a function must accept
+        wanted = not comm.allreduce(int(not wanted))
+        require(
+            comm,
+            wanted or shorter,
+            f"accept rejects every step from the time {solved.before.time:.10g}, down to one of "
+            f"{length:.2g}: accept longer steps, or give a smaller shortest length than "
+            f"{self.task.shortest:.2g}",
+        )
+        return wanted
+
+    def _closes(self, solved: SolvedStep) -> bool:
+        """Return whether a point closes in a step. Collective."""
+        pairs = zip(solved.before.shown, solved.after.shown, strict=True)
+        local = any(bool((closed(new) & ~closed(old)).any()) for old, new in pairs)
+        return bool(self._comm.allreduce(int(local)))
+
+    # -- jumps -----------------------------------------------------------------------------------
+
+    def _changes(self, solved: SolvedStep) -> Changes:
+        """Return the changes in a step. Collective."""
+        if self._changed is None or self._changed[0] is not solved:
+            self._changed = solved, changes(self._comm, solved.before, solved.after)
+        return self._changed[1]
+
+    def _rates(self, solved: SolvedStep) -> npt.NDArray[np.float64]:
+        """Return the rates in a step of the parts and the largest changes. Collective."""
+        change = self._changes(solved)
+        length = solved.after.time - solved.before.time
+        return np.asarray(np.concatenate([change.parts, change.largest]) / length)
+
+    def _search(self, solved: SolvedStep) -> Found | None:
+        """Search a sudden step for a jump; None if it has none. Collective."""
         if not self.task.locate_jumps or not solved.before.solved:
             return None
-        slow = self._sudden(solved, self.task.sudden)
-        if slow is None:
-            return None
-        return find_jump(self._stepper, solved, slow, self.task.shortest)
+        slow = self._slow_rates(solved, self.task.sudden)
+        return None if slow is None else find_jump(self._stepper, solved, slow, self.task.shortest)
 
-    def _sudden(self, solved: SolvedStep, times: float) -> npt.NDArray[np.float64] | None:
-        """Rates up to which nothing jumps in a step that is sudden; None if it is not. Collective.
+    def _slow_rates(self, solved: SolvedStep, factor: float) -> npt.NDArray[np.float64] | None:
+        """Return rates of `Changes.parts` without a jump; None if a step is not sudden. Collective.
 
         Args:
             solved: the step.
-            times: the rate of the step before that are sudden.
+            factor: ratio to the rates of the step before above which a step is sudden.
         """
-        before = self._rate
-        comm = self._stepper.problem.comm
-        rate = _rate(comm, solved)
         n = len(self._stepper.problem.surfaces)
         means = slice(2, 2 + n)
         bonds = slice(2 + n, 2 + 2 * n)
-        one = slice(2 + 2 * n, None)
-        slow = np.zeros_like(rate) if before is None else times * before
-        if before is not None:  # points that begin to slip come to be as fast as the body
-            for part in (means, one):
-                slow[part] = np.maximum(slow[part], _SLIPS * before[0])
-        slow[0] = math.inf
+        largest = slice(2 + 2 * n, None)
+        rate = self._rates(solved)
+        slow = np.zeros_like(rate)
+        if self._rate is not None:
+            slow = factor * self._rate
+            for points in (means, largest):
+                slow[points] = np.maximum(slow[points], _SLIPS * self._rate[0])
         fast = rate > slow
-        fast[bonds] = largest_at_points(comm, solved.before, solved.after)[1] > _BREAKS
+        fast[0] = False  # the largest displacement is the scale of the other rates
+        fast[bonds] = self._changes(solved).broken > _BREAKS
         if not fast.any():
             return None
-        # In a mean what one point does is small, and a bond that breaks is no rate.
-        known = np.where(fast[: 2 + n].any(), slow, 0.0)[: one.start]
-        known[0] = math.inf
-        known[bonds] = 0.0
-        return np.asarray(known)
+        # a mean hardly shows a single point, and a bond that breaks has no rate
+        parts = slow[: 2 + 2 * n] if fast[: 2 + n].any() else np.zeros(2 + 2 * n)
+        parts[0] = math.inf
+        parts[bonds] = 0.0
+        return np.asarray(parts)
 
-    def _jump_over(self, found: Found, far: SolvedStep) -> EvolutionStep:
-        """Accept a step whose end is far as a jump, or end the run there with the reason."""
+    def _end_before(self, found: Found, far: SolvedStep) -> _Ended:
+        """Return the end of a run before a step whose end is far."""
         a = far.before
         b = far.after
-        if self.task.at_jump == "jump":
-            return self._accept(Forked(far), jump=True)
-        beyond = f"beyond the time {a.time:.10g}"
-        least = self.task.shortest
-        there = where_it_changes(self._stepper, a, b)
+        places = where_it_changes(self._stepper, a, b)
         if found.proved:
-            ending = Ending.NO_SOLUTION
-            words = (
+            return _Ended(
+                Ending.NO_SOLUTION,
                 f"no solution continues the evolution in the step from {a.time:.10g} to "
-                f"{b.time:.10g}, where {found.why}; at its end another one was found, {there}"
+                f"{b.time:.10g}, where {found.why}; at its end another one was found, {places}",
             )
-        elif found.failure is not None:
-            ending = Ending.NOT_SOLVED
-            words = (
-                f"no step {beyond} was solved, down to {least:.2g}, that leads on from it; in a "
-                f"solution further off, at {b.time:.10g}, {there}. Whether one continues the "
-                f"evolution is not decided: {found.failure}"
-            )
-        else:
-            ending = Ending.NOT_FOUND
-            words = (
-                f"no solution {beyond} was found that continues the evolution, in a step of "
-                f"{b.time - a.time:.2g}; at its end another one was found, {there}. Whether one "
-                f"does is not decided: {found.why}"
-            )
-        raise _Ended(ending, words) from found.failure
-
-    def _shorten(
-        self, goal: float, error: ConvergenceError | None = None, *, brief: bool = False
-    ) -> EvolutionStep | None:
-        """Try half the step next time, or a quarter if no strategy solves it; end if too short.
-
-        The step that jumps then, if it may; else None.
-        """
-        length = goal - self._accepted.time
-        part = 2 if error is None or brief else 4
-        if not self.task.halve or length / part < self.task.shortest:
-            if error is not None and self.task.at_jump == "jump":
-                beyond = self._beyond(goal)
-                if beyond is not None:
-                    times = min(self.task.sudden, _SUDDEN)
-                    jump = self._sudden(beyond, times) is not None
-                    return self._accept(Forked(beyond), jump=jump)
-            raise _Ended(
+        if found.failure is not None:
+            return _Ended(
                 Ending.NOT_SOLVED,
-                f"no solution was found beyond the time {self._accepted.time:.10g}, in a step of "
-                f"{length:.2g}, which was not solved: {error}"
-                + ("" if self.task.halve else _HALVE),
-            ) from error
-        self._length = length / part
-        self._rejected = self._rejected + 1
-        return None
+                f"no step beyond the time {a.time:.10g} was solved, down to "
+                f"{self.task.shortest:.2g}, that leads on from it; in a solution further off, at "
+                f"{b.time:.10g}, {places}. Whether one continues the evolution is not decided: "
+                f"{found.failure}",
+            )
+        return _Ended(
+            Ending.NOT_FOUND,
+            f"no solution beyond the time {a.time:.10g} was found that continues the evolution, in "
+            f"a step of {b.time - a.time:.2g}; at its end another one was found, {places}. Whether "
+            f"one does is not decided: {found.why}",
+        )
+
+    def _not_solved(self, length: float, error: ConvergenceError) -> str:
+        """Return the reason of a run that ends because a step was not solved."""
+        return (
+            f"no solution was found beyond the time {self._accepted.time:.10g}, in a step of "
+            f"{length:.2g}, which was not solved: {error}{'' if self.task.halve else _HALVE}"
+        )
 
     def _beyond(self, goal: float) -> SolvedStep | None:
-        """A step to a time at which no solution was found near; None if there is none either.
+        """Step to a time near which no solution was found, if the run may jump. Collective.
 
-        A solution further off in time is where the solver begins then, or one between. Collective.
+        A later solution is searched, at growing distances; the solver then starts from it, or from
+        one between. None if there is none either.
         """
-        far: SolvedStep | None = None
+        if self.task.at_jump != "jump":
+            return None
         start = self._accepted
         last = self.task.times[-1]
-        ahead = [start.time + (goal - start.time) * _FURTHER**k for k in range(1, _MOST_FURTHER)]
+        ahead = (start.time + (goal - start.time) * _FURTHER**k for k in range(1, _MOST_FURTHER))
+        far: SolvedStep | None = None
         for time in [*(t for t in ahead if t < last), last]:
             try:
                 far = self._stepper.take(start, time)
@@ -420,55 +621,8 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
                 return None
         return None
 
-    def _wanted(self, solved: SolvedStep) -> bool:
-        """Whether the user accepts a step, whose end is put into the problem. Collective.
-
-        Raises:
-            ValueError: on every rank, if the user rejects a step that cannot be shorter.
-        """
-        comm = self._stepper.problem.comm
-        length = solved.after.time - solved.before.time
-        shorter = length / 2 >= self.task.shortest
-        if shorter and self.task.locate and _closes(comm, solved):
-            return False
-        if not comm.allreduce(int(self._accepts is not None)):
-            return True
-        self._stepper.put(solved.after)
-        wanted = True
-        with everywhere(comm, "accept"):
-            if self._accepts is not None:
-                answer = self._accepts(self._step(solved, False))
-                if not isinstance(answer, bool | np.bool_):
-                    raise ValueError(f"accept must answer True or False, got {answer!r}")
-                wanted = bool(answer)
-        # All that were called must require it.
-        wanted = not comm.allreduce(int(not wanted))
-        require(
-            comm,
-            wanted or shorter,
-            f"accept rejects every step from the time {solved.before.time:.10g}, down to one of "
-            f"{length:.2g}: accept longer steps, or give a smaller shortest length than "
-            f"{self.task.shortest:.2g}",
-        )
-        return wanted
-
 
 def _aim(start: float, end: float, length: float) -> float:
-    """The end of the next of equal steps to a time, none longer than a length."""
+    """Return the end of the first of equal steps to a time, none longer than a length."""
     steps = math.ceil((end - start) / length * (1 - 1e-12))
     return end if steps <= 1 else start + (end - start) / steps
-
-
-def _closes(comm: MPI.Comm, solved: SolvedStep) -> bool:
-    """Whether a point closes in a step. Collective."""
-    a = solved.before.shown
-    b = solved.after.shown
-    mine = any(bool((closed(y) & ~closed(x)).any()) for x, y in zip(a, b, strict=True))
-    return bool(comm.allreduce(int(mine)))
-
-
-def _rate(comm: MPI.Comm, solved: SolvedStep) -> npt.NDArray[np.float64]:
-    """Rates in a step: of `changes`, then of the largest displacement of a point. Collective."""
-    distances, _ = largest_at_points(comm, solved.before, solved.after)
-    found = np.concatenate([changes(comm, solved.before, solved.after), distances])
-    return np.asarray(found / (solved.after.time - solved.before.time))
