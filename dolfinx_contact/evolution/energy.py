@@ -1,29 +1,29 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The energy account of an evolution: what loads and supports put in, and where it is.
+r"""Energy balance of an evolution: work of loads and supports, stored and dissipated energy.
 
-Over a step from n to n+1, with dead loads f, reactions S of Dirichlet data, forces P on rigid
-bodies and contact pressures p over areas W,
+In a step from n to n+1, with dead loads f, reactions S of Dirichlet data, forces P on rigid bodies,
+contact pressures p and shear tractions t over areas W, gap u_N, jump j and normal n,
 
-    external work  (f_n + f_n+1)/2 . du + (S_n + S_n+1)/2 . du - (P_n + P_n+1)/2 . dq
-                   - sum W (p_n + p_n+1)/2 (d u_N + (n_n + n_n+1)/2 . dj)
-                   (obstacles that move: by how much the gap u_N changes where points j stay; none
-                   of those of facets, whose gap falls less than points do where they leave a rim)
-    dissipated     - sum W t_n+1 . (increment of the jump along the surface), without adhesion
-    damage         what breaking bonds has cost (`laws.Bond.spent`)
-    stored         the energy of the body without the potential of its loads, that of bonds, and
-                   what compliant surfaces hold, sum W (p_n + p_n+1)/2 . (increment of the
-                   penetration)
+    external    (f_n + f_n+1)/2 . du + (S_n + S_n+1)/2 . du - (P_n + P_n+1)/2 . dq
+                - sum W (p_n + p_n+1)/2 (d u_N + (n_n + n_n+1)/2 . dj)
+    dissipated  - sum W t_n+1 . (increment of the jump along the surface), without adhesion
+    damage      energy spent by breaking bonds (`laws.Bond.spent`)
+    stored      energy of the body without the potential of its loads, energy of bonds, and of
+                compliant surfaces sum W (p_n + p_n+1)/2 . (increment of the penetration)
 
-The residue is external less stored less dissipated less damage, all since the start. What is left
-in a step is of second order in it: friction is taken at the end of the step, and contact may open
-or close within. So the residue of a run falls with the first power of its steps where friction
-changes smoothly, and a residue that does not fall is a jump of the state, whose energy goes into
-motion.
+The sum in the external work is that of moving obstacles: the change of the gap at points that
+stay. Obstacles of facets have none, because at a rim the gap of a leaving point decreases by less
+than the point moves.
 
-Loads are what the rows of the undeformed body have, R(0) = -f: of a body that is stressed where it
-is undeformed, or has loads that follow it, the rest counts as stored. Of a problem that is given by
-a residual the stored energy is summed up from the forces, with the trapezoidal rule, which is exact
-where the body is linear.
+The residue is external - stored - dissipated - damage, all since the start. In a step it is of
+second order: friction is taken at the end of the step, and contact may open or close within.
+Therefore the residue of a run falls with the first power of its step length where friction changes
+smoothly. A residue that does not fall is a jump of the state, whose energy goes into motion.
+
+Loads are defined by the rows of the undeformed body, R(0) = -f. In a body with initial stress, or
+with loads that follow the body, the remainder counts as stored. If a problem is given by a
+residual, the stored energy is integrated from the forces by the trapezoidal rule, which is exact
+for a linear body.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ __all__ = ["Energies", "Forces", "forces_at"]
 
 Array = npt.NDArray[np.float64]
 
-_ROUND_OFF = 1e-9  # of all energies, the least that counts in a step
+_ROUND_OFF = 1e-9  # of all energies, least energy of a step
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ class Energies:
 
     Attributes:
         external: work of loads, supports, rigid bodies and obstacles.
-        stored: growth of the energy of the body and of compliant surfaces.
-        dissipated: by friction.
-        damage: dissipated by bonds that break.
+        stored: growth of the energy of the body, of bonds and of compliant surfaces.
+        dissipated: frictional dissipation.
+        damage: dissipation by breaking bonds.
     """
 
     external: float = 0.0
@@ -62,50 +62,51 @@ class Energies:
 
     @property
     def residue(self) -> float:
-        """What of the external work is neither stored nor dissipated."""
+        """External work that is neither stored nor dissipated."""
         return self.external - self.stored - self.dissipated - self.damage
 
     def residue_since(self, before: Energies) -> float:
-        """Return the residue of a step over the energies that are turned over in it.
+        """Return the residue of a step relative to the energies of the step.
+
+        The scale is the sum of the magnitudes of external work, stored energy, dissipation and
+        damage in the step.
 
         Args:
             before: energies at the start of the step.
         """
         parts = ("external", "stored", "dissipated", "damage")
         turned = sum(abs(getattr(self, k) - getattr(before, k)) for k in parts)
-        least = _ROUND_OFF * sum(abs(getattr(self, k)) for k in parts)
-        size = max(turned, least)
-        return (self.residue - before.residue) / size if size > 0 else 0.0
+        scale = max(turned, _ROUND_OFF * sum(abs(getattr(self, k)) for k in parts))
+        return (self.residue - before.residue) / scale if scale > 0 else 0.0
 
     def row(self) -> dict[str, float]:
-        """By name, with the residue, for a table of steps."""
+        """Return the energies and the residue by name, for a table of steps."""
         return asdict(self) | {"residue": self.residue}
 
     def advanced(self, before: Forces, after: Forces, dissipated: float) -> Energies:
-        """The account after a step. Collective.
+        """Return the energies after a step. Collective.
 
         Args:
-            before: at its start.
-            after: at its end.
-            dissipated: in it.
+            before: forces at the start of the step.
+            after: forces at its end.
+            dissipated: frictional dissipation in the step.
         """
         du = after.u - before.u
-        dq = after.q - before.q
         outer = np.dot(before.outer + after.outer, du) / 2
         inner = np.dot(before.inner + after.inner, du) / 2
         pressed = spent = 0.0
         for p, q in zip(before.surfaces, after.surfaces, strict=True):
-            force = (p.force + q.force) / 2
-            moved = np.sum((p.n + q.n) / 2 * (q.jump - p.jump), axis=1)
-            if not p.at_rest:  # else nothing but the bodies moves
-                outer -= np.dot(force, q.un - p.un + moved)
+            if not p.at_rest:
+                moved = np.sum((p.n + q.n) / 2 * (q.jump - p.jump), axis=1)
+                outer -= np.dot((p.force + q.force) / 2, q.un - p.un + moved)
             pressed += float(np.sum(q.bonds - p.bonds))
-            spent += float(np.sum(q.spent))
             pressed -= np.dot((p.springs + q.springs) / 2, q.un - p.un)
+            spent += float(np.sum(q.spent))
         comm = after.equations.comm
-        sums = (comm.allreduce(float(v)) for v in (outer, inner, pressed, spent))
-        outer, inner, pressed, spent = sums
-        outer -= float(np.dot(before.pushes + after.pushes, dq)) / 2
+        outer, inner, pressed, spent = (
+            comm.allreduce(float(v)) for v in (outer, inner, pressed, spent)
+        )
+        outer -= float(np.dot(before.pushes + after.pushes, after.q - before.q)) / 2
         if before.energy is not None and after.energy is not None:
             inner = after.energy - before.energy
         return Energies(
@@ -118,16 +119,19 @@ class Energies:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceForces:
-    """A contact surface at a state: forces of pressure, gaps (n,), normals, total jumps (n, dim).
+    """Values at the contact points of a surface at a state.
 
-    Normals and jumps are those in the frame of a rigid body that turns.
+    Normals and jumps are in the frame of a rigid body that turns.
 
     Attributes:
-        springs: forces of a compliant surface, without adhesion; 0 of others (n,).
-        bonds: energies that bonds hold (n,).
-        spent: energies that bonds have lost since the state before (n,).
-        at_rest: whether what may be touched has no motion of its own: another face, or a surface of
-            facets.
+        force: normal forces, positive in compression, shape (n,).
+        un: gaps, lengths, shape (n,).
+        n: normals, shape (n, dim).
+        jump: total jumps, lengths, shape (n, dim).
+        springs: normal forces of a compliant surface without adhesion, otherwise 0, shape (n,).
+        bonds: energies stored in bonds, shape (n,).
+        spent: energies spent by bonds in the step, shape (n,).
+        at_rest: whether the obstacle has no work of its own: another face, or facets.
     """
 
     force: Array
@@ -137,23 +141,24 @@ class SurfaceForces:
     springs: Array
     bonds: Array
     spent: Array
-    at_rest: bool = False
+    at_rest: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """All forces at a state, and what they work on.
+    """All forces at a state and the displacements on which they work.
 
     Attributes:
-        equations: of the contact problem.
-        u, q: displacement (owned) and unknowns of the rigid bodies.
-        outer: on the body, of loads and supports (owned).
-        inner: of the body itself (owned).
-        pushes: contact forces on the rigid bodies, that do work on changes of q.
-        energy: of the body without its loads; None if it is not known.
-        surfaces: contact, surface by surface.
-        covered: of the unknowns (owned), the part of the area of a point that has something
-            opposite, 1 of all else; None where no faces slide over each other.
+        equations: equations of the contact problem.
+        u: displacement (owned).
+        q: unknowns of the rigid bodies.
+        outer: forces of loads and supports on the body (owned).
+        inner: internal forces of the body (owned).
+        pushes: contact forces on the rigid bodies, conjugate to q.
+        energy: energy of the body without the potential of its loads; None if it is unknown.
+        surfaces: values at the contact points, by surface.
+        covered: fraction of the area of a point with an opposing point, by unknown (owned); 1 for
+            other unknowns. None without sliding surfaces.
     """
 
     equations: ContactEquations
@@ -164,11 +169,11 @@ class Forces:
     pushes: Array
     energy: float | None
     surfaces: tuple[SurfaceForces, ...]
-    covered: Array | None = None
+    covered: Array | None
 
 
 def forces_at(eq: ContactEquations, state: Evaluation) -> Forces:
-    """The forces at a state that has its reactions. Collective."""
+    """Return the forces at a state whose reactions are known. Collective."""
     assert state.reactions is not None
     assert state.pushes is not None
     n = eq.owned_sizes[0]
@@ -179,23 +184,11 @@ def forces_at(eq: ContactEquations, state: Evaluation) -> Forces:
     if energy is not None:
         energy += float(eq.comm.allreduce(float(np.dot(load, u))))
     surfaces = []
-    for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-        pressure = -np.sum(found.traction * found.data.n, axis=1)
-        un = found.kinematics.gap
-        areas = found.kinematics.operator.areas
-        force = areas * pressure
-        none = np.zeros_like(force), np.zeros_like(force)
-        springs = force if s.law.compliant else none[0]
-        if s.law.compliant and s.law_at_points.compiled.bonded:
-            springs = force + areas * np.sum(found.answers.bond("traction") * found.data.n, axis=1)
-        names = ("stored", "spent") if s.law_at_points.compiled.bonded else ()
-        stored, spent = [areas * found.answers.bond(name) for name in names] or none
-        jump, normal = found.kinematics.path
-        if s.slides:  # what has nothing opposite does not move against anything
-            jump = _covered(s, found)[:, None] * jump
-        known = force, un, normal.copy(), jump, springs, stored, spent
-        at_rest = s.slides or s.obstacle.outline is not None
-        surfaces.append(SurfaceForces(*known, at_rest=at_rest))
+    covered = [np.ones(m) for m in eq.owned_sizes]
+    for i, (s, contact) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
+        surfaces.append(_at_surface(s, contact))
+        if s.slides:
+            covered[i + 1] = np.repeat(_covered(s, contact), s.dim)
     return Forces(
         eq,
         u,
@@ -205,27 +198,38 @@ def forces_at(eq: ContactEquations, state: Evaluation) -> Forces:
         eq.rigid.conjugate(state.q, state.pushes),
         energy,
         tuple(surfaces),
-        _all_covered(eq, state),
+        np.concatenate(covered) if any(s.slides for s in eq.surfaces) else None,
     )
 
 
-def _covered(s: DiscreteSurface, found: ContactState) -> Array:
-    """The part of the areas of points that has something opposite (n,)."""
-    return np.minimum(found.kinematics.operator.areas / s.points.areas, 1.0)
+def _at_surface(s: DiscreteSurface, contact: ContactState) -> SurfaceForces:
+    """Return the values at the contact points of a surface. Not collective."""
+    n = contact.data.n
+    areas = contact.kinematics.operator.areas
+    force = -areas * np.sum(contact.traction * n, axis=1)
+    springs = stored = spent = np.zeros_like(force)
+    bonded = s.law_at_points.compiled.bonded
+    if bonded:
+        stored, spent = (areas * contact.answers.bond(name) for name in ("stored", "spent"))
+    if s.law.compliant:
+        springs = force
+        if bonded:
+            springs = force + areas * np.sum(contact.answers.bond("traction") * n, axis=1)
+    jump, normal = contact.kinematics.path
+    if s.slides:
+        # a point without an opposing point does not move relative to anything
+        jump = _covered(s, contact)[:, None] * jump
+    at_rest = s.slides or s.obstacle.outline is not None
+    gap = contact.kinematics.gap
+    return SurfaceForces(force, gap, normal.copy(), jump, springs, stored, spent, at_rest)
 
 
-def _all_covered(eq: ContactEquations, state: Evaluation) -> Array | None:
-    """`Forces.covered` at a state."""
-    if not any(s.slides for s in eq.surfaces):
-        return None
-    parts = [np.ones(n) for n in eq.owned_sizes]
-    for i, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
-        if s.slides:
-            parts[i + 1] = np.repeat(_covered(s, found), s.dim)
-    return np.concatenate(parts)
+def _covered(s: DiscreteSurface, contact: ContactState) -> Array:
+    """Return the fraction of the area of each point with an opposing point, shape (n,)."""
+    return np.minimum(contact.kinematics.operator.areas / s.points.areas, 1.0)
 
 
 def _rows(eq: ContactEquations, u: Array) -> Array:
-    """Owned rows of the body alone. Collective."""
+    """Return the owned rows of the body alone. Collective."""
     rows = eq.bulk.affine_residual(u)
     return np.array(eq.bulk.residual_at(u) if rows is None else rows)

@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact problems in time: the common part of quasi-static histories and motions."""
+r"""Evolutions of a contact problem, run by run.
+
+A run goes from an accepted state to the next one, x_0 -> x_1 -> x_2 ..., by a rule (`run.Rule`)
+that takes steps with a stepper (`step.Stepper`). It starts from a given `State`, from the end of
+the last run, or, in the first run, from the Functions with virgin memory. An evolution stores the
+state at the end of its last run, `Runnable.put` replaces it, and `Runnable.go_on` continues an
+interrupted run. `Evolution` is the base of histories and motions; paths by arc length have no time.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +16,7 @@ from typing import ClassVar, Generic, TypeVar
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._collective import collective
 from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._frozen import ReadOnly
 from dolfinx_contact.continuation.ending import Ending
@@ -29,16 +36,11 @@ T = TypeVar("T")
 S = TypeVar("S", bound=RunState)
 H = TypeVar("H", bound=History)
 
-
-def _check(a: Arguments) -> None:
-    a.listeners.check(a.self._record)
-
-
-_MOST_FORKS = 16  # evolutions along other rays
+_MOST_FORKS = 16  # histories along other rays that are followed
 
 
 class Runnable(ReadOnly, Generic[T, S, H]):
-    """An evolution of a contact problem; each run starts where the one before has ended.
+    """An evolution of a contact problem; each run starts where the last one has ended.
 
     Attributes:
         problem: contact problem, whose Functions follow the accepted steps.
@@ -47,14 +49,14 @@ class Runnable(ReadOnly, Generic[T, S, H]):
 
     account: type[Energies] = Energies
     problem: ContactProblem
-    #: Name of the class of its records, for messages.
+    #: Class of the records, for messages.
     _record: ClassVar[str]
     #: State of the last run at its end; None before the first run.
     _run_state: S | None = None
 
     @collective(
         "a run that continues",
-        _check,
+        lambda a: a.listeners.check(a.self._record),
         compare=lambda a: a.listeners.compared(),
         local=("task", "run_state", "listeners"),
     )
@@ -64,16 +66,16 @@ class Runnable(ReadOnly, Generic[T, S, H]):
         Args:
             task: task of the run.
             run_state: state of the run where it was interrupted.
-            listeners: observers of the remaining steps.
+            listeners: listeners of the remaining steps.
 
         Returns:
-            The history of the remaining steps. Errors are those of a run.
+            History of the remaining steps. Errors are those of a run.
         """
         self._has_begun()
         return self._run(task, run_state, listeners)
 
     def put(self, run_state: S) -> None:
-        """Put the end of a run into the problem, from which the next run continues. Collective."""
+        """Put the end of a run into the problem; the next run starts from it. Collective."""
         self._has_begun()
         self._run_state = run_state
         self._stepper(None).put(run_state.accepted)
@@ -85,16 +87,13 @@ class Runnable(ReadOnly, Generic[T, S, H]):
 
     @property
     def _accepted(self) -> AcceptedState | None:
-        """The last accepted state; None before the first run."""
+        """Last accepted state; None before the first run."""
         return None if self._run_state is None else self._run_state.accepted
 
     def _require_start(self, start: State | None) -> None:
-        """Raise ``ValueError`` if a first run does not say where it starts but must. Collective.
+        """Raise ``ValueError`` if a first run must name its start and does not. Collective.
 
         Bonds would heal silently if an evolution began with virgin memory where another has ended.
-
-        Args:
-            start: state at the start, if given.
         """
         require(
             self.problem.comm,
@@ -105,15 +104,11 @@ class Runnable(ReadOnly, Generic[T, S, H]):
         )
 
     def _has_begun(self) -> None:
-        """Note that the problem has an evolution. Not collective."""
+        """Record in the problem that it has an evolution. Not collective."""
         self.problem.evolved.append(type(self).__name__)
 
     def _stepper(self, progress: bool | None) -> Stepper:
-        """A stepper of the problem.
-
-        Args:
-            progress: whether solves show their progress; see `QuasiStatic.run`.
-        """
+        """Return a stepper of the problem; ``progress`` is that of its solves."""
         raise NotImplementedError
 
     def _run(self, task: T, run_state: S, listeners: Listeners) -> H:
@@ -129,23 +124,23 @@ class Runnable(ReadOnly, Generic[T, S, H]):
 
 
 class Evolution(Runnable[HistoryTask, RunState, History]):
-    """A contact problem in time: runs through times, step by step.
+    """A contact problem in time, the base of quasi-static histories and motions.
 
     Args:
-        problem: the contact problem.
+        problem: contact problem.
         load: function of the time, called on every rank before each step, that sets Constants and
             Functions of the data to their values at that time.
 
     Attributes:
         problem: contact problem as given.
-        load: load as given; it may be set between two runs, all other attributes are read-only.
+        load: load as given; it may be replaced between two runs.
         method: parameters of the method in words, for the manifest of a record.
         kept: Functions of a state in addition to those of the problem, by name.
-        data: Functions and Constants in addition to those of the problem, as in a density.
-        forms: forms in addition to those of the problem, as that of damping.
+        data: Functions and Constants in addition to those of the problem, such as a density.
+        forms: forms in addition to those of the problem, such as damping.
 
     Raises:
-        ValueError: on every rank, if arguments do not fit.
+        ValueError: on every rank, if an argument is not admissible.
     """
 
     _may_be_set = ("load",)
@@ -175,7 +170,7 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
     def recalled(
         self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        """The state in the Functions as an earlier accepted state; see `Stepper.recalled`."""
+        """Return the state in the Functions as an accepted state; see `Stepper.recalled`."""
         return self._stepper(None).recalled(time, memory, energies, first=first)
 
     def _stepper(self, progress: bool | None) -> Stepper:
@@ -185,8 +180,8 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         """Run from a given state, the end of the last run, or the Functions. Collective.
 
         Args:
-            task: task of the run, whose times begin at its start.
-            listeners: checked, as the task is, and the same on every rank.
+            task: task of the run.
+            listeners: listeners of the run; like the task they are checked.
             start: state at the start, if given.
         """
         stepper = self._stepper(listeners.progress)
@@ -196,8 +191,7 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         try:
             stepper.require_repeatable(task.times[0], self._later_time(task))
             if before is None:
-                accepted = stepper.start(task.times[0], start)
-                run_state = RunState(accepted, task.longest)
+                run_state = RunState(stepper.start(task.times[0], start), task.longest)
             else:
                 accepted = stepper.continued(before.accepted)
                 run_state = RunState(accepted, task.longest, before.rate, before.number)
@@ -209,17 +203,16 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         return self._run(task, run_state, listeners)
 
     def _later_time(self, task: HistoryTask) -> float:
-        """A later time of a run, for the test of its load."""
+        """Return a later time of a run, for the test of its load."""
         return task.times[-1]
 
     def _rule(
         self, stepper: Stepper, task: HistoryTask, run_state: RunState, accept: Accept | None
     ) -> ThroughTimes:
-        """The rule that finds the steps of a run."""
+        """Return the rule that finds the steps of a run."""
         return ThroughTimes(stepper, task, run_state, accept)
 
     def _run(self, task: HistoryTask, run_state: RunState, listeners: Listeners) -> History:
-        """Run from a state of a run to its end. Collective."""
         stepper = self._stepper(listeners.progress)
         rule = self._rule(stepper, task, run_state, listeners.accept)
         history = _history_from(run_state.accepted)
@@ -232,21 +225,21 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
 
 
 def _history_from(accepted: AcceptedState) -> History:
-    """A history that begins at a state."""
+    """Return an empty history that begins at a state."""
     return History(accepted.time, accepted.energies)
 
 
 def _followed(forks: Sequence[SolvedStep], stepper: Stepper, task: HistoryTask) -> list[History]:
-    """Evolutions along the rays that a run did not take, and along theirs. Collective."""
-    found: list[History] = []
-    left = list(forks)
-    while left and len(found) < _MOST_FORKS:
-        first = left.pop(0)
+    """Follow the histories along the rays that a run did not take, and along theirs. Collective."""
+    histories: list[History] = []
+    steps = list(forks)
+    while steps and len(histories) < _MOST_FORKS:
+        first = steps.pop(0)
         rule = ThroughTimes(stepper, task, RunState(first.before, task.longest), first=first)
         run = Run(stepper, rule, Listeners(progress=False), _history_from(first.before))
-        found.append(run.go())
-        left += rule.forks
-    for rest in left:
-        found.append(_history_from(rest.before))
-        found[-1].end(Ending.BUDGET, f"not followed: more than {_MOST_FORKS} evolutions")
-    return found
+        histories.append(run.go())
+        steps += rule.forks
+    for step in steps:
+        histories.append(_history_from(step.before))
+        histories[-1].end(Ending.BUDGET, f"not followed: more than {_MOST_FORKS} evolutions")
+    return histories

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Histories: the accepted steps of an evolution and its ending."""
+"""Histories: accepted steps, their table, and the ending.
+
+A step leads from the state at its ``start`` to ``state`` at its ``time``. The rows of the table
+have the same keys for all steps: number and times, counts of statuses, contact forces, energies,
+variables of the laws, and the work of the solver.
+"""
 
 from __future__ import annotations
 
@@ -22,21 +27,21 @@ class EvolutionStep:
     """An accepted step.
 
     Attributes:
-        number: from 1, over all runs of the evolution.
-        start: time at its start.
-        time: at its end.
-        result: tables, resultants and checks of its end.
-        energies: since the start of the evolution.
-        rejected: steps that were tried from the same state and not accepted.
-        jump: whether the state jumps in it: its end is a solution under the load of its end, to
-            which no continuous evolution leads. What happens in between is no quasi-static
-            evolution.
-        directions: number of solutions of the rate problem at its start that are known; more than
-            one if other evolutions lead on from there. None if they were not looked for.
-        inserted: whether the run inserted its end between the requested times, because a step was
-            halved or a jump was located.
-        state: state at its end, with time, energies and, in dynamics, velocity. Evaluators take it,
-            as ``problem.table(surface, state=step.state)``, and another evolution starts from it.
+        number: number of the step, from 1, over all runs of the evolution.
+        start: time at the start of the step.
+        time: time at the end of the step.
+        result: tables, resultants, checks and indicators at the end.
+        energies: energies since the start of the evolution.
+        rejected: number of steps that were tried from the same state and not accepted.
+        jump: whether the state jumps in the step: its end is a solution under the load at ``time``
+            to which no continuous evolution leads.
+        directions: number of known solutions of the rate problem at the start; more than one if
+            other evolutions continue from there. None if they were not computed.
+        inserted: whether the run inserted the end of the step between the requested times, because
+            a step was halved or a jump was located.
+        state: state at the end, with time, energies and, in dynamics, velocity. Evaluators accept
+            it, as ``problem.table(surface, state=step.state)``, and another evolution starts from
+            it.
     """
 
     number: int
@@ -56,11 +61,17 @@ class EvolutionStep:
         return "".join(t.status for t in self.result.tables.values())
 
     def row(self) -> dict[str, Any]:
-        """Scalars of a table of steps."""
+        """Return the scalars of the step for a table of steps."""
         forces = {
             f"{name}_{axis}": float(v)
             for name, force in self.result.resultants.items()
             for axis, v in zip("xyz", force, strict=False)
+        }
+        # means over the areas of the variables of laws, such as the intensity of adhesion
+        variables = {
+            f"{variable}_{name}": float(np.dot(values, t.area) / t.area.sum())
+            for name, t in self.result.tables.items()
+            for variable, values in t.internal.items()
         }
         counts = self.result.counts
         return {
@@ -70,7 +81,7 @@ class EvolutionStep:
             **{k: counts[k] for k in ("open", "stick", "slip", "clamped")},
             **forces,
             **self.energies.row(),
-            **self._bonds(),
+            **variables,
             "newton_iterations": self.result.iterations,
             "strategy": self.result.reason,
             "rejected": self.rejected,
@@ -80,22 +91,13 @@ class EvolutionStep:
         }
 
     def row_before(self, known: Mapping[str, Any]) -> dict[str, Any]:
-        """A row of the state at its start, for the head of a table: the keys of `row`.
+        """Return a row of the state at the start, with the keys of `row`.
 
         Args:
-            known: of that state; what is not in it, and is neither number nor time, is None.
+            known: values at the start; missing ones are None, except number, time and length.
         """
-        given = {"step": self.number - 1, "time": self.start, "length": 0.0, **known}
-        return {name: given.get(name) for name in self.row()}
-
-    def _bonds(self) -> dict[str, float]:
-        """Means of the variables of laws, as the intensity of adhesion, over the areas."""
-        tables = self.result.tables.items()
-        return {
-            f"{variable}_{name}": float(np.dot(values, t.area) / t.area.sum())
-            for name, t in tables
-            for variable, values in t.internal.items()
-        }
+        start = {"step": self.number - 1, "time": self.start, "length": 0.0, **known}
+        return {name: start.get(name) for name in self.row()}
 
 
 @dataclass
@@ -105,11 +107,11 @@ class History(Ends):
     Attributes:
         start: time at which it began.
         before: energies until then.
-        steps: accepted ones.
-        ending: how it ended; None before.
-        reason: why, in words.
-        others: evolutions that part from this one where its rate problem has several solutions, if
-            they were to be followed; each begins with the step that parts.
+        steps: accepted steps.
+        ending: kind of its ending; None before.
+        reason: reason of the ending, as a sentence.
+        others: with ``follow_rays``, evolutions that part from this one where its rate problem has
+            several solutions; each begins with the step that parts.
     """
 
     start: float
@@ -121,24 +123,24 @@ class History(Ends):
 
     @property
     def complete(self) -> bool:
-        """Whether it reached the last of the times, or the end of the range, that was requested."""
+        """Whether the history reached the last of the times, or the end of the range."""
         return self.ending is Ending.REACHED
 
     @property
     def time(self) -> float:
-        """At the last accepted state."""
+        """Time at the last accepted state."""
         return self.steps[-1].time if self.steps else self.start
 
     @property
     def energies(self) -> Energies:
-        """At the last accepted state."""
+        """Energies at the last accepted state."""
         return self.steps[-1].energies if self.steps else self.before
 
     def at(self, time: float) -> EvolutionStep:
-        """The step that ends at a time.
+        """Return the step that ends at a time.
 
         Raises:
-            KeyError: if none does.
+            KeyError: if no step ends at the time.
         """
         for step in self.steps:
             if step.time == time:
@@ -146,25 +148,25 @@ class History(Ends):
         raise KeyError(f"no step ends at {time!r}")
 
     def rows(self, *, start: bool = False) -> list[dict[str, Any]]:
-        """The table of steps, for `io.write_rows`.
+        """Return the table of steps, for `io.write_rows`.
 
         Args:
-            start: whether a row of the state at the start comes before that of the first step: its
-                time and energies, of a path its load, and None for what is known of steps alone.
+            start: whether a row of the state at the start comes first, with its time and energies,
+                on a path with its load, and None otherwise. Default: False.
         """
         rows = [step.row() for step in self.steps]
         return [self.steps[0].row_before(self._at_start()), *rows] if start and rows else rows
 
     def _at_start(self) -> dict[str, Any]:
-        """What is known at the start, by the names of a table of steps."""
+        """Return the values at the start, by the keys of the table."""
         return self.before.row()
 
 
 class NoContinuation(RuntimeError):
     """An evolution does not continue; the problem is at the last accepted state.
 
-    The message names the case: no solution continues it, which is proved; none was found that
-    does, by what was tried; or steps were not solved, and why.
+    The message names the case: provably no solution continues it; no continuation was found; or
+    steps were not solved, and why.
 
     Attributes:
         history: the evolution up to there.

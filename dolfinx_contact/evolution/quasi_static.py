@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Quasi-static evolution with friction: equilibrium at every time, friction against slip rates.
 
-Steps are implicit: the state at t_n+1 solves the contact problem in which friction opposes the slip
-since t_n (`points.memory`). At the start of a step every slipping point is at the border of stick,
-so a solve begins with the statuses of the previous step. If they do not hold, the rate problem may
-have several solutions (`forks`). If this fails, the strategies of the static problem are tried
-(`solvers.ladder`); the last of them follow the load from t_n to t_n+1 with the memory of t_n.
+The state x_n+1 at t_n+1 solves the contact problem in which friction opposes the slip since t_n
+(`step`),
+
+    H(x_n+1; m_n, t_n+1 - t_n) = 0,        m_n the memory of x_n.
+
+At the start of a step every slipping point is at the border of stick. Therefore a solve begins with
+the statuses of the previous step. If this fails, the strategies of the static problem are tried
+(`solvers.ladder`); the last of them follow the load from t_n to t_n+1 with the memory m_n.
 
 In rate-independent friction, time only orders the loads. Regularised friction depends on the
 velocity, the slip divided by t_n+1 - t_n.
@@ -47,29 +50,6 @@ def _check_jump(a: Arguments) -> None:
 
 def _check_run(a: Arguments) -> None:
     a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
-    a.locate_jumps = bool(a.locate_jumps)
-    if a.halve_steps is None:
-        a.halve_steps = a.locate_jumps or a.shortest is not None
-    a.halve_steps = bool(a.halve_steps)
-    if a.shortest is None:
-        a.shortest = (a.times[-1] - a.times[0]) / 2**_HALVINGS
-    a.follow_rays = bool(a.follow_rays)
-    if a.rays is None and not (a.locate_jumps or a.follow_rays):
-        a.rays = False
-    a.extrapolate = bool(a.extrapolate)
-    task = HistoryTask(
-        a.times,
-        a.longest,
-        a.shortest,
-        a.at_jump,
-        a.sudden,
-        locate_jumps=a.locate_jumps,
-        rays=a.rays,
-        follow_rays=a.follow_rays,
-        extrapolate=a.extrapolate,
-    )
-    for name in ("longest", "shortest", "sudden"):  # as numbers
-        setattr(a, name, getattr(task, name))
     Listeners.of(a).check(a.self._record)
 
 
@@ -208,20 +188,25 @@ class QuasiStatic(Evolution):
                 ``accept``, ``stop`` and ``observer`` on one rank are raised on every rank.
             OSError: on every rank, if a step cannot be recorded.
         """
-        assert shortest is not None
-        # accept may be given on some ranks only
-        accepts = bool(self.problem.comm.allreduce(int(accept is not None)))
+        if halve_steps is None:
+            # accept may be given on some ranks only
+            accepts = bool(self.problem.comm.allreduce(int(accept is not None)))
+            halve_steps = locate_jumps or shortest is not None or accepts
+        if shortest is None:
+            shortest = (times[-1] - times[0]) / 2**_HALVINGS
+        if rays is None and not (locate_jumps or follow_rays):
+            rays = False
         task = HistoryTask(
             tuple(times),
             longest,
             shortest,
             at_jump,
             sudden,
-            locate_jumps=locate_jumps,
-            halve=bool(halve_steps) or accepts,
+            locate_jumps=bool(locate_jumps),
+            halve=bool(halve_steps),
             rays=rays,
-            follow_rays=follow_rays,
-            extrapolate=extrapolate,
+            follow_rays=bool(follow_rays),
+            extrapolate=bool(extrapolate),
         )
         return self._begin(task, Listeners(accept, stop, observer, record, progress), start)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""One time step of an evolution, from an accepted state to the next.
+r"""One step of an evolution, from an accepted state to the next.
 
 A state x_n at the time t_n has the memory m_n: the jumps of the contact points, and the internal
 variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the load of t_n+1, and
@@ -9,9 +9,14 @@ variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the lo
     2. advances      m_n+1 = A(x_n+1; m_n, h)        the memory (`ContactEquations.advanced`),
     3. accounts for  E_n+1 = E_n + work and dissipation between x_n and x_n+1 (`energy`).
 
-`Stepper.take` does this. Motions and paths have their own steps (`motion`, `by_arc_length`) with
-the same accepted states. A step reads only the accepted state and the load, and writes only the
-Functions, which the next step overwrites. Hence a rejected step has no side effects.
+`Stepper.take` does this at rest. Motions (`motion`) and paths (`path_stepper`) override its parts:
+
+    take          the step                     start       the state at the start of a run
+    put           a state into the problem     continued   the end of a run, for the next run
+    at_rest       the state in the Functions   recalled    an earlier state, from a record
+
+A step reads only the accepted state and the load, and writes only the Functions, which the next
+step overwrites. Hence a rejected step has no side effects.
 """
 
 from __future__ import annotations
@@ -52,7 +57,7 @@ class AcceptedState:
 
     Attributes:
         state: the state; the next step starts from its memory.
-        unknowns: owned unknowns as lengths (n,).
+        unknowns: owned unknowns as lengths, shape (n,).
         energies: energies since the start of the evolution.
         statuses: statuses with which the next step is tried first; None at a start.
         solved: whether the state is a solution under its load; a start need not be one.
@@ -128,7 +133,7 @@ class Stepper:
         self.problem = problem
         self._load = load
         self._progress = progress
-        #: Time of the data; None as long as no load has been set.
+        #: Time of the data; None before a load has been set.
         self._time: float | None = None
 
     # -- one step --------------------------------------------------------------------------------
@@ -145,7 +150,7 @@ class Stepper:
         """Step from an accepted state to a time; the Functions receive the end. Collective.
 
         Args:
-            accepted: state at the beginning of the step.
+            accepted: state at the start of the step.
             time: time at its end.
             likely: guesses of the statuses at the end, the likeliest first; default: those of the
                 start.
@@ -170,7 +175,7 @@ class Stepper:
         guess: AcceptedState | None,
         trial: Trial,
     ) -> SolvedStep:
-        """See `take`. Collective."""
+        """Take a step; see `take`. Collective."""
         assert isinstance(accepted, AtRest)
         step = self.begin(accepted, time)
         if guess is not None:
@@ -192,7 +197,7 @@ class Stepper:
         """Put an accepted state into the Functions; return the problem of a step. Collective.
 
         Args:
-            accepted: state at the beginning of the step.
+            accepted: state at the start of the step.
             time: time at its end, whose load is set.
         """
         self._restore(accepted)
@@ -214,7 +219,7 @@ class Stepper:
         self.problem.restore(accepted.state)
 
     def keeps(self, data: Sequence[Any], start: float, end: float) -> bool:
-        """Whether data have the same values under the loads of two times. Collective.
+        """Return whether data have the same values under the loads of two times. Collective.
 
         Args:
             data: Functions and Constants.
@@ -222,12 +227,13 @@ class Stepper:
             end: second time, whose load is left in the data.
         """
         self._set(start)
-        before = [np.array(_values(f)) for f in data]
+        before = [_values(f).copy() for f in data]
         self._set(end)
         same = all(np.array_equal(_values(f), v) for f, v in zip(data, before, strict=True))
         return not self.problem.comm.allreduce(int(not same))
 
     def _set(self, time: float) -> None:
+        """Set the load of a time. Collective."""
         self._time = None
         with everywhere(self.problem.comm, f"the load at the time {time:g}"):
             self._load(time)
@@ -238,7 +244,7 @@ class Stepper:
     def require_repeatable(self, time: float, later: float) -> None:
         """Refuse a load that depends on earlier calls; the load of a time is set. Collective.
 
-        Steps are tried with several lengths, so that the load is called with times in any order.
+        Shorter steps call the load with times in any order.
 
         Args:
             time: time at the start of a run.
@@ -250,7 +256,7 @@ class Stepper:
         self._set(time)
         comm = self.problem.comm
         data = placed_data(self.problem.equations)
-        # Values that are not finite are reported later, by the start or the solve.
+        # the start or the solve reports values that are not finite
         bad = anywhere(comm, *(not np.isfinite(_values(d.value)).all() for d in data))
         before = Constancy(comm, [d for d, wrong in zip(data, bad, strict=True) if not wrong])
         self._set(later)
@@ -277,7 +283,8 @@ class Stepper:
         """
         with self.problem.restored():
             law, evaluation, memory = self._begun(given)
-        solved, residual = self._is_solved(law, evaluation, memory)
+        residual = self._residual_of_start(law, evaluation, memory)
+        solved = residual <= _SOLVED
         if not solved and law.comm.rank == 0:
             logger.warning(
                 "the start of the evolution is not a solution under the load at the time %g "
@@ -291,7 +298,7 @@ class Stepper:
         )
 
     def _begun(self, given: State | None) -> tuple[ContactProblem, Evaluation, tuple[Memory, ...]]:
-        """A start in the Functions: its law, its evaluation and its memory. Collective."""
+        """Return the law, the evaluation and the memory of a start. Collective."""
         law = self.problem
         if given is not None:
             self._take_start(given)
@@ -307,23 +314,23 @@ class Stepper:
         self.problem.restore(given)
 
     def _check_start(self) -> None:
-        """Raise ``ValueError`` if a start or its Dirichlet data are not valid. Collective."""
+        """Raise ``ValueError`` if a start or its Dirichlet data are not admissible. Collective."""
         eq = self.problem.equations
         finite = bool(np.isfinite(self.problem.u.x.array).all())
         require(eq.comm, finite, "the displacement at the start is not finite")
         eq.constraints.check_values(eq.surfaces, eq.body_size, " at the start")
 
     def _evaluated(self, law: ContactProblem) -> Evaluation:
-        """The evaluation of a start. Collective."""
+        """Evaluate a start. Collective."""
         return law.evaluate()
 
-    def _is_solved(
+    def _residual_of_start(
         self, law: ContactProblem, evaluation: Evaluation, memory: Sequence[Memory]
-    ) -> tuple[bool, float]:
-        """Return whether a start is a solution, and its residual. Collective.
+    ) -> float:
+        """Return the relative residual of a start. Collective.
 
-        It is a solution under the law by which it was found, or under the law of a step without
-        increment: in equilibrium, with friction within its bound.
+        A start is a solution under the law by which it was found, or under the law of a step
+        without increment: in equilibrium, with friction within its bound.
 
         Args:
             law: problem with the law by which the state was found.
@@ -335,7 +342,7 @@ class Stepper:
         if residual > _SOLVED and not timed:
             still = law.with_memory(memory)
             residual = min(residual, _residual(still.equations, still.evaluate()))
-        return residual <= _SOLVED, residual
+        return residual
 
     def continued(self, accepted: AcceptedState) -> AcceptedState:
         """Return the end of a run under the present data, the start of a later run. Collective."""
@@ -353,14 +360,13 @@ class Stepper:
             time: time of the state.
             memory: memory from which the next step starts, one per surface.
             energies: energies since the start.
-            first: whether it is the start, whose statuses are not known.
+            first: whether it is the start, whose statuses are unknown.
         """
         self._set(time)
         law = self.problem.with_memory(memory)
         evaluation = law.evaluate()
         solved = not first or _residual(law.equations, evaluation) <= _SOLVED
         forces = forces_at(law.equations, evaluation)
-        memory = tuple(memory)
         return self.at_rest(
             law, evaluation, memory, time, energies, forces, known=not first, solved=solved
         )
@@ -403,7 +409,7 @@ class Stepper:
         time: float,
         energies: Energies,
     ) -> State:
-        """The values in the Functions as a state. Not collective."""
+        """Return the values in the Functions as a state. Not collective."""
         problem = self.problem
         displacement, *multipliers = (f.x.array for f in problem.fields)
         return State(
@@ -419,7 +425,7 @@ class Stepper:
         )
 
     def _unknowns(self) -> Array:
-        """Owned unknowns in the Functions, as lengths (n,). Not collective."""
+        """Return the owned unknowns in the Functions, as lengths. Not collective."""
         x = self.problem.create_vector()
         self.problem.write(x)
         values = x.array_r.copy()
@@ -428,7 +434,7 @@ class Stepper:
 
 
 def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:
-    """Relative residual of a state; 0 if it carries no load beyond round-off. Collective.
+    """Return the relative residual of a state; 0 if it carries only round-off. Collective.
 
     A state without displacements and forces has no scale of its own. In this case forces count as
     zero if they move a node by less than 1e-12 of the body size.
@@ -441,5 +447,5 @@ def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:
 
 
 def _values(f: Any) -> Array:
-    """The values of a Function or Constant on this rank."""
+    """Return the values of a Function or Constant on this rank."""
     return np.asarray(f.x.array if hasattr(f, "x") else f.value)

@@ -39,7 +39,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere, require
-from dolfinx_contact._validate import is_number
+from dolfinx_contact._validate import one_of, positive
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation.arguments import check_rays
 from dolfinx_contact.continuation.ending import Ending
@@ -113,18 +113,12 @@ class HistoryTask:
     extrapolate: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("longest", "shortest", "sudden"):
-            value = getattr(self, name)
-            if not is_number(value):
-                raise ValueError(f"{name} must be a number, got {value!r}")
-            object.__setattr__(self, name, float(value))
-        least = self.shortest
-        if not (math.isfinite(least) and least > 0 and self.longest >= least):
-            raise ValueError(
-                f"steps must have 0 < shortest <= longest, got {least}, {self.longest}"
-            )
-        if self.at_jump not in get_args(AtJump):
-            raise ValueError(f"at_jump is {self.at_jump!r}: known are {get_args(AtJump)}")
+        object.__setattr__(self, "longest", positive(self.longest, "longest", infinite=True))
+        object.__setattr__(self, "shortest", positive(self.shortest, "shortest"))
+        object.__setattr__(self, "sudden", positive(self.sudden, "sudden", infinite=True))
+        if self.shortest > self.longest:
+            raise ValueError(f"shortest = {self.shortest} is longer than longest = {self.longest}")
+        one_of(self.at_jump, "at_jump", get_args(AtJump))
         check_rays(self.rays)
         if self.follow_rays and self.rays is False:
             raise ValueError("rays must be True or None, to follow some too: False")
