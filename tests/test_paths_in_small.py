@@ -186,9 +186,4 @@ def test_slip_turns_by_way_of_stick():
     np.testing.assert_array_equal(_by_stick(required, held), list(pairs.values()))
 
 
-# -- steps ----------------------------------------------------------------------------------------
-
-
-
-
 # -- by pivots ------------------------------------------------------------------------------------

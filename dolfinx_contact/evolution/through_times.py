@@ -18,8 +18,8 @@ and hits the given times exactly. Further steps are inserted only on request:
     accept      a step that the user rejects is tried again with h/2.
 
 At the start of a step every slipping point is at the border of stick, and the rate problem may have
-several solutions (`step_rays`). On request they are counted, their statuses are tried if a step is
-not solved, and the steps along the other ones are collected in `ThroughTimes.forks`.
+several solutions (`step_branch`). On request they are counted, their statuses are tried if a step
+is not solved, and the steps along the other ones are collected in `ThroughTimes.forks`.
 
 In a long step of sliding bodies Newton's method may find a folded state that does not continue the
 evolution: the smallest det F falls below half of its value, or of 1. Such a step is not accepted.
@@ -48,7 +48,7 @@ from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.jumps import Changes, Found, changes, find_jump, where_it_changes
 from dolfinx_contact.evolution.run import Rule, RunState
 from dolfinx_contact.evolution.step import AcceptedState, AtRest, SolvedStep, Stepper
-from dolfinx_contact.evolution.step_rays import number_of_points, rays_of_step
+from dolfinx_contact.evolution.step_branch import rays_of_step
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.results.indicators import StepIndicators
 from dolfinx_contact.results.result import Result
@@ -214,7 +214,8 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         self._last: SolvedStep | None = None
         at_rest = isinstance(run_state.accepted, AtRest)
         self._slides = at_rest and any(s.slides for s in stepper.problem.surfaces)
-        self._rays_are_cheap = task.rays is None and number_of_points(stepper.problem) <= _FEW
+        points = self._comm.allreduce(sum(s.points.number for s in stepper.problem.surfaces))
+        self._rays_are_cheap = task.rays is None and points <= _FEW
 
     @property
     def run_state(self) -> RunState:
@@ -408,7 +409,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         if not (self.task.rays or self._rays_are_cheap) or start.statuses is None:
             return None
         rays = rays_of_step(self._stepper.begin(start, time))
-        return None if rays is None else rays.statuses
+        return None if rays is None else tuple(rays.rays)
 
     def _same(self, a: Statuses | None, b: Statuses | None) -> bool:
         """Return whether two statuses are equal on all ranks, or unknown. Collective."""
