@@ -78,7 +78,7 @@ ROOMS = {
         [
             *("continuation/pivoting.py", "continuation/rays.py", "continuation/ray_finder.py"),
             *("continuation/affine.py", "continuation/row_update.py", "continuation/borders.py"),
-            *("continuation/factorised.py", "continuation/batch.py", "solvers/pivoting.py"),
+            *("continuation/factorised.py", "continuation/steps.py", "solvers/pivoting.py"),
         ],
         [
             *("affine", "rays", "linear_triangle", "proved_rays", "continuation", "kinked_data"),

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Following solution branches of piecewise smooth systems in PETSc."""
 
-from dolfinx_contact.continuation.batch import Locate
 from dolfinx_contact.continuation.branch import (
     Branch,
     BranchPoint,
@@ -29,6 +28,7 @@ from dolfinx_contact.continuation.parameters import Direction, Kinks, StepContro
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.points import points_at
 from dolfinx_contact.continuation.solutions import Continuum, Solution, Solutions, find_solutions
+from dolfinx_contact.continuation.steps import Locate
 from dolfinx_contact.continuation.system import (
     Condensed,
     Events,

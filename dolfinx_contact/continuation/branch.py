@@ -6,7 +6,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, TypeVar
 
+from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
 
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.system import Piece
@@ -21,6 +24,8 @@ __all__ = [
     "Node",
     "Ray",
     "SpecialPoint",
+    "is_same_piece",
+    "kind_of_kink",
 ]
 
 R = TypeVar("R")
@@ -66,6 +71,21 @@ class Ray:
 
     piece: Piece
     tangent: PETSc.Vec
+
+
+def is_same_piece(comm: MPI.Comm, a: Piece, c: Piece) -> bool:
+    """Return True if two pieces have the same statuses on all ranks. Collective."""
+    return bool(comm.allreduce(bool(np.array_equal(a.codes, c.codes)), op=MPI.LAND))
+
+
+def kind_of_kink(meets: bool, turned: bool) -> Kind:
+    """Kind of a nonsmooth point.
+
+    Args:
+        meets: True if other branches meet there.
+        turned: True if gamma turns back.
+    """
+    return "bifurcation" if meets else "fold" if turned else "event"
 
 
 @dataclass(frozen=True)

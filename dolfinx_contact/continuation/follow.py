@@ -1,19 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Following a branch of H(x, gamma) = 0 through kinks and folds.
+"""Branches of H(x, gamma) = 0 through kinks and folds.
 
-The branch is followed by predictor and corrector, from kink to kink (`steps.py`), several kinks at
-a time (`batch.py`) or by stepping over each (`passage.py`).
+Affine pieces are traversed from vertex to vertex (`pivoting.py`), all others by predictor and
+corrector (`steps.py`).
 """
 
 from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 from typing import Literal, TypeAlias
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -31,7 +30,6 @@ from dolfinx_contact.continuation.arguments import (
     require_smooth,
     samples_of,
 )
-from dolfinx_contact.continuation.batch import BatchedSteps, Locate
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import (
     Branch,
@@ -39,12 +37,13 @@ from dolfinx_contact.continuation.branch import (
     FoundRays,
     Ray,
     SpecialPoint,
+    is_same_piece,
 )
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.observer import BranchStep, Observer, ObserverLike, Stepping, Stop
+from dolfinx_contact.continuation.locate import AT_BORDER
+from dolfinx_contact.continuation.observer import BranchStep, Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
-from dolfinx_contact.continuation.passage import SteppingSteps
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.ray_finder import (
     Kink,
@@ -53,12 +52,17 @@ from dolfinx_contact.continuation.ray_finder import (
     rays_out,
     reach_of_events,
 )
-from dolfinx_contact.continuation.steps import AT_BORDER, ExactSteps
+from dolfinx_contact.continuation.steps import (
+    BatchedSteps,
+    ExactSteps,
+    Locate,
+    SteppingSteps,
+)
 from dolfinx_contact.continuation.system import (
     Piece,
     System,
 )
-from dolfinx_contact.continuation.walk import Next, Walk, Walker, onwards_from
+from dolfinx_contact.continuation.walk import Next, Walker
 
 __all__ = ["Follower", "Route", "follow", "follower_for"]
 
@@ -66,11 +70,11 @@ Route: TypeAlias = Literal["auto", "pivoting", "steps"]
 
 logger = logging.getLogger(__name__)
 
-_HAIR = 1e-9  # of the scale of gamma: beside a gamma at which borders begin
-_HOP = 1e-6  # of the scale of gamma, over a kink of the data
-_BESIDE = 0.1  # of the length of a step, the distance from its start at which a branch closes
+_HAIR = 1e-9  # distance from a gamma at which borders begin, over the scale of gamma
+_HOP = 1e-6  # length of a hop over a kink of the data, over the scale of gamma
+_BESIDE = 0.1  # largest distance from the start at which a branch closes, over the step length
 _ASIDE = 1e-3  # length of the first step along a ray out of a bifurcation
-_FURTHER = 4.0  # times the length by the slopes on both sides: no continuous branch
+_FURTHER = 4.0  # largest distance across a kink of the data, over that by the slopes on its sides
 
 
 def _check(a: Arguments) -> None:
@@ -99,36 +103,35 @@ def follow(
     record: Observer | None = None,
     progress: bool | None = None,
 ) -> Branch:
-    """Follow the branch through (x, gamma) until gamma leaves its range.
+    """Trace the branch through (x, gamma) until gamma leaves its range. Collective.
 
     Args:
         system: H with its pieces.
-        x: approximate solution at ``gamma``. It is corrected at fixed gamma;
-            `Branch.start_correction` reports the change.
-        gamma: where to start.
-        gamma_range: the branch ends where gamma reaches either end.
-        direction: in which gamma goes at the start, ``"increasing"`` or ``"decreasing"``.
+        x: approximate solution at ``gamma``, corrected at fixed gamma; `Branch.start_correction`
+            reports the change.
+        gamma: parameter at the start.
+        gamma_range: range of gamma; the branch ends at either end.
+        direction: direction of gamma at the start, ``"increasing"`` or ``"decreasing"``.
         control: step lengths.
-        max_steps: budget; when it is exhausted what was found is returned, with the reason.
-        route: see `follower_for`.
-        stop: called with every accepted step, its point and the special points on the way to it:
-            it returns the reason to end the branch there, or "" to continue. The problem is in the
-            state of the point then: its Functions, statuses, gamma and what gamma drives are those
-            of the point (`System.put`). It is not called where the branch ends by itself.
-        observer: a function that is called likewise with every step, start and end included, or an
-            `Observer`, which is given more.
-        record: keeps every point before the observer is called, as `records.BranchRecord` does.
-        progress: whether rank 0 shows the progress on the standard error stream; by default once it
-            takes more than some seconds.
+        max_steps: largest number of steps; the branch found so far is returned.
+        route: method, see `follower_for`.
+        stop: function of every accepted step that returns the reason to end the branch there, or ""
+            to continue. During the call the problem is in the state of the point: Functions,
+            statuses, gamma and data driven by gamma (`System.put`). It is not called for the last
+            point of a branch that ends by itself.
+        observer: function of every step, start and end included, or an `Observer`.
+        record: observer that stores every point before ``observer`` is called, such as a
+            `records.BranchRecord`.
+        progress: True to show the progress on the standard error stream of rank 0; by default after
+            some seconds.
 
     Returns:
-        Points and special points, and why the branch ended.
+        Points, special points, and the reason for the end of the branch.
 
     Raises:
-        ValueError: on every rank, if an argument does not fit or differs between ranks, the range
-            is empty or does not contain ``gamma``, gamma does not appear in H or leaves its range
-            at once, no solution is found near the start, or H has kinks within its pieces, as where
-            those of a bulk are.
+        ValueError: on every rank, if an argument is invalid or differs between ranks, gamma does
+            not appear in H or leaves its range at once, no solution is found near the start, or H
+            has kinks within its pieces.
     """
     check_states(system, [x], "x")
     low, high = gamma_range
@@ -161,21 +164,20 @@ def follower_for(
     gamma_scale: float,
     route: Route = "auto",
 ) -> Follower | Pivoting:
-    """What follows the branches of a system.
+    """Return the tracer of the branches of a system. Collective.
 
     Args:
         system: H with its pieces.
-        x: a state at ``gamma``.
+        x: state at ``gamma``.
         gamma: parameter.
-        control: step lengths of the general route.
+        control: step lengths of predictor and corrector.
         gamma_scale: size of gamma that counts as 1.
-        route: ``"pivoting"`` from vertex to vertex, for affine pieces; ``"steps"`` by predictor and
-            corrector; ``"auto"`` by pivoting where that is possible.
+        route: ``"pivoting"`` from vertex to vertex of affine pieces; ``"steps"`` by predictor and
+            corrector; ``"auto"`` by pivoting where possible.
 
     Raises:
-        ValueError: if the pieces are not affine and pivoting is required, the scale of gamma is
-            not positive, or H is not smooth on its pieces: folds, events and branch points are not
-            distinguished from kinks there.
+        ValueError: if pivoting is requested for pieces that are not affine, the scale of gamma is
+            not positive, or H has kinks within its pieces.
     """
     require_smooth(system)
     positive(gamma_scale, "gamma_scale")
@@ -190,11 +192,11 @@ def follower_for(
 
 
 class Follower(Walker):
-    """Follows branches of one system; holds the bordered matrix and the corrector.
+    """Traces branches of one system by predictor and corrector. All methods are collective.
 
     Args:
-        system: what is followed.
-        control: step lengths, and how kinks are passed.
+        system: system H.
+        control: step lengths, and the policy for kinks.
         gamma_scale: size of gamma that counts as 1.
         locate: see `BatchedSteps`.
     """
@@ -211,7 +213,15 @@ class Follower(Walker):
         self.control = control
         self.bordered = Bordered(system, gamma_scale=gamma_scale)
         self.corrector = Corrector(self.bordered, control)
-        self._steps = _steps(self.corrector, locate)
+        self.next_step = control.initial
+        kinks = control.kinks or ("batched" if system.has_many_pieces else "exact")
+        if locate is not None and kinks != "batched":
+            raise ValueError(f"kinks={kinks!r} leaves nothing to locate: use kinks='batched'")
+        self._steps = (
+            BatchedSteps(self.corrector, locate)
+            if kinks == "batched"
+            else {"exact": ExactSteps, "stepping": SteppingSteps}[kinks](self.corrector)
+        )
 
     def __enter__(self) -> Follower:
         return self
@@ -221,63 +231,20 @@ class Follower(Walker):
         self.corrector.destroy()
         self.bordered.destroy()
 
-    def start(
-        self, x: PETSc.Vec, gamma: float, *, direction: Direction = "increasing"
-    ) -> BranchPoint:
-        """The point of the branch near (x, gamma), with its tangent.
+    @property
+    def largest_distance(self) -> float:  # type: ignore[override]
+        """The largest distance to a border so far."""
+        return self._steps.largest_distance
 
-        Where pieces meet there it is that of a ray that leads out: in the piece of the state if
-        it has one, else the straightest of all.
+    @largest_distance.setter
+    def largest_distance(self, distance: float) -> None:
+        self._steps.largest_distance = distance
 
-        Raises:
-            ValueError: if there is none, gamma does not appear in H, it does not go in the
-                direction on any ray, or the direction is unknown.
-        """
-        sign = sign_of(direction)
-        point = self._tangent_at(x, gamma, sign)
-        kinks, _ = self._kinks(point)
-        if not kinks or self._leads_out(point, kinks):
-            return point
-        found = self.rays_at(point)
-        return point if found is None else onwards_from(self.bordered, point, found, sign)
+    # -- where branches start --------------------------------------------------------------------
 
-    def departures(self, x: PETSc.Vec, gamma: float) -> FoundRays[BranchPoint]:
-        passing = []
-        for sign in (1.0, -1.0):
-            point = self._tangent_at(x, gamma, sign)
-            found = self.rays_at(point)
-            if found is not None and (found.rays or found.complete):
-                return found
-            passing.append(point)
-        return FoundRays(tuple(passing), complete=found is None)
-
-    def rays_at(self, point: BranchPoint) -> FoundRays[BranchPoint] | None:
-        kinks, tolerance = self._kinks(point)
-        if not kinks:
-            return None
-        y, t, piece = point.y, point.tangent, point.piece
-        found = rays_out(self.corrector, y, piece, t, kinks, tolerance)
-        points = []
-        for ray in found.rays:
-            leaving = BranchPoint(y.copy(), ray.tangent, ray.piece, point.gamma, 0.0, 0)
-            points.append(self._steps.rescaled(leaving))
-        return FoundRays(tuple(points), found.complete, found.method)
-
-    def _kinks(self, point: BranchPoint) -> tuple[tuple[Kink, ...], float]:
-        """Contact points at a border, and the distance that counts as zero. Collective."""
-        tolerance = AT_BORDER * reach_of_events(self.corrector, point.y, point.piece, point.tangent)
-        return kinks_at(self.corrector, point.y, point.piece, tolerance), tolerance
-
-    def _leads_out(self, point: BranchPoint, kinks: tuple[Kink, ...]) -> bool:
-        """Whether the tangent of a point leads over none of the borders there. Collective."""
-        finder = finder_at(self.corrector, point.y, kinks, idle=True)
-        return finder.inside(Ray(point.piece, point.tangent))
-
-    def _tangent_at(self, x: PETSc.Vec, gamma: float, sign: float) -> BranchPoint:
-        """The solution near (x, gamma) with the tangent of its piece. Collective."""
+    def _point_at(self, x: PETSc.Vec, gamma: float, sign: float) -> BranchPoint:
         b = self.bordered
-        y = b.vector()
-        b.join(x, gamma, y)
+        y = b.joined(x, gamma)
         piece = self._piece_from(y, sign)
         self._require_parameter(y, piece)
         if not self.corrector.natural(y, gamma, piece):
@@ -291,77 +258,153 @@ class Follower(Walker):
         return self._steps.rescaled(BranchPoint(y, tangent, piece, b.gamma(y), 0.0, 0))
 
     def _piece_from(self, y: PETSc.Vec, sign: float) -> Piece:
-        """The piece on which a branch leaves ``y``. Collective.
+        """The piece on which a branch leaves ``y``.
 
-        Where borders begin at this very gamma (friction that grows from zero) that at ``y`` is one
-        of several, which it does not show: then the piece just beyond.
+        Where borders begin at this very gamma (friction that grows from zero) several pieces meet
+        without an event. The piece just beyond is taken then.
         """
         x, gamma = self.bordered.split(y)
         piece = self.system.piece_at(x, gamma)
         beyond = gamma + sign * _HAIR * self.bordered.gamma_scale
-        here, there = (len(self.system.events(x, g, piece).point) for g in (gamma, beyond))
-        begin = self.system.comm.allreduce(int(there > here), op=max)
+        now, then = (len(self.system.events(x, g, piece).point) for g in (gamma, beyond))
+        begin = self.system.comm.allreduce(int(then > now), op=max)
         return self.system.piece_at(x, beyond) if begin else piece
 
-    def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
-        """A point from which to follow one of the other rays of a special point.
+    def _require_parameter(self, y: PETSc.Vec, piece: Piece) -> None:
+        """Raise ``ValueError`` if gamma does not appear in H near a state."""
+        system = self.system
+        x, gamma = self.bordered.split(y)
+        c = system.create_vector()
+        probe = system.probe(3)
+        size = 0.0
+        # the derivative may vanish at one gamma, or on the branch, although gamma appears
+        probe.scale((1e-3 * x.norm() or 1e-8) / probe.norm())
+        probe.axpy(1.0, x)
+        shift = 1e-3 * self.bordered.gamma_scale
+        for state, g in ((x, gamma), (x, gamma + shift), (x, gamma - shift), (probe, gamma)):
+            system.parameter_derivative(state, g, c, piece)
+            size += float(np.nan_to_num(c.norm(), nan=0.0))
+        c.destroy()
+        probe.destroy()
+        if size > 0:
+            return
+        # gamma may appear in the borders of the piece only
+        low, high = (system.events(x, g, piece).distance for g in (gamma, gamma + shift))
+        if system.comm.allreduce(int(not np.array_equal(low, high))):
+            return
+        if system.kinks_in_gamma:
+            raise ValueError(f"the derivative of H by gamma vanishes here; {system.kinks_in_gamma}")
+        raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
 
-        It lies at a small distance along the ray. Where the piece of the ray ends before that it is
-        the nonsmooth point itself, at which the tangent of the ray is exact.
+    def _leads_out(self, point: BranchPoint) -> bool:
+        kinks, _ = self._kinks(point)
+        if not kinks:
+            return True
+        finder = finder_at(self.corrector, point.y, kinks, idle=True)
+        return finder.inside(Ray(point.piece, point.tangent))
+
+    def rays_at(self, point: BranchPoint) -> FoundRays[BranchPoint] | None:
+        kinks, tolerance = self._kinks(point)
+        if not kinks:
+            return None
+        y, t, piece = point.y, point.tangent, point.piece
+        found = rays_out(self.corrector, y, piece, t, kinks, tolerance)
+        points = (
+            BranchPoint(y.copy(), ray.tangent, ray.piece, point.gamma, 0.0, 0) for ray in found.rays
+        )
+        return FoundRays(tuple(map(self._steps.rescaled, points)), found.complete, found.method)
+
+    def _kinks(self, point: BranchPoint) -> tuple[tuple[Kink, ...], float]:
+        """Kinked points, and the distance that counts as zero."""
+        tolerance = AT_BORDER * reach_of_events(self.corrector, point.y, point.piece, point.tangent)
+        return kinks_at(self.corrector, point.y, point.piece, tolerance), tolerance
+
+    def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
+        """A point from which to trace one of the other rays of a special point.
+
+        It lies at a small distance along the ray. Where the piece of the ray ends before that, it
+        is the nonsmooth point itself, at which the tangent of the ray is exact.
 
         Raises:
             ValueError: if no solution is found there.
         """
         try:
             aside = self._aside(special, ray)
+            if special.smooth or not self._steps.is_outside(aside):
+                return aside
         except ValueError:
             if special.smooth:
                 raise
-            aside = None
-        if aside is not None and (special.smooth or not self._steps.is_outside(aside)):
-            return aside
-        here = BranchPoint(special.y.copy(), ray.tangent, ray.piece, special.gamma, 0.0, 0)
-        return self._steps.rescaled(here)
+        kink = BranchPoint(special.y.copy(), ray.tangent, ray.piece, special.gamma, 0.0, 0)
+        return self._steps.rescaled(kink)
 
     def _aside(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
-        """The point at a small distance along a ray. Collective."""
-        b = self.bordered
+        """The point at a small distance along a ray."""
         y = special.y.copy()
-        t = ray.tangent.copy()
         y.axpy(_ASIDE, ray.tangent)
         if not self.corrector.pseudo_arclength(y, special.y, ray.tangent, _ASIDE, ray.piece):
             raise ValueError("no solution was found along the ray")
-        tangent = self.corrector.tangent(y, t, ray.piece)
+        tangent = self.corrector.tangent(y, ray.tangent, ray.piece)
         if tangent is None:
             raise ValueError("the branch is singular beside the bifurcation")
-        t.destroy()
-        return self._steps.rescaled(BranchPoint(y, tangent, ray.piece, b.gamma(y), _ASIDE, 0))
+        gamma = self.bordered.gamma(y)
+        return self._steps.rescaled(BranchPoint(y, tangent, ray.piece, gamma, _ASIDE, 0))
+
+    # -- along a branch --------------------------------------------------------------------------
 
     def _walk(
-        self,
-        start: BranchPoint,
-        origin: BranchPoint,
-        gamma_range: tuple[float, float],
-        stepping: Stepping | None,
-    ) -> Walk:
-        length = self.control.initial if stepping is None else stepping.next_step
-        return _Corrected(self, self._steps, origin, gamma_range, length)
+        self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]
+    ) -> Iterator[Next]:
+        low, high = gamma_range
+        point = branch.points[-1]
+        while branch.ending is None:
+            # a step, or a hop over a kink of the data in gamma
+            step = self._steps.step(point, self.next_step)
+            if step is not None:
+                new, special, self.next_step = step
+            else:
+                beyond = self._beyond_kink(point, gamma_range)
+                if beyond is None:
+                    reason = f"no step of at least {self.control.minimum:g} succeeds"
+                    if self.system.kinks_in_gamma:
+                        reason += f"; {self.system.kinks_in_gamma}"
+                    branch.end(Ending.NOT_SOLVED, reason)
+                    return
+                new = beyond
+                special = []
+                self.next_step = self.control.initial
+            # where the branch ends
+            node = any(s.kind == "bifurcation" for s in special)
+            if not node and self._is_closed(origin, point, new):
+                new = origin
+                special = [s for s in special if s.smooth]
+                branch.end(Ending.CLOSED)
+            elif not low <= new.gamma <= high:
+                new, special = self._steps.end_at(point, new, special, gamma_range)
+                if not low <= new.gamma <= high:
+                    reason = "the point at the end of the range of gamma was not solved for"
+                    branch.end(Ending.NOT_SOLVED, reason)
+                    return
+                branch.end(Ending.REACHED)
+            if any(s.kind == "end" for s in special):
+                branch.end(Ending.NOT_FOUND, self._steps.dead_end)
+            point = new
+            yield new, special
 
-    def beyond_kink(
+    def _beyond_kink(
         self, point: BranchPoint, gamma_range: tuple[float, float]
     ) -> BranchPoint | None:
-        """The branch just beyond a kink of the data in gamma, at which steps end. Collective.
+        """The branch just beyond a kink of the data in gamma; None if it does not continue there.
 
-        None if there is none, or it does not continue the branch with the same statuses.
+        It continues if the statuses are the same and its distance is that of a continuous branch.
         """
         b = self.bordered
-        slope = self.bordered.gamma(point.tangent)
+        slope = b.gamma(point.tangent)
         if not self.system.kinks_in_gamma or slope == 0:
             return None
         low, high = gamma_range
-        # The kink lies within the shortest step that failed.
-        control = self.control
-        failed = control.minimum / control.decrease * abs(slope)
+        # the kink lies within the shortest step that failed
+        failed = self.control.minimum / self.control.decrease * abs(slope)
         hop = math.copysign(max(_HOP * b.gamma_scale, failed), slope)
         gamma = min(max(point.gamma + hop, low), high)
         if gamma == point.gamma:
@@ -377,24 +420,15 @@ class Follower(Walker):
         distance = math.sqrt(b.inner(moved, moved))
         moved.destroy()
         most = abs(gamma - point.gamma) * (1 / abs(slope) + 1 / abs(onwards)) if onwards else 0.0
-        same = bool(np.array_equal(new.piece.codes, point.piece.codes))
-        same = b.comm.allreduce(same, op=MPI.LAND)
-        if same and distance <= _FURTHER * most:
+        if is_same_piece(b.comm, new.piece, point.piece) and distance <= _FURTHER * most:
             return new
         self.corrector.reject()
         return None
 
-    def restore(self, stepping: Stepping) -> None:
-        """Know again what was known at a point that was followed to before."""
-        self.bordered.x_scale = stepping.x_scale
-        self._steps.largest_distance = stepping.largest_distance
-
-    def is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
-        """Whether the step from ``point`` to ``new`` passes the start in the sense of the start."""
+    def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
+        """Return True if the step from ``point`` to ``new`` passes the start in its own sense."""
         b = self.bordered
-        comm = self.bordered.comm
-        same = bool(np.array_equal(start.piece.codes, point.piece.codes))
-        if point is start or not comm.allreduce(same, op=MPI.LAND):
+        if point is start or not is_same_piece(b.comm, start.piece, point.piece):
             return False
         chord = new.y - point.y
         back = start.y - point.y
@@ -402,7 +436,7 @@ class Follower(Walker):
         part = b.inner(back, chord) / square
         if not -_HAIR <= part <= 1:
             return False
-        # The parabola through both points, with the tangent of the first.
+        # the parabola through both points with the tangent of the first
         onwards = point.tangent.copy()
         onwards.scale(math.sqrt(square))
         bend = chord - onwards
@@ -412,161 +446,22 @@ class Follower(Walker):
         slope = b.inner(onwards, start.tangent) / math.sqrt(b.inner(onwards, onwards))
         return b.inner(back, back) <= _BESIDE**2 * square and slope > self.control.cosine
 
-    def at(self, branch: Branch, gamma: float, *, skip_missing: bool = False) -> list[BranchPoint]:
-        """The points of ``branch`` at which its parameter is ``gamma``, in order.
-
-        Between two points of the branch, or a point and a smooth fold, gamma is taken to pass a
-        value once.
-
-        Args:
-            branch: of the system.
-            gamma: parameter.
-            skip_missing: whether points that are not found are left out.
-
-        Raises:
-            RuntimeError: on every rank, for a point that is not found, unless ``skip_missing``.
-        """
+    def _between(self, a: BranchPoint, c: BranchPoint, gamma: float) -> BranchPoint | None:
         b = self.bordered
-        found = []
-        for a, c in pairwise(_with_folds(branch)):
-            if a.gamma == gamma:
-                found.append(a)
-            elif (a.gamma - gamma) * (c.gamma - gamma) < 0:
-                values = a.gamma - gamma, c.gamma - gamma
-                piece = self._steps.piece_between(a, c)
-                # Along the secant: the tangent that a point keeps may be that of the piece before.
-                secant = c.y - a.y
-                secant.scale(1.0 / math.sqrt(b.inner(secant, secant)))
-                located = self._steps.locate(
-                    replace(a, tangent=secant),
-                    c.y,
-                    values,
-                    lambda y, _t: b.gamma(y) - gamma,
-                    piece=piece,
-                )
-                secant.destroy()
-                if located is None or not self.corrector.natural(located[1], gamma, piece):
-                    if skip_missing:
-                        continue
-                    raise RuntimeError(
-                        f"the point at gamma = {gamma:.10g}, between {a.gamma:.10g} and "
-                        f"{c.gamma:.10g}, was not found: follow the branch in shorter steps there"
-                    )
-                s, y = located
-                there = piece or self.system.piece_at(*b.split(y))
-                found.append(BranchPoint(y, a.tangent, there, gamma, s, 0))
-        if branch.points[-1].gamma == gamma:
-            found.append(branch.points[-1])
-        return found
-
-    def _require_parameter(self, y: PETSc.Vec, piece: Piece) -> None:
-        x, gamma = self.bordered.split(y)
-        c = self.system.create_vector()
-        probe = self.system.probe(3)
-        size = 0.0
-        # It may vanish at one gamma, or on the branch, without being absent.
-        probe.scale((1e-3 * x.norm() or 1e-8) / probe.norm())
-        probe.axpy(1.0, x)
-        for state, shift in ((x, 0.0), (x, 1e-3), (x, -1e-3), (probe, 0.0)):
-            at = gamma + shift * self.bordered.gamma_scale
-            self.system.parameter_derivative(state, at, c, piece)
-            size += float(np.nan_to_num(c.norm(), nan=0.0))
-        c.destroy()
-        probe.destroy()
-        if not size > 0:  # it may decide on the borders of the piece alone
-            at = gamma + 1e-3 * self.bordered.gamma_scale
-            here, there = (self.system.events(x, g, piece).distance for g in (gamma, at))
-            moved = len(here) != len(there) or bool(np.any(here != there))
-            size = float(self.system.comm.allreduce(int(moved)))
-        if not size > 0:
-            where = self.system.kinks_in_gamma
-            raise ValueError(
-                f"the derivative of H by gamma vanishes here; {where}"
-                if where
-                else "gamma does not appear in H: its derivative by gamma vanishes"
-            )
-
-
-def _with_folds(branch: Branch) -> list[BranchPoint]:
-    """The points of a branch, and its smooth folds, which lie between two of them."""
-    folds = [s for s in branch.special if s.kind == "fold" and s.smooth]
-    points: list[BranchPoint] = []
-    for number, point in enumerate(branch.points):
-        for fold in folds:
-            if fold.index == number and number > 0 and fold.gamma != point.gamma:
-                points.append(replace(points[-1], y=fold.y, gamma=fold.gamma))
-        points.append(point)
-    return points
-
-
-class _Corrected(Walk):
-    """A branch by predictor and corrector.
-
-    Args:
-        follower: of the system.
-        steps: its steps.
-        origin: where the branch begins, and may close.
-        gamma_range: in which it is followed.
-        length: of the next step.
-    """
-
-    def __init__(
-        self,
-        follower: Follower,
-        steps: ExactSteps,
-        origin: BranchPoint,
-        gamma_range: tuple[float, float],
-        length: float,
-    ):
-        self._follower = follower
-        self._steps = steps
-        self._origin = origin
-        self._range = gamma_range
-        self._length = length
-
-    def advance(self, branch: Branch, point: BranchPoint) -> Next | None:
-        follower = self._follower
-        low, high = self._range
-        new, special, self._length = self._steps.step(point, self._length)
-        if new is None:
-            new = follower.beyond_kink(point, self._range)
-            special = []
-            self._length = follower.control.initial
-        if new is None:
-            reason = f"no step of at least {follower.control.minimum:g} succeeds"
-            if follower.system.kinks_in_gamma:
-                reason += f"; {follower.system.kinks_in_gamma}"
-            branch.end(Ending.NOT_SOLVED, reason)
+        piece = self._steps.piece_between(a, c)
+        # along the secant: the stored tangent of a point may be that of the piece before
+        secant = c.y - a.y
+        secant.scale(1.0 / math.sqrt(b.inner(secant, secant)))
+        located = self._steps.locate(
+            replace(a, tangent=secant),
+            c.y,
+            (a.gamma - gamma, c.gamma - gamma),
+            lambda y, _t: b.gamma(y) - gamma,
+            piece=piece,
+        )
+        secant.destroy()
+        if located is None or not self.corrector.natural(located[1], gamma, piece):
             return None
-        node = any(s.kind == "bifurcation" for s in special)
-        if not node and follower.is_closed(self._origin, point, new):
-            new = self._origin
-            special = [s for s in special if s.smooth]
-            branch.end(Ending.CLOSED)
-        elif not low <= new.gamma <= high:
-            new, special = self._steps.end_at(point, new, special, self._range)
-            if not low <= new.gamma <= high:
-                where = "the point at the end of the range of gamma was not solved for"
-                branch.end(Ending.NOT_SOLVED, where)
-                return None
-            branch.end(Ending.REACHED)
-        if any(s.kind == "end" for s in special):
-            branch.end(Ending.NOT_FOUND, self._steps.dead_end)
-        return new, special
-
-    def stepping(self, index: int) -> Stepping:
-        scale = self._follower.bordered.x_scale
-        return Stepping(index, self._length, scale, self._steps.largest_distance)
-
-
-def _steps(corrector: Corrector, locate: Locate | None) -> ExactSteps:
-    """Steps that pass kinks as `StepControl.kinks` selects."""
-    system = corrector.bordered.system
-    kinks = corrector.control.kinks
-    if kinks is None:
-        kinks = "batched" if system.has_many_pieces else "exact"
-    if kinks == "batched":
-        return BatchedSteps(corrector, locate)
-    if locate is not None:
-        raise ValueError(f"kinks that are {kinks} leave nothing to locate: only batched ones do")
-    return ExactSteps(corrector) if kinks == "exact" else SteppingSteps(corrector)
+        s, y = located
+        own = piece or self.system.piece_at(*b.split(y))
+        return BranchPoint(y, a.tangent, own, gamma, s, 0)

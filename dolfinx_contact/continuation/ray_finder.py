@@ -32,7 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.continuation.borders import again
-from dolfinx_contact.continuation.branch import Change, FoundRays, Ray
+from dolfinx_contact.continuation.branch import Change, FoundRays, Ray, is_same_piece
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.rays import distinct, outgoing
 from dolfinx_contact.continuation.system import Events, Piece
@@ -394,7 +394,7 @@ def cross(
         natural = tuple(k.target for k in kinks)
 
         def leads_on(ray: Ray) -> bool:
-            return not (_is_same_piece(corrector, ray.piece, piece) and b.inner(ray.tangent, t) < 0)
+            return not (is_same_piece(b.comm, ray.piece, piece) and b.inner(ray.tangent, t) < 0)
 
         rays = [r for r in finder.of_statuses(piece, kinks, natural, t) if leads_on(r)]
         sign = parity(corrector, y, piece, t, rays[0]) if len(rays) == 1 else 0
@@ -443,12 +443,6 @@ def _codes(corrector: Corrector, piece: Piece, kinks: Sequence[Kink]) -> list[in
 def _is_along(corrector: Corrector, ray: Ray, away: PETSc.Vec) -> bool:
     b = corrector.bordered
     return bool(b.inner(ray.tangent, away) > _ALONG * np.sqrt(b.inner(away, away)))
-
-
-def _is_same_piece(corrector: Corrector, a: Piece, c: Piece) -> bool:
-    """Return True if two pieces have the same statuses on all ranks. Collective."""
-    same = bool(np.array_equal(a.codes, c.codes))
-    return bool(corrector.bordered.comm.allreduce(same, op=MPI.LAND))
 
 
 def _stays_inside(

@@ -1,148 +1,174 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Steps from kink to kink.
+"""Steps along a branch, with three policies for kinks (`StepControl.kinks`).
 
-A step stays on one piece, which is smooth, by predictor and corrector. Then the events of the piece
-are checked: if one has become negative, the first change of status is located along the branch to
-round-off, and the branch continues in the piece beyond (`ray_finder.py`), its tangent oriented into
-it.
+A step predicts along the tangent and corrects; a step that fails is shortened. The policies differ
+in the equation that is corrected, and in the treatment of kinks:
 
-A corrector ends somewhere on the solutions of the piece, be it far from where it began, or behind
-it, with a tangent alike. So it is seen where it landed: a point is refused, and the step shortened,
-where its advance along the tangent differs from the length of the step by more than a share, or it
-lies aside of both tangents, or further from the prediction than the step is long.
+- *Exact* (`ExactSteps`): a step is corrected on one piece. If an event has become negative, the
+  first event is located to round-off, and the branch continues on the piece beyond (`cross`). An
+  event that is zero at the start, grows along the tangent and is negative at the end vanishes a
+  second time on the way, as where a point sticks for a moment; then the step is shortened.
+- *Batched* (`BatchedSteps`): a step is corrected on H itself and may pass any number of kinks. In
+  3D hundreds of points change their status one by one, and locating each costs more than it is
+  worth. The step is accepted if the branch is monotone: gamma continues by as much as its rates
+  predict, tangents and chord satisfy the bound on their angles, and det [grad H; t^T] keeps its
+  sign. Otherwise it is shortened until it contains few changes, which are crossed exactly. A point
+  that changes its status twice within a step, or two folds, are not noticed.
+- *Stepping* (`SteppingSteps`; T. Ligursky and Y. Renard, Comput. Mech. 56, 2015): as batched, but
+  where no step of at least h_min succeeds, the tangent of the piece at y + h_1 t, with h_1 a little
+  larger than h_min, is tried in both senses. Kinks are known to h_min; other rays are not searched.
 
-An event at which a step begins is zero there. Where it grows along the tangent and is negative at
-the end of the step it vanishes a second time on the way, as where a point sticks for a moment: then
-the step is shortened until it ends before that. If it counted as the first zero, the start would be
-crossed once more, and the branch would go back by the piece that it came by.
+A corrector may end elsewhere on the solutions. A point is refused if its advance along the tangent
+differs too much from the length of the step, if it lies aside of one of the tangents, or if it is
+further from the prediction than the step is long.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact.continuation.bifurcation import BifurcationTest
 from dolfinx_contact.continuation.borders import again, reached
-from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
+from dolfinx_contact.continuation.branch import (
+    BranchPoint,
+    Change,
+    Ray,
+    SpecialPoint,
+    is_same_piece,
+    kind_of_kink,
+)
 from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.locate import AT_BORDER, Locator
 from dolfinx_contact.continuation.ray_finder import cross
-from dolfinx_contact.continuation.system import Events, Piece, System
+from dolfinx_contact.continuation.system import Piece
 
-__all__ = ["AT_BORDER", "ExactSteps"]
+__all__ = ["BatchedSteps", "ExactSteps", "Locate", "SteppingSteps"]
 
-AT_BORDER = 1e-9  # of the largest distance: an event that counts as located
-_PROBE = 1e-6  # length over which it is seen whether an event grows
-_IDLE = 1e-7  # of the largest rate of an event: no rate
-_NO_STEP = 1e-9  # a step that is round-off
-_SHARE = 0.5  # of the length of a step, by which its advance may differ from it
+logger = logging.getLogger(__name__)
+
+#: Selects the changes to locate in batched steps; called on the rank that owns the point.
+Locate: TypeAlias = Callable[[Change], bool]
+#: The next point, the special points on the way to it, and the length of the step after it.
+Advance: TypeAlias = tuple[BranchPoint, list[SpecialPoint], float]
+
+_PROBE = 1e-6  # length of finite differences along a tangent
+_IDLE = 1e-7  # negligible rate of an event, relative to the largest rate
+_NO_STEP = 1e-9  # length of a step that is round-off
+_SHARE = 0.5  # largest relative deviation of the advance from the length of a step
+_FEW = 3  # number of changes that are crossed exactly instead of shortening the step
+_SHORT_OF = 0.9  # part of the way to a change to be located, if others precede it
+_MOST_ATTEMPTS = 6  # lengths of a batched step before kinks are crossed exactly
+_BEYOND = (2.0, 4.0, 8.0)  # h_1 over h_min
+_LONGER = (2.0, 8.0, 32.0)  # steps along the tangent beyond a kink, over h_1
 
 
-class ExactSteps:
-    """Steps that end at every event.
+@dataclass(frozen=True)
+class _Trial:
+    """A corrected step.
+
+    Attributes:
+        new: its end; None if it failed.
+        changes: changes of status, with the fraction of the step at which each occurs if its event
+            is linear; in order.
+        monotone: True if the branch over the changes shows neither a turn nor a change of parity.
+        parity: product of the parities of the changes; 0 if unknown.
+    """
+
+    new: BranchPoint | None
+    changes: tuple[tuple[float, Change], ...] = ()
+    monotone: bool = False
+    parity: int = 0
+
+
+class ExactSteps(Locator):
+    """Steps that end at every event, and the loop of all steps.
 
     Args:
-        corrector: on the bordered system that is followed.
+        corrector: corrector on the bordered system.
+
+    Attributes:
+        dead_end: reason why the branch cannot be traced further; "" if it can.
     """
 
     def __init__(self, corrector: Corrector):
-        self.corrector = corrector
-        self.control = corrector.control
-        self.bordered = corrector.bordered
-        self.test = BifurcationTest(self.bordered)
-        #: Of all events so far.
-        self.largest_distance = 0.0
-        #: Why the branch cannot be followed further.
+        super().__init__(corrector)
         self.dead_end = ""
-        #: The kink that was crossed last, and the ray by which the branch came to it.
+        #: The kink that was crossed last, and the ray by which the branch reached it.
         self._incoming: tuple[PETSc.Vec, Ray] | None = None
 
-    @property
-    def system(self) -> System:
-        """The system that is followed."""
-        return self.bordered.system
+    def step(self, point: BranchPoint, h: float) -> Advance | None:
+        """Take a step of at most the length ``h``; None if no step of at least h_min succeeds."""
+        attempt = 0
+        while h >= self.control.minimum:
+            result = self._attempt(point, h, attempt)
+            if not isinstance(result, float):
+                return result
+            h = result
+            attempt += 1
+        return self._over_kink(point)
 
-    def destroy(self) -> None:
-        """Free the PETSc objects."""
-        self.test.destroy()
+    def _attempt(self, point: BranchPoint, h: float, attempt: int) -> Advance | float:
+        """Try a step of the length ``h``; the length of the next attempt if it fails."""
+        shorter = h * self.control.decrease
+        y = self._corrected_step(point, h, point.piece)
+        new = None if y is None else self._new_point(point, h, y, point.piece)
+        if new is None:
+            return shorter
+        if not self.is_outside(new):
+            return self._within_piece(point, new, h) or shorter
+        if shorter >= self.control.minimum and self._there_and_back(point, new.y):
+            return shorter
+        return self._to_the_border(point, h, new.y) or shorter
+
+    def _over_kink(self, point: BranchPoint) -> Advance | None:
+        """Continue where no step succeeds."""
+        return None
 
     def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
-        """The piece on which the branch runs from ``a`` to the next point ``c``; None if several.
-
-        Collective.
-        """
+        """The piece of the branch between two successive points; None if there are several."""
         return a.piece
 
-    def step(
-        self, point: BranchPoint, h: float
-    ) -> tuple[BranchPoint | None, list[SpecialPoint], float]:
-        """The next point, special points on the way to it, and the next step length."""
-        control = self.control
-        b = self.bordered
-        while h >= control.minimum:
-            y = point.y.copy()
-            t = point.tangent.copy()
-            y.axpy(h, point.tangent)
-            if not self.corrector.moore_penrose(y, t, point.piece):
-                h *= control.decrease
-                continue
-            corrections = self.corrector.iterations
-            t.destroy()
-            tangent = self.corrector.tangent(
-                y, point.tangent, point.piece, start=point.y, precise=False
-            )
-            if tangent is None or not self.lands(point, h, y, tangent):
-                if h * control.decrease >= control.minimum:
-                    h *= control.decrease
-                    continue
-                return None, [], h
-            next_h = h * control.increase if corrections <= control.easy else h
-            next_h = min(next_h, control.maximum)
-            # The factorisation of the tangent serves the test function as well.
-            tau = self.test(accepted=True)
-            new = BranchPoint(y, tangent, point.piece, b.gamma(y), h, corrections, tau)
-            if self._least_distance(new) < 0:
-                shorter = h * control.decrease
-                if shorter >= control.minimum and self._there_and_back(point, y):
-                    h = shorter
-                    continue
-                crossed = self._to_the_border(point, h, y)
-                if crossed[0] is not None or shorter < control.minimum:
-                    return crossed
-                h = shorter
-                continue
-            special = self.smooth_points(point, new)
-            if self.lacks_fold(point, new, special):
-                h *= control.decrease
-                continue
-            return self.rescaled(new), special, next_h
-        return None, [], h
+    # -- one step --------------------------------------------------------------------------------
 
-    def lacks_fold(
-        self, point: BranchPoint, new: BranchPoint, special: Sequence[SpecialPoint]
-    ) -> bool:
-        """Whether gamma turns back between two points of a piece at a fold that was not located.
+    def _corrected_step(
+        self, point: BranchPoint, h: float, piece: Piece | None
+    ) -> PETSc.Vec | None:
+        """State after a step of the length ``h`` on a piece, or on H; None if it fails."""
+        y = point.y.copy()
+        t = point.tangent.copy()
+        y.axpy(h, point.tangent)
+        corrected = self.corrector.moore_penrose(y, t, piece)
+        t.destroy()
+        return y if corrected else None
 
-        Args:
-            point: where a step begins.
-            new: where it ends.
-            special: what was located in between.
-        """
-        turned = self.turned(point.tangent, new.tangent)
-        return turned and not any(s.kind == "fold" for s in special)
+    def _new_point(
+        self, point: BranchPoint, h: float, y: PETSc.Vec, piece: Piece, *, factorise: bool = False
+    ) -> BranchPoint | None:
+        """The end of a step with its tangent; None if the corrector has ended elsewhere."""
+        corrections = self.corrector.iterations
+        tangent = self.corrector.tangent(
+            y, point.tangent, piece, start=point.y, factorise=factorise, precise=False
+        )
+        if tangent is None or not self.lands(point, h, y, tangent):
+            return None
+        # the factorisation of the tangent serves the test function as well
+        tau = self.test(accepted=True)
+        return BranchPoint(y, tangent, piece, self.bordered.gamma(y), h, corrections, tau)
 
     def lands(self, point: BranchPoint, h: float, y: PETSc.Vec, tangent: PETSc.Vec) -> bool:
-        """Whether a corrector ended where a step leads, or elsewhere. Collective.
+        """Return True if a corrector has ended where the step leads.
 
         Args:
-            point: where the step begins.
-            h: its length.
-            y: where the corrector ended.
-            tangent: there.
+            point: start of the step.
+            h: length of the step.
+            y: end of the corrector.
+            tangent: unit tangent there.
         """
         b = self.bordered
         away = y - point.y
@@ -164,36 +190,22 @@ class ExactSteps:
             self.corrector.reject()
         return landed
 
-    def _events(self, y: PETSc.Vec, piece: Piece) -> Events:
-        x, gamma = self.bordered.split(y)
-        found = self.system.events(x, gamma, piece)
-        return replace(found, distance=np.array(found.distance))
+    def _within_piece(self, point: BranchPoint, new: BranchPoint, h: float) -> Advance | None:
+        """A step without a change of status; None if it misses a fold."""
+        special = self.smooth_points(point, new)
+        if self.lacks_fold(point, new, special):
+            return None
+        return self.rescaled(new), special, self._next_length(h, new)
 
-    def _distances(self, y: PETSc.Vec, piece: Piece) -> np.ndarray:
-        x, gamma = self.bordered.split(y)
-        return self.system.events(x, gamma, piece).distance
+    def _next_length(self, h: float, new: BranchPoint) -> float:
+        """The length of the step after an accepted one."""
+        control = self.control
+        return min(h * control.increase if new.corrections <= control.easy else h, control.maximum)
 
-    def _unit(self, y: PETSc.Vec, piece: Piece) -> float:
-        """The largest distance so far: at a degenerate point all distances vanish. Collective."""
-        largest = float(np.max(np.abs(self._distances(y, piece)), initial=self.largest_distance))
-        self.largest_distance = float(self.bordered.comm.allreduce(largest, op=max))
-        return self.largest_distance or 1.0
-
-    def is_outside(self, point: BranchPoint) -> bool:
-        """Whether a point lies beyond a border of its piece, by more than round-off. Collective."""
-        return self._least_distance(point) < 0
-
-    def _least_distance(self, point: BranchPoint) -> float:
-        """The least event distance if it is beyond round-off, else 0. Collective."""
-        distance = self._distances(point.y, point.piece)
-        least = self.bordered.comm.allreduce(float(np.min(distance, initial=np.inf)), op=min)
-        return least if least < -AT_BORDER * self._unit(point.y, point.piece) else 0.0
+    # -- kinks -----------------------------------------------------------------------------------
 
     def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
-        """Whether an event that is zero at ``point`` grows and is negative at the end. Collective.
-
-        It vanishes twice, the second time at a distance from ``point``.
-        """
+        """Return True if an event that is zero at ``point`` grows, and is negative at the end."""
         border = AT_BORDER * self._unit(point.y, point.piece)
         probe = point.y.copy()
         probe.axpy(_PROBE, point.tangent)
@@ -201,283 +213,73 @@ class ExactSteps:
         before = again(high, low, np.full_like(high.distance, np.inf))
         ahead = again(high, self._events(probe, point.piece), before)
         probe.destroy()
-        known = np.isfinite(before)
-        slope = np.subtract(ahead, before, out=np.zeros_like(before), where=known) / _PROBE
+        exists = np.isfinite(before)
+        slope = np.subtract(ahead, before, out=np.zeros_like(before), where=exists) / _PROBE
         rate = float(np.max(np.abs(slope), initial=0.0))
         least = _IDLE * self.bordered.comm.allreduce(rate, op=max)
         twice = (high.distance < -border) & (np.abs(before) <= border) & (slope > least)
         return bool(self.bordered.comm.allreduce(int(twice.any())))
 
-    def _to_the_border(
-        self, point: BranchPoint, h: float, y_high: PETSc.Vec
-    ) -> tuple[BranchPoint | None, list[SpecialPoint], float]:
-        """Go to the first event between ``point`` and ``y_high``, a step ``h`` away; cross it."""
-        b = self.bordered
-        found = self._first_event(point, y_high)
-        if found is None:
-            return None, [], h
-        s, y = found
+    def _to_the_border(self, point: BranchPoint, h: float, y_high: PETSc.Vec) -> Advance | None:
+        """Go to the first event before ``y_high`` and cross it; None if that fails."""
+        comm = self.bordered.comm
+        first = self._first_event(point, y_high)
+        if first is None:
+            return None
+        s, y = first
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
         if tangent is None:
-            return None, [], h
+            return None
         corrections = self.corrector.iterations
-        here = BranchPoint(y, tangent, point.piece, b.gamma(y), s, corrections, self.test())
-        special = self.smooth_points(point, here)
+        gamma = self.bordered.gamma(y)
+        kink = BranchPoint(y, tangent, point.piece, gamma, s, corrections, self.test())
+        special = self.smooth_points(point, kink)
+        incoming = Ray(point.piece, tangent)
         tolerance = AT_BORDER * self._unit(y, point.piece)
         crossing = cross(self.corrector, y, point.piece, tangent, tolerance)
         onwards, *others = crossing.rays or (None,)
-        if onwards is None or self._leads_nowhere(here, onwards):
+        # A ray on the old piece after no step at all leads nowhere: where a piece is singular the
+        # direction need not be a tangent of its own.
+        stays = onwards is not None and is_same_piece(comm, onwards.piece, point.piece)
+        if onwards is None or (stays and s < self.control.minimum):
             tried = "all pieces were tried" if crossing.complete else "too many pieces to try"
             self.dead_end = (
-                f"no way on was found from gamma = {here.gamma:.10g}, where {crossing.kinks} "
-                f"points are at a kink at once ({tried})"
+                f"no way on was found from gamma = {gamma:.10g}, where {crossing.kinks} points "
+                f"are at a kink at once ({tried})"
             )
-            special.append(SpecialPoint("end", False, here.gamma, y, 0, complete=crossing.complete))
-            return here, special, h
-        if self._goes_back(here, onwards, point):
-            return None, [], h
-        self._incoming = (y, Ray(point.piece, tangent))
-        turned = self.turned(tangent, onwards.tangent)
-        kind = "bifurcation" if others else "fold" if turned else "event"
+            special.append(SpecialPoint("end", False, gamma, y, 0, complete=crossing.complete))
+            return kink, special, h
+        if s <= _NO_STEP and self._goes_back(onwards, point):
+            return None
+        self._incoming = (y, incoming)
         special.append(
             SpecialPoint(
-                kind,  # type: ignore[arg-type]
+                kind_of_kink(bool(others), self.turned(tangent, onwards.tangent)),
                 False,
-                here.gamma,
+                gamma,
                 y,
                 0,
                 crossing.changes,
                 crossing.parity,
                 tuple(others),
                 crossing.complete,
-                Ray(point.piece, tangent),
+                incoming,
                 onwards,
                 crossing.method,
             )
         )
-        new = BranchPoint(y, onwards.tangent, onwards.piece, here.gamma, s, here.corrections)
+        new = BranchPoint(y, onwards.tangent, onwards.piece, gamma, s, corrections)
         return self.rescaled(new), special, h
 
-    def _goes_back(self, here: BranchPoint, ray: Ray, point: BranchPoint) -> bool:
-        """Whether ``ray`` leads back from the kink that was crossed last. Collective.
-
-        It is then, reversed, the ray by which the branch came to ``point``, where ``here`` is too.
-        """
+    def _goes_back(self, ray: Ray, point: BranchPoint) -> bool:
+        """Return True if a ray is the reverse of the one by which the branch came to ``point``."""
         if self._incoming is None or self._incoming[0] is not point.y:
             return False
         incoming = self._incoming[1]
-        same = bool(np.array_equal(incoming.piece.codes, ray.piece.codes))
-        same = self.bordered.comm.allreduce(same, op=min) and here.step <= _NO_STEP
+        same = is_same_piece(self.bordered.comm, incoming.piece, ray.piece)
         return same and self.bordered.inner(incoming.tangent, ray.tangent) < 0
 
-    def _leads_nowhere(self, here: BranchPoint, ray: Ray) -> bool:
-        """Whether ``ray`` is in the piece that was left after no step at all. Collective.
-
-        Where a piece is singular the direction to continue need not be a tangent of its own.
-        """
-        same = bool(np.array_equal(here.piece.codes, ray.piece.codes))
-        same = self.bordered.comm.allreduce(same, op=min)
-        return same and here.step < self.control.minimum
-
-    def _first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> tuple[float, PETSc.Vec] | None:
-        """Where the first event between ``point`` and ``y_high`` vanishes. Collective.
-
-        The first zero if all distances were linear between the two ends; an end that stays twice
-        counts half (Illinois), so that the bracket shrinks from both sides; one that begins between
-        them is looked for by halving the bracket. Points are corrected from the line between the
-        ends.
-        """
-        b = self.bordered
-        comm = self.bordered.comm
-        y_low = point.y
-        piece = point.piece
-        low = 0.0
-        high = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
-        reach = self._length(y_high - point.y)
-        e_low, e_high = (self._events(y, piece) for y in (y_low, y_high))
-        w_low = 1.0
-        w_high = 1.0
-        end = high
-        s = high
-        y = y_high
-        side = 0
-        least = np.inf
-        for number in range(60):
-            fraction = reached(e_low, e_high, (w_low, w_high))
-            first = comm.allreduce(float(np.min(fraction, initial=np.inf)), op=min)
-            s = low + first * (high - low)
-            y = y_low.copy()
-            y.axpy(first, y_high - y_low)
-            if not self.corrector.pseudo_arclength(
-                y, point.y, point.tangent, s, piece, polish=True, keep=number > 0
-            ):
-                return None
-            if self._strays(point, y, reach):
-                return None
-            events = self._events(y, piece)
-            least = comm.allreduce(float(np.min(events.distance, initial=np.inf)), op=min)
-            if abs(least) <= 1e-13 * self._unit(y, piece) or high - low <= 1e-15 * end:
-                break
-            if least < 0:
-                w_low = w_low / 2 if side > 0 else w_low
-                high = s
-                e_high = events
-                w_high = 1.0
-                y_high = y
-                side = 1
-            else:
-                w_high = w_high / 2 if side < 0 else w_high
-                low = s
-                e_low = events
-                w_low = 1.0
-                y_low = y
-                side = -1
-        # Where two solutions of the piece are near each other a distance may jump over zero.
-        return (s, y) if abs(least) <= AT_BORDER * self._unit(y, piece) else None
-
-    def _length(self, away: PETSc.Vec) -> float:
-        return float(np.sqrt(self.bordered.inner(away, away)))
-
-    def _strays(self, point: BranchPoint, y: PETSc.Vec, reach: float) -> bool:
-        """Whether ``y`` is further aside of the tangent at ``point`` than a step is long."""
-        away = y - point.y
-        away.axpy(-self.bordered.inner(away, point.tangent), point.tangent)
-        aside = self._length(away)
-        away.destroy()
-        return aside > reach
-
-    def turned(self, t: PETSc.Vec, new: PETSc.Vec) -> bool:
-        """Whether gamma turns back between two tangents."""
-        a = self.bordered.gamma(t)
-        c = self.bordered.gamma(new)
-        return a * c < 0 and min(abs(a), abs(c)) > 1e-9 * self.bordered.gamma_scale
-
-    def smooth_points(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint]:
-        """Folds and bifurcations between two points of a piece, in order."""
-        b = self.bordered
-        special = []
-        if self.turned(point.tangent, new.tangent):
-            slopes = b.gamma(point.tangent), b.gamma(new.tangent)
-            found = self.locate(point, new.y, slopes, lambda _y, t: b.gamma(t), piece=point.piece)
-            if found is not None:
-                special.append(
-                    (found[0], SpecialPoint("fold", True, b.gamma(found[1]), found[1], 0))
-                )
-        if point.tau * new.tau < 0:
-            found = self.locate(
-                point, new.y, (point.tau, new.tau), lambda _y, _t: self.test(), piece=point.piece
-            )
-            if found is not None:
-                kernel = self.test.kernel()
-                opposite = kernel.copy()
-                opposite.scale(-1.0)
-                others = (Ray(point.piece, kernel), Ray(point.piece, opposite))
-                at = b.gamma(found[1])
-                crossing = SpecialPoint(
-                    "bifurcation",
-                    True,
-                    at,
-                    found[1],
-                    0,
-                    parity=-1,
-                    others=others,
-                    incoming=Ray(point.piece, self._secant(point, found[1], point.tangent)),
-                    onwards=Ray(point.piece, self._secant(found[1], new, new.tangent)),
-                )
-                special.append((found[0], crossing))
-        return [s for _, s in sorted(special, key=lambda pair: pair[0])]
-
-    def _secant(
-        self, start: BranchPoint | PETSc.Vec, end: BranchPoint | PETSc.Vec, t: PETSc.Vec
-    ) -> PETSc.Vec:
-        """The unit vector from one point of a branch to another; ``t`` where they coincide."""
-        a, c = (p.y if isinstance(p, BranchPoint) else p for p in (start, end))
-        secant = c - a
-        size = np.sqrt(self.bordered.inner(secant, secant))
-        if size < self.control.minimum:
-            return t.copy()
-        secant.scale(1.0 / size)
-        return secant
-
-    def locate(
-        self,
-        point: BranchPoint,
-        y_high: PETSc.Vec,
-        values: tuple[float, float],
-        function: Callable[[PETSc.Vec, PETSc.Vec], float],
-        *,
-        piece: Piece | None,
-    ) -> tuple[float, PETSc.Vec] | None:
-        """Where between ``point`` and ``y_high`` a function of y and tangent vanishes.
-
-        ``function`` is called when J at the point has been factorised; ``values`` are those at the
-        ends. Secant steps; an end that stays twice counts half (Illinois), so that the bracket
-        shrinks from both sides. Every point is corrected from the line between the ends of the
-        bracket (at first a parabola), whose distance from the branch falls with its square: so none
-        is found on another branch that crosses nearby.
-        """
-        b = self.bordered
-        y_low = point.y
-        end = b.inner(point.tangent, y_high) - b.inner(point.tangent, y_low)
-        low = 0.0
-        high = end
-        f_low, f_high = values
-        reach = self._length(y_high - y_low)
-        y = None
-        s = 0.0
-        f = np.inf
-        side = 0
-        for _ in range(100):
-            fraction = -f_low / (f_high - f_low)
-            s = low + fraction * (high - low)
-            found = y_low.copy()
-            if side == 0:  # a parabola, whose tangent at the start is known
-                found.axpy(s - end * fraction**2, point.tangent)
-                found.axpy(fraction**2, y_high - y_low)
-            else:
-                found.axpy(fraction, y_high - y_low)
-            if not self.corrector.pseudo_arclength(found, point.y, point.tangent, s, piece):
-                break
-            if self._strays(point, found, reach):
-                break
-            tangent = self.corrector.tangent(found, point.tangent, piece)
-            if tangent is None:
-                break
-            y = found
-            f = function(found, tangent)
-            if not np.isfinite(f):
-                break
-            if abs(f) <= b.solver.precision * max(
-                abs(v) for v in values
-            ) or high - low <= 1e-13 * abs(end):
-                break
-            if f * f_low > 0:
-                low = s
-                f_low = f
-                y_low = y
-                f_high = f_high / (2 if side < 0 else 1)
-                side = -1
-            else:
-                high = s
-                f_high = f
-                y_high = y
-                f_low = f_low / (2 if side > 0 else 1)
-                side = 1
-        # A change of sign through infinity is no zero.
-        return (s, y) if y is not None and abs(f) < 1e-3 * min(abs(v) for v in values) else None
-
-    def rescaled(self, point: BranchPoint) -> BranchPoint:
-        """The point once the scale of x has been taken from the first tangent that moves it."""
-        b = self.bordered
-        if b.x_scale == 0.0:
-            b.set_scale(point.tangent, point.y)
-        point.tangent.scale(1.0 / np.sqrt(b.inner(point.tangent, point.tangent)))
-        if b.x_scale_is_new or np.isnan(point.tau):
-            # Another border row, another test function.
-            b.x_scale_is_new = False
-            self.corrector.tangent(point.y, point.tangent, point.piece)
-            return replace(point, tau=self.test(accepted=True))
-        return point
+    # -- the end of the range --------------------------------------------------------------------
 
     def end_at(
         self,
@@ -486,28 +288,264 @@ class ExactSteps:
         special: Sequence[SpecialPoint],
         gamma_range: tuple[float, float],
     ) -> tuple[BranchPoint, list[SpecialPoint]]:
-        """The point between ``point`` and ``new`` where gamma leaves its range.
+        """The point between two points where gamma leaves its range, and special points before it.
 
-        And those of the special points between the two that lie before it.
+        Args:
+            point: last point inside the range.
+            new: point outside.
+            special: special points between the two.
+            gamma_range: range of gamma.
         """
         low, high = gamma_range
-        special = [s for s in special if s.smooth and low <= s.gamma <= high]
-        y, gamma = self.between(point, new, low if new.gamma < low else high)
-        if not self.corrector.natural(y, gamma, point.piece):
-            return new, special
-        b = self.bordered
-        tangent = new.tangent
-        same = bool(np.array_equal(point.piece.codes, new.piece.codes))
-        if b.comm.allreduce(int(not same)):
-            # A kink is there to round-off, and what is kept is the ray by which the branch came.
-            tangent = self.corrector.tangent(y, point.tangent, point.piece) or tangent
-        end = BranchPoint(y, tangent, point.piece, b.gamma(y), new.step, new.corrections)
-        return end, special
-
-    def between(
-        self, point: BranchPoint, new: BranchPoint, gamma: float
-    ) -> tuple[PETSc.Vec, float]:
-        """The state between two points where gamma has this value if all were linear; gamma."""
+        before = [s for s in special if s.smooth and low <= s.gamma <= high]
+        piece = self.piece_between(point, new)
+        # interpolate linearly, and correct at fixed gamma
         y = point.y.copy()
-        y.axpy((gamma - point.gamma) / (new.gamma - point.gamma), new.y - point.y)
-        return y, gamma
+        end = low if new.gamma < low else high
+        y.axpy((end - point.gamma) / (new.gamma - point.gamma), new.y - point.y)
+        if not self.corrector.natural(y, end, piece):
+            return new, before
+        tangent = new.tangent
+        own = self.system.piece_at(*self.bordered.split(y)) if piece is None else piece
+        if not is_same_piece(self.bordered.comm, point.piece, new.piece):
+            # at a kink within round-off keep the ray by which the branch came
+            tangent = self.corrector.tangent(y, point.tangent, own) or tangent
+        last = BranchPoint(y, tangent, own, end, new.step, new.corrections)
+        if piece is None:
+            before += _unlocated(point, last, _changes(self, point, y, own))
+        return last, before
+
+
+class _StepsOnH(ExactSteps):
+    """Steps on H itself, with the statuses that the state determines."""
+
+    def __init__(self, corrector: Corrector):
+        super().__init__(corrector)
+        #: State of a point of the branch, and the sign of det [grad H; t^T] there.
+        self._oriented: tuple[PETSc.Vec, float] | None = None
+
+    def _attempt(self, point: BranchPoint, h: float, attempt: int) -> Advance | float:
+        trial = self._trial(point, h)
+        new = trial.new
+        if new is not None and not trial.changes:
+            within = self._within_piece(point, new, h)
+            if within is not None:
+                if not any(s.kind == "bifurcation" for s in within[1]):
+                    self._keep_orientation(point, new)
+                return within
+        elif new is not None and trial.monotone and not self._locates(trial):
+            special = _unlocated(point, new, trial.changes, trial.parity)
+            return self.rescaled(new), special, self._next_length(h, new)
+        return self._shortened(point, trial, h)
+
+    def _locates(self, trial: _Trial) -> bool:
+        """Return True if a change of the step is to be located."""
+        return False
+
+    def _shortened(self, point: BranchPoint, trial: _Trial, h: float) -> Advance | float:
+        """The length of the next attempt after a refused trial."""
+        return h * self.control.decrease
+
+    def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
+        return a.piece if is_same_piece(self.bordered.comm, a.piece, c.piece) else None
+
+    def _trial(self, point: BranchPoint, h: float) -> _Trial:
+        """A step of the length ``h`` on H."""
+        b = self.bordered
+        y = self._corrected_step(point, h, None)
+        if y is None:
+            return _Trial(None)
+        piece = self.system.piece_at(*b.split(y))
+        changes = _changes(self, point, y, piece)
+        before = self._orientation(point) if changes else 0.0
+        new = self._new_point(point, h, y, piece, factorise=bool(changes))
+        if new is None or not changes:
+            return _Trial(new, changes)
+        after = self.corrector.orientation()
+        self._oriented = (y, after)
+        parity = int(before * after)
+        # gamma continues by less than both rates predict if there are two folds in between
+        chord = y - point.y
+        length = self._length(chord)
+        chord.destroy()
+        rates = b.gamma(point.tangent), b.gamma(new.tangent)
+        slower = min(rates, key=abs)
+        advance = (new.gamma - point.gamma) * np.sign(slower)
+        turned = self.turned(point.tangent, new.tangent) or advance < abs(slower) * length / 2
+        return _Trial(new, changes, not turned and parity > 0, parity)
+
+    def _orientation(self, point: BranchPoint) -> float:
+        """Sign of det [grad H; t^T] at a point; 0 if the matrix is singular."""
+        if self._oriented is None or self._oriented[0] is not point.y:
+            t = self.corrector.tangent(point.y, point.tangent, point.piece, factorise=True)
+            self._oriented = (point.y, self.corrector.orientation() if t is not None else 0.0)
+        return self._oriented[1]
+
+    def _keep_orientation(self, point: BranchPoint, new: BranchPoint) -> None:
+        """Transfer the orientation to a point beyond which no bifurcation lies."""
+        if self._oriented is not None and self._oriented[0] is point.y:
+            self._oriented = (new.y, self._oriented[1])
+
+
+class BatchedSteps(_StepsOnH):
+    """Steps over any number of kinks along which the branch is monotone.
+
+    Args:
+        corrector: corrector on the bordered system.
+        locate: selection of the changes to locate, in addition to folds and changes of parity.
+    """
+
+    def __init__(self, corrector: Corrector, locate: Locate | None = None):
+        super().__init__(corrector)
+        self._locate = locate
+        self._exact = False  # whether the kinks of this step are crossed exactly
+        #: Length of the step that was refused first, to resume beyond the kink.
+        self._refused = 0.0
+
+    def _attempt(self, point: BranchPoint, h: float, attempt: int) -> Advance | float:
+        self._exact = attempt >= _MOST_ATTEMPTS or (self._exact and attempt > 0)
+        if not self._exact:
+            result = super()._attempt(point, h, attempt)
+            if not self._exact:
+                return result
+        crossed = ExactSteps._attempt(self, point, h, attempt)
+        if not isinstance(crossed, float) and any(not s.smooth for s in crossed[1]):
+            new, special, h = crossed
+            crossed = new, special, max(h, self._refused)
+            self._refused = 0.0
+        return crossed
+
+    def _locates(self, trial: _Trial) -> bool:
+        return self._first_located(trial) <= 1
+
+    def _shortened(self, point: BranchPoint, trial: _Trial, h: float) -> Advance | float:
+        """End before the first change to be located, or cross few changes exactly."""
+        self._refused = max(self._refused, h)
+        first = self._first_located(trial) if trial.monotone else 1.0
+        before = sum(fraction <= first for fraction, _ in trial.changes)
+        shorter = h * min(_SHORT_OF * first, self.control.decrease)
+        self._exact = 0 < before <= _FEW or shorter < self.control.minimum
+        return shorter
+
+    def _first_located(self, trial: _Trial) -> float:
+        """The fraction of the step at the first change to be located; inf if there is none."""
+        comm = self.bordered.comm
+        locate = self._locate
+        if locate is None:
+            return np.inf
+        own = [f for f, change in trial.changes if change.rank == comm.rank and locate(change)]
+        return float(comm.allreduce(min(own, default=np.inf), op=min))
+
+
+class SteppingSteps(_StepsOnH):
+    """Steps that shrink before kinks that turn the branch, and pass these by trial.
+
+    Args:
+        corrector: corrector on the bordered system.
+    """
+
+    def _over_kink(self, point: BranchPoint) -> Advance | None:
+        """Continue from the kink within h_min beyond ``point``."""
+        b = self.bordered
+        for factor in _BEYOND:
+            # the tangent of the piece beyond
+            h_1 = factor * self.control.minimum
+            beyond = point.y.copy()
+            beyond.axpy(h_1, point.tangent)
+            piece = self.system.piece_at(*b.split(beyond))
+            tangent = None
+            if not is_same_piece(b.comm, piece, point.piece):
+                tangent = self.corrector.tangent(beyond, point.tangent, piece)
+            beyond.destroy()
+            if tangent is None:
+                continue
+            for sense in (1.0, -1.0):
+                t = tangent.copy()
+                t.scale(sense)
+                for longer in _LONGER:
+                    new = self._along(point, t, longer * h_1)
+                    if new is not None:
+                        kink = self._kink(point, new, h_1)
+                        return self.rescaled(new), [kink], self.control.initial
+                t.destroy()
+            tangent.destroy()
+        return None
+
+    def _along(self, point: BranchPoint, t: PETSc.Vec, h: float) -> BranchPoint | None:
+        """The point at the distance ``h`` along ``t``; None if there is none or it lies behind."""
+        b = self.bordered
+        y = self._corrected_step(replace(point, tangent=t), h, None)
+        if y is None:
+            return None
+        piece = self.system.piece_at(*b.split(y))
+        away = y - point.y
+        back = is_same_piece(b.comm, piece, point.piece) and b.inner(away, point.tangent) < 0
+        away.destroy()
+        if back:
+            return None
+        corrections = self.corrector.iterations
+        tangent = self.corrector.tangent(y, t, piece, factorise=True)
+        if tangent is None or not self.lands(replace(point, tangent=t), h, y, tangent):
+            return None
+        tau = self.test(accepted=True)
+        return BranchPoint(y, tangent, piece, b.gamma(y), h, corrections, tau)
+
+    def _kink(self, point: BranchPoint, new: BranchPoint, h_1: float) -> SpecialPoint:
+        """The kink between ``point`` and ``new``, within ``h_1`` of ``point``."""
+        b = self.bordered
+        t = self.corrector.tangent(new.y, new.tangent, new.piece, factorise=True)
+        after = self.corrector.orientation() if t is not None else 0.0
+        parity = int(self._orientation(point) * after)
+        self._oriented = (new.y, after)
+        changes = tuple(change for _, change in _changes(self, point, new.y, new.piece))
+        reach = abs(h_1 * b.gamma(point.tangent))
+        bracket = (point.gamma - reach, point.gamma + reach)
+        kind = kind_of_kink(parity < 0, self.turned(point.tangent, new.tangent))
+        return SpecialPoint(kind, False, point.gamma, point.y, 0, changes, parity, bracket=bracket)
+
+
+def _changes(
+    steps: ExactSteps, point: BranchPoint, y: PETSc.Vec, piece: Piece
+) -> tuple[tuple[float, Change], ...]:
+    """Changes of status from a point to ``y`` on ``piece``, in order. Collective.
+
+    Returns:
+        Changes with the fraction of the way at which each occurs if its event is linear.
+    """
+    comm = steps.bordered.comm
+    old = point.piece
+    low, high = (steps.system.events(*steps.bordered.split(state), old) for state in (point.y, y))
+    first = np.full(len(old.codes), np.inf)
+    np.minimum.at(first, high.point, reached(low, high))
+    own = [
+        (
+            min(float(first[i]), 1.0),
+            Change(comm.rank, int(i), int(old.codes[i]), int(piece.codes[i])),
+        )
+        for i in np.flatnonzero(old.codes != piece.codes)
+    ]
+    every = [pair for part in comm.allgather(own) for pair in part]
+    return tuple(sorted(every, key=lambda pair: pair[0]))
+
+
+def _unlocated(
+    point: BranchPoint,
+    new: BranchPoint,
+    changes: Sequence[tuple[float, Change]],
+    parity: int = 0,
+) -> list[SpecialPoint]:
+    """Events for the changes of a step that are not located."""
+    bracket = min(point.gamma, new.gamma), max(point.gamma, new.gamma)
+    return [
+        SpecialPoint(
+            "event",
+            False,
+            point.gamma + fraction * (new.gamma - point.gamma),
+            new.y,
+            0,
+            (change,),
+            parity=parity if len(changes) == 1 else 0,
+            bracket=bracket,
+        )
+        for fraction, change in changes
+    ]

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Location of events, folds and bifurcations between two points of a branch.
+
+A scalar that changes sign between the two points is located along the branch to round-off by secant
+steps with the Illinois rule: the value at an end that stays twice in a row counts half, so that the
+bracket shrinks from both sides. Each trial point is corrected from the chord of the bracket, whose
+distance from the branch decreases with the square of the bracket; so the corrector does not end on
+another branch that crosses nearby.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact.continuation.bifurcation import BifurcationTest
+from dolfinx_contact.continuation.borders import reached
+from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
+from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.system import Events, Piece, System
+
+__all__ = ["AT_BORDER", "Locator"]
+
+V = TypeVar("V")
+
+AT_BORDER = 1e-9  # distance of a located event, relative to the largest distance
+
+
+@dataclass(frozen=True)
+class _End(Generic[V]):
+    """An end of a bracket.
+
+    Attributes:
+        s: distance from the start of the step along its tangent.
+        y: state.
+        value: function or events there.
+        weight: factor of the value in the next secant step.
+        stayed: True if it stayed in the last step.
+    """
+
+    s: float
+    y: PETSc.Vec
+    value: V
+    weight: float = 1.0
+    stayed: bool = False
+
+    def stay(self) -> _End[V]:
+        """The end after it has stayed once more."""
+        weight = self.weight / 2 if self.stayed else self.weight
+        return replace(self, weight=weight, stayed=True)
+
+
+def _shrunk(low: _End[V], high: _End[V], new: _End[V], *, beyond: bool) -> tuple[_End[V], _End[V]]:
+    """The bracket after a trial that lies beyond the zero, or before it."""
+    return (low.stay(), new) if beyond else (new, high.stay())
+
+
+class Locator:
+    """Location of special points on a branch. All methods are collective.
+
+    Args:
+        corrector: corrector on the bordered system.
+
+    Attributes:
+        test: test function of smooth bifurcations.
+        largest_distance: largest distance of an event so far, the unit of distances.
+    """
+
+    def __init__(self, corrector: Corrector):
+        self.corrector = corrector
+        self.control = corrector.control
+        self.bordered = corrector.bordered
+        self.test = BifurcationTest(self.bordered)
+        self.largest_distance = 0.0
+
+    @property
+    def system(self) -> System:
+        """The system H."""
+        return self.bordered.system
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self.test.destroy()
+
+    # -- events ----------------------------------------------------------------------------------
+
+    def _events(self, y: PETSc.Vec, piece: Piece) -> Events:
+        """Events of a piece, with distances of their own."""
+        events = self.system.events(*self.bordered.split(y), piece)
+        return replace(events, distance=np.array(events.distance))
+
+    def _distances(self, y: PETSc.Vec, piece: Piece) -> npt.NDArray[Any]:
+        return self.system.events(*self.bordered.split(y), piece).distance
+
+    def _unit(self, y: PETSc.Vec, piece: Piece) -> float:
+        """The largest distance so far: all distances vanish at a degenerate point."""
+        largest = float(np.max(np.abs(self._distances(y, piece)), initial=self.largest_distance))
+        self.largest_distance = float(self.bordered.comm.allreduce(largest, op=max))
+        return self.largest_distance or 1.0
+
+    def _least(self, values: npt.NDArray[np.float64]) -> float:
+        """The least value on all ranks."""
+        return float(self.bordered.comm.allreduce(float(np.min(values, initial=np.inf)), op=min))
+
+    def is_outside(self, point: BranchPoint) -> bool:
+        """Return True if a point lies beyond a border of its piece by more than round-off."""
+        least = self._least(self._distances(point.y, point.piece))
+        return least < -AT_BORDER * self._unit(point.y, point.piece)
+
+    def _first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> tuple[float, PETSc.Vec] | None:
+        """Distance along the tangent and state of the first event between two points of a piece.
+
+        The next trial is the first zero if all distances were linear in the bracket. An event that
+        exists at the far end only is searched by bisection.
+        """
+        b = self.bordered
+        piece = point.piece
+        end = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
+        reach = self._length(y_high - point.y)
+        low = _End(0.0, point.y, self._events(point.y, piece))
+        high = _End(end, y_high, self._events(y_high, piece))
+        s = end
+        y = y_high
+        least = np.inf
+        for number in range(60):
+            first = self._least(reached(low.value, high.value, (low.weight, high.weight)))
+            s = low.s + first * (high.s - low.s)
+            y = low.y.copy()
+            y.axpy(first, high.y - low.y)
+            if not self._along_chord(point, y, s, piece, reach, polish=True, keep=number > 0):
+                return None
+            events = self._events(y, piece)
+            least = self._least(events.distance)
+            if abs(least) <= 1e-13 * self._unit(y, piece) or high.s - low.s <= 1e-15 * end:
+                break
+            low, high = _shrunk(low, high, _End(s, y, events), beyond=least < 0)
+        # a distance may jump over zero where two solutions of the piece are close
+        return (s, y) if abs(least) <= AT_BORDER * self._unit(y, piece) else None
+
+    # -- functions of the state and the tangent ----------------------------------------------------
+
+    def locate(
+        self,
+        point: BranchPoint,
+        y_high: PETSc.Vec,
+        values: tuple[float, float],
+        function: Callable[[PETSc.Vec, PETSc.Vec], float],
+        *,
+        piece: Piece | None,
+    ) -> tuple[float, PETSc.Vec] | None:
+        """Distance along the tangent and state of a zero of a function between two points.
+
+        Args:
+            point: point where the bracket begins.
+            y_high: state where it ends.
+            values: values of the function at the two ends.
+            function: function of y and the tangent, called after J has been factorised there.
+            piece: piece of the branch in between; None for H itself.
+        """
+        b = self.bordered
+        end = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
+        reach = self._length(y_high - point.y)
+        size = max(map(abs, values))
+        low = _End(0.0, point.y, values[0])
+        high = _End(end, y_high, values[1])
+        y = None
+        s = 0.0
+        f = np.inf
+        for number in range(100):
+            f_low = low.value * low.weight
+            fraction = -f_low / (high.value * high.weight - f_low)
+            s = low.s + fraction * (high.s - low.s)
+            trial = low.y.copy()
+            if number == 0:  # the tangent at the start is known: a parabola
+                trial.axpy(s - end * fraction**2, point.tangent)
+                trial.axpy(fraction**2, high.y - low.y)
+            else:
+                trial.axpy(fraction, high.y - low.y)
+            if not self._along_chord(point, trial, s, piece, reach):
+                break
+            tangent = self.corrector.tangent(trial, point.tangent, piece)
+            if tangent is None:
+                break
+            y = trial
+            f = function(y, tangent)
+            if not np.isfinite(f):
+                break
+            if abs(f) <= b.solver.precision * size or high.s - low.s <= 1e-13 * abs(end):
+                break
+            low, high = _shrunk(low, high, _End(s, y, f), beyond=f * low.value <= 0)
+        # a change of sign through infinity is not a zero
+        return (s, y) if y is not None and abs(f) < 1e-3 * min(map(abs, values)) else None
+
+    def _along_chord(
+        self,
+        point: BranchPoint,
+        y: PETSc.Vec,
+        s: float,
+        piece: Piece | None,
+        reach: float,
+        *,
+        polish: bool = False,
+        keep: bool = False,
+    ) -> bool:
+        """Correct ``y`` at the distance ``s``; False if it ends further off than ``reach``."""
+        if not self.corrector.pseudo_arclength(
+            y, point.y, point.tangent, s, piece, polish=polish, keep=keep
+        ):
+            return False
+        away = y - point.y
+        away.axpy(-self.bordered.inner(away, point.tangent), point.tangent)
+        aside = self._length(away)
+        away.destroy()
+        return aside <= reach
+
+    def _length(self, away: PETSc.Vec) -> float:
+        return float(np.sqrt(self.bordered.inner(away, away)))
+
+    # -- folds and smooth bifurcations -------------------------------------------------------------
+
+    def turned(self, t: PETSc.Vec, new: PETSc.Vec) -> bool:
+        """Return True if gamma turns back between two tangents."""
+        rates = self.bordered.gamma(t), self.bordered.gamma(new)
+        least = 1e-9 * self.bordered.gamma_scale
+        return rates[0] * rates[1] < 0 and min(map(abs, rates)) > least
+
+    def smooth_points(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint]:
+        """Folds and bifurcations between two points of a piece, in order."""
+        b = self.bordered
+        piece = point.piece
+        special: list[tuple[float, SpecialPoint]] = []
+        if self.turned(point.tangent, new.tangent):
+            rates = b.gamma(point.tangent), b.gamma(new.tangent)
+            zero = self.locate(point, new.y, rates, lambda _y, t: b.gamma(t), piece=piece)
+            if zero is not None:
+                s, y = zero
+                special.append((s, SpecialPoint("fold", True, b.gamma(y), y, 0)))
+        if point.tau * new.tau < 0:
+            taus = point.tau, new.tau
+            zero = self.locate(point, new.y, taus, lambda _y, _t: self.test(), piece=piece)
+            if zero is not None:
+                s, y = zero
+                kernel = self.test.kernel()
+                reverse = kernel.copy()
+                reverse.scale(-1.0)
+                crossing = SpecialPoint(
+                    "bifurcation",
+                    True,
+                    b.gamma(y),
+                    y,
+                    0,
+                    parity=-1,
+                    others=(Ray(piece, kernel), Ray(piece, reverse)),
+                    incoming=Ray(piece, self._secant(point.y, y, point.tangent)),
+                    onwards=Ray(piece, self._secant(y, new.y, new.tangent)),
+                )
+                special.append((s, crossing))
+        return [s for _, s in sorted(special, key=lambda pair: pair[0])]
+
+    def lacks_fold(self, point: BranchPoint, new: BranchPoint, special: list[SpecialPoint]) -> bool:
+        """Return True if gamma turns back between two points of a piece without a located fold.
+
+        Args:
+            point: point where a step begins.
+            new: point where it ends.
+            special: special points located in between.
+        """
+        turned = self.turned(point.tangent, new.tangent)
+        return turned and not any(s.kind == "fold" for s in special)
+
+    def _secant(self, start: PETSc.Vec, end: PETSc.Vec, t: PETSc.Vec) -> PETSc.Vec:
+        """The unit vector from one state to another; ``t`` where they coincide."""
+        secant = end - start
+        size = self._length(secant)
+        if size < self.control.minimum:
+            return t.copy()
+        secant.scale(1.0 / size)
+        return secant
+
+    def rescaled(self, point: BranchPoint) -> BranchPoint:
+        """The point with a unit tangent; the first tangent that moves x sets the scale of x."""
+        b = self.bordered
+        if b.x_scale == 0.0:
+            b.set_scale(point.tangent, point.y)
+        point.tangent.scale(1.0 / self._length(point.tangent))
+        if b.x_scale_is_new or np.isnan(point.tau):
+            # the border row has changed, and with it the test function
+            b.x_scale_is_new = False
+            self.corrector.tangent(point.y, point.tangent, point.piece)
+            return replace(point, tau=self.test(accepted=True))
+        return point
