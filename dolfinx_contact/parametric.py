@@ -216,7 +216,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
             self.problem.write(found)
         return found, f"solve() by {result.reason}"
 
-    def doubt(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
+    def validity_warning(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
         """Reason why small sliding does not describe a solution; "" if it does. Collective."""
         with self.restored(always=True):
             self._set(gamma)

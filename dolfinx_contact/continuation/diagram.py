@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bifurcation diagrams: all branches that are connected, as a graph.
+"""Bifurcation diagrams: the graph of all connected branches.
 
-From every start branches are followed in both senses of gamma; where pieces meet there, along every
-outgoing ray, and with more than two of them the start is a node itself. A branch ends at its first
-bifurcation, which becomes a node with all of its rays; from every ray that no branch has taken yet
-a new one starts. A branch that comes to a node that is known takes the ray by which it comes, so
-that none is followed twice. Where the range of gamma ends at a kink, rays that lead back into the
-range are followed as well. Points and branches that are found again are merged.
+1. From every start, branches are traced in both senses of gamma. Where pieces meet at the start,
+   every outgoing ray is taken; if there are more than two, the start is a node.
+2. A branch ends at its first bifurcation, which becomes a node with all of its rays. A branch that
+   arrives at an existing node takes the ray by which it arrives, so that none is traced twice.
+3. Where the range of gamma ends at a kink, rays that lead back into the range are traced as well.
+4. From every ray without a branch a new branch starts, until none is left.
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ __all__ = ["explore"]
 
 logger = logging.getLogger(__name__)
 
-_SAME = 1e-6  # distance at which two points are one
-_SAME_RAY = 1e-3  # distance of unit tangents at which two rays of a nonsmooth point are one
-_ALL = "every ray has been followed"
+_SAME = 1e-6  # distance at which two points coincide
+_SAME_RAY = 1e-3  # distance at which unit tangents at a nonsmooth point coincide
+_SAME_KERNEL = 0.5  # least cosine of a tangent and the direction of a smooth bifurcation
 
 
 def _check(a: Arguments) -> None:
@@ -97,32 +97,31 @@ def explore(
     record: Observer | None = None,
     progress: bool | None = None,
 ) -> Diagram:
-    """Find all branches that are connected with some solutions. Collective.
+    """Find all branches that are connected with the starts. Collective.
 
-    What the system writes to (of a contact problem Functions, statuses, gamma) is left as it was.
+    The data of the system (Functions, statuses and gamma of a contact problem) are restored.
 
     Args:
         system: H with its pieces.
         starts: approximate solutions x with their gamma, inside the range. They are corrected at
             fixed gamma; `Diagram.start_correction` reports the largest change.
-        gamma_range: branches end where gamma reaches either end.
+        gamma_range: range of gamma; branches end at either end.
         control: step lengths.
-        max_steps: budget of every branch.
-        max_branches: budget of branches.
-        max_seconds: no branch is begun later than this.
+        max_steps: largest number of steps of a branch.
+        max_branches: largest number of branches.
+        max_seconds: time after which no branch is begun.
         route: see `follower_for`.
-        stop: see `follow`: a branch ends where it gives a reason, and the diagram is incomplete.
-        observer: called with the points of all branches, as that of `follow`; an `Observer` knows
-            the branches by their numbers.
+        stop: see `follow`; a branch that is stopped leaves the diagram incomplete.
+        observer: observer of all branches, as in `follow`; an `Observer` is given their numbers.
         record: see `follow`.
         progress: see `follow`.
 
     Returns:
-        The diagram, which is partial if a budget is exhausted; `Diagram.reason` names it.
+        The diagram; it is partial if a budget is exhausted, which `Diagram.reason` then names.
 
     Raises:
-        ValueError: on every rank, if an argument does not fit or differs between ranks, the range
-            is empty or does not contain a start, or a start is no solution.
+        ValueError: on every rank, if an argument is invalid or differs between ranks, or no
+            solution is found near a start.
     """
     pairs = list(starts)
     check_states(system, [x for x, _ in pairs], "a start")
@@ -140,6 +139,8 @@ def explore(
 
 
 class _Explorer:
+    """Search for the branches of a diagram. All methods are collective."""
+
     def __init__(
         self,
         follower: Follower | Pivoting,
@@ -148,82 +149,95 @@ class _Explorer:
         listeners: Mapping[str, Any],
     ):
         self.follower = follower
+        self.bordered = follower.bordered
+        self.comm = follower.bordered.comm
         self.range = gamma_range
         self.max_steps = max_steps
         self.listeners = listeners
         self.diagram = Diagram()
-        comm = follower.bordered.comm
         observers = (listeners["record"], listeners["observer"])
-        self._observers = Observers(*(CollectiveObserver(comm, given) for given in observers))
-        #: Points from which branches are to be followed, that begin at no node.
+        self._observers = Observers(*(CollectiveObserver(self.comm, o) for o in observers))
+        #: Starts of branches that begin at no node.
         self._waiting: list[BranchPoint] = []
-        #: Whether all rays are known of the kinks on branches and at their ends that are no nodes.
+        #: Whether all rays are known of the kinks that are no nodes.
         self._all_rays_known = True
 
     def run(
         self, starts: Sequence[tuple[PETSc.Vec, float]], max_branches: int, max_seconds: float
     ) -> None:
+        """Trace branches until no ray is left or a budget is exhausted."""
         diagram = self.diagram
         begun = time.monotonic()
-        comm = self.follower.bordered.comm
-        left = list(starts)
-        while left or self._waiting or diagram.open_rays():
-            late = comm.bcast(time.monotonic() - begun > max_seconds)
+        pending = list(starts)
+        while pending or self._waiting or diagram.open_rays():
+            late = self.comm.bcast(time.monotonic() - begun > max_seconds)
             if late or len(diagram.edges) >= max_branches:
-                what = f"{max_seconds:g} s" if late else f"{max_branches} branches"
-                diagram.end(Ending.BUDGET, f"the budget of {what} is exhausted")
+                budget = f"{max_seconds:g} s" if late else f"{max_branches} branches"
+                diagram.end(Ending.BUDGET, f"the budget of {budget} is exhausted")
                 break
             if self._waiting:
                 point = self._waiting.pop(0)
-                if not self._known(point):
+                if not self._is_traced(point):
                     self._follow(point, None)
-                continue
-            if left:
-                x, gamma = left.pop(0)
-                departures = self.follower.departures(x, gamma)
-                moved = [self.follower.correction(x, p) for p in departures.rays[:1]]
-                diagram.start_correction = max([diagram.start_correction, *moved])
-                self._depart(departures)
-                continue
-            i, j = diagram.open_rays()[0]
-            node = diagram.nodes[i]
-            node.edges[j] = len(diagram.edges)
-            try:
-                point = self.follower.branch_off(node.point, node.rays[j])
-            except ValueError as error:
-                # The ray stays without a branch, and the diagram incomplete.
-                if comm.rank == 0:
-                    logger.warning("gamma = %.10g: %s", node.point.gamma, error)
-                branch = Branch()
-                branch.end(Ending.NOT_FOUND, str(error))
-                diagram.edges.append(Edge(branch, i, None))
-                self._observers.explored(diagram)
-                continue
-            if self._leaves(point):
-                branch = Branch([point])
-                branch.end(Ending.REACHED)
-                diagram.edges.append(Edge(branch, i, None))
-                self._observers.explored(diagram)
-                continue
-            self._follow(point, i)
-        else:
-            short = [(k, e.branch) for k, e in enumerate(diagram.edges) if _is_cut_off(e.branch)]
-            if short:
-                number, branch = short[0]
-                assert branch.ending is not None
-                more = f" (and {len(short) - 1} more)" if len(short) > 1 else ""
-                words = f"branch {number} was cut off{more}: {branch.reason}"
-                diagram.end(branch.ending, words)
+            elif pending:
+                self._depart(*pending.pop(0))
             else:
-                diagram.end(Ending.REACHED, _ALL)
-            known = all(node.point.complete for node in diagram.nodes)
-            diagram.complete = known and self._all_rays_known and not short
+                self._follow_ray(*diagram.open_rays()[0])
+        else:
+            self._conclude()
         self._observers.explored(diagram)
-        if comm.rank == 0:
-            found = len(diagram.edges), len(diagram.nodes), diagram.reason
-            logger.info("%d branches, %d bifurcations: %s", *found)
+        if self.comm.rank == 0:
+            numbers = len(diagram.edges), len(diagram.nodes), diagram.reason
+            logger.info("%d branches, %d bifurcations: %s", *numbers)
+
+    def _conclude(self) -> None:
+        """Record the end of the search, and whether the diagram is complete."""
+        diagram = self.diagram
+        short = [(k, b) for k, b in enumerate(diagram.branches) if _is_cut_off(b)]
+        diagram.end(Ending.REACHED, "every ray has been followed")
+        if short:
+            number, branch = short[0]
+            assert branch.ending is not None
+            more = f" (and {len(short) - 1} more)" if len(short) > 1 else ""
+            diagram.end(branch.ending, f"branch {number} was cut off{more}: {branch.reason}")
+        known = self._all_rays_known and all(node.point.complete for node in diagram.nodes)
+        diagram.complete = known and not short
+
+    # -- branches --------------------------------------------------------------------------------
+
+    def _depart(self, x: PETSc.Vec, gamma: float) -> None:
+        """Leave a start along its rays, except for those that leave the range of gamma."""
+        found = self.follower.departures(x, gamma)
+        moved = [self.follower.correction(x, p) for p in found.rays[:1]]
+        self.diagram.start_correction = max([self.diagram.start_correction, *moved])
+        inside = [p for p in found.rays if not self._leaves(p)]
+        if len(found.rays) > 2 and inside:
+            self._node_of(found, inside)
+        else:
+            self._all_rays_known = self._all_rays_known and found.complete
+            self._waiting += inside
+
+    def _follow_ray(self, i: int, j: int) -> None:
+        """Trace the branch of ray ``j`` of node ``i``."""
+        node = self.diagram.nodes[i]
+        node.edges[j] = len(self.diagram.edges)
+        branch = Branch()
+        try:
+            point = self.follower.branch_off(node.point, node.rays[j])
+        except ValueError as error:  # the ray stays without a branch, and the diagram incomplete
+            if self.comm.rank == 0:
+                logger.warning("gamma = %.10g: %s", node.point.gamma, error)
+            branch.end(Ending.NOT_FOUND, str(error))
+        else:
+            if not self._leaves(point):
+                self._follow(point, i)
+                return
+            branch.points.append(point)
+            branch.end(Ending.REACHED)
+        self._add(Edge(branch, i, None))
 
     def _follow(self, point: BranchPoint, start: int | None) -> None:
+        """Trace a branch from a point to its first bifurcation or its end."""
         number = len(self.diagram.edges)
         branch = self.follower.run(
             point,
@@ -237,36 +251,37 @@ class _Explorer:
         self._all_rays_known = self._all_rays_known and all(s.complete for s in kinks)
         end = None
         if branch.bifurcations:
-            last = branch.bifurcations[-1]
-            if last.incoming is not None:
-                end = self._arrive(last, number)
-            else:  # steps have crossed it, and its rays are not known: it is no node
-                self._all_rays_known = False
+            end = self._arrive(branch.bifurcations[-1], number)
         if branch.ending is Ending.REACHED:
             end = self._at_the_end(branch.points[-1], start, number)
-        self.diagram.edges.append(Edge(branch, start, end))
+        self._add(Edge(branch, start, end))
+
+    def _add(self, edge: Edge) -> None:
+        self.diagram.edges.append(edge)
         self._observers.explored(self.diagram)
 
-    def _depart(self, found: FoundRays[BranchPoint]) -> None:
-        """Set out from a start along its rays, those that leave the range of gamma excepted."""
-        inside = [p for p in found.rays if not self._leaves(p)]
-        if len(found.rays) > 2 and inside:
-            self._node_of(found, inside)
-        else:
-            self._all_rays_known = self._all_rays_known and found.complete
-            self._waiting += inside
+    def _arrive(self, special: SpecialPoint, number: int) -> int | None:
+        """The node at which branch ``number`` ends; None for a kink stepped over, without rays."""
+        if special.incoming is None or special.onwards is None:
+            self._all_rays_known = False
+            return None
+        back = Ray(special.incoming.piece, _reversed(special.incoming.tangent))
+        existing = self._node_at(special.y)
+        if existing is None:
+            return self._new_node(special, [back, special.onwards, *special.others], number)
+        self._take_ray(existing, back, number)
+        return existing
 
     def _at_the_end(self, point: BranchPoint, start: int | None, number: int) -> int | None:
         """The node at which branch ``number`` reached the end of the range, if there is one.
 
-        Where pieces meet there rays may lead back into the range, beside that by which it came.
+        Where pieces meet there, rays other than the incoming one may lead back into the range.
         """
         found = self.follower.rays_at(point)
         if found is None:
             return None
         inside = [p for p in found.rays if not self._leaves(p)]
-        back = point.tangent.copy()
-        back.scale(-1.0)
+        back = _reversed(point.tangent)
         if len(found.rays) <= 2:
             self._all_rays_known = self._all_rays_known and found.complete
             self._waiting += [p for p in inside if not self._is_ray(p.tangent, back)]
@@ -279,77 +294,69 @@ class _Explorer:
         self._take_ray(node, Ray(point.piece, back), number)
         return node
 
+    def _leaves(self, point: BranchPoint) -> bool:
+        """Return True if gamma leaves its range at once on a branch that begins at a point."""
+        return leaves_range(self.bordered, point, self.range)
+
+    # -- nodes -----------------------------------------------------------------------------------
+
     def _node_of(self, found: FoundRays[BranchPoint], inside: Sequence[BranchPoint]) -> int:
-        """The node where more than two rays lead out, of which some lead into the range."""
+        """The node with more than two rays, of which ``inside`` lead into the range."""
         point = inside[0]
-        known = self._node_at(point.y)
-        if known is not None:
-            return known
-        rays = tuple(Ray(p.piece, p.tangent) for p in inside)
+        existing = self._node_at(point.y)
+        if existing is not None:
+            return existing
+        rays = [Ray(p.piece, p.tangent) for p in inside]
         special = SpecialPoint(
             "bifurcation",
             False,
             point.gamma,
             point.y,
             0,
-            others=rays,
+            others=tuple(rays),
             complete=found.complete,
             method=found.method,
         )
-        self.diagram.nodes.append(Node(special, list(rays), [None] * len(rays)))
-        return len(self.diagram.nodes) - 1
+        return self._new_node(special, rays)
 
-    def _leaves(self, point: BranchPoint) -> bool:
-        """Whether gamma leaves its range at once on a branch that begins at a point."""
-        return leaves_range(self.follower.bordered, point, self.range)
-
-    def _arrive(self, special: SpecialPoint, number: int) -> int:
-        """The node at which branch ``number`` ends, made if it is new."""
-        incoming = special.incoming
-        onwards = special.onwards
-        assert incoming is not None  # it has been looked at
-        assert onwards is not None
-        back = incoming.tangent.copy()
-        back.scale(-1.0)
-        known = self._node_at(special.y)
-        if known is not None:
-            self._take_ray(known, Ray(incoming.piece, back), number)
-            return known
-        rays = [Ray(incoming.piece, back), onwards, *special.others]
-        self.diagram.nodes.append(Node(special, rays, [number, *[None] * (len(rays) - 1)]))
+    def _new_node(self, special: SpecialPoint, rays: list[Ray], incoming: int | None = None) -> int:
+        """Add a node, whose first ray is taken by the incoming branch if there is one."""
+        edges: list[int | None] = [incoming, *[None] * (len(rays) - 1)]
+        self.diagram.nodes.append(Node(special, rays, edges))
         return len(self.diagram.nodes) - 1
 
     def _node_at(self, y: PETSc.Vec) -> int | None:
-        """The number of the node at a point; None if there is none. Collective."""
+        """The number of the node at a point; None if there is none."""
         for i, node in enumerate(self.diagram.nodes):
             if self._is_at(node.point.y, y):
                 return i
         return None
 
     def _take_ray(self, number: int, ray: Ray, edge: int) -> None:
-        """Let an edge have the ray of a node by which it came. Collective.
+        """Assign the ray of a node by which a branch arrived to its edge.
 
-        Rays of a nonsmooth point are known as they are, those of a smooth one as far as the kernel
-        shows them: then the closest of those that are free.
+        At a smooth bifurcation rays are only as accurate as the kernel: the closest free one.
         """
-        b = self.follower.bordered
         node = self.diagram.nodes[number]
-        free = [j for j, taken in enumerate(node.edges) if taken is None]
-        close = [(b.inner(node.rays[j].tangent, ray.tangent), j) for j in free]
-        if node.point.smooth:
-            found = max(close)[1] if close and max(close)[0] > 0.5 else None
-        else:
-            same = [j for _, j in sorted(close) if self._is_ray(node.rays[j].tangent, ray.tangent)]
-            found = same[-1] if same else None
-        if found is None:
-            node.rays.append(ray)
-            node.edges.append(edge)
-        else:
-            node.edges[found] = edge
+        close = [
+            (self.bordered.inner(r.tangent, ray.tangent), j)
+            for j, r in enumerate(node.rays)
+            if node.edges[j] is None
+        ]
+        for cosine, j in sorted(close, reverse=True):
+            same = cosine > _SAME_KERNEL
+            if not node.point.smooth:
+                same = self._is_ray(node.rays[j].tangent, ray.tangent)
+            if same:
+                node.edges[j] = edge
+                return
+        node.rays.append(ray)
+        node.edges.append(edge)
 
-    def _known(self, point: BranchPoint) -> bool:
-        """Whether a branch that was followed passes the point, or leaves it by the same ray."""
-        b = self.follower.bordered
+    # -- comparisons -----------------------------------------------------------------------------
+
+    def _is_traced(self, point: BranchPoint) -> bool:
+        """Return True if a branch passes the point, or leaves it by the same ray."""
         for branch in self.diagram.branches:
             if not branch.points:
                 continue
@@ -357,49 +364,49 @@ class _Explorer:
             if self._is_at(first.y, point.y) and self._is_ray(first.tangent, point.tangent):
                 return True
             if beyond and branch.ending is Ending.REACHED:
-                # It came to its last point by one ray, and passes none of the others.
+                # a branch arrives at its last point by one ray and passes none of the others
                 last = beyond.pop()
                 if not beyond and self._is_at(last.y, first.y):
-                    continue  # too short to tell by which ray it came
+                    continue  # too short to determine that ray
                 if self._is_at(last.y, point.y):
-                    back = last.tangent.copy()
-                    back.scale(-1.0)
-                    came = self._is_ray(back, point.tangent)
-                    back.destroy()
-                    if came:
+                    if self._is_ray(_reversed(last.tangent), point.tangent):
                         return True
                     continue
-            # Its own points too: at a kink gamma may turn, and be passed by round-off.
-            near = [p for p in beyond if abs(p.gamma - point.gamma) <= _SAME * b.gamma_scale]
-            # What is not found is not known: at worst a branch is followed twice.
-            found = self.follower.at(branch, point.gamma, skip_missing=True)
-            passed = [p for p in found if p is not first]
-            if any(self._is_at(p.y, point.y) for p in [*near, *passed]):
+            # Compare points of the branch too: at a kink gamma may turn, and pass by round-off.
+            # A point that is not found is at worst on a branch that is traced twice.
+            least = _SAME * self.bordered.gamma_scale
+            near = [p for p in beyond if abs(p.gamma - point.gamma) <= least]
+            passed = self.follower.at(branch, point.gamma, skip_missing=True)
+            near += [p for p in passed if p is not first]
+            if any(self._is_at(p.y, point.y) for p in near):
                 return True
         return False
 
     def _is_at(self, y: PETSc.Vec, other: PETSc.Vec) -> bool:
-        """Whether two points are one. Collective."""
+        """Return True if two points coincide."""
         away = y - other
-        square = self.follower.bordered.inner(away, away)
+        square = self.bordered.inner(away, away)
         away.destroy()
         return square <= _SAME**2
 
     def _is_ray(self, t: PETSc.Vec, other: PETSc.Vec) -> bool:
-        """Whether two tangents at a nonsmooth point, or of one branch, have one direction.
-
-        They are compared in the metric of now, which need not be that of their units. Collective.
-        """
-        b = self.follower.bordered
+        """Return True if two tangents have one direction in the present metric."""
+        inner = self.bordered.inner
         away = t.copy()
-        away.scale(1.0 / math.sqrt(b.inner(t, t)))
-        away.axpy(-1.0 / math.sqrt(b.inner(other, other)), other)
-        square = b.inner(away, away)
+        away.scale(1.0 / math.sqrt(inner(t, t)))
+        away.axpy(-1.0 / math.sqrt(inner(other, other)), other)
+        square = inner(away, away)
         away.destroy()
         return bool(square <= _SAME_RAY**2)
 
 
+def _reversed(t: PETSc.Vec) -> PETSc.Vec:
+    back = t.copy()
+    back.scale(-1.0)
+    return back
+
+
 def _is_cut_off(branch: Branch) -> bool:
-    """Whether a branch may continue beyond what was followed of it."""
+    """Return True if a branch may continue beyond its last point."""
     stopped = branch.ending is Ending.STOPPED and not branch.bifurcations
     return stopped or branch.ending in (Ending.BUDGET, Ending.NOT_SOLVED, Ending.NOT_FOUND)

@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Many solutions at one gamma, connected with each other or not.
+r"""All or many solutions at one gamma, connected with each other or not.
 
-Where the pieces are affine, a solution at gamma is a ray of the cones under the whole load, so that
-`rays.py` finds them, by enumeration (and then there are no others) or by unfolding. Where there are
-too many pieces to be enumerated, or affine ones that are no cones, the system may have a proof of
-its own (`System.prove`); if it comes to an end there are no others. Else solutions
-that are known are deflated (Farrell, Birkisson and Funke, SIAM J. Sci. Comput. 37, 2015): Newton's
-method is applied to m(x) H(x) with
+1. Where the pieces are affine cones, a solution at gamma is a ray of the cones under the whole
+   load. `rays.py` finds these by enumeration, which proves that there are no others, or by
+   unfolding.
+2. Where there are too many pieces, or affine pieces that are not cones, the system may have a proof
+   of its own (`System.prove`).
+3. Otherwise known solutions x_k are deflated (Farrell, Birkisson and Funke, SIAM J. Sci. Comput.
+   37, 2015): Newton's method is applied to m(x) H(x) with
 
-    m(x) = prod_k (1 / |x - x_k|^2 + 1),
+       m(x) = prod_k (1 / |x - x_k|^2 + 1),
 
-which does not vanish at the x_k any more. Its step is that for H times 1 / (1 - grad log m . dx):
-nothing but the length and the sense of a step changes. How far a solution repels decides on where
-the steps lead; several parts of its distance from the guess are tried, and first steps on pieces in
-which all points have one status. H is taken with the status that x determines: the method is
-semismooth, and may well find nothing where there is something.
+   which does not vanish at the x_k. Its step is the step for H times 1 / (1 - grad log m . dx), so
+   that only its length and sense change. The distance at which a solution repels determines where
+   the steps lead; several fractions of its distance from the guess are tried, and first steps on
+   pieces on which all points have one status. H is taken with the statuses determined by x: the
+   method is semismooth and may miss solutions.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ import numpy as np
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._validate import count, listed, nonnegative, positive
+from dolfinx_contact.continuation.affine import largest
 from dolfinx_contact.continuation.arguments import (
     check_states,
     check_system,
@@ -42,12 +44,10 @@ from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.rays import (
     MOST_PIECES,
-    AffineRay,
     outgoing,
 )
 from dolfinx_contact.continuation.system import (
     Condensed,
-    Events,
     Piece,
     Proof,
     System,
@@ -60,7 +60,12 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Solution:
-    """One solution: x and its statuses."""
+    """One solution.
+
+    Attributes:
+        x: unknowns.
+        piece: statuses.
+    """
 
     x: PETSc.Vec
     piece: Piece
@@ -71,9 +76,9 @@ class Continuum:
     """Infinitely many solutions with the same statuses.
 
     Attributes:
-        piece: the statuses.
-        ends: those that span the others, two where these are a segment; of a set that goes to
-            infinity only the ends that there are.
+        piece: statuses.
+        ends: solutions that span the others, two for a segment; for an unbounded set the existing
+            ends only.
     """
 
     piece: Piece
@@ -86,12 +91,12 @@ class Solutions:
 
     Attributes:
         gamma: parameter.
-        found: known ones first.
-        complete: whether it is proved that there are no others.
-        method: how they were looked for, human-readable.
-        proof: what the system proved, if that was required; in space the forces of its states have
-            a unit of their own, those of the body are in the tables of the solutions.
-        continua: that were found by enumeration; their ends are in `found` as well.
+        found: solutions, the known ones first.
+        complete: True if there are provably no others.
+        method: description of the search.
+        proof: proof by the system, if there is one. In 3D the forces of its states have a unit of
+            their own; the tables of the solutions have the forces of the body.
+        continua: continua found by enumeration; their ends are in `found` as well.
     """
 
     gamma: float
@@ -115,17 +120,16 @@ class Solutions:
         """Solutions as points without a tangent, for pictures and tables. Collective.
 
         Args:
-            system: that they solve.
-            found: which, by default all.
+            system: system that they solve.
+            found: selected solutions, by default all.
         """
         layout = Layout(system)
         points = []
         for s in self.found if found is None else found:
-            y = layout.vector()
-            nothing = layout.vector()
-            layout.join(s.x, self.gamma, y)
-            nothing.set(0.0)
-            points.append(BranchPoint(y, nothing, s.piece, self.gamma, 0.0, 0))
+            no_tangent = layout.vector()
+            no_tangent.set(0.0)
+            y = layout.joined(s.x, self.gamma)
+            points.append(BranchPoint(y, no_tangent, s.piece, self.gamma, 0.0, 0))
         layout.x.destroy()
         return points
 
@@ -161,113 +165,77 @@ def find_solutions(
     deflation: bool = False,
     proof_seconds: float = 60.0,
 ) -> Solutions:
-    """Solutions at ``gamma``, as many as can be found. Collective.
+    """Find solutions at ``gamma``, all of them where that is possible. Collective.
 
-    What the system writes to (of a contact problem Functions, statuses, gamma) is left as it was.
-    Where pieces are not affine the first solution is what the system's own solver finds from a
-    guess (of a contact problem `ContactProblem.solve`). That nothing was found is no proof that
-    there is nothing; `Solutions.method` names what was tried. Of solutions that the system doubts
-    (between bodies, and on curved obstacles, where the sliding is not small) nothing is proved.
+    The data of the system (Functions, statuses and gamma of a contact problem) are restored. Where
+    pieces are not affine, the first solution is found by the system's own solver from a guess (by
+    `ContactProblem.solve` for a contact problem). Nothing is proved if the model is not valid for a
+    solution: between bodies and on curved obstacles, where the sliding is not small.
 
     Args:
         system: H with its pieces.
-        guesses: states to start from, over and over until nothing new is found; at least one.
-            Further guesses are taken beside the solutions that are found.
+        guesses: initial states, at least one; they are tried until nothing new is found, and so are
+            states next to the solutions.
         gamma: parameter.
         known: solutions that need not be found again.
-        lengths: parts of the distance between a guess and a solution within which the solution
-            repels, tried in turn.
-        max_iterations: of each run of Newton's method.
-        tolerance: relative residual at which a state is a solution.
-        deflation: use it even where the pieces are affine.
-        proof_seconds: for a proof that there are no others, where there are too many affine pieces
-            to be enumerated, or under a friction bound given in advance; 0 for none.
+        lengths: distances at which a solution repels, relative to its distance from the guess.
+        max_iterations: largest number of iterations of a run of Newton's method.
+        tolerance: relative residual of a solution.
+        deflation: True to use deflation even where the pieces are affine.
+        proof_seconds: time for a proof that there are no others, where there are too many affine
+            pieces to enumerate, or friction with a given bound; 0 for none.
 
     Raises:
-        ValueError: on every rank, if there is no guess, a state does not fit, gamma, the loads or
-            the stiffness are not finite, a number is not positive, or ranks differ.
+        ValueError: on every rank, if an argument is invalid or differs between ranks, or the loads
+            or the stiffness are not finite.
     """
     check_states(system, guesses, "a guess")
     check_states(system, known, "a known solution")
     system.check_parameter([gamma])
-    arguments = guesses, gamma, known, lengths, max_iterations, tolerance, deflation, proof_seconds
     scales = system.scales
     try:
-        found = _found(system, *arguments)
+        proved: Solutions | None = None
+        if not deflation:
+            search = _of_cones if system.is_piecewise_affine else _of_proof
+            with system.restored(always=True):
+                proved = search(system, guesses[0], gamma, proof_seconds)
+        if proved is not None and (system.is_piecewise_affine or proved.complete):
+            solutions = proved
+        else:
+            with (
+                system.restored(always=True),
+                _Deflated(system, gamma, max_iterations, tolerance) as deflated,
+            ):
+                states, tried = deflated.search(guesses, known, proved, lengths)
+                found = tuple(Solution(x, system.piece_at(x, gamma)) for x in states)
+            method = tried if found else f"not found: {tried}"
+            if proved is not None:
+                method = f"{method}, {proved.method}"
+            elif proof_seconds > 0 and not deflation:
+                obstacle = system.obstacle_to_proof()
+                method = f"{method}; nothing is proved: {obstacle}" if obstacle else method
+            proof = None if proved is None else proved.proof
+            solutions = Solutions(gamma, found, False, method, proof=proof)
     finally:
-        system.scales = scales  # which wild states have made large
-    return _doubted(system, found)
+        system.scales = scales  # diverging iterations have enlarged them
+    return _validated(system, solutions)
 
 
-def _doubted(system: System, solutions: Solutions) -> Solutions:
-    """Without a proof if the system doubts one of the solutions. Collective."""
+def _validated(system: System, solutions: Solutions) -> Solutions:
+    """The solutions without a proof if the model is not valid for one of them. Collective."""
     if not solutions.complete and solutions.proof is None:
         return solutions
     with system.restored(always=True):
-        doubts = (system.doubt(s.x, solutions.gamma, s.piece) for s in solutions.found)
-        doubt = next((d for d in doubts if d), "")
-    if not doubt:
+        warnings = (system.validity_warning(s.x, solutions.gamma, s.piece) for s in solutions.found)
+        warning = next((w for w in warnings if w), "")
+    if not warning:
         return solutions
-    method = f"{solutions.method}; nothing is proved: {doubt}"
+    method = f"{solutions.method}; nothing is proved: {warning}"
     return replace(solutions, complete=False, method=method, proof=None)
 
 
-def _found(
-    system: System,
-    guesses: Sequence[PETSc.Vec],
-    gamma: float,
-    known: Sequence[PETSc.Vec],
-    lengths: Sequence[float],
-    max_iterations: int,
-    tolerance: float,
-    deflation: bool,
-    proof_seconds: float,
-) -> Solutions:
-    """Solutions by enumeration, a proof or deflation; see `find_solutions`. Collective."""
-    sure: Solutions | None = None
-    if not deflation:
-        with system.restored(always=True):
-            affine = system.is_piecewise_affine
-            by = _of_cones if affine else _of_proof
-            sure = by(system, guesses[0], gamma, proof_seconds)
-        if sure is not None and (affine or sure.complete):
-            return sure
-    with (
-        system.restored(always=True),
-        _Deflated(system, gamma, max_iterations, tolerance) as deflated,
-    ):
-        solutions = [x.copy() for x in known]
-        if sure is not None:
-            solutions += [s.x for s in sure.found if not deflated.is_known(s.x, solutions)]
-        first, tried = deflated.first(guesses, solutions)
-        if first is not None:
-            solutions.append(first)
-        runs = 0
-        fruitless = False
-        while not fruitless:
-            fruitless = True
-            starts = [(guess, piece) for guess in guesses for piece in deflated.pieces(guess)]
-            starts += [(guess, None) for guess in deflated.beside(solutions, guesses[0])]
-            for (guess, piece), part in itertools.product(starts, lengths):
-                runs += 1
-                x = deflated.solve(guess, piece, solutions, part)
-                if x is not None:
-                    solutions.append(x)
-                    fruitless = False
-        found_ones = tuple(Solution(x, system.piece_at(x, gamma)) for x in solutions)
-    method = f"{tried}deflation, {runs} runs of Newton's method"
-    if not found_ones:
-        method = f"not found: {method}"
-    if sure is None and proof_seconds > 0 and not deflation:
-        obstacle = system.obstacle_to_proof()
-        method = f"{method}; nothing is proved: {obstacle}" if obstacle else method
-    if sure is None:
-        return Solutions(gamma, found_ones, False, method)
-    return Solutions(gamma, found_ones, False, f"{method}, {sure.method}", proof=sure.proof)
-
-
 def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
-    """What is certain where pieces are no cones; None where no proof is possible."""
+    """Solutions by a proof of the system; None where there is none. Collective."""
     condensed = system.condensed(x, gamma, conic=False) if seconds > 0 else None
     if condensed is None:
         return None
@@ -285,35 +253,35 @@ def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
 
 
 def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
+    """Solutions as rays under the whole load; None without a condensed system. Collective."""
     condensed = system.condensed(x, gamma)
     if condensed is None:
         return None
     affine = condensed.system
     affine.require_finite()
-    sure = None
+    proved = None
     if math.prod(map(int, affine.allowed.sum(axis=1))) > MOST_PIECES:
-        sure = _of_proof(system, x, gamma, seconds)
-    if sure is not None and sure.complete:
-        return sure
-    proved, proof = ((), None) if sure is None else (sure.found, sure.proof)
+        proved = _of_proof(system, x, gamma, seconds)
+    if proved is not None and proved.complete:
+        return proved
+    # in units in which the load is 1
     whole = affine.load + gamma * affine.rate
-    # The rays are looked for in units in which the load is 1.
-    unit = float(np.abs(whole).max(initial=0.0)) or 1.0
+    unit = largest(whole) or 1.0
     rays = outgoing(replace(affine, load=np.zeros_like(whole), rate=np.asarray(whole / unit)))
-
-    def solution(ray: AffineRay) -> Solution:
-        y = x.copy()
-        condensed.expand(unit * ray.direction, gamma, y)
-        return Solution(y, condensed.piece(ray.codes))
-
-    at = {id(ray): solution(ray) for ray in rays.rays if ray.rate == 1}
-    # What the proof found as well is one solution.
-    new = [s for s in proved if not any(_same(condensed, s, other) for other in at.values())]
-    found = (*at.values(), *new)
-    spans = [(codes, [at[id(r)] for r in ends if id(r) in at]) for codes, ends in rays.continua]
-    continua = tuple(
-        Continuum(condensed.piece(codes), tuple(ends)) for codes, ends in spans if ends
-    )
+    at: dict[int, Solution] = {}
+    for ray in rays.rays:
+        if ray.rate == 1:
+            y = x.copy()
+            condensed.expand(unit * ray.direction, gamma, y)
+            at[id(ray)] = Solution(y, condensed.piece(ray.codes))
+    found = list(at.values())
+    for s in () if proved is None else proved.found:
+        if not any(_coincide(condensed, s, other) for other in at.values()):
+            found.append(s)
+    spans = [
+        (codes, tuple(at[id(r)] for r in ends if id(r) in at)) for codes, ends in rays.continua
+    ]
+    continua = tuple(Continuum(condensed.piece(codes), ends) for codes, ends in spans if ends)
     complete = rays.complete
     if complete and not found and condensed.always_solvable:
         complete = False
@@ -324,19 +292,21 @@ def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
                 gamma,
                 rays.method,
             )
-    method = rays.method if proof is None else f"{rays.method}, {proof.method}"
-    return Solutions(gamma, found, complete, method, continua, proof)
+    if proved is None:
+        return Solutions(gamma, tuple(found), complete, rays.method, continua)
+    method = f"{rays.method}, {proved.method}"
+    return Solutions(gamma, tuple(found), complete, method, continua, proved.proof)
 
 
-def _same(condensed: Condensed, a: Solution, b: Solution) -> bool:
-    """Whether two solutions are one. Collective."""
+def _coincide(condensed: Condensed, a: Solution, b: Solution) -> bool:
+    """Return True if two solutions coincide at the condensed points. Collective."""
     v = condensed.contract(a.x)
     w = condensed.contract(b.x)
-    return bool(np.abs(v - w).max() <= 1e-7 * max(float(np.abs(v).max()), 1e-300))
+    return largest(v - w) <= 1e-7 * max(largest(v), 1e-300)
 
 
 class _Deflated:
-    """Newton's method on m(x) H(x) at fixed gamma."""
+    """Newton's method on m(x) H(x) at fixed gamma. All methods are collective."""
 
     def __init__(self, system: System, gamma: float, max_iterations: int, tolerance: float):
         self.system = system
@@ -357,67 +327,94 @@ class _Deflated:
         for v in (self._y, self._dy, self._rhs, self._row, self._h, self._away, self._w):
             v.destroy()
 
-    def beside(self, solutions: Sequence[PETSc.Vec], guess: PETSc.Vec) -> Iterator[PETSc.Vec]:
-        """States on either side of the solutions, on the line from the guess."""
+    def search(
+        self,
+        guesses: Sequence[PETSc.Vec],
+        known: Sequence[PETSc.Vec],
+        proved: Solutions | None,
+        lengths: Sequence[float],
+    ) -> tuple[list[PETSc.Vec], str]:
+        """All solutions found, the known ones first, and a description of the search."""
+        solutions = [x.copy() for x in known]
+        for s in () if proved is None else proved.found:
+            if not self._is_known(s.x, solutions):
+                solutions.append(s.x)
+        first, tried = self._first(guesses, solutions)
+        solutions += [] if first is None else [first]
+        runs = 0
+        fruitful = True
+        while fruitful:
+            fruitful = False
+            starts = [(guess, piece) for guess in guesses for piece in self._pieces(guess)]
+            starts += [(guess, None) for guess in self._beside(solutions, guesses[0])]
+            for (guess, piece), length in itertools.product(starts, lengths):
+                runs += 1
+                x = self._solve(guess, piece, solutions, length)
+                if x is not None:
+                    solutions.append(x)
+                    fruitful = True
+        return solutions, f"{tried}deflation, {runs} runs of Newton's method"
+
+    def _first(
+        self, guesses: Sequence[PETSc.Vec], known: Sequence[PETSc.Vec]
+    ) -> tuple[PETSc.Vec | None, str]:
+        """A new solution by the system's own solver, and the beginning of the description."""
+        tried = ""
+        for guess in guesses:
+            x, how = self.system.solution_from(guess, self.gamma)
+            if x is None:
+                tried = tried or (f"{how}; " if how else "")
+                continue
+            exact = self._solve(x, None, [], 1.0)
+            if exact is not None:
+                x.destroy()
+                x = exact
+            if not self._is_known(x, known):
+                return x, f"{how}, "
+            x.destroy()
+            return None, f"{how}, "
+        return None, tried
+
+    def _beside(self, solutions: Sequence[PETSc.Vec], guess: PETSc.Vec) -> Iterator[PETSc.Vec]:
+        """States on either side of the solutions, on the lines from the guess."""
         for x in solutions:
             for part in (-0.1, 0.1):
                 y = x.copy()
                 y.axpy(part, x - guess)
                 yield y
 
-    def first(
-        self, guesses: Sequence[PETSc.Vec], known: Sequence[PETSc.Vec]
-    ) -> tuple[PETSc.Vec | None, str]:
-        """A new solution by the system's own solver, and what was tried, for `Solutions.method`."""
-        tried = ""
-        for guess in guesses:
-            x, how = self.system.solution_from(guess, self.gamma)
-            if x is None:
-                # The guesses after this one are tried too.
-                tried = tried or (f"{how}; " if how else "")
-                continue
-            exact = self.solve(x, None, [], 1.0)
-            if exact is not None:
-                x.destroy()
-                x = exact
-            if self.is_known(x, known):
-                x.destroy()
-                return None, f"{how}, "
-            return x, f"{how}, "
-        return None, tried
-
-    def pieces(self, guess: PETSc.Vec) -> list[Piece | None]:
-        """None, and pieces in which all points have one status: of the first step from a guess."""
-        free = np.unique(self._events(guess).point)
-        here = self.system.piece_at(guess, self.gamma)
-        statuses = {int(s) for point in free for s in self.system.statuses(int(point))}
-        every = sorted(set().union(*self.bordered.comm.allgather(statuses)))
+    def _pieces(self, guess: PETSc.Vec) -> list[Piece | None]:
+        """Pieces of the first step: None for H itself, and those with one status of all points."""
+        own = self.system.piece_at(guess, self.gamma)
+        free = [int(p) for p in np.unique(self.system.events(guess, self.gamma, own).point)]
+        statuses = {p: {int(s) for s in self.system.statuses(p)} for p in free}
+        everywhere = self.bordered.comm.allgather(set().union(*statuses.values()))
         uniform = []
-        for status in every:
-            mine = [p for p in free if status in self.system.statuses(int(p))]
-            points = np.array(mine, dtype=np.int32)
-            uniform.append(here.with_codes(points, [status] * len(points)))
+        for status in sorted(set().union(*everywhere)):
+            points = np.array([p for p in free if status in statuses[p]], dtype=np.int32)
+            uniform.append(own.with_codes(points, [status] * len(points)))
         return [None, *uniform]
 
-    def _events(self, x: PETSc.Vec) -> Events:
-        return self.system.events(x, self.gamma, self.system.piece_at(x, self.gamma))
-
-    def solve(
-        self, guess: PETSc.Vec, piece: Piece | None, known: Sequence[PETSc.Vec], part: float
+    def _solve(
+        self, guess: PETSc.Vec, piece: Piece | None, known: Sequence[PETSc.Vec], length: float
     ) -> PETSc.Vec | None:
-        """A solution that is not among ``known``, from ``guess``; None if none is found.
+        """A solution that is not among ``known``; None if none is found.
 
-        The first step is a whole one on ``piece``, if there is one.
+        Args:
+            guess: initial state.
+            piece: piece of the first step, which is not deflated; None for H itself.
+            known: deflated solutions.
+            length: distance at which they repel, relative to their distance from the guess.
         """
         b = self.bordered
         x = guess.copy()
-        squares = [part**2 * self._product(guess, other)[0] or 1.0 for other in known]
+        squares = [length**2 * self._product(guess, other)[0] or 1.0 for other in known]
         for _ in range(self.max_iterations):
             error = self.system.residual(x, self.gamma, self._h, piece)
             if not np.isfinite(error):
                 break
             near = error <= self.tolerance and piece is None
-            if near and self.is_known(x, known):
+            if near and self._is_known(x, known):
                 break
             b.join(x, self.gamma, self._y)
             b.solver.assemble(self._y, self._row, piece)
@@ -429,7 +426,7 @@ class _Deflated:
             dx = dx.copy()
             repelled = piece is None and not near
             x.axpy(self._factor(x, dx, known, squares) if repelled else 1.0, dx)
-            # The residual may be small beside those of wild steps before: the step decides.
+            # the residual is relative to the largest so far, hence the test of the step
             done = near and dx.norm() <= 1e-8 * x.norm()
             dx.destroy()
             if done:
@@ -444,8 +441,8 @@ class _Deflated:
         """1 / (1 - grad log m . dx)."""
         slope = 0.0
         for other, square in zip(known, squares, strict=True):
+            # log(1/d + 1) with d = |x - x_k|^2 changes by -2 (x - x_k) . dx / (d (1 + d))
             distance, along = self._product(x, other, dx)
-            # Of log(1/d + 1), d the square of the distance: -2 (x - x_k) . dx / (d (1 + d)).
             slope -= 2 * along / (max(distance, 1e-300) * (1 + distance / square))
         factor = 1.0 / (1.0 - slope) if slope != 1 else 1.0
         return float(np.clip(factor, -1e3, 1e3))
@@ -459,8 +456,8 @@ class _Deflated:
         along = 0.0 if dx is None else float(self._w.dot(dx))
         return float(self._w.dot(self._away)), along
 
-    def is_known(self, x: PETSc.Vec, known: Sequence[PETSc.Vec]) -> bool:
-        """Whether a state is one of ``known``."""
+    def _is_known(self, x: PETSc.Vec, known: Sequence[PETSc.Vec]) -> bool:
+        """Return True if a state is one of ``known``."""
         size = x.norm()
         for other in known:
             self._away.waxpy(-1.0, other, x)

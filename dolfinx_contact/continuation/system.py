@@ -221,8 +221,8 @@ class System:
         """
         return None, ""
 
-    def doubt(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
-        """Why H does not tell the truth of a state, so that nothing is proved; by default "".
+    def validity_warning(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
+        """Reason why the model is not valid for a solution; by default "".
 
         Args:
             x: a solution.
