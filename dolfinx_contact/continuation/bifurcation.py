@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Smooth bifurcations: the bordered test function, and the direction in which to branch off.
+r"""Smooth bifurcations: the bordered test function tau, and the direction in which to branch off.
 
-With J = [grad H; t^T] and borders B and C fixed once, tau in
+With J = [grad H; t^T] and constant borders B and C, tau in
 
     [ J   B ] [ V   ]   [ 0 ]
     [ C^T 0 ] [ tau ] = [ 1 ]
 
 has the sign of det J over that of the whole matrix, which is regular at a simple bifurcation. So
-tau vanishes there, and V tends to the kernel of J: the direction of the other branch that is
-orthogonal to t. With J^{-1} at hand from the tangent, tau = -1/(C^T J^{-1} B) costs one solve.
+tau vanishes there, and V tends to the kernel of J, the direction of the other branch that is
+orthogonal to t. With J^{-1} from the computation of the tangent, tau = -1/(C^T J^{-1} B) costs one
+solve.
 
-Where the whole matrix is singular tau changes its sign through infinity, and in one step with a
-bifurcation the two changes would hide each other. So there are three pairs of borders, and the
-median of their values decides: at a bifurcation all three vanish, elsewhere one is outvoted.
+Where the whole matrix is singular, tau changes its sign through infinity; in one step with a
+bifurcation, the two changes would hide each other. Hence there are three pairs of borders, and the
+median of their values decides: all three vanish at a bifurcation, elsewhere one is outvoted.
 
-Where every further right-hand side has its price there is one pair, and the sign of det J, which
-comes with the solve, is that of tau = sign(det J) / |C^T J^{-1} B|.
+With a Krylov method, where every right-hand side costs a solve, there is one pair, and
+tau = sign(det J) / |C^T J^{-1} B| with the sign of det J from the solve.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ _PAIRS = 3
 
 
 class BifurcationTest:
-    """The test function tau_BP on a bordered system.
+    """The test function tau on a bordered system. All methods are collective.
 
     Args:
-        bordered: whose matrix is J at the point to test, as the last tangent left it.
+        bordered: bordered system, whose matrix is J at the point of the last tangent.
 
     Attributes:
-        signs: of the pairs, by which they agree on the branch so far.
+        signs: signs of the pairs by which they agree on the branch so far, shape (pairs,).
     """
 
     def __init__(self, bordered: Bordered):
@@ -51,29 +52,31 @@ class BifurcationTest:
         self._chosen = 0
 
     def _border(self, seed: int) -> PETSc.Vec:
-        v = self._bordered.vector()
         probe = self._bordered.system.probe(seed)
         probe.scale(1.0 / probe.norm())
-        self._bordered.join(probe, 0.6180339887 * np.cos(seed) if self._several else 0.0, v)
+        last = 0.6180339887 * np.cos(seed) if self._several else 0.0
+        border = self._bordered.joined(probe, last)
         probe.destroy()
-        return v
+        return border
 
     def __call__(self, *, accepted: bool = False) -> float:
-        """Tau at the point of the last tangent; 0 if J is singular there.
+        """Return tau at the point of the last tangent; 0 if J is singular there.
 
         Args:
-            accepted: the point belongs to the branch: a pair that was outvoted there changes sides.
+            accepted: True if the point belongs to the branch; a pair that is outvoted there changes
+                its sign.
         """
+        solver = self._bordered.solver
         products = np.empty(len(self._V))
         for k, V in enumerate(self._V):
             B, C = self._borders[2 * k : 2 * k + 2]
-            if not self._bordered.solver.probe(B, V):
+            if not solver.probe(B, V):
                 return 0.0
             products[k] = float(C.dot(V))
         with np.errstate(divide="ignore"):
             values = -self.signs / products
         if not self._several:
-            orientation = self._bordered.solver.determinant_sign() * self._bordered.sense
+            orientation = solver.determinant_sign() * self._bordered.sense
             return float(orientation * np.abs(values[0]))
         self._chosen = int(np.argsort(values)[_PAIRS // 2])
         tau = float(values[self._chosen])

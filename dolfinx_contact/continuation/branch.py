@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What is found: a branch with its points and special points, and a diagram of branches."""
+"""Results of the continuation: points, special points, branches, and diagrams of branches."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ class BranchPoint:
     """A point of a branch.
 
     Attributes:
-        y: (x, gamma); a copy of its own.
-        tangent: unit tangent in the sense in which the branch is followed.
-        piece: the piece of H that the point lies on.
+        y: vector (x, gamma).
+        tangent: unit tangent in the sense in which the branch is traced.
+        piece: piece of H on which the branch continues.
         gamma: parameter.
         step: length of the step to this point.
-        corrections: Newton steps of the corrector.
-        tau: test function of smooth bifurcations; it changes its sign there.
+        corrections: Newton iterations of the corrector.
+        tau: test function of smooth bifurcations, which changes its sign there.
     """
 
     y: PETSc.Vec
@@ -57,7 +57,14 @@ class BranchPoint:
 
 @dataclass(frozen=True)
 class Change:
-    """A point that changes its status, by the rank that owns it and its local number there."""
+    """A change of status of one point.
+
+    Attributes:
+        rank: rank that owns the point.
+        point: local number there.
+        before: status before.
+        after: status after.
+    """
 
     rank: int
     point: int
@@ -67,7 +74,12 @@ class Change:
 
 @dataclass(frozen=True)
 class Ray:
-    """An outgoing ray of a nonsmooth point: the piece, and the one-sided unit tangent into it."""
+    """An outgoing ray of a nonsmooth point.
+
+    Attributes:
+        piece: piece of H.
+        tangent: one-sided unit tangent into the piece.
+    """
 
     piece: Piece
     tangent: PETSc.Vec
@@ -106,25 +118,24 @@ class FoundRays(Generic[R]):
 
 @dataclass(frozen=True)
 class SpecialPoint:
-    """Where a branch kinks, folds or meets others.
+    """A kink, fold or bifurcation of a branch.
 
     Attributes:
-        kind: ``"event"`` a status changes and gamma continues, ``"fold"`` gamma turns back,
-            ``"bifurcation"`` there are other outgoing rays.
+        kind: ``"event"`` if a status changes and gamma continues, ``"fold"`` if gamma turns back,
+            ``"bifurcation"`` if there are other outgoing rays, ``"end"`` if no ray was found.
         smooth: False at a change of status.
-        gamma: parameter; at an event that is not located, estimated.
-        y: (x, gamma); at an event that is not located, the point of the branch that follows it.
-        index: of the point of the branch that follows it.
-        changes: points that change status on the branch that is followed.
-        parity: sign of the ratio of the determinants of the bordered systems before and after, -1
+        gamma: parameter; at an event that is not located, an estimate.
+        y: vector (x, gamma); at an event that is not located, the following point of the branch.
+        index: number of the following point of the branch.
+        changes: changes of status along the branch.
+        parity: sign of the ratio of the determinants of the bordered systems after and before, -1
             at a simple bifurcation; 0 if it was not evaluated.
         others: outgoing rays that the branch does not take.
-        complete: whether `others` has been enumerated completely; False if it was not looked for.
-        incoming: at a bifurcation the ray along which the branch came; its tangent points to here.
-        onwards: at a bifurcation the ray by which the branch continues.
-        method: how the rays were looked for.
-        bracket: the values of gamma between which an event lies that is not located; None if it
-            is.
+        complete: True if `others` is provably complete.
+        incoming: incoming ray at a bifurcation; its tangent points to the bifurcation.
+        onwards: outgoing ray of the branch at a bifurcation.
+        method: description of the search for rays.
+        bracket: values of gamma between which an event lies that is not located; None if it is.
     """
 
     kind: Kind
@@ -143,23 +154,23 @@ class SpecialPoint:
 
     @property
     def located(self) -> bool:
-        """Whether `gamma` and `y` are those of the special point to round-off."""
+        """True if `gamma` and `y` are exact to round-off."""
         return self.bracket is None
 
 
 @dataclass
 class Branch(Ends):
-    """What was followed.
+    """A branch.
 
     Attributes:
-        points: in order, the start first.
-        special: events, folds and bifurcations, in order.
-        ending: how it ended.
-        reason: why, in words.
-        factorisations: of bordered matrices.
-        solves: right-hand sides.
+        points: points in order, the start first.
+        special: events, folds and bifurcations in order.
+        ending: kind of its end.
+        reason: description of its end.
+        factorisations: number of bordered matrices factorised.
+        solves: number of right-hand sides.
         start_correction: largest change of an unknown by the correction of the start at fixed
-            gamma; with a contact problem a length.
+            gamma; for a contact problem a length.
     """
 
     points: list[BranchPoint] = field(default_factory=list)
@@ -172,17 +183,17 @@ class Branch(Ends):
 
     @property
     def complete(self) -> bool:
-        """Whether it was followed to the end of the range of gamma."""
+        """True if the branch ends at an end of the range of gamma."""
         return self.ending is Ending.REACHED
 
     @property
     def folds(self) -> list[SpecialPoint]:
-        """Where gamma turns back, smooth or not."""
+        """Smooth and nonsmooth folds."""
         return [s for s in self.special if s.kind == "fold"]
 
     @property
     def bifurcations(self) -> list[SpecialPoint]:
-        """Points where other branches lead out."""
+        """Points at which other branches meet."""
         return [s for s in self.special if s.kind == "bifurcation"]
 
     def summary(self) -> dict[str, Any]:
@@ -207,10 +218,10 @@ class Node:
     """A bifurcation.
 
     Attributes:
-        point: the special point, as it was found first. Nothing comes in at one that the
-            exploration starts from: there `incoming` and `onwards` are None, and all rays `others`.
-        rays: all outgoing rays, that by which it was found included.
-        edges: number of the branch that leaves or arrives along each ray; None if none has yet.
+        point: special point as found first. At a start of the exploration `incoming` and `onwards`
+            are None, and all rays are in `others`.
+        rays: all outgoing rays, the reverse of the incoming one included.
+        edges: numbers of the branches that leave or arrive along the rays; None for none.
     """
 
     point: SpecialPoint
@@ -223,9 +234,9 @@ class Edge:
     """A branch between two nodes.
 
     Attributes:
-        branch: its points; they start at ``start`` and end at ``end``.
-        start: number of a node, None at a start of the exploration.
-        end: number of a node, None where the branch ends otherwise; see `Branch.reason`.
+        branch: branch from ``start`` to ``end``.
+        start: number of a node; None at a start of the exploration.
+        end: number of a node; None if the branch ends elsewhere, see `Branch.reason`.
     """
 
     branch: Branch
@@ -235,16 +246,17 @@ class Edge:
 
 @dataclass
 class Diagram(Ends):
-    """What was found.
+    """A bifurcation diagram.
 
     Attributes:
-        edges: branches.
+        edges: branches with their nodes.
         nodes: bifurcations.
-        complete: whether every ray has been followed to the end of its branch, and every node
-            knows all of its rays.
-        ending: how the exploration ended; that of a branch which was cut off, if one was.
-        reason: why, in words.
-        start_correction: largest of the corrections of the starts, see `Branch.start_correction`.
+        complete: True if all rays of all nodes are known and have been traced to the ends of their
+            branches.
+        ending: kind of the end of the exploration; that of the first branch that was cut off, if
+            there is one.
+        reason: description of the end.
+        start_correction: largest correction of a start, see `Branch.start_correction`.
     """
 
     edges: list[Edge] = field(default_factory=list)
@@ -260,7 +272,7 @@ class Diagram(Ends):
         return [edge.branch for edge in self.edges]
 
     def open_rays(self) -> list[tuple[int, int]]:
-        """Node and ray number of the rays that no branch has taken."""
+        """Numbers of node and ray of the rays without a branch."""
         return [
             (i, j)
             for i, node in enumerate(self.nodes)
@@ -269,7 +281,7 @@ class Diagram(Ends):
         ]
 
     def summary(self) -> dict[str, Any]:
-        """Scalars and lists for `summary.json`; those of branches in the order of the edges."""
+        """Scalars and lists for `summary.json`, branches in the order of the edges."""
         return {
             "converged": self.ending is Ending.REACHED,
             "reason": self.reason,

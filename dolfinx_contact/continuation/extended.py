@@ -4,17 +4,16 @@ r"""Curves of special points in two parameters, by the extended system.
     H(x, gamma, mu) = 0,    phi(x, gamma, mu) = 0
 
 in the unknowns (x, gamma) with the parameter mu, where phi is a condition of `conditions.py`. It is
-a `System` like any other, with the pieces of H: a curve is followed by predictor and corrector, by
-arc length, through changes of status of further points. Where mu turns back smoothly on a curve of
-smooth folds there is a cusp of these.
+a `System` with the pieces of H. A curve is traced by arc length through changes of status of other
+points. Where mu turns back smoothly on a curve of smooth folds, there is a cusp of these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Protocol, get_args
+from typing import Protocol, get_args
 
 from petsc4py import PETSc
 
@@ -33,7 +32,6 @@ from dolfinx_contact.continuation.arguments import (
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, SpecialPoint
 from dolfinx_contact.continuation.conditions import (
     Condition,
-    Derivative,
     SmoothFold,
     StatusChange,
     with_status,
@@ -51,18 +49,18 @@ _LOST = 127  # status of the point of a `StatusChange` beyond the end of its bor
 
 
 class ParameterSystem(Protocol):
-    """A system whose parameter can be set; two with one H and two parameters are followed."""
+    """A system whose parameter can be set: H as a function of mu, with gamma fixed."""
 
     def set_parameter(self, gamma: float) -> None:
-        """Take the parameter into H. Collective."""
+        """Set the value of the parameter in H. Collective."""
 
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
-        """The derivative of H by the parameter into ``c``, the other parameter as it was set."""
+        """The derivative of H by the parameter into ``c``, with the other parameter as set."""
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
-        """Raise ``ValueError`` if there is no problem at one of these."""
+        """Raise ``ValueError`` if the problem does not exist at one of these values."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +68,11 @@ class SpecialCurve:
     """A curve of special points.
 
     Attributes:
-        points: (mu, gamma) of its points, mu first rising from the least one (n, 2).
-        meetings: (mu, gamma) where further points change their status (n, 2).
-        turns: (mu, gamma) where mu turns back: cusps of smooth folds (n, 2).
-        branches: what was followed, towards smaller and towards larger mu.
-        reasons: why these ended.
+        points: (mu, gamma) of its points, from its end at smaller mu on, shape (n, 2).
+        meetings: (mu, gamma) where further points change their status, shape (n, 2).
+        turns: (mu, gamma) where mu turns back: cusps of smooth folds, shape (n, 2).
+        branches: branches of the extended system, towards smaller and towards larger mu.
+        reasons: reasons for the ends of these.
     """
 
     points: npt.NDArray[np.float64]
@@ -84,7 +82,7 @@ class SpecialCurve:
     reasons: tuple[str, str]
 
     def at(self, mu: float) -> list[float]:
-        """Gamma at points of the curve whose mu is ``mu``, to the accuracy of a straight line."""
+        """Values of gamma where the curve has this ``mu``, linear between its points."""
         m, g = self.points.T
         k = np.flatnonzero((m[:-1] - mu) * (m[1:] - mu) <= 0)
         parts = [(mu - m[i]) / (m[i + 1] - m[i]) if m[i + 1] != m[i] else 0.0 for i in k]
@@ -92,15 +90,15 @@ class SpecialCurve:
 
 
 class _Extended(System):
-    """H and a condition, in X = (x, gamma), with the parameter mu.
+    """H and a condition in X = (x, gamma), with the parameter mu.
 
     Args:
         system: H with gamma.
         other: the same H with mu.
-        condition: that holds as well.
+        condition: condition phi.
         gamma_scale: size of gamma that counts as 1.
         x_size: square of the length of x that counts as 1, in the metric of the system.
-        border: the change of status that is the condition; None for a smooth fold.
+        border: change of status that is the condition; None for a smooth fold.
     """
 
     def __init__(
@@ -124,15 +122,7 @@ class _Extended(System):
         self._gamma_scale = gamma_scale
         self._x_size = x_size
         self._border = border
-        self._mine = border is not None and border.rank == self.comm.rank
-
-    # -- H and the condition ---------------------------------------------------------------------
-
-    def _split(self, X: PETSc.Vec) -> tuple[PETSc.Vec, float]:
-        """x, in a vector of its own, and gamma."""
-        x, gamma = self.layout.split(X)
-        x.copy(self._x)
-        return self._x, gamma
+        self._owns_border = border is not None and border.rank == self.comm.rank
 
     @property
     def matrix(self) -> PETSc.Mat:  # type: ignore[override]
@@ -150,116 +140,113 @@ class _Extended(System):
     def create_vector(self) -> PETSc.Vec:
         return self.layout.vector()
 
-    def _held(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Piece:
-        """The piece of H; where none is given the one that the state determines."""
-        piece = self.system.piece_at(x, gamma) if piece is None else piece
+    def _set(self, X: PETSc.Vec, mu: float, piece: Piece | None) -> tuple[PETSc.Vec, float, Piece]:
+        """Set mu, and return x in a vector of its own, gamma, and the piece of H.
+
+        The piece is by default the one that the state determines; the point of a status change has
+        its status before the change.
+        """
+        x, gamma = self.layout.split(X)
+        x.copy(self._x)
+        self.other.set_parameter(mu)
+        piece = self.system.piece_at(self._x, gamma) if piece is None else piece
         border = self._border
-        return piece if border is None else with_status(self.comm, piece, border, border.before)
+        if border is not None:
+            piece = with_status(self.comm, piece, border, border.before)
+        return self._x, gamma, piece
+
+    # -- H and the condition ---------------------------------------------------------------------
 
     def residual(self, X: PETSc.Vec, mu: float, b: PETSc.Vec, piece: Piece | None) -> float:
-        x, gamma = self._split(X)
-        self.other.set_parameter(mu)
-        held = self._held(x, gamma, piece)
-        phi, small = self.condition.value(x, gamma, held)
-        size = self.system.residual(x, gamma, self._c, held)
+        x, gamma, own = self._set(X, mu, piece)
+        phi, size_of_phi = self.condition.value(x, gamma, own)
+        size = self.system.residual(x, gamma, self._c, own)
         self.layout.join(self._c, phi, b)
-        return max(size, small)
+        return max(size, size_of_phi)
 
     def jacobian(self, X: PETSc.Vec, mu: float, piece: Piece | None) -> None:
-        x, gamma = self._split(X)
-        self.other.set_parameter(mu)
-        held = self._held(x, gamma, piece)
-        self.condition.gradient(x, gamma, held, self._d)
-        slope = self.condition.derivative(x, gamma, held, self._by_gamma(gamma))
-        self.layout.join(self._d, slope, self._row)
-        self._solver.assemble(X, self._row, held)
+        x, gamma, own = self._set(X, mu, piece)
 
-    def _by_gamma(self, gamma: float) -> Derivative:
-        return lambda x, piece, c: self.system.parameter_derivative(x, gamma, c, piece)
+        def by_gamma(at: PETSc.Vec, of: Piece, out: PETSc.Vec) -> None:
+            self.system.parameter_derivative(at, gamma, out, of)
+
+        self.condition.gradient(x, gamma, own, self._d)
+        slope = self.condition.derivative(x, gamma, own, by_gamma)
+        self.layout.join(self._d, slope, self._row)
+        self._solver.assemble(X, self._row, own)
 
     def parameter_derivative(
         self, X: PETSc.Vec, mu: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
-        x, gamma = self._split(X)
-        self.other.set_parameter(mu)
-        held = self._held(x, gamma, piece)
-        self.system.residual(x, gamma, self._c, held)  # which takes gamma into H
+        x, gamma, own = self._set(X, mu, piece)
+        self.system.residual(x, gamma, self._c, own)  # sets gamma in H
 
-        def by_mu(at: PETSc.Vec, there: Piece, out: PETSc.Vec) -> None:
-            self.other.parameter_derivative(at, mu, out, there)
+        def by_mu(at: PETSc.Vec, of: Piece, out: PETSc.Vec) -> None:
+            self.other.parameter_derivative(at, mu, out, of)
 
-        slope = self.condition.derivative(x, gamma, held, by_mu)
-        by_mu(x, held, self._c)
+        slope = self.condition.derivative(x, gamma, own, by_mu)
+        by_mu(x, own, self._c)
         self.layout.join(self._c, slope, c)
 
     def metric(self, X: PETSc.Vec, out: PETSc.Vec) -> None:
-        x, gamma = self._split(X)
+        x, gamma = self.layout.split(X)
         self.system.metric(x, self._d)
         self._d.scale(1.0 / self._x_size)
         self.layout.join(self._d, gamma / self._gamma_scale**2, out)
 
     def probe(self, seed: int) -> PETSc.Vec:
         x = self.system.probe(seed)
-        out = self.create_vector()
-        self.layout.join(x, float(np.cos(seed)), out)
+        out = self.layout.joined(x, float(np.cos(seed)))
         x.destroy()
         return out
 
     # -- pieces ----------------------------------------------------------------------------------
 
     def piece_at(self, X: PETSc.Vec, mu: float) -> Piece:
-        x, gamma = self._split(X)
-        self.other.set_parameter(mu)
-        return self._held(x, gamma, None)
+        return self._set(X, mu, None)[2]
 
     def events(self, X: PETSc.Vec, mu: float, piece: Piece) -> Events:
-        """Those of H on both sides of the border, but for the change that is the condition."""
-        x, gamma = self._split(X)
-        self.other.set_parameter(mu)
-        found = self.system.events(x, gamma, self._held(x, gamma, piece))
+        """Events of H on both sides of the border, without the change that is the condition."""
+        x, gamma, own = self._set(X, mu, piece)
+        before = self.system.events(x, gamma, own)
         border = self._border
         if border is None:
-            return found
+            return before
         other = with_status(self.comm, piece, border, border.after)
-        beyond = self.system.events(x, gamma, other)
-        if not self._mine:
-            return found
-        here = found.point == border.point
-        there = beyond.point == border.point
-        own = np.concatenate(
+        after = self.system.events(x, gamma, other)
+        if not self._owns_border:
+            return before
+        at = before.point == border.point
+        distance = np.concatenate(
             [
-                found.distance[here & (found.target != border.after)],
-                beyond.distance[there & (beyond.target != border.before)],
+                before.distance[at & (before.target != border.after)],
+                after.distance[(after.point == border.point) & (after.target != border.before)],
             ]
         )
         if piece.codes[border.point] == _LOST:
-            own = np.full(max(len(own), 1), -1.0)
-        n = len(own)
+            distance = np.full(max(len(distance), 1), -1.0)
+        n = len(distance)
         return Events(
-            np.concatenate([found.distance[~here], own]),
-            np.concatenate([found.point[~here], np.full(n, border.point, dtype=np.int32)]),
-            np.concatenate([found.target[~here], np.full(n, _LOST, dtype=np.int8)]),
+            np.concatenate([before.distance[~at], distance]),
+            np.concatenate([before.point[~at], np.full(n, border.point, dtype=np.int32)]),
+            np.concatenate([before.target[~at], np.full(n, _LOST, dtype=np.int8)]),
         )
 
     def statuses(self, point: int) -> Sequence[int]:
-        if self._mine and self._border is not None and point == self._border.point:
+        if self._owns_border and self._border is not None and point == self._border.point:
             return (self._border.before,)
         return self.system.statuses(point)
 
-    # -- the rest --------------------------------------------------------------------------------
+    # -- the data --------------------------------------------------------------------------------
 
     def put(self, X: PETSc.Vec, mu: float, piece: Piece) -> None:
-        x, gamma = self._split(X)
-        self.other.set_parameter(mu)
-        self.system.put(x, gamma, self._held(x, gamma, piece))
+        self.system.put(*self._set(X, mu, piece))
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
         self.other.check_parameter(gammas)
 
-    @contextmanager
-    def restored(self, *, always: bool = False) -> Iterator[None]:
-        with self.system.restored(always=always):
-            yield
+    def restored(self, *, always: bool = False) -> AbstractContextManager[None]:
+        return self.system.restored(always=always)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
@@ -298,58 +285,74 @@ def follow_special(
     control: StepControl | None = None,
     max_steps: int = 1000,
 ) -> SpecialCurve:
-    """Follow a fold, or another event of one point, as a second parameter varies. Collective.
+    """Trace a fold, or another event of one point, as a second parameter varies. Collective.
 
-    Where that point comes to a further border of its own the curve ends. What the systems write to
-    is left as it was.
+    The curve ends where that point reaches another border of its own. The data of the systems are
+    restored.
 
     Args:
         system: H with its parameter gamma, with assembled matrices.
-        other: the same H with its parameter mu, in the same vectors.
-        mu: its value on the branch.
-        branch: that was followed with ``system``.
-        special: a special point of it: a located change of status of one point, or a smooth fold.
-        mu_range: the curve ends where mu reaches either end.
+        other: the same H with its parameter mu, with the same vectors.
+        mu: value of mu on the branch.
+        branch: branch of ``system``.
+        special: special point of the branch: a located change of status of one point, or a smooth
+            fold.
+        mu_range: range of mu; the curve ends at either end.
         gamma_scale: size of gamma that counts as 1.
         control: step lengths.
-        max_steps: budget, each way.
+        max_steps: largest number of steps in each direction.
 
     Raises:
-        ValueError: on every rank, if an argument does not fit or differs between ranks, the special
-            point is of another kind, or there is no curve through it.
+        ValueError: on every rank, if an argument is invalid or differs between ranks, or there is
+            no curve through the special point.
     """
     require(
         system.comm,
         system.preconditioner is None,
         "curves in two parameters need assembled matrices: take the direct linear solver",
     )
-    low, high = mu_range
-    smooth = _is_smooth_fold(special)
     layout = Layout(system)
-    before = branch.points[special.index - 1]
     x, gamma = layout.split(special.y)
     x = x.copy()
     other.set_parameter(mu)
-    border = None if smooth else special.changes[0]
-    condition = _condition(system, layout, before, border, x, gamma)
+    # the condition, on the piece of the point before
+    before = branch.points[special.index - 1]
+    border = None if _is_smooth_fold(special) else special.changes[0]
+    condition: Condition
+    if border is None:
+        condition = SmoothFold(system, x, gamma, before.piece)
+    else:
+        away, its_gamma = layout.split(before.y)
+        condition = StatusChange(system, border, away.copy(), its_gamma, before.piece)
     weight = system.create_vector()
     system.metric(x, weight)
     x_size = float(weight.dot(x)) or 1.0
     extended = _Extended(
         system, other, condition, gamma_scale=gamma_scale, x_size=x_size, border=border
     )
-    X = extended.create_vector()
-    layout.join(x, gamma, X)
-    way: dict[str, Any] = dict(gamma_range=(low, high), control=control, max_steps=max_steps)
+    X = layout.joined(x, gamma)
+    branches: dict[Direction, Branch] = {}
     try:
         with system.restored(always=True):
-            ways = {
-                to: follow(extended, X, mu, direction=to, route="steps", progress=False, **way)
-                for to in get_args(Direction)
-                if not leads_out(mu, sign_of(to), (low, high))
-            }
-        down, up = (ways.get(to) or _nowhere(ways) for to in reversed(get_args(Direction)))
-        return _curve(extended, down, up)
+            for direction in get_args(Direction):
+                if not leads_out(mu, sign_of(direction), mu_range):
+                    branches[direction] = follow(
+                        extended,
+                        X,
+                        mu,
+                        gamma_range=mu_range,
+                        direction=direction,
+                        control=control,
+                        max_steps=max_steps,
+                        route="steps",
+                        progress=False,
+                    )
+        if len(branches) == 1:  # the branch starts at an end of the range
+            ((direction, only),) = branches.items()
+            empty = Branch([only.points[0]])
+            empty.end(Ending.REACHED)
+            branches["decreasing" if direction == "increasing" else "increasing"] = empty
+        return _curve(extended, branches["decreasing"], branches["increasing"])
     finally:
         other.set_parameter(mu)
         extended.destroy()
@@ -357,48 +360,22 @@ def follow_special(
             v.destroy()
 
 
-def _condition(
-    system: System,
-    layout: Layout,
-    before: BranchPoint,
-    border: Change | None,
-    x: PETSc.Vec,
-    gamma: float,
-) -> Condition:
-    """What holds at (x, gamma): that a point changes its status there, or else a smooth fold.
-
-    ``before`` is the point before it on the branch, in whose piece it lies.
-    """
-    if border is None:
-        return SmoothFold(system, x, gamma, before.piece)
-    away, there = layout.split(before.y)
-    return StatusChange(system, border, away.copy(), there, before.piece)
-
-
-def _nowhere(ways: Mapping[Direction, Branch]) -> Branch:
-    """The way that is none, from the end of the range: the start of the other one."""
-    (other,) = ways.values()
-    branch = Branch([other.points[0]])
-    branch.end(Ending.REACHED)
-    return branch
-
-
 def _curve(extended: _Extended, down: Branch, up: Branch) -> SpecialCurve:
+    """The curve of two branches from one point. Collective."""
     layout = Layout(extended)
 
-    def place(y: PETSc.Vec) -> tuple[float, float]:
-        X, mu = layout.split(y)
-        return mu, extended.layout.gamma(X)
+    def places(of: Sequence[BranchPoint | SpecialPoint]) -> npt.NDArray[np.float64]:
+        rows = []
+        for point in of:
+            X, mu = layout.split(point.y)
+            rows.append((mu, extended.layout.gamma(X)))
+        return np.array(rows, dtype=float).reshape(-1, 2)
 
-    def places(ys: Sequence[PETSc.Vec]) -> npt.NDArray[np.float64]:
-        return np.array([place(y) for y in ys], dtype=float).reshape(-1, 2)
-
-    both = [*reversed(down.points[1:]), *up.points]
     special = [*reversed(down.special), *up.special]
     curve = SpecialCurve(
-        places([p.y for p in both]),
-        places([s.y for s in special if not s.smooth]),
-        places([s.y for s in special if s.kind == "fold" and s.smooth]),
+        places([*reversed(down.points[1:]), *up.points]),
+        places([s for s in special if not s.smooth]),
+        places([s for s in special if s.kind == "fold" and s.smooth]),
         (down, up),
         (down.reason, up.reason),
     )

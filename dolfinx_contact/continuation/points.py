@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Points of a branch that has been followed, at one value of its parameter."""
+"""Points of a branch at one value of its parameter."""
 
 from __future__ import annotations
 
@@ -38,24 +38,24 @@ def points_at(
     control: StepControl | None = None,
     route: Route = "auto",
 ) -> list[BranchPoint]:
-    """The points of a branch at which its parameter is ``gamma``, in order. Collective.
+    """Return the points of a branch at which its parameter is ``gamma``, in order. Collective.
 
-    What the system writes to is left as it was. A branch that leaves a bifurcation by steps begins
-    at its first point, a small way beside it: between the two nothing is found.
+    The data of the system are restored. Between a bifurcation and the first point of a branch that
+    leaves it by steps, a small distance, no points are found.
 
     Args:
-        system: that was followed.
-        branch: with all of its points.
+        system: system of the branch.
+        branch: complete branch.
         gamma: parameter. Between two points of the branch, or a point and a smooth fold, it is
-            taken to pass a value once.
-        gamma_range: with which the branch was followed.
-        control: of the corrector.
-        route: by which it was followed.
+            assumed to pass a value once.
+        gamma_range: range of gamma of the branch.
+        control: parameters of the corrector.
+        route: method by which the branch was traced.
 
     Raises:
-        ValueError: on every rank, if an argument does not fit or differs between ranks, the branch
-            has no point, or one of its points is not a solution of the system as it is now.
-        RuntimeError: on every rank, if a point that must be there is not found.
+        ValueError: on every rank, if an argument is invalid or differs between ranks, or a point of
+            the branch does not solve the present system.
+        RuntimeError: on every rank, if a point that must exist is not found.
     """
     same_everywhere(system.comm, points_of_the_branch=len(branch.points))
     require_solutions(system, branch)
@@ -69,17 +69,17 @@ def points_at(
         system.restored(always=True),
         follower_for(system, x, first.gamma, control, gamma_scale=scale, route=route) as follower,
     ):
-        for point in branch.points:  # the first tangent that moves x gives its scale
+        for point in branch.points:  # the first tangent that moves x sets its scale
             follower.bordered.set_scale(point.tangent, point.y)
         follower.bordered.require_scale()
         return follower.at(branch, gamma)
 
 
 def require_solutions(system: System, branch: Branch) -> None:
-    """Raise ``ValueError`` if a branch does not solve the system as it is now. Collective.
+    """Raise ``ValueError`` if a branch does not solve the present system. Collective.
 
-    The pieces are those that the unknowns determine now: a recorded piece satisfies its own rows
-    even if the coefficient of friction has changed since.
+    The residual is that of H itself: a recorded piece satisfies its own rows even if the friction
+    coefficient has changed since.
     """
     x, b = system.create_vector(), system.create_vector()
 
@@ -90,7 +90,7 @@ def require_solutions(system: System, branch: Branch) -> None:
     scales = system.scales
     worst = 0.0
     with system.restored(always=True):
-        for _ in range(2):  # the measures grow with the load: once more if they were small
+        for _ in range(2):  # repeated, because the scales grow with the load
             worst = max(map(error, branch.points), default=0.0)
             if worst <= _ALLOWED:
                 break
