@@ -504,7 +504,7 @@ def test_an_obstacle_that_moves_between_solves():
 def test_quadrature_too_coarse_for_stability(degree, multiplier, quadrature):
     _, u = square(degree=degree)
     with pytest.raises(
-        ValueError, match="quadrature degree of P. with P. must be a whole number >="
+        ValueError, match=r"quadrature degree of P. with P. must be a whole number >="
     ):
         discrete(u, method="integral", multiplier_degree=multiplier, quadrature_degree=quadrature)
 

@@ -213,8 +213,7 @@ def test_a_status_that_is_held_is_no_matter_of_guessing():
     x = problem.create_vector()
     attempt = Attempt("held")
     with Newton(eq, problem.linear_solver, "none", None) as solver:
-        solver.held = eq.contact(x).statuses
-        assert solver.run(x, attempt)
+        assert solver.run(x, attempt, held=eq.contact(x).statuses)
     assert attempt.iterations == 1
     assert not eq.fields(x)[1].any()
 

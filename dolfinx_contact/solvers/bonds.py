@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bonds that break one after the other, held in turn and released.
+"""Weakening bonds, held and released in turn.
 
-Where many bonds weaken in one step, and slip as they do, Newton's method goes to and fro between
-statuses: a bond that softens pushes its neighbours, and these it. Here the strengths of all bonds
-are held, contact and friction are solved with them, then each bond is as weak as the law has it at
-that state, and so on (the alternate minimisation of Bourdin, Francfort and Marigo, J. Mech. Phys.
-Solids 48, 2000). In this order no bond ever grows stronger, so that strengths converge whatever
-the step: where the state jumps, bonds go one by one until the next state is reached. It is handed
-to Newton's method when it is near.
+If many bonds weaken in one step and slip at the same time, Newton's method cycles between statuses:
+a softening bond pushes its neighbours, and they push it. Here (the alternate minimisation of
+Bourdin, Francfort and Marigo, J. Mech. Phys. Solids 48, 2000)
+
+1. the strengths of all bonds are held, and contact and friction are solved with them;
+2. each bond gets the strength that the law gives it at that state, if it is smaller;
+3. when the strengths hardly change any more, Newton's method continues with the law itself.
+
+No bond ever grows stronger, so the strengths converge for any step. Where the state jumps, bonds
+break one by one until the next state is reached.
 """
 
 from __future__ import annotations
@@ -31,20 +34,21 @@ __all__ = ["have_bonds", "release_bonds"]
 
 Array = npt.NDArray[np.float64]
 
-_NEAR = 1e-2, 1e-3, 1e-4, 1e-6, 1e-8  # changes of the strengths after which Newton's method may end
-_HELD_RESIDUAL = 1e-9  # residual with bonds that are held, which is none of the law's
-_ROUNDS = 2000  # at most
+#: Changes of the strengths from which Newton's method is tried, one after the other.
+_NEAR = 1e-2, 1e-3, 1e-4, 1e-6, 1e-8
+_HELD_RESIDUAL = 1e-9  # relative residual that suffices while bonds are held
+_ROUNDS = 2000  # largest number of rounds
 
 
 def have_bonds(eq: ContactEquations) -> bool:
-    """Whether bonds of a surface weaken, and none of them can grow again."""
+    """Return whether bonds of a surface weaken and none of them can grow again."""
     return any(_strength(s.law) is not None for s in eq.surfaces)
 
 
 def release_bonds(
     eq: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
 ) -> bool:
-    """Solve from ``x``, which is overwritten, by strengths that only fall. Collective."""
+    """Solve from ``x``, which is overwritten, with strengths that only decrease. Collective."""
     names = [_strength(s.law) for s in eq.surfaces]
     strengths = [
         None if name is None else c.data.fields[name].copy()
@@ -75,7 +79,7 @@ def release_bonds(
 
 
 def _strength(law: Law) -> str | None:
-    """The field by which bonds weaken; None where there is none, or more is remembered."""
+    """Return the field by which bonds weaken; None if there is none or the law has more memory."""
     if law.weakening is None or not all(x.is_field for x in law.internal):
         return None
     return law.weakening.name
@@ -84,13 +88,12 @@ def _strength(law: Law) -> str | None:
 def _solve(
     held: HeldBonds, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
 ) -> bool:
-    """Contact and friction with the bonds as they are held. Collective."""
+    """Solve contact and friction with held bonds. Collective."""
     start = x.copy()
     try:
         for run in (Newton.run, pivot):
             with Newton(held, linear(), "none", None) as solver:
-                tolerance = solver.snes.getTolerances()[0]
-                solver.snes.setTolerances(rtol=max(tolerance, _HELD_RESIDUAL))
+                solver.snes.setTolerances(rtol=max(solver.tolerance, _HELD_RESIDUAL))
                 if run(solver, x, attempt):
                     return True
             start.copy(x)
@@ -100,10 +103,7 @@ def _solve(
 
 
 def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -> float:
-    """Take the strengths that the law has at a state, where they are less; the largest change.
-
-    Collective.
-    """
+    """Reduce strengths to those of the law at a state; return the largest change. Collective."""
     change = 0.0
     for i, (s, found) in enumerate(zip(eq.surfaces, eq.contact(x).surfaces, strict=True)):
         before = strengths[i]
@@ -121,13 +121,10 @@ def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -
 def _end(
     eq: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
 ) -> bool:
-    """Newton's method with the law itself, its statuses at the state held in the first step."""
+    """Newton's method with the law itself; the first step holds the statuses. Collective."""
     with Newton(eq, linear(), "none", None) as solver:
-        solver.held = eq.contact(x).statuses
-        solver.most = 1
         start = x.copy()
-        if not solver.run(x, attempt):
+        if not solver.run(x, attempt, held=eq.contact(x).statuses, most=1):
             start.copy(x)
         start.destroy()
-        solver.held = solver.most = None
         return solver.run(x, attempt)

@@ -1,29 +1,28 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Solving a contact problem: Newton's method, and what is tried when full steps fail.
+"""Solve a contact problem: Newton's method with full steps, then fallback strategies.
 
 Full steps converge in a few iterations from nearly everywhere, but they can cycle between statuses.
-Where the caller has unknowns that were extrapolated Newton's method begins there first. Where the
-caller expects statuses, as those of the step before, the first Newton step is taken with these
-held, and Newton's method continues from there: at the start of a step of an evolution every point
-that slips is at the border of stick, and its own state does not tell. The
-strategies, cheap ones first and each from the caller's state:
+Newton's method begins at extrapolated unknowns if the caller has them. Then the first step may hold
+expected statuses, such as those of the previous step of an evolution: at the start of a step every
+slipping point is at the border of stick, and its own state does not determine its status. The
+strategies, in this order and each from the caller's state:
 
-1. full Newton steps;
-2. full steps with the automatic augmentation parameter, if the caller forced another;
-   of surfaces with bonds that weaken then all these held in turn and released (`bonds.py`);
-3. pivoting: the pieces of H are solved one after the other, and when the number of points with a
-   wrong status stops shrinking only one point changes at a time (`pivoting.py`); last but one where
-   the body is not linear, since every piece then takes a Newton solve of its own;
-4. a backtracking line search on the norm of H;
-5. Lemke's method on the reduced problem (`classical.py`), which ends in a solution whatever the
-   friction: in 2D, for linear bodies held by Dirichlet data and contact at the nodes;
-6. the load applied in increments that shrink and grow; before the line search where the body is
-   not linear;
-7. the branch of solutions under a growing load followed through its folds (`following.py`).
+1. Full Newton steps.
+2. Full steps with the automatic augmentation parameter, if the caller forced another one; for
+   surfaces with weakening bonds then all bonds held and released in turn (`bonds`).
+3. Pivoting: the pieces of H are solved one after the other, and if the number of points with a
+   wrong status stops shrinking only one point changes at a time (`pivoting`). For bodies that are
+   not linear it comes last but one, because every piece then takes a Newton solve.
+4. A backtracking line search on the norm of H.
+5. Lemke's method on the reduced problem (`classical`), which terminates in a solution for any
+   friction: in 2D, for linear bodies held by Dirichlet data with contact at nodes.
+6. The load in increments that shrink and grow; before the line search for bodies that are not
+   linear.
+7. The branch of solutions under a growing load, followed through its folds (`following`).
 
-A trial that is brief, of a step that may be shorter, ends with the first of them. Each strategy but
-the first has a budget, counted in Newton steps. A solution in which a hyperelastic body is turned
-inside out (det F <= 0) is no answer as long as increments of the load find another.
+A brief trial, for steps that may be shortened, ends with the first strategy. Each strategy but the
+first has a budget in Newton steps. A solution in which a hyperelastic body is turned inside out
+(det F <= 0) is only accepted if load increments find no other.
 """
 
 from __future__ import annotations
@@ -59,10 +58,10 @@ __all__ = ["solve"]
 
 logger = logging.getLogger(__name__)
 
-#: Cost at which a strategy gives up, in Newton steps.
+#: Budgets of the strategies, in Newton steps.
 _LIMITS = {BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, INCREMENTS: 400.0}
-_LATE = 2.0  # times the time that was predicted are worth a word in the log,
-_SHORT = 1.0  # if they are more than so many seconds
+_LATE = 2.0  # ratio of the elapsed to the predicted time from which it is logged,
+_SHORT = 1.0  # if the elapsed time exceeds so many seconds
 
 
 @staged("ContactSolve")
@@ -79,20 +78,20 @@ def solve(
     """Solve a contact problem. Collective.
 
     Args:
-        equations: the contact problem.
-        linear: its linear solver.
+        equations: contact problem.
+        linear: choice of its linear solver.
         x0: start.
-        monitor: called with every Newton iterate, on every rank.
-        increments: of the load in the strategy of increments, to begin with.
-        progress: shows where the solve is.
-        trial: how it begins, and how far it goes.
+        monitor: function called with every Newton iterate, on every rank.
+        increments: initial number of load increments.
+        progress: progress line.
+        trial: starts of the solve, and its extent.
 
     Returns:
-        A solution, and the strategies that were tried, of which the last one found it.
+        Solution, and attempts of the strategies, of which the last one succeeded.
 
     Raises:
-        ValueError: on every rank, for data that cannot be solved with (a load that is not finite, a
-            negative friction field, a clamped node inside the obstacle).
+        ValueError: on every rank, if data are not admissible (a load that is not finite, a negative
+            friction field, a clamped node inside the obstacle).
         ConvergenceError: if no strategy converges.
     """
     start = validate(equations, x0)
@@ -133,17 +132,16 @@ def solve(
         if equations.comm.rank == 0:
             _log_failure(attempt, floated=floated, brief=trial.brief)
     if objection and not trial.brief:
-        # Nothing else was found: the result warns of it.
+        # No other solution was found; the result contains a warning.
         attempts.append(Attempt(inverting, objection, converged=True))
         return turned, attempts
     if floating is not None and attempts[0].reason == str(floating):
         raise FloatingBodyError(str(floating), attempts)
-    doubts = [_doubt_of_stiffness(equations), _doubt_of_kinks(equations)]
-    raise ConvergenceError(_diagnosis(attempts, [d for d in doubts if d]), attempts)
+    raise ConvergenceError(_diagnosis(equations, attempts), attempts)
 
 
 def _log_failure(attempt: Attempt, *, floated: bool, brief: bool) -> None:
-    """Log why a strategy failed; ``floated``: for the same rigid motion as one before."""
+    """Log the failure of a strategy; ``floated``: an earlier one failed by the same motion."""
     if floated:
         logger.info("%s failed: a rigid motion is free there too", attempt.strategy)
     elif brief or attempt.strategy in STARTS:
@@ -155,7 +153,7 @@ def _log_failure(attempt: Attempt, *, floated: bool, brief: bool) -> None:
 def _with_progress(
     progress: SolveProgress, monitor: Callable[[Step], None] | None
 ) -> Callable[[Step], None]:
-    """The monitor of the caller, which may write where the line of progress was, and that line."""
+    """Combine the monitor of the caller, which may write to the terminal, and the progress line."""
 
     def tell(step: Step) -> None:
         progress.clear()
@@ -167,15 +165,15 @@ def _with_progress(
 
 
 def _compare_with_prediction(linear: LinearSolverChoice, seconds: float) -> None:
-    """Say in the log if a solve took much longer than was predicted."""
+    """Log if a solve took much longer than predicted."""
     solver = linear()
     root = solver.matrix.comm.tompi4py().rank == 0
     if root and seconds > max(_LATE * solver.predicted, _SHORT):
         logger.info("the solve took %.2g s; %.2g s were predicted", seconds, solver.predicted)
 
 
-def _doubt_of_stiffness(eq: ContactEquations) -> str:
-    """What is wrong with a linear body if its energy decreases with a strain. Collective."""
+def _suspicious_stiffness(eq: ContactEquations) -> str:
+    """Return a message if the energy of a linear body decreases with a strain. Collective."""
     if not eq.bulk.linear:
         return ""
     diagonal = eq.bulk.stiffness(eq.bulk.displacement.x.array).getDiagonal()
@@ -190,8 +188,8 @@ def _doubt_of_stiffness(eq: ContactEquations) -> str:
     )
 
 
-def _doubt_of_kinks(eq: ContactEquations) -> str:
-    """A possible cause of non-convergence: a bulk that jumps where a kink changes sides."""
+def _suspicious_kinks(eq: ContactEquations) -> str:
+    """Return a message if the bulk has kinks, at which its residual may jump."""
     if not eq.bulk.kinks:
         return ""
     return (
@@ -201,8 +199,10 @@ def _doubt_of_kinks(eq: ContactEquations) -> str:
     )
 
 
-def _diagnosis(attempts: list[Attempt], doubts: list[str]) -> str:
-    lines = ["the contact problem was not solved:", *doubts]
+def _diagnosis(eq: ContactEquations, attempts: list[Attempt]) -> str:
+    """Return the message of a failed solve: possible causes, and the attempts. Collective."""
+    causes = [_suspicious_stiffness(eq), _suspicious_kinks(eq)]
+    lines = ["the contact problem was not solved:", *filter(None, causes)]
     for a in attempts:
         worst = f", residual {a.steps[-1].measures.worst:.2g}" if a.steps else ""
         lines.append(f"- {a.strategy}: {a.reason} ({a.iterations} iterations{worst})")

@@ -35,7 +35,7 @@ _PRODUCTS = {2: 900, 3: 550}
 #: over the number of unknowns: measured with 2 10^3 and 6 10^3 contact points in 3D.
 _SURFACE = (640.0, 1.37)
 _TRIES = 3  # products that are timed
-_DOUBTFUL = 1e-2  # relative residual of a linear solve beyond which it leads nowhere
+_INACCURATE = 1e-2  # relative residual from which a linear solve counts as failed
 
 
 class LinearSolver:
@@ -115,8 +115,8 @@ class LinearSolver:
         """A failed linear solve in words. Collective."""
         raise NotImplementedError
 
-    def doubt(self, ksp: PETSc.KSP) -> str:
-        """What is wrong with a solve that PETSc takes for a success; "" if nothing. Collective."""
+    def inaccuracy(self, ksp: PETSc.KSP) -> str:
+        """Return a message if a solve that PETSc accepted is inaccurate, otherwise "". Collective."""
         return ""
 
     def tighten(self) -> bool:
@@ -183,8 +183,8 @@ class Direct(LinearSolver):
             "a solver that does not cope with this matrix"
         )
 
-    def doubt(self, ksp: PETSc.KSP) -> str:
-        if self._residual <= _DOUBTFUL:
+    def inaccuracy(self, ksp: PETSc.KSP) -> str:
+        if self._residual <= _INACCURATE:
             return ""
         return (
             f"the linear solver did not solve: its relative residual is {self._residual:.1e} "

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Semismooth Newton on SNES.
+"""Semismooth Newton's method on SNES.
 
-The status is recomputed from the iterate before every residual and Jacobian, so that the Jacobian
-is an element of the generalised Jacobian of H; only the first step from a body that touches nothing
-takes a guess of it. Convergence is judged block by block
-(`measures.py`). Full steps that come back to a status they had are stopped as a cycle.
+The statuses are determined again at every iterate before residual and Jacobian are evaluated, so
+the Jacobian is an element of the generalised Jacobian of H. The only exception is the first step
+from a body that touches nothing, which uses guessed statuses. Convergence is judged block by block
+(`measures`). Full steps that return to earlier statuses are stopped as a cycle.
+
+SNES asks for residual, Jacobian and convergence in separate calls. They share the evaluation at the
+unknowns of the call (`Newton._evaluated`), which is repeated only if the unknowns differ.
 """
 
 from __future__ import annotations
@@ -12,13 +15,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere
 from dolfinx_contact._petsc import as_raised, logged, options_in_database
@@ -40,25 +42,63 @@ _DEFAULTS: dict[str, Any] = {
     "snes_rtol": 1e-10,
     "snes_max_it": 40,
 }
+_SMALL = 1e-8  # residual that may be round-off
+_FAR = 1e6  # ratio of the scales of the start to those of a state from which they are dropped
+_RETRIES = 5  # new preconditioners in one run
+_CONVERGED = int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
+_ENOUGH_STEPS = int(PETSc.SNES.ConvergedReason.CONVERGED_ITS)
+_TOO_MANY_STEPS = int(PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT)
+_STOPPED = int(PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN)
+_LINEAR = int(PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE)
+_NOT_A_NUMBER = -4  # DIVERGED_FNORM_NAN, since PETSc 3.24 DIVERGED_FUNCTION_NANORINF
+
+
+@dataclass(eq=False)
+class _Run:
+    """Arguments and progress of one run of Newton's method.
+
+    Attributes:
+        attempt: attempt that records the iterates.
+        held: statuses with which H is evaluated; None: those determined by the unknowns.
+        most: number of steps after which the run ends; None: only at a solution.
+        load: applied part of the load.
+        offset: residual of which the part 1 - load is subtracted.
+        history: statuses and residual of the iterates.
+        guess: statuses for the next Jacobian; None: those of the iterate.
+        warm: whether the run began from a state in contact.
+        floating: error about a free rigid motion, which ended the run.
+    """
+
+    attempt: Attempt
+    held: Statuses | None = None
+    most: int | None = None
+    load: float = 1.0
+    offset: PETSc.Vec | None = None
+    history: list[tuple[Statuses, float]] = field(default_factory=list)
+    guess: Statuses | None = None
+    warm: bool = False
+    floating: FloatingBodyError | None = None
+
+    def shift(self, b: PETSc.Vec) -> None:
+        """Subtract the part of the offset that is not applied yet from H in ``b``."""
+        if self.offset is not None and self.load != 1.0:
+            b.axpy(self.load - 1.0, self.offset)
 
 
 class Newton:
-    """A SNES on the contact problem that follows the status and knows a cycle.
+    """SNES for a contact problem; a context manager. Collective, as its methods are.
+
+    Force and length scales of the residual are shared by the runs.
 
     Args:
-        equations: the contact problem.
-        linear: its linear solver.
-        line_search: of PETSc; ``"none"`` for full steps.
-        monitor: called with every iterate.
+        equations: contact problem.
+        linear: linear solver.
+        line_search: name of a line search of PETSc; ``"none"`` for full steps.
+        monitor: function called with every iterate; None: none.
 
     Attributes:
-        load: part of the load that is applied.
-        held: statuses by which H is taken; None for those that iterates determine.
-        most: steps after which a run ends wherever it is; None for no end but a solution.
-        state: that was evaluated last.
+        snes: SNES.
     """
-
-    state: Evaluation
 
     def __init__(
         self,
@@ -71,62 +111,52 @@ class Newton:
         self.linear = linear
         self.monitor = monitor
         self.comm = equations.comm
-        # A monitor may be on one rank alone, as one that prints.
-        self._monitored = bool(self.comm.allreduce(int(monitor is not None)))
+        # A monitor may be present on one rank only, for example one that prints.
+        self._monitored = anywhere(self.comm, monitor is not None)[0]
         self._full_steps = line_search == "none"
-        self.load = 1.0
-        self.held: Statuses | None = None
-        self.most: int | None = None
         self.scales = Scales(equations)
-        given = equations.options
+        options = equations.options
         defaults = {**_DEFAULTS, **linear.defaults, "snes_linesearch_type": line_search}
-        self.options = {**defaults, **given.given}
+        self.options = {**defaults, **options.given}
         with everywhere(self.comm, "PETSc options"):
-            given.check()
-        self.offset = equations.create_vector()  # of which 1 - load is left out
-        self._after = [self.offset.duplicate() for _ in range(3)]  # a step, residual, correction
+            options.check()
+        #: Vectors for the unknowns, H and the correction after a step.
+        self._after = [equations.create_vector() for _ in range(3)]
+        self._run: _Run
+        self._memo: Evaluated | None = None
         self._create()
-        self.attempt: Attempt
-        self.floating: FloatingBodyError | None = None
-        self._guess: Statuses | None = None
-        self._warm = False
-        self._history: list[tuple[Statuses, float]] = []
-        #: Unknowns, and H there: of the start, or after the surface was corrected, which the line
-        #: search needs.
-        self._known: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None = None
-        self._at: npt.NDArray[np.float64] = np.zeros(0)  # unknowns of the state
 
     def _create(self) -> None:
-        """Make the SNES. Collective.
+        """Create the SNES.
 
         Raises:
             ValueError: if the options name a solver that PETSc does not know, or that does not
                 solve contact problems with this linear solver.
         """
-        given = self.equations.options
+        prefix = self.equations.options.prefix
         self.snes, self.b = PETSc.SNES().create(self.comm), self.equations.create_vector()
         self.snes.setFunction(self._function, self.b)
         self.snes.setJacobian(self._jacobian, self.linear.matrix)
         self.snes.setConvergenceTest(self._test)
-        self.snes.setOptionsPrefix(given.prefix)
+        self.snes.setOptionsPrefix(prefix)
         self.linear.attach(self.snes.getKSP(), self._remainder)
         if self._full_steps and self.linear.corrects:
             self.snes.setLineSearchPreCheck(self._settle)
-        with options_in_database(given.prefix, self.options), as_raised():
+        with options_in_database(prefix, self.options), as_raised():
             self.snes.setFromOptions()
         self.snes.setTolerances(atol=0.0, stol=0.0)
         if self.linear.name != "direct" and self.snes.getType() != PETSc.SNES.Type.NEWTONLS:
             raise ValueError(
-                f"-{given.prefix}snes_type {self.snes.getType()} needs an assembled matrix; "
+                f"-{prefix}snes_type {self.snes.getType()} needs an assembled matrix; "
                 f"with the linear solver {self.linear.name} only newtonls goes"
             )
         self._show()
 
     def _show(self) -> None:
-        """Show users the options and the outcome, without what takes memory. Collective.
+        """Copy options and outcome to the SNES that users see (`ContactProblem.solver`).
 
-        What users read (`ContactProblem.solver`) stays when this SNES, whose KSP holds a
-        factorisation, is freed at the end of a strategy.
+        That SNES remains when this one, whose KSP holds a factorisation, is freed at the end of a
+        strategy.
         """
         shown = self.equations.snes
         if not shown:
@@ -148,68 +178,88 @@ class Newton:
         shown_ksp.setIterationNumber(ksp.getIterationNumber())
 
     def _discard(self) -> None:
-        for thing in (self.snes, self.b):
-            thing.destroy()
+        self.snes.destroy(), self.b.destroy()
 
     def __enter__(self) -> Newton:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._discard()
-        for thing in (self.offset, *self._after):
-            thing.destroy()
+        for vector in self._after:
+            vector.destroy()
 
-    def run(self, x: PETSc.Vec, attempt: Attempt, start: Evaluated | None = None) -> bool:
-        """Solve H(x) = (1 - load) offset from ``x``, which is overwritten. Collective.
+    @property
+    def tolerance(self) -> float:
+        """Relative tolerance of the residual."""
+        return float(self.snes.getTolerances()[0])
+
+    @property
+    def max_iterations(self) -> int:
+        """Largest number of steps of a run."""
+        return int(self.snes.getTolerances()[3])
+
+    @property
+    def stagnated(self) -> bool:
+        """Whether the last run ended with a linear system that was not solved."""
+        return bool(self.snes.getConvergedReason() == _LINEAR)
+
+    def run(
+        self,
+        x: PETSc.Vec,
+        attempt: Attempt,
+        start: Evaluated | None = None,
+        *,
+        held: Statuses | None = None,
+        most: int | None = None,
+        load: float = 1.0,
+        offset: PETSc.Vec | None = None,
+    ) -> bool:
+        """Solve H(x) = (1 - load) offset and return whether a solution was found.
 
         Args:
-            x: unknowns.
-            attempt: where the iterates are noted.
-            start: the state there under the whole load, where it is known.
+            x: start; receives the solution, or the last iterate.
+            attempt: attempt that records the iterates, the reason of the end, and the evaluation
+                at a solution of H under the whole load.
+            start: evaluation at the start under the whole load, if available.
+            held: statuses with which H is evaluated; default: those determined by the unknowns.
+            most: number of steps after which the run ends successfully; default: none.
+            load: applied part of the load.
+            offset: H at the start of load increments; default: none.
+
+        Raises:
+            FloatingBodyError: if a rigid motion is free.
         """
-        self.attempt = attempt
-        self._history = []
-        self.floating = None
-        self._known = None
-        if start is not None:
-            self.state = start.state
-            self._known = start.unknowns, np.concatenate(start.state.rows)
-            attempt.evaluations += 1
-        given = self.equations.options
+        self._run = run = _Run(attempt, held, most, load, offset)
+        self._memo = start
+        attempt.state = None
+        attempt.evaluations += start is not None
         ksp = self.snes.getKSP()
         y = x.copy()
         try:
-            with options_in_database(given.prefix, self.options), as_raised():
+            with options_in_database(self.equations.options.prefix, self.options), as_raised():
                 self.snes.solve(None, y)
-                for again in range(_RETRIES):
-                    # Of one that has not served for a single step another of its kind will not.
-                    useless = again > 0 and self.snes.getIterationNumber() == 0
-                    if self.snes.getConvergedReason() != _LINEAR or useless:
-                        break
-                    if not self.linear.retry(ksp, self.state):
-                        break
-                    failure = self._explain()
-                    if self.comm.rank == 0:
-                        logger.warning("%s; once more with a new preconditioner", failure)
-                    self.snes.solve(None, y)
+                self._retry(y)
             y.copy(x)
+            reason = self.snes.getConvergedReason()
+            # Only H under the whole load, with its own statuses, is the state of the result.
+            if reason > 0 and held is None and load == 1.0 and self._is_known(x):
+                attempt.state = None if self._memo is None else self._memo.state
         except LinearSolverError as error:
             attempt.reason = str(error)
             self.equations.snes.setConvergedReason(_LINEAR)
-            self._discard()  # what was at work when the error came stays locked
+            self._discard()  # PETSc objects remain locked after an error
             self._create()
             return False
         finally:
             y.destroy()
         self._show()
-        if not attempt.steps and self.snes.getConvergedReason() == _NOT_A_NUMBER:
+        if not attempt.steps and reason == _NOT_A_NUMBER:
             raise ValueError(
                 "the residual overflows at the start: its square is beyond 1e308. Look at the "
                 "starting displacement, loads, Dirichlet and material data, or take other units"
             )
-        if self.floating is not None:
-            raise self.floating
-        reason = self.snes.getConvergedReason()
+        if run.floating is not None:
+            raise run.floating
         if reason > 0:
             attempt.reason = "converged"
         elif reason != _STOPPED:
@@ -217,244 +267,248 @@ class Newton:
             ksp.reset()  # MUMPS does not recover from a singular matrix
         return bool(reason > 0)
 
-    def state_at(self, x: PETSc.Vec) -> Evaluation | None:
-        """The state that was evaluated last, if that was at ``x`` by its own statuses. Collective.
+    def _retry(self, y: PETSc.Vec) -> None:
+        """Continue from ``y`` with new preconditioners while linear solves fail."""
+        for again in range(_RETRIES):
+            # A preconditioner that failed in its first step is not worth another of its kind.
+            useless = again > 0 and self.snes.getIterationNumber() == 0
+            if self.snes.getConvergedReason() != _LINEAR or useless:
+                return
+            assert self._memo is not None
+            if not self.linear.retry(self.snes.getKSP(), self._memo.state):
+                return
+            failure = self._explain()
+            if self.comm.rank == 0:
+                logger.warning("%s; once more with a new preconditioner", failure)
+            self._memo = None
+            self.snes.solve(None, y)
 
-        Under the whole load H there is what the result is made of.
-        """
-        same = self.held is None and self.load == 1.0
-        same = same and np.array_equal(x.array_r, self._at)
-        return self.state if self._everywhere(same) else None
+    # -- evaluation ------------------------------------------------------------------------------
 
-    @property
-    def stagnated(self) -> bool:
-        """Whether the last run ended with a linear system that was not solved."""
-        return bool(self.snes.getConvergedReason() == _LINEAR)
+    def _is_known(self, x: PETSc.Vec) -> bool:
+        """Return whether the unknowns are those of the last evaluation, on every rank."""
+        memo = self._memo
+        same = memo is not None and np.array_equal(x.array_r, memo.unknowns)
+        return not anywhere(self.comm, not same)[0]
+
+    def _evaluated(self, x: PETSc.Vec, b: PETSc.Vec) -> Evaluation:
+        """Write H(x) under the load of the run into ``b`` and return its evaluation."""
+        if self._is_known(x):
+            assert self._memo is not None
+            b.array[:] = np.concatenate(self._memo.state.rows)
+        else:
+            with logged("ContactResidual"):
+                state = self.equations.residual(x, b, self._run.held)
+            self._memo = Evaluated(x.array_r.copy(), state)
+            self._run.attempt.evaluations += 1
+        self._run.shift(b)
+        return self._memo.state
 
     def _function(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        known = self._known
-        self._known = None
-        if known is not None and self._everywhere(np.array_equal(x.array_r, known[0])):
-            b.array[:] = known[1]
-            self._at = known[0]
-            return
-        self._evaluate(x, b)
-
-    def _everywhere(self, here: bool) -> bool:
-        return not self.comm.allreduce(int(not here))
-
-    def _evaluate(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        """H(x) into ``b``. Collective."""
-        with logged("ContactResidual"):
-            self.state = self.equations.residual(x, b, self.held)
-        self._at = x.array_r.copy()
-        self.attempt.evaluations += 1
-        if self.load != 1.0:
-            b.axpy(self.load - 1.0, self.offset)
+        self._evaluated(x, b)
 
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
-        guess = self._guess
-        self._guess = None
-        state = self.state
-        if not self._everywhere(np.array_equal(x.array_r, self._at)):
-            state = self.equations.contact(x, self.held if guess is None else guess)
-        elif guess is not None:
-            state = self.equations.taken_by(x, state, guess)
+        run = self._run
+        guess, run.guess = run.guess, None
+        if not self._is_known(x):
+            state = self.equations.contact(x, run.held if guess is None else guess)
+        else:
+            assert self._memo is not None
+            state = self._memo.state
+            if guess is not None:
+                state = self.equations.taken_by(x, state, guess)
         before = self.linear.matrix
         self.linear.update(state)
         if self.linear.matrix is not before:  # the SNES takes its matrix after this call
             self.snes.setJacobian(self._jacobian, self.linear.matrix)
-        tolerance = self.snes.getTolerances()[0]
-        step = self.attempt.steps[-1]
-        self.linear.prepare(self.snes.getKSP(), step, tolerance, state, warm=self._warm)
+        step = run.attempt.steps[-1]
+        self.linear.prepare(self.snes.getKSP(), step, self.tolerance, state, warm=run.warm)
 
     def _settle(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
-        """Put the contact surface right after the full step x - step; see `settle`."""
+        """Correct the contact unknowns after the full step x - step; see `settle`."""
         after, b, d = self._after
         after.waxpy(-1.0, step, x)
-        rounds = ROUNDS if self._warm else 1
-        there = np.zeros(0)
+        rounds = ROUNDS if self._run.warm else 1
 
         def evaluate(x: PETSc.Vec, b: PETSc.Vec) -> None:
-            nonlocal there
-            self._evaluate(x, b)
-            there = x.array_r.copy()
+            self._memo = None
+            self._evaluated(x, b)
 
         def correct(_x: PETSc.Vec, b: PETSc.Vec, d: PETSc.Vec) -> bool:
-            return not self._is_solved(b) and self.linear.correct(self.state, b, d)
+            assert self._memo is not None
+            state = self._memo.state
+            return not self._is_solved(state, b) and self.linear.correct(state, b, d)
 
         if settle(evaluate, correct, after, b, d, rounds):
             step.waxpy(-1.0, after, x)
-        if self._everywhere(np.array_equal(after.array_r, there)):  # no correction was refused
+        if self._is_known(after):  # the last correction was accepted
+            assert self._memo is not None
             after.waxpy(-1.0, step, x)  # as the line search will
-            self._known = after.array_r.copy(), b.array_r.copy()
+            self._memo = Evaluated(after.array_r.copy(), self._memo.state)
 
     def _remainder(self, correction: PETSc.Vec) -> float:
-        """Norm of H after a full step, in the rows of the contact conditions. Collective."""
+        """Return the norm of H after a full step, in the rows of the contact conditions."""
+        run = self._run
         after = self._after[0]
         after.waxpy(-1.0, correction, self.snes.getSolution())
-        rows = self.equations.contact_rows(after, self.held)
-        first = self.equations.owned_sizes[0]
-        offset = self.offset.array_r[first : first + len(rows)]
-        rows = rows + (self.load - 1.0) * offset
+        rows = self.equations.contact_rows(after, run.held)
+        if run.offset is not None:
+            first = self.equations.owned_sizes[0]
+            rows = rows + (run.load - 1.0) * run.offset.array_r[first : first + len(rows)]
         return float(np.sqrt(self.comm.allreduce(float(rows @ rows))))
 
-    def _is_solved(self, b: PETSc.Vec) -> bool:
-        """Whether a full step has led to a solution, H there being ``b``. Collective."""
-        tolerance = self.snes.getTolerances()[0]
-        if self.linear.reduction * self.attempt.steps[-1].measures.worst > tolerance:
-            return False  # its linear system was not solved to that end
-        state = replace(self.state, rows=self.equations.blocks(b))
-        measures = copy(self.scales).measure(state)  # which a state on the way does not change
-        return measures.worst <= tolerance
+    def _is_solved(self, state: Evaluation, b: PETSc.Vec) -> bool:
+        """Return whether a full step has led to a solution, where H is ``b``."""
+        if self.linear.reduction * self._run.attempt.steps[-1].measures.worst > self.tolerance:
+            return False  # the linear system was not solved accurately enough
+        state = replace(state, rows=self.equations.blocks(b))
+        return copy(self.scales).measure(state).worst <= self.tolerance
+
+    # -- convergence -----------------------------------------------------------------------------
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
-        eq = self.equations
-        tolerance = snes.getTolerances()[0]
-        measures = self._measure(snes.getFunction()[0], tolerance)
-        statuses = self.state.statuses
+        """Record an iterate; return 0 to continue or the reason to stop."""
+        run = self._run
+        assert self._memo is not None
+        state = self._memo.state
+        measures = self._measure(state, snes.getFunction()[0])
+        statuses = state.statuses
+        self._record(it, measures, statuses)
+        if not np.isfinite(measures.worst):
+            lost = without_normal(self.equations, state)
+            run.attempt.reason = lost or "the residual is not finite"
+            return _STOPPED
+        if measures.worst <= self.tolerance:
+            # A solution that a rigid motion may carry away is not an answer.
+            return _STOPPED if self._floats(statuses, state) else _CONVERGED
+        if run.most is not None and it >= run.most:
+            return _ENOUGH_STEPS
+        if run.attempt.gives_up():
+            return _STOPPED
+        if it >= self.max_iterations:
+            return _TOO_MANY_STEPS
+        cycles = self._full_steps and self._in_cycle(statuses, measures.worst)
+        if cycles and not self.linear.tighten():
+            inaccurate = self.linear.inaccuracy(snes.getKSP())
+            floor = self._at_round_off(statuses, measures.worst)
+            run.attempt.reason = floor or inaccurate or "the status repeats in a cycle"
+            run.attempt.restless = _restless(self.equations, run.history[-1][0], statuses)
+            return _STOPPED
+        run.history.append((statuses, measures.worst))
+        if it == 0:
+            statuses = self._first_statuses(statuses, state)
+        return _STOPPED if self._floats(statuses, state) else 0
+
+    def _record(self, it: int, measures: Measures, statuses: Statuses) -> None:
+        """Add an iterate to the attempt, log it, and call the monitor."""
+        run = self._run
         flips = 0
-        if self._history:
-            changed = differs(statuses, self._history[-1][0])
-            flips = self.comm.allreduce(sum(int(c.sum()) for c in changed))
-        krylov = snes.getKSP().getIterationNumber() if it > 0 else 0
-        step = Step(it, measures, flips, self.load, krylov)
-        self.attempt.steps.append(step)
+        if run.history:
+            changed = differs(statuses, run.history[-1][0])
+            flips = self.comm.allreduce(sum([int(c.sum()) for c in changed]))
+        krylov = self.snes.getKSP().getIterationNumber() if it > 0 else 0
+        step = Step(it, measures, flips, run.load, krylov)
+        run.attempt.steps.append(step)
         if self.comm.rank == 0:
-            logger.info("%s, %s", self.attempt.strategy, step)
+            logger.info("%s, %s", run.attempt.strategy, step)
         if self._monitored:
             with everywhere(self.comm, "the monitor"):
                 if self.monitor is not None:
                     self.monitor(step)
-        if not np.isfinite(measures.worst):
-            self.attempt.reason = without_normal(eq, self.state) or "the residual is not finite"
-            return int(_STOPPED)
-        if measures.worst <= tolerance:
-            # A solution that a rigid motion may carry away is no answer either.
-            if self._floats(statuses):
-                return int(_STOPPED)
-            return int(PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE)
-        if self.most is not None and it >= self.most:
-            return int(PETSc.SNES.ConvergedReason.CONVERGED_ITS)
-        if self.attempt.gives_up():
-            return int(_STOPPED)
-        if it >= snes.getTolerances()[3]:
-            return int(PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT)
-        if (
-            self._full_steps
-            and self._in_cycle(statuses, measures.worst)
-            and not self.linear.tighten()
-        ):
-            doubt = self.linear.doubt(snes.getKSP())
-            floor = self._at_round_off(statuses, measures.worst, tolerance)
-            self.attempt.reason = floor or doubt or "the status repeats in a cycle"
-            self.attempt.restless = _restless(eq, self._history[-1][0], statuses)
-            return int(_STOPPED)
-        self._history.append((statuses, measures.worst))
-        if it == 0:
-            statuses = self._first_statuses(statuses)
-        return int(_STOPPED) if self._floats(statuses) else 0
 
-    def _measure(self, b: PETSc.Vec, tolerance: float) -> Measures:
-        """Measures of the residual ``b`` of the state. Collective.
+    def _measure(self, state: Evaluation, b: PETSc.Vec) -> Measures:
+        """Return the measures of the residual ``b`` of a state.
 
-        The scales remember the forces and lengths of the start. Where those of a state that looks
-        converged are a million times smaller, the state is judged by its own from now on: beside
-        a start far away everything is small.
+        The scales remember the forces and lengths of the start. If those of a state that appears
+        converged are a million times smaller, its own scales are used from then on: relative to a
+        distant start everything is small.
         """
-        state = replace(self.state, rows=self.equations.blocks(b))
+        state = replace(state, rows=self.equations.blocks(b))
         measures = self.scales.measure(state)
-        if measures.worst <= tolerance:
+        if measures.worst <= self.tolerance:
             own = Scales(self.equations, settled=True)
-            then = self.scales
+            start = self.scales
             judged = own.measure(state)
-            if then.force > _FAR * own.force or then.length > _FAR * own.length:
+            if start.force > _FAR * own.force or start.length > _FAR * own.length:
                 self.scales = own
                 measures = judged
-                self._history = []
+                self._run.history = []
         return measures
 
-    def _first_statuses(self, statuses: Statuses) -> Statuses:
-        """Let what is expected to close stick in the first step, where that is more than what does.
+    def _first_statuses(self, statuses: Statuses, state: Evaluation) -> Statuses:
+        """Return the statuses of the first step, guessed where a body touches nothing.
 
-        From a body that touches nothing the first step would lead into the obstacle, the second
-        hold all that got there. Not where the status is held, and not beside a line search, which
-        needs a step that is H's own, unless a body would float. Collective.
+        From such a body the first step would lead into the obstacle, and the second would hold all
+        points that got there. Points that are expected to close therefore stick in the first step.
+        Held statuses are not replaced. With a line search, which needs a step of H itself, they are
+        only replaced if a body would float.
         """
-        eq = self.equations
-        self._warm = not touches_nothing(eq, self.load, self.state)
-        cold = self._full_steps and not self._warm and self.held is None
-        if cold or eq.loose_motions(statuses, self.state):
-            self._guess = statuses = touching(eq, self.load, self.state)
+        eq, run = self.equations, self._run
+        run.warm = not touches_nothing(eq, run.load, state)
+        cold = self._full_steps and not run.warm and run.held is None
+        if cold or eq.loose_motions(statuses, state):
+            run.guess = statuses = touching(eq, run.load, state)
         return statuses
 
-    def _floats(self, statuses: Statuses) -> bool:
-        """Whether a rigid motion is free. Collective."""
-        loose = self.equations.loose_motions(statuses, self.state)
+    def _floats(self, statuses: Statuses, state: Evaluation) -> bool:
+        """Return whether a rigid motion is free, and store the error."""
+        loose = self.equations.loose_motions(statuses, state)
         if loose:
             held = ", hold the rigid body" if self.equations.rigid.bodies else ""
-            self.attempt.reason = (
+            self._run.attempt.reason = (
                 f"a rigid motion of the body is free ({loose}): neither Dirichlet data nor contact "
                 f"holds it. Add a Dirichlet condition{held}, or start from a state in contact"
             )
-            self.floating = FloatingBodyError(self.attempt.reason)
+            self._run.floating = FloatingBodyError(self._run.attempt.reason)
         return bool(loose)
 
     def _in_cycle(self, statuses: Statuses, worst: float) -> bool:
-        """Whether a status returns after others without the residual having halved. Collective."""
+        """Return whether statuses return after others while the residual has not halved."""
         others = [
             worst <= 0.5 * old_worst or any(c.any() for c in differs(statuses, old))
-            for old, old_worst in self._history[:-1]
+            for old, old_worst in self._run.history[:-1]
         ]
         return not all(anywhere(self.comm, *others))
 
-    def _at_round_off(self, statuses: Statuses, worst: float, tolerance: float) -> str:
-        """That the residual cannot fall further, in words; "" if it may. Collective.
+    def _at_round_off(self, statuses: Statuses, worst: float) -> str:
+        """Return a message that the residual cannot fall further, or "".
 
-        So it is where it stays small from step to step while no status changes.
+        This is assumed if it stays small from step to step while no status changes.
         """
-        last = [old for old, _ in self._history[-2:]]
+        last = [old for old, _ in self._run.history[-2:]]
         changed = sum(int(c.sum()) for old in last for c in differs(statuses, old))
         if len(last) < 2 or worst > _SMALL or self.comm.allreduce(changed):
             return ""
         return (
             f"the residual stays at {worst:.2g} while no status changes, which is round-off: "
-            f"snes_rtol {tolerance:g} asks for less"
+            f"snes_rtol {self.tolerance:g} asks for less"
         )
 
     def _explain(self) -> str:
-        """The reason of a failed SNES in words."""
+        """Return the reason of a failed SNES as text."""
         reasons = PETSc.SNES.ConvergedReason
-        names = {v: k for k, v in vars(reasons).items() if isinstance(v, int)}
         reason = self.snes.getConvergedReason()
-        if reason == reasons.DIVERGED_LINEAR_SOLVE:
-            return self.linear.explain(self.snes.getKSP())
-        # Without a linear solve in this run there is nothing that could be doubted, nor a matrix.
-        stepped = self.snes.getIterationNumber() > 0
-        doubt = self.linear.doubt(self.snes.getKSP()) if stepped else ""
-        because = f"; {doubt}" if doubt else ""
+        ksp, steps = self.snes.getKSP(), self.snes.getIterationNumber()
+        if reason == _LINEAR:
+            return self.linear.explain(ksp)
+        # Without a linear solve in this run there is neither a matrix nor an inaccuracy.
+        inaccurate = self.linear.inaccuracy(ksp) if steps > 0 else ""
+        because = f"; {inaccurate}" if inaccurate else ""
         if reason == reasons.DIVERGED_LINE_SEARCH:
             return f"the line search found no decrease of the norm of H{because}"
         if reason == reasons.DIVERGED_MAX_IT:
-            return f"no convergence in {self.snes.getIterationNumber()} iterations{because}"
+            return f"no convergence in {steps} iterations{because}"
         if reason == _NOT_A_NUMBER:
-            lost = without_normal(self.equations, self.state)
+            lost = "" if self._memo is None else without_normal(self.equations, self._memo.state)
             return lost or "the residual is not a number"
+        names = {v: k for k, v in vars(reasons).items() if isinstance(v, int)}
         return names.get(reason, str(reason))
-
-
-_SMALL = 1e-8  # residuals that may be round-off
-_FAR = 1e6  # scales of the start over those of a state beside which it does not count any more
-_STOPPED = PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN
-_RETRIES = 5  # with new preconditioners, in one run
-_LINEAR = PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
-_NOT_A_NUMBER = -4  # DIVERGED_FNORM_NAN, since PETSc 3.24 DIVERGED_FUNCTION_NANORINF
 
 
 def _restless(
     equations: ContactEquations, before: Statuses, after: Statuses
 ) -> dict[str, list[list[float]]]:
-    """Coordinates of points whose status differs, at most five a surface. Collective."""
+    """Return coordinates of points whose statuses differ, at most five per surface. Collective."""
     places = {}
     for s, changed in zip(equations.surfaces, differs(before, after), strict=True):
         mine = s.positions[changed].tolist()

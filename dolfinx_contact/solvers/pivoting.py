@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Piece by piece: solve H with the status held, then change the status of points that object.
+"""Pivoting: solve H with held statuses, then change the statuses of points that object.
 
 Block principal pivoting with a safeguard (Judice and Pires, Computers & Operations Research 21,
-1994): as long as the number of objecting points reaches new minima all of them change at once;
-after some rounds without a new minimum only the last of them, in order of coordinates, changes
-(Murty's rule), between the two senses of slip by way of stick. For a linear bulk in 2D and small
-friction each round is a step of a method for linear complementarity problems that is known to end.
+1994). A point objects if its solution requires another status.
+
+1. Solve the piece of H with the held statuses.
+2. As long as the number of objecting points reaches new minima, all of them change their status.
+3. After some rounds without a new minimum only the last one changes, in the order of coordinates
+   (Murty's rule), and stick comes between the two senses of slip.
+
+For a linear body in 2D and small friction each round is a step of a method for linear
+complementarity problems that is known to terminate.
 """
 
 from __future__ import annotations
@@ -24,6 +29,7 @@ from dolfinx_contact.solvers.newton import Newton
 __all__ = ["pivot"]
 
 Codes = npt.NDArray[np.int8]
+Mask = npt.NDArray[np.bool_]
 
 _PATIENCE = 4  # rounds without a new minimum of objections before single changes
 
@@ -36,9 +42,7 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     patience = _PATIENCE
     held = eq.contact(x).statuses
     for _ in range(20 + 4 * min(points, 100)):
-        solver.held = held
-        solved = solver.run(x, attempt)
-        solver.held = None
+        solved = solver.run(x, attempt, held=held)
         if attempt.gives_up():
             return False
         if not solved and not np.isfinite(attempt.steps[-1].measures.worst):
@@ -56,24 +60,22 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
             required = [_by_stick(a, b) for a, b in zip(required, held, strict=True)]
         held = [np.where(o, a, b) for o, a, b in zip(objecting, required, held, strict=True)]
         if count == 0:
-            # Every status is the required one: the piece's solution solves H.
+            # Every status is the required one: the solution of the piece solves H.
             return solver.run(x, attempt)
     attempt.reason = f"{fewest} points keep objecting to their status"
     return False
 
 
 def _by_stick(required: Codes, held: Codes) -> Codes:
-    """The required statuses, but stick where slip is to reverse: the bound between comes first."""
+    """Return the required statuses, but stick where slip would reverse: their common bound."""
     before = senses(held)
     after = senses(required)
     turns = (before != after) & np.isin(before, (PLUS, MINUS)) & np.isin(after, (PLUS, MINUS))
     return np.where(turns, held + STICK - before, required).astype(np.int8)
 
 
-def _last(
-    eq: ContactEquations, objecting: list[npt.NDArray[np.bool_]]
-) -> list[npt.NDArray[np.bool_]]:
-    """Only the objecting point that comes last: by surface, coordinates, nodes. Collective."""
+def _last(eq: ContactEquations, objecting: list[Mask]) -> list[Mask]:
+    """Return the mask of the last objecting point, by surface, coordinates, nodes. Collective."""
     keys = []
     for i, (s, o) in enumerate(zip(eq.surfaces, objecting, strict=True)):
         places = np.asarray(np.round(s.positions / eq.body_size, 9))

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The strategies by which a contact problem is solved, in the order of the `ladder`.
+"""Strategies for solving a contact problem, in the order in which the `ladder` tries them.
 
-What full steps, a line search and increments of the load do not need is loaded when it is tried.
+A strategy changes the unknowns and returns whether they are a solution; its arguments are always
+unknowns, attempt and monitor. Modules that full steps, a line search and load increments do not
+need are loaded when they are used.
 """
 
 from __future__ import annotations
@@ -26,29 +28,28 @@ __all__ = ["BONDS", "EXTRAPOLATED", "INCREMENTS", "STARTS", "Trial", "raise_load
 
 EXTRAPOLATED = "extrapolation"
 EXPECTED = "expected statuses"
-#: Where Newton's method begins elsewhere than at the state of the caller: no more than tries.
+#: Strategies that only begin elsewhere than at the state of the caller, and may well fail.
 STARTS = (EXTRAPOLATED, EXPECTED)
 BONDS = "bonds released in turn"
 INCREMENTS = "load increments"
 
 _HELD = 1  # Newton steps in which expected statuses are held
-_SMALLEST = 1e-4  # increment of the load, relative to the first
+_SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
 
 Monitor: TypeAlias = Callable[[Step], None] | None
-#: Changes the unknowns to a solution, and is whether it found one.
+#: Function of unknowns, attempt and monitor that returns whether the unknowns are a solution.
 Strategy: TypeAlias = Callable[[PETSc.Vec, Attempt, Monitor], bool]
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """How a solve begins, and how far it goes.
+    """Starts of a solve, and its extent.
 
     Attributes:
-        expected: statuses, the likeliest first.
-        extrapolated: unknowns at which Newton's method begins before all else (owned); None:
-            nowhere.
-        brief: whether no more is tried than Newton's method with full steps, from all these and
-            from the state of the caller. For steps that may be shorter.
+        expected: expected statuses, the likeliest first.
+        extrapolated: owned unknowns at which Newton's method begins first; None: none.
+        brief: whether to try only Newton's method with full steps, from these starts and from the
+            state of the caller; for steps that may be shortened.
     """
 
     expected: Sequence[Statuses] = ()
@@ -63,47 +64,45 @@ def strategies(
     trial: Trial,
     start: Evaluated | None,
 ) -> list[tuple[str, Strategy]]:
-    """Names and strategies in the order in which they are tried.
+    """Return names and strategies in the order in which they are tried.
 
     Args:
-        eq: the contact problem.
-        linear: its linear solver.
-        increments: of the load, to begin with.
-        trial: how the solve begins, and how far it goes.
-        start: the state of the caller, where it is known.
+        eq: contact problem.
+        linear: choice of its linear solver.
+        increments: initial number of load increments.
+        trial: starts of the solve, and its extent.
+        start: evaluation at the state of the caller, if available.
     """
-    known = _Strategies(eq, linear, increments)
-    # In the integral method r is a part of the discretisation: what is forced stays.
-    weak = any(s.points.E is not None for s in eq.surfaces)
-
-    def with_automatic_r(run: Strategy) -> Strategy:
-        return run if weak else known.with_automatic_r(run)
-
-    found: list[tuple[str, Strategy]] = []
+    ways = _Strategies(eq, linear, increments)
+    listed: list[tuple[str, Strategy]] = []
     if trial.extrapolated is not None:
-        found.append((EXTRAPOLATED, known.from_unknowns(trial.extrapolated)))
-    found += [(EXPECTED, known.from_statuses(statuses)) for statuses in trial.expected]
-    # What was tried before may have led elsewhere what is kept of faces that slide.
-    found.append(("full steps", known.newton("none", None if found else start)))
+        listed.append((EXTRAPOLATED, ways.from_unknowns(trial.extrapolated)))
+    listed += [(EXPECTED, ways.from_statuses(statuses)) for statuses in trial.expected]
+    # An earlier strategy may have changed the candidates of sliding faces since ``start``.
+    listed.append(("full steps", ways.newton("none", None if listed else start)))
     if trial.brief:
-        return found
+        return listed
+    # In the integral method r is part of the discretisation, and a forced r is kept.
+    weak = any(s.points.E is not None for s in eq.surfaces)
+    fallbacks: list[tuple[str, Strategy]] = []
     if eq.forced_r is not None and not weak:
-        found.append(("full steps with the automatic r", with_automatic_r(known.newton("none"))))
+        fallbacks.append(("full steps with the automatic r", ways.newton("none")))
     if _have_bonds(eq):
-        found.append((BONDS, with_automatic_r(known.releasing_bonds)))
-    others: dict[str, Strategy] = {
-        "pivoting": known.pivoting,
-        "line search": known.newton("bt"),
-        "Lemke's method": known.lemke,
-        INCREMENTS: known.load_increments,
-        "load following": known.load_following,
-    }
-    order = list(others)
+        fallbacks.append((BONDS, ways.releasing_bonds))
+    pivoting, line_search = ("pivoting", ways.pivoting), ("line search", ways.newton("bt"))
+    load: list[tuple[str, Strategy]] = [
+        (INCREMENTS, ways.load_increments),
+        ("load following", ways.load_following),
+    ]
     if not eq.linear:
-        order = [INCREMENTS, "line search", "pivoting", "load following"]
-    elif eq.dim == 3:
-        order.remove("Lemke's method")
-    return found + [(name, with_automatic_r(others[name])) for name in order]
+        fallbacks += [load[0], line_search, pivoting, load[1]]
+    else:
+        fallbacks += [pivoting, line_search]
+        fallbacks += [("Lemke's method", ways.lemke)] if eq.dim == 2 else []
+        fallbacks += load
+    if weak:
+        return listed + fallbacks
+    return listed + [(name, ways.with_automatic_r(strategy)) for name, strategy in fallbacks]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,9 +110,9 @@ class _Strategies:
     """Strategies for one problem.
 
     Attributes:
-        eq: the contact problem.
-        linear: its linear solver.
-        increments: of the load, to begin with.
+        eq: contact problem.
+        linear: choice of its linear solver.
+        increments: initial number of load increments.
     """
 
     eq: ContactEquations
@@ -121,33 +120,35 @@ class _Strategies:
     increments: int
 
     def newton(self, line_search: str, start: Evaluated | None = None) -> Strategy:
-        """Newton's method with a line search of PETSc, from a start that may be known."""
+        """Newton's method with a line search of PETSc, from an evaluation if available."""
 
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
-            with Newton(self.eq, self.linear(), line_search, monitor) as solver:
+            with self._solver(monitor, line_search) as solver:
                 done = solver.run(x, attempt, start)
                 stagnated = solver.stagnated
             if stagnated and self.linear.direct_instead():
-                with Newton(self.eq, self.linear(), line_search, monitor) as solver:
+                with self._solver(monitor, line_search) as solver:
                     done = solver.run(x, attempt)
-            attempt.state = solver.state_at(x) if done else None
             return done
 
         return run
 
+    def _solver(self, monitor: Monitor, line_search: str = "none") -> Newton:
+        return Newton(self.eq, self.linear(), line_search, monitor)
+
     def with_automatic_r(self, strategy: Strategy) -> Strategy:
-        """A strategy with the automatic augmentation parameter, whatever is forced."""
+        """A strategy with the automatic augmentation parameter instead of a forced one."""
 
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
             with self.eq.scaling.automatic():
                 done = strategy(x, attempt, monitor)
-            attempt.state = None  # that is of another r
+            attempt.state = None  # evaluated with another r
             return done
 
         return run
 
     def from_unknowns(self, unknowns: npt.NDArray[np.float64]) -> Strategy:
-        """Newton's method from other unknowns."""
+        """Newton's method from given unknowns."""
 
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
             x.array[:] = unknowns
@@ -166,63 +167,57 @@ class _Strategies:
         return run
 
     def from_statuses(self, statuses: Statuses) -> Strategy:
-        """Newton's method whose first steps are taken with statuses held."""
+        """Newton's method whose first step holds given statuses."""
 
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
             start = x.copy()
-            with Newton(self.eq, self.linear(), "none", monitor) as solver:
-                solver.held = statuses
-                solver.most = _HELD
-                if not solver.run(x, attempt):
+            with self._solver(monitor) as solver:
+                if not solver.run(x, attempt, held=statuses, most=_HELD):
                     start.copy(x)
-                solver.held = solver.most = None
                 start.destroy()
-                done = solver.run(x, attempt)
-                attempt.state = solver.state_at(x) if done else None
-                return done
+                return solver.run(x, attempt)
 
         return run
 
     def load_increments(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
-        """The load in increments that shrink and grow."""
-        with Newton(self.eq, self.linear(), "none", monitor) as solver:
+        """Newton's method under a load in increments that shrink and grow."""
+        with self._solver(monitor) as solver:
             return raise_load(solver, x, attempt, self.increments)
 
     def load_following(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
         """The branch of solutions under a growing load, through its folds."""
         from dolfinx_contact.solvers.following import follow_load
 
-        with Newton(self.eq, self.linear(), "none", monitor) as solver:
-            most = int(solver.snes.getTolerances()[3])
-            followed = follow_load(self.eq, self.linear, x, attempt, most)
+        with self._solver(monitor) as solver:
+            followed = follow_load(self.eq, self.linear, x, attempt, solver.max_iterations)
             return followed and solver.run(x, attempt)
 
     def pivoting(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
-        """Piece after piece of H."""
+        """The pieces of H, one after the other."""
         from dolfinx_contact.solvers.pivoting import pivot
 
-        with Newton(self.eq, self.linear(), "none", monitor) as solver:
+        with self._solver(monitor) as solver:
             return pivot(solver, x, attempt)
 
     def lemke(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
         """Lemke's method on the reduced problem."""
         from dolfinx_contact.solvers.classical import start_by_lemke
 
-        with Newton(self.eq, self.linear(), "none", monitor) as solver:
-            if solver.snes.getTolerances()[3] < 1:
+        with self._solver(monitor) as solver:
+            if solver.max_iterations < 1:
                 attempt.reason = "no convergence in 0 iterations"
                 return False
             return start_by_lemke(self.eq, self.linear, x, attempt) and solver.run(x, attempt)
 
     def releasing_bonds(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
-        """Bonds that weaken are all held, and released in turn."""
+        """Weakening bonds, all held and then released in turn."""
         from dolfinx_contact.solvers.bonds import release_bonds
 
         return release_bonds(self.eq, self.linear, x, attempt)
 
 
 def _have_bonds(eq: ContactEquations) -> bool:
-    """Whether bonds of a surface weaken, and none of them can grow again."""
+    """Return whether bonds of a surface weaken and none of them can grow again."""
     if all(s.law.weakening is None for s in eq.surfaces):
         return False
     from dolfinx_contact.solvers.bonds import have_bonds
@@ -231,32 +226,37 @@ def _have_bonds(eq: ContactEquations) -> bool:
 
 
 def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
-    """Apply the load in increments, as one would by hand, starting at ``x``. Collective.
+    """Solve under a load in increments, starting at ``x``. Collective.
 
-    With s from 0 to 1 Dirichlet data go from the displacement at the start to what is prescribed,
-    and what is left of H at the start fades, H(x, s) = (1 - s) H(x_0, 0): forces that nothing
-    balances (the loads, from an unloaded body) and the depth of points that begin inside the
-    obstacle. An increment that fails, or turns the body inside out, is quartered; one that works is
-    doubled.
+    With the load s from 0 to 1, Dirichlet data go from the displacement at the start to the data of
+    the user, and the residual at the start fades, H(x, s) = (1 - s) H(x_0, 0). The residual
+    contains unbalanced forces (the loads on an unloaded body) and the depth of points that begin
+    inside the obstacle. An increment that fails or turns the body inside out is quartered; the
+    increment after a successful one is doubled.
+
+    Args:
+        solver: Newton's method.
+        x: start; receives the solution.
+        attempt: attempt that records the iterates.
+        increments: initial number of increments.
     """
     eq = solver.equations
-    first = 1.0 / increments
+    first = step = 1.0 / increments
     done = 0.0
-    step = first
-    good = x.duplicate()
-    with eq.ramped(x):
-        eq.prescribed.part = 0.0
-        eq.residual(x, solver.offset)
-        try:
+    good, offset = x.duplicate(), x.duplicate()
+    try:
+        with eq.ramped(x):
+            eq.prescribed.part = 0.0
+            eq.residual(x, offset)
             while done < 1.0:
                 x.copy(good)
-                solver.load = eq.prescribed.part = min(1.0, done + step)
-                solved = solver.run(x, attempt)
+                load = eq.prescribed.part = min(1.0, done + step)
+                solved = solver.run(x, attempt, load=load, offset=offset)
                 if solved and (objection := inverted(eq, x)):
                     solved = False
                     attempt.reason = objection
                 if solved:
-                    done = solver.load
+                    done = load
                     step = 2 * step
                     continue
                 good.copy(x)
@@ -264,6 +264,7 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
                 if step < _SMALLEST * first or attempt.gives_up():
                     attempt.reason = f"stuck at {done:.4g} of the load: {attempt.reason}"
                     return False
-            return True
-        finally:
-            good.destroy()
+        attempt.state = None  # evaluated with ramped Dirichlet data
+        return True
+    finally:
+        good.destroy(), offset.destroy()
