@@ -503,9 +503,13 @@ class ContactProblem(ReadOnly):
         """Copy a state into the Functions and the rigid bodies, bit by bit. Collective.
 
         Raises:
-            ValueError: on every rank, if the state is not one of this problem.
+            ValueError: on every rank, if the mesh has moved or the state is not one of this problem.
         """
         self._require_state(state)
+        self.show(state)
+
+    def show(self, state: State) -> None:
+        """Copy a state into the Functions and the rigid bodies as `restore`, without validation."""
         for f, values in zip(self.fields, (state.displacement, *state.multipliers), strict=True):
             f.x.array[:] = values
         for body, motion in zip(self.rigid_bodies, state.motions, strict=True):
@@ -513,7 +517,8 @@ class ContactProblem(ReadOnly):
         self._written.note(self._owned_values(), state.statuses, state.previous)
 
     def _require_state(self, state: State | None) -> None:
-        """Raise ``ValueError`` if a state has other unknowns than this problem. Collective."""
+        """Raise ``ValueError`` unless a state belongs to this problem, whose mesh has not moved."""
+        self.equations.require_same_mesh()
         fits = isinstance(state, State) and (
             state.signature == self.signature
             and [len(v) for v in (state.displacement, *state.multipliers, *state.motions)]
@@ -589,22 +594,20 @@ class ContactProblem(ReadOnly):
             ValueError: on every rank, if the mesh has moved or the state is not one of the problem.
         """
         self.equations.require_same_mesh()
-        if not anywhere(self.comm, state is not None)[0]:
-            yield self._as_written()
-            return
         with self._shown(state) as problem:
-            yield problem
+            yield self._as_written() if problem is self else problem
 
     @contextmanager
     def _shown(self, state: State | None) -> Iterator[ContactProblem]:
-        """See `at`; the mesh is not tested. Collective."""
+        """As `at`, but the Functions are shown under the law of this problem. Collective."""
         if not anywhere(self.comm, state is not None)[0]:
+            self.equations.require_same_mesh()
             yield self
             return
         self._require_state(state)
         assert state is not None
         with self.restored(always=True):
-            self.restore(state)
+            self.show(state)
             yield self.with_memory(state.previous)
 
     def _as_written(self) -> ContactProblem:
@@ -884,7 +887,6 @@ class ContactProblem(ReadOnly):
                 data, ``proof_seconds`` is negative or differs between ranks, or the data are not
                 admissible.
         """
-        self.equations.require_same_mesh()
         # A question by default concerns the law of this problem, not that of the last step.
         with self._shown(state) as problem:
             eq = problem.equations

@@ -850,7 +850,6 @@ def test_gaps_and_slips_of_a_state(dim):
         plus, minus = state(h, follows=follows), state(-h, follows=follows)
         for what, rate in (
             ("gap", at.gap_rate),
-            ("increment", at.slip_rate),
             ("jump", at.jump_rate),
         ):
             difference = (getattr(plus, what) - getattr(minus, what)) / (2 * h)

@@ -216,7 +216,7 @@ class Stepper:
 
     def _restore(self, accepted: AcceptedState) -> None:
         """Put a state into the Functions. Collective."""
-        self.problem.restore(accepted.state)
+        self.problem.show(accepted.state)
 
     def keeps(self, data: Sequence[Any], start: float, end: float) -> bool:
         """Return whether data have the same values under the loads of two times. Collective.

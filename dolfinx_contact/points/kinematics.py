@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Gap, slip and B of a surface or pair at a state, and how they change with the displacement.
+r"""Gap, slip and B of a surface or pair at a state, and their derivatives.
 
-With the jump j that laws see, the normal n and the gap g_0 that the law is given,
+With the jump j in the law, the normal n and the initial gap g_0,
 
     gap = g_0 - j.n,    slip = j - (j.n) n.
 
 On a curved obstacle j and n may follow the displacement of the points (`points.displaced`). Along a
-displacement v, with the change dx of the points (`points.operators`), dj = (dj/dx) dx, elsewhere
-dx itself, and dn = (dn/dx) dx,
+displacement v, with the change dx of the points (`points.operators`), dj = (dj/dx) dx, or dx where
+normals do not turn, and dn = (dn/dx) dx,
 
-    d gap  = -(dj.n + j.dn),
-    d slip = dj - (dj.n + j.dn) n - (j.n) dn.
+    d gap = -(dj.n + j.dn).
 """
 
 from __future__ import annotations
@@ -27,23 +26,24 @@ from dolfinx_contact.points.operators import Operator
 __all__ = ["Kinematics", "rotation"]
 
 Array = npt.NDArray[np.float64]
-_OPPOSITE = 1e-16  # 1 plus the cosine between normals, below which they are opposite
+_OPPOSITE = 1e-16  # 1 plus the cosine of normals below which they count as opposite
 
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:
-    """The contact points of this rank at a state.
+    """Contact points of this rank at a state.
 
     Attributes:
-        operator: B there.
-        jump: j of the displacement as laws see it (n, dim).
-        reference: what laws do not see of it, as memory has it (n, dim).
-        data: what the law is given, normals and gaps there.
-        place: displacement of points that follow a curved obstacle, in its frame (n, dim); None of
-            others.
-        frame: rotation of that frame (dim, dim); None where it does not turn.
-        motion: of the rigid body that it turns with (k,); None where it does not.
-        memory: memory of the points by which this was evaluated; None under the static law.
+        operator: B at the state.
+        jump: jump in the law, shape (n, dim).
+        reference: part of the jump that memory hides from the law, shape (n, dim).
+        data: data of the law, with normals and gaps at the state.
+        place: displacement of points that follow a curved obstacle, in its frame, shape (n, dim);
+            None for other points.
+        frame: rotation of that frame, shape (dim, dim); None if it does not turn.
+        motion: motion of the rigid body with which the frame turns, shape (k,); None if it does not
+            turn.
+        memory: memory of the points at the beginning of the step; None under the static law.
     """
 
     operator: Operator
@@ -57,36 +57,36 @@ class Kinematics:
 
     @property
     def gap(self) -> Array:
-        """Gaps (n,), in the mixed method averages."""
+        """Gaps, shape (n,); averages around nodes in the mixed method."""
         return np.asarray(self.data.gap - np.sum(self.jump * self.data.n, axis=1))
 
     @property
     def increment(self) -> Array:
-        """Slips since the last accepted step (n, dim); all of them under the static law."""
+        """Slips since the last accepted step, shape (n, dim); total slips under the static law."""
         n = self.data.n
         return np.asarray(self.jump - np.sum(self.jump * n, axis=1)[:, None] * n)
 
     @property
     def slip(self) -> Array:
-        """Slips since the reference configuration (n, dim)."""
+        """Slips since the reference configuration, shape (n, dim)."""
         return self.increment + self.reference
 
     @property
     def whole(self) -> Array:
-        """The jump as laws see it and what they do not see, in the frame of the obstacle."""
+        """Total jump, including the part hidden by memory, in the frame of the obstacle."""
         jump = self.jump + self.reference
         return jump if self.frame is None else jump @ self.frame
 
     @property
     def path(self) -> tuple[Array, Array]:
-        """Displacements of the points and normals, in the frame of the obstacle (n, dim)."""
+        """Displacements of the points and normals, in the frame of the obstacle, (n, dim) each."""
         if self.place is None:
             return self.whole, self.data.n
         return self.place, self.data.n if self.frame is None else self.data.n @ self.frame
 
     @property
     def gap_slope(self) -> Array:
-        """Derivatives of the gaps by the displacement of the points (n, dim)."""
+        """Derivatives of the gaps by the displacement of the points, shape (n, dim)."""
         data = self.data
         if data.turn is None or data.moved is None:
             return -data.n
@@ -94,7 +94,7 @@ class Kinematics:
         return np.asarray(-by_jump - np.einsum("nij,ni->nj", data.turn, self.jump))
 
     def jump_rate(self, v: Array) -> Array:
-        """The derivative of the jumps along a displacement (n, dim). Collective.
+        """Return the derivative of the jumps along a displacement, shape (n, dim). Collective.
 
         Args:
             v: as for `gap_rate`.
@@ -105,34 +105,18 @@ class Kinematics:
         return np.einsum("nij,nj->ni", self.data.moved, step)
 
     def gap_rate(self, v: Array) -> Array:
-        """The derivative of the gaps along a displacement (n,). Collective.
+        """Return the derivative of the gaps along a displacement, shape (n,). Collective.
 
         Args:
-            v: at the owned nodes, seen from the rigid body if there is one (nodes, dim).
+            v: displacement of the owned nodes relative to the rigid body, shape (nodes, dim).
         """
         return np.asarray(np.sum(self.gap_slope * self.operator.rate(v), axis=1))
 
-    def slip_rate(self, v: Array) -> Array:
-        """The derivative of the slips along a displacement (n, dim). Collective.
-
-        Args:
-            v: as for `gap_rate`.
-        """
-        n = self.data.n
-        step = self.operator.rate(v)
-        if self.data.turn is None or self.data.moved is None:
-            return np.asarray(step - np.sum(step * n, axis=1)[:, None] * n)
-        turned = np.einsum("nij,nj->ni", self.data.turn, step)
-        seen = self.jump_rate(v)
-        along = np.sum(seen * n, axis=1) + np.sum(self.jump * turned, axis=1)
-        depth = np.sum(self.jump * n, axis=1)
-        return np.asarray(seen - along[:, None] * n - depth[:, None] * turned)
-
 
 def rotation(o: Array, n: Array) -> Array:
-    """The smallest rotations from unit vectors o to n (..., dim), of vectors across o.
+    """Return the smallest rotations from unit vectors o to n, restricted to vectors across o.
 
-    From one to its opposite, where none is the smallest, vectors across it stay what they are.
+    If n = -o, where no rotation is the smallest, vectors across o are unchanged.
     """
     dim = n.shape[-1]
     c = np.maximum(1.0 + np.sum(n * o, axis=-1), _OPPOSITE)

@@ -116,7 +116,7 @@ class LinearSolver:
         raise NotImplementedError
 
     def inaccuracy(self, ksp: PETSc.KSP) -> str:
-        """Return a message if a solve that PETSc accepted is inaccurate, otherwise "". Collective."""
+        """Return a message about an inaccurate solve that PETSc accepted, or "". Collective."""
         return ""
 
     def tighten(self) -> bool:
