@@ -503,7 +503,7 @@ class ContactProblem(ReadOnly):
         """Copy a state into the Functions and the rigid bodies, bit by bit. Collective.
 
         Raises:
-            ValueError: on every rank, if the mesh has moved or the state is not one of this problem.
+            ValueError: on every rank, if the mesh has moved or the state belongs elsewhere.
         """
         self._require_state(state)
         self.show(state)

@@ -201,7 +201,7 @@ def test_the_guess_finds_the_contact_in_fewer_steps(monkeypatch):
         result = problem.solve()
         steps.append(result.iterations)
         tables.append(result.tables["contact"])
-        monkeypatch.setattr(Newton, "_first_statuses", lambda _, statuses: statuses)
+        monkeypatch.setattr(Newton, "_first_statuses", lambda _, statuses, state: statuses)
     assert steps[0] < steps[1]
     assert tables[0].status == tables[1].status
     np.testing.assert_allclose(tables[0].rn, tables[1].rn, atol=1e-7 * tables[0].rn.max())

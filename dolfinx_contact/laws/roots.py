@@ -14,8 +14,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact.laws.law import Equations
-from dolfinx_contact.laws.symbols import Solved
-from dolfinx_contact.laws.values import Flat, Values
+from dolfinx_contact.laws.symbols import Flat, Solved, Values
 
 __all__ = ["Roots"]
 

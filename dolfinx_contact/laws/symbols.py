@@ -1,22 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a law is compiled from: UFL symbols for everything that is given at a contact point.
+"""UFL symbols for the data of a contact point, from which laws are compiled, and their values.
 
-The points are the cells of a small mesh of their own, with one value of everything per cell.
+The points are the cells of a small mesh of their own, with one value of each datum per cell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
 
 import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 from ufl.corealg.traversal import unique_pre_traversal
 
+from dolfinx_contact._forms import compiled_expression
 from dolfinx_contact.laws.law import ContactPoint, Equations
 
 __all__ = [
@@ -24,13 +28,16 @@ __all__ = [
     "CHUNK",
     "SLID",
     "STEP",
+    "Flat",
     "Solved",
     "Symbols",
+    "Values",
     "before",
     "from_memory",
     "variable",
 ]
 
+Array = npt.NDArray[np.float64]
 #: Name of the field of a law that is not local: what the points around spread.
 AROUND = ".around"
 #: Of the time since the last accepted state; of the distance slipped until then.
@@ -183,3 +190,55 @@ class Symbols:
         jump = before(self._dim)
         found |= set(jump) if found & set(jump) else set()
         return [name for name in from_memory(self._dim, self._kept) if name in found]
+
+
+# -- values ----------------------------------------------------------------------------------------
+
+
+class Flat:
+    """List of the scalar components of UFL expressions."""
+
+    def __init__(self) -> None:
+        self.components: list[Any] = []
+
+    def add(self, expression: Any) -> list[int]:
+        """Append the components of an expression and return their numbers."""
+        e = ufl.as_ufl(expression)
+        first = len(self.components)
+        self.components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
+        return list(range(first, len(self.components)))
+
+
+class Values:
+    """Compiled UFL scalars, evaluated at any number of contact points. Collective.
+
+    Points are cells of a mesh with one value of ``w`` per cell; several evaluations are made if
+    there are more points than cells.
+
+    Args:
+        components: UFL scalars in ``w``.
+        w: Function with the data of a point, one component per datum.
+        comm: communicator of the ranks that compile together.
+    """
+
+    def __init__(self, components: Sequence[Any], w: fem.Function, comm: MPI.Comm):
+        self.components = list(components)
+        self._w = w
+        self._mesh = w.function_space.mesh
+        self._dofs = w.function_space.dofmap.list[:, 0]
+        middle = np.array([[0.5]])
+        self._compiled = compiled_expression(ufl.as_vector(self.components), middle, comm)
+
+    def __call__(self, columns: Array) -> Array:
+        """Return values (n, components) for the data ``columns``, shape (n, components of w)."""
+        n = len(columns)
+        chunk = len(self._dofs)
+        width = len(self.components)
+        given = self._w.x.array.reshape(chunk, -1)
+        found = np.empty((n, width))
+        for a in range(0, n, chunk):
+            part = columns[a : a + chunk]
+            given[self._dofs[: len(part)]] = part
+            cells = np.arange(len(part), dtype=np.int32)
+            found[a : a + chunk] = self._compiled.eval(self._mesh, cells).reshape(len(part), width)
+        return found

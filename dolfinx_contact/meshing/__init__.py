@@ -10,7 +10,6 @@ from dolfinx_contact.meshing.gmsh import (
     draw_polygon,
     mesh_from_gmsh,
     read_mesh,
-    tagged_facets,
 )
 
 if TYPE_CHECKING:
@@ -25,7 +24,6 @@ __all__ = [
     "join",
     "mesh_from_gmsh",
     "read_mesh",
-    "tagged_facets",
 ]
 
 #: What makes new meshes of others is loaded when it is used.

@@ -24,7 +24,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import gmsh_io
-from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._errors import everywhere, require
 from dolfinx_contact._kept import keep
 from dolfinx_contact._optional import optional
 
@@ -35,7 +35,6 @@ __all__ = [
     "empty_model",
     "mesh_from_gmsh",
     "read_mesh",
-    "tagged_facets",
 ]
 
 
@@ -216,41 +215,6 @@ def _refuse_interior(tags: mesh.MeshTags, tag: int, name: str, domain: mesh.Mesh
         f"subdomain_data=body.facet_tags), of this group dS({tag}) (on several ranks DOLFINx needs "
         "a mesh with ghost cells for it)",
     )
-
-
-def tagged_facets(
-    comm: MPI.Comm, facets: Any, tag: int | str | None, what: str
-) -> tuple[Any, int | None]:
-    """Facets and the number of the tag of a surface whose facets may be given by name. Collective.
-
-    Args:
-        comm: communicator.
-        facets: a GmshMesh, MeshTags or an array.
-        tag: a number, the name of a physical group, or None.
-        what: is looked for, for messages.
-
-    Returns:
-        MeshTags or the array, and the number.
-
-    Raises:
-        ValueError: on every rank, if no group has the name, or ranks request different tags.
-    """
-    tag = int(tag) if isinstance(tag, np.integer) else tag
-    same_everywhere(comm, **{f"{what}: tag": tag})
-    if isinstance(facets, GmshMesh):
-        facets = facets._named_facets
-        known = sorted(facets.names)
-        require(comm, tag is not None, f"{what}: the facets of a mesh need a tag; names: {known}")
-    if not isinstance(tag, str):
-        return facets, tag
-    message = (
-        f"{what}: the tag {tag!r} is a name, and only a GmshMesh and its facet_tags have names"
-    )
-    require(comm, isinstance(facets, NamedTags), message)
-    try:
-        return facets, facets.tag(tag)
-    except ValueError as error:  # the same on every rank, as names and tag are
-        raise ValueError(f"{what}: {error}") from None
 
 
 def _in_order(groups: Iterable[str]) -> list[str]:

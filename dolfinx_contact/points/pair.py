@@ -11,14 +11,14 @@ from dolfinx import mesh
 from dolfinx_contact._errors import require
 from dolfinx_contact._kept import keep
 from dolfinx_contact._shared import SharedValues
-from dolfinx_contact.meshing import GmshMesh, tagged_facets
+from dolfinx_contact.meshing import GmshMesh
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.descriptions import ContactPair, ContactSurface, Overlap
 from dolfinx_contact.points.held_ends import held_in_place, in_place, resting
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.trace import exterior_facets, tagged_facets
 
 __all__ = ["DiscretePair"]
 

@@ -7,11 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._kept import keep
-from dolfinx_contact.meshing import tagged_facets
 from dolfinx_contact.points.descriptions import ContactSurface, Overlap, SelfContact
 from dolfinx_contact.points.sliding.points import SlidingFacets, check_slave
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.trace import exterior_facets, tagged_facets
 
 __all__ = ["DiscreteSelfContact"]
 

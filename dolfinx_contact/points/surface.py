@@ -24,7 +24,6 @@ from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.laws import Answers, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
-from dolfinx_contact.meshing import tagged_facets
 from dolfinx_contact.obstacles import Obstacle, fields_within, require_uniform
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given
 from dolfinx_contact.points.descriptions import (
@@ -49,7 +48,7 @@ from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody, number
-from dolfinx_contact.points.trace import exterior_facets, rounded
+from dolfinx_contact.points.trace import exterior_facets, rounded, tagged_facets
 
 __all__ = ["DiscreteSurface"]
 

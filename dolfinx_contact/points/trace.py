@@ -17,11 +17,12 @@ from dolfinx import fem, la, mesh
 
 from dolfinx_contact import _geometry
 from dolfinx_contact._compat import geometry_dofmap, is_topology_of
-from dolfinx_contact._errors import everywhere, require
+from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._shared import SharedValues, anywhere
 from dolfinx_contact._validate import count, instance, number, one_of
 from dolfinx_contact.body.cells import midpoints
+from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 
 __all__ = [
     "across_planes",
@@ -35,6 +36,7 @@ __all__ = [
     "owned_exterior",
     "point_ids",
     "rounded",
+    "tagged_facets",
     "trace_dofs",
     "vertex_numbers",
 ]
@@ -42,6 +44,41 @@ __all__ = [
 
 Ids = npt.NDArray[np.int64]
 _ON_PLANE = 1e-9  # of the largest coordinate, up to which a node lies on a plane of symmetry
+
+
+def tagged_facets(
+    comm: MPI.Comm, facets: Any, tag: int | str | None, what: str
+) -> tuple[Any, int | None]:
+    """Return the facets of a surface and the number of their tag, which may be a name. Collective.
+
+    Args:
+        comm: communicator.
+        facets: GmshMesh, MeshTags or array of local indices.
+        tag: number, name of a physical group, or None.
+        what: name of the surface in messages.
+
+    Returns:
+        MeshTags or array, and the number.
+
+    Raises:
+        ValueError: on every rank, if no group has the name, or ranks request different tags.
+    """
+    tag = int(tag) if isinstance(tag, np.integer) else tag
+    same_everywhere(comm, **{f"{what}: tag": tag})
+    if isinstance(facets, GmshMesh):
+        facets = facets._named_facets
+        known = sorted(facets.names)
+        require(comm, tag is not None, f"{what}: the facets of a mesh need a tag; names: {known}")
+    if not isinstance(tag, str):
+        return facets, tag
+    message = (
+        f"{what}: the tag {tag!r} is a name, and only a GmshMesh and its facet_tags have names"
+    )
+    require(comm, isinstance(facets, NamedTags), message)
+    try:
+        return facets, facets.tag(tag)
+    except ValueError as error:  # the same on every rank, as names and tag are
+        raise ValueError(f"{what}: {error}") from None
 
 
 def owned_exterior(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
