@@ -131,12 +131,12 @@ def test_pieces_of_data_with_errors(dim, codes, F, g):
     worst = np.abs(np.linalg.inv(jacobian(residual, z))) @ (problem.dS @ np.abs(a) + problem.dp)
     if dim == 2:
         opened, free = cp.IS_OPEN[piece.codes], cp.IS_FREE[piece.codes]
-        normal = np.where(opened, piece.un.away, piece.rn.away)
-        tangent = np.where(free, piece.ut.away, piece.rt.away)
+        normal = np.where(opened, piece.un.radius, piece.rn.radius)
+        tangent = np.where(free, piece.ut.radius, piece.rt.radius)
         found = np.stack([tangent, normal], axis=1).reshape(-1)
         slips = free & (cp.SENSE[piece.codes] != 0)
-        rubbed = problem.friction * piece.rn.away
-        np.testing.assert_allclose(piece.rt.away[slips], rubbed[slips], rtol=1e-5, atol=1e-14)
+        rubbed = problem.friction * piece.rn.radius
+        np.testing.assert_allclose(piece.rt.radius[slips], rubbed[slips], rtol=1e-5, atol=1e-14)
     else:
         found = piece.radius.reshape(-1) / 2
         np.testing.assert_array_less(0.99 * worst, piece.residual)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from dolfinx_contact.analysis import check_proof as cp
-from dolfinx_contact.analysis.check_proof import Interval, PieceSolution
+from dolfinx_contact.analysis.check_proof import Ball, PieceSolution
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
 #: Friction and bound of a point, and the statuses that it can have.
@@ -49,7 +49,7 @@ def slots(a, F, g):
 def known(code, F, g, b, off):
     """The solution of a piece with the values b, known up to errors."""
     problem = SimpleNamespace(friction=np.array([F]), g=np.array([g]))
-    parts = [Interval(np.array([v]), np.array([e])) for v, e in zip(b, off, strict=True)]
+    parts = [Ball(np.array([v]), np.array([e])) for v, e in zip(b, off, strict=True)]
     return PieceSolution(problem, np.array([code], dtype=np.int8), *parts)
 
 
@@ -182,7 +182,7 @@ def piece_in_space(code, F, g, angle, off, obeys, rng):
         z = np.array([*(first * unit(angle)), normal])
     codes = np.array([code], dtype=np.int8)
     directions = unit(z[1])[None] if slips else np.zeros((1, 2))
-    state = cp.space_state(problem, codes, z[None], directions)[0]
+    state = cp.space_state(problem, codes, z[None], directions).value[0]
     radius = off * rng.choice([0.0, 0.5, 1.0], 3)
     near = z + radius * rng.choice([-1, 1], 3)
     directions = unit(near[1])[None] if slips else directions
@@ -257,7 +257,7 @@ def test_columns_hold_for_all_slips(off):
         turned = np.arctan2(*cp.rays(q)[::-1])
         a, s = in_a_cell(SLIP, F, 0.0, turned, rng)
         most = quantity_bounds(SLIP, a, s)
-        piece.problem.S, piece.problem.dS, piece.problem.p = S, dS, np.zeros(3)
+        piece.problem.stiffness, piece.problem.p = Ball(S, dS), np.zeros(3)
         cells = cells_of([SLIP], arcs_around(q, *rng.integers(0, 9, 2)))
         found = cp._columns_of_slip(piece, cells, most, 0)
         phi = (turned - angle + np.pi) % (2 * np.pi) - np.pi
@@ -279,9 +279,9 @@ def summed(terms):
     """Middle and width of the columns of M (3, 3)."""
     middle, width = np.zeros((2, 3, 3))
     for term in terms:
-        middle[:, term.column] += term.middle * term.vector
-        largest = (abs(term.middle) + term.width) * (np.abs(term.vector) + term.off)
-        width[:, term.column] += largest - abs(term.middle) * np.abs(term.vector)
+        middle[:, term.column] += term.middle * term.vector.value
+        largest = (abs(term.middle) + term.width) * (np.abs(term.vector.value) + term.vector.radius)
+        width[:, term.column] += largest - abs(term.middle) * np.abs(term.vector.value)
     return middle, width
 
 
@@ -293,7 +293,7 @@ def test_columns_are_those_of_a_point_where_arcs_are_narrow():
         angle = np.arctan2(*cp.rays(q)[::-1])
         rng = np.random.default_rng(14)
         piece, b = piece_in_space(2, F, 0.0, angle, 0.0, True, rng)
-        piece.problem.S, piece.problem.dS, piece.problem.p = S, np.zeros((3, 3)), np.zeros(3)
+        piece.problem.stiffness, piece.problem.p = Ball.of(S), np.zeros(3)
         a, s = in_a_cell(SLIP, F, 0.0, angle, rng)
         cells = cells_of([SLIP], [(q, q + arc)])
         middle, width = summed(cp._columns_of_slip(piece, cells, quantity_bounds(SLIP, a, s), 0))

@@ -187,8 +187,11 @@ def in_the_plane(problem, steps, patch):
             yield f"differences {found is not None}", np.zeros(0)
             if found is None:
                 continue
-            for name in ("unknown", "R", "off", "T", "T_off", "equal", "k1", "k2"):
+            for name in ("unknown", "equal", "k1", "k2"):
                 yield name, getattr(found, name)
+            for name in ("rows", "tilts"):
+                yield name, getattr(found, name).value
+                yield f"errors of {name}", getattr(found, name).radius
             n = len(found.unknown)
             theta = 0.3 / (1 + problem.friction[found.unknown // 2])
             w = 1.0 + np.arange(n)
@@ -239,8 +242,8 @@ def of_a_piece(piece, whole, patch):
             kept = cells.kept(near)
             yield "angles", cp.angles_of(piece, kept, int(i)) or np.zeros(0)
             for term in cp._columns_of_slip(piece, kept, whole.most, int(i)) or ():
-                yield "vector", term.vector
-                yield "off", term.off
+                yield "vector", term.vector.value
+                yield "off", term.vector.radius
                 yield "middle", [term.column, term.middle, term.width]
     kind = {0: cp.IN_OPEN, 1: cp.IN_STICK, 2: cp.IN_SLIP}
     own = np.array([kind.get(int(c), cp.IN_OPEN) for c in piece.codes])

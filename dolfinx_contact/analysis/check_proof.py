@@ -50,9 +50,9 @@ __all__ = [
     "MOST_PIECES",
     "OPENED",
     "SENSE",
+    "Ball",
     "Certificate",
     "Differences",
-    "Interval",
     "InvalidCertificate",
     "Masks",
     "PieceSolution",
@@ -171,37 +171,161 @@ def least_eigenvalue(S: Array, error: Array) -> float:
     return guess if positive_definite(shifted, rounded) else 0.0
 
 
-def solved(A: Array, b: Array, A_error: Array, b_error: Array) -> tuple[Array, Array] | None:
-    """The solution of A z = b, and by how much it may be off; None if A may be singular.
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """Arrays of real numbers, each known up to an error: |x - value| <= radius, entry by entry.
+
+    The operators return a Ball that contains the exact result for all numbers in their operands;
+    arrays and numbers are exact. One operation rounds its value by at most u |value| (u = 2^-53),
+    a sum of n products by at most gamma_n |A| |B| in any order (Higham, section 3.5), and what the
+    operands are off is propagated exactly to second order,
+
+        |xy - XY| <= |X| dy + dx (|Y| + dy).
+
+    The radius is a sum of nonnegative numbers, which `up` rounds upwards; `TINY` covers underflow.
+    This is midpoint-radius arithmetic (Rump, BIT 39, 1999) without directed rounding.
+
+    Attributes:
+        value: numbers of any shape.
+        radius: errors of the same shape.
+    """
+
+    value: Array
+    radius: Array
+
+    #: Operators of NumPy's arrays leave the work to those of the ball.
+    __array_ufunc__ = None
+
+    @classmethod
+    def of(cls, numbers: Ball | npt.ArrayLike) -> Ball:
+        """A ball, or exact numbers as one."""
+        if isinstance(numbers, Ball):
+            return numbers
+        value = np.asarray(numbers, dtype=np.float64)
+        return cls(value, np.zeros_like(value))
+
+    @classmethod
+    def _rounded(cls, value: Any, radius: Any) -> Ball:
+        """A result of one operation, whose value is rounded."""
+        value = np.asarray(value)
+        return cls(value, up(radius + _U * np.abs(value)))
+
+    def __neg__(self) -> Ball:
+        return Ball(-self.value, self.radius)
+
+    def __add__(self, other: Ball | npt.ArrayLike) -> Ball:
+        b = Ball.of(other)
+        return Ball._rounded(self.value + b.value, self.radius + b.radius)
+
+    def __sub__(self, other: Ball | npt.ArrayLike) -> Ball:
+        return self + -Ball.of(other)
+
+    def __mul__(self, other: Ball | npt.ArrayLike) -> Ball:
+        b = Ball.of(other)
+        off = np.abs(self.value) * b.radius + self.radius * b.size
+        return Ball._rounded(self.value * b.value, off)
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    def __rsub__(self, other: npt.ArrayLike) -> Ball:
+        return Ball.of(other) - self
+
+    def __truediv__(self, other: Ball | npt.ArrayLike) -> Ball:
+        """The quotient; of a denominator that may be zero with an infinite radius."""
+        b = Ball.of(other)
+        least = down(np.maximum(np.abs(b.value) - b.radius * (1 + gamma(0)), 0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = self.value / b.value
+            off = (self.radius + np.abs(value) * b.radius) / least
+        return Ball._rounded(value, np.where(least > 0, off, np.inf))
+
+    def __matmul__(self, other: Ball | npt.ArrayLike) -> Ball:
+        b = Ball.of(other)
+        size = np.abs(self.value)
+        off = gamma(len(b.value)) * (size @ np.abs(b.value))
+        off = off + size @ b.radius + self.radius @ b.size
+        return Ball(np.asarray(self.value @ b.value), up(off))
+
+    def __rmatmul__(self, other: npt.ArrayLike) -> Ball:
+        return Ball.of(other) @ self
+
+    def __getitem__(self, index: Any) -> Ball:
+        return Ball(np.asarray(self.value[index]), np.asarray(self.radius[index]))
+
+    def put(self, index: Any, numbers: Ball | npt.ArrayLike) -> None:
+        """Overwrite entries."""
+        other = Ball.of(numbers)
+        self.value[index], self.radius[index] = other.value, other.radius
+
+    @property
+    def T(self) -> Ball:
+        """Transposed."""
+        return Ball(self.value.T, self.radius.T)
+
+    def reshape(self, *shape: int) -> Ball:
+        """The same numbers in another shape."""
+        return Ball(self.value.reshape(*shape), self.radius.reshape(*shape))
+
+    @property
+    def size(self) -> Array:
+        """Upper bounds of the absolute values."""
+        return up(np.abs(self.value) + self.radius)
+
+    @cached_property
+    def low(self) -> Array:
+        """Lower ends; a difference of two numbers is rounded to its nearest."""
+        return np.asarray(self.value - self.radius * (1 + gamma(4)) - gamma(0) * np.abs(self.value))
+
+    @cached_property
+    def high(self) -> Array:
+        """Upper ends."""
+        return np.asarray(self.value + self.radius * (1 + gamma(4)) + gamma(0) * np.abs(self.value))
+
+
+def where(condition: Any, a: Ball | npt.ArrayLike, b: Ball | npt.ArrayLike) -> Ball:
+    """Entries of one ball or of another one."""
+    x, y = Ball.of(a), Ball.of(b)
+    return Ball(*(np.where(condition, v, w) for v, w in zip(_parts(x), _parts(y), strict=True)))
+
+
+def stack(balls: Sequence[Ball]) -> Ball:
+    """Balls beside each other along a new last axis."""
+    return Ball(*(np.stack(parts, axis=-1) for parts in zip(*map(_parts, balls), strict=True)))
+
+
+def hypot(a: Ball, b: Ball) -> Ball:
+    """The length of (a, b), which moves by no more than the point does."""
+    value = np.hypot(a.value, b.value)
+    return Ball(value, up(np.hypot(a.radius, b.radius) + gamma(4) * value))
+
+
+def _parts(ball: Ball) -> tuple[Array, Array]:
+    return ball.value, ball.radius
+
+
+def solved(A: Ball, b: Ball) -> Ball | None:
+    """The solution of A z = b (n,) for all A and b in balls; None if an A may be singular.
 
     With an approximate inverse C and G >= |I - C A| over all A in question, of norm below 1, A is
     regular, and z* - z = C (b - A z) + (I - C A) (z* - z) gives |z* - z| <= v + G e |v| / (1 - |G|)
-    for v >= |C (b - A z)| and the vector e of ones (maximum norms).
-
-    Args:
-        A: (n, n).
-        b: (n,).
-        A_error: by which entries of A may be off (n, n).
-        b_error: the same of b (n,).
+    for v >= |C (b - A z)| and the vector e of ones, in maximum norms (Rump, Acta Numerica 19,
+    2010).
     """
-    n = len(b)
     try:
-        C = np.linalg.inv(A)
+        C = np.linalg.inv(A.value)
     except np.linalg.LinAlgError:
         return None
     if not np.isfinite(C).all():
         return None
-    z = C @ b
-    size = np.abs(C)
-    z = z + C @ (b - A @ z)
-    products = size @ (gamma(n) * np.abs(A) + A_error)
-    G = up(np.abs(np.eye(n) - C @ A) + products + gamma(n) * np.eye(n))
-    norm = float(up(G.sum(axis=1)).max())
+    z = C @ b.value
+    z = z + C @ (b.value - A.value @ z)
+    rows = up((np.eye(len(z)) - C @ A).size.sum(axis=1))
+    norm = float(rows.max())
     if not norm < 0.5:
         return None
-    residual = np.abs(b - A @ z) + gamma(n) * (np.abs(b) + np.abs(A) @ np.abs(z))
-    v = up(size @ (residual + A_error @ np.abs(z) + b_error))
-    return z, up(v + G.sum(axis=1) * (v.max() / (1 - norm)))
+    v = up(np.abs(C) @ (b - A @ z).size)
+    return Ball(z, up(v + rows * (v.max() / (1 - norm))))
 
 
 # -- the problem -----------------------------------------------------------------------------------
@@ -308,6 +432,16 @@ class ReducedProblem:
         assert self.p_error is not None
         return self.p_error
 
+    @cached_property
+    def stiffness(self) -> Ball:
+        """The stiffness S with its errors."""
+        return Ball(self.S, self.dS)
+
+    @cached_property
+    def load(self) -> Ball:
+        """The load p with its errors."""
+        return Ball(self.p, self.dp)
+
     @property
     def data(self) -> dict[str, Array]:
         """The numbers that a proof is about, by the names of the arguments."""
@@ -404,20 +538,17 @@ class _Ellipsoid:
 
 
 def _ellipsoid(problem: ReducedProblem) -> _Ellipsoid:
-    S = problem.S
-    p = problem.p
-    n = len(p)
+    S = problem.stiffness
+    n = len(problem.p)
     least = problem.least
-    G = np.asarray(np.linalg.inv(S), dtype=np.float64)
+    G = np.asarray(np.linalg.inv(problem.S), dtype=np.float64)
     # S x = b is off by no more than its residual over the least eigenvalue.
-    off = _residuals(problem, G, np.eye(n), np.zeros((n, n)))
-    column_off = np.sqrt(up((off**2).sum(axis=0))) / least
-    twice = G @ p
-    away = _residuals(problem, twice[:, None], p[:, None], problem.dp[:, None])[:, 0]
-    shift = float(np.sqrt(up((away**2).sum()))) / least
-    work = p @ twice + gamma(n) * np.abs(p) @ np.abs(twice)
-    work += float(np.abs(p).sum() * shift + problem.dp @ (np.abs(twice) + shift))
-    rho = float(np.sqrt(up(np.maximum(work, 0)))) / 2
+    column_off = np.sqrt(up(((np.eye(n) - S @ G).size ** 2).sum(axis=0))) / least
+    twice = G @ problem.p
+    residual = (problem.load - S @ twice).size
+    shift = float(np.sqrt(up((residual**2).sum()))) / least
+    work = problem.load @ Ball(twice, np.full(n, above(shift)))
+    rho = float(np.sqrt(up(np.maximum(work.high, 0)))) / 2
     diagonal = np.maximum(np.diag(G), 0) + column_off
     return _Ellipsoid(twice, shift, G, column_off, diagonal, rho)
 
@@ -430,7 +561,7 @@ def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
     """
     G = np.asarray(np.linalg.inv(problem.S), dtype=np.float64)
     n = len(G)
-    E = _residuals(problem, G, np.eye(n), np.zeros((n, n)))
+    E = (np.eye(n) - problem.stiffness @ G).size
     norm = float(up(E.sum(axis=1)).max())
     if not norm < 0.5:
         return G, np.full((n, n), np.inf)
@@ -439,43 +570,30 @@ def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
 
 def bounded(problem: ReducedProblem) -> Array:
     """Upper bounds of the slots of all points, at every solution in the plane (6, m)."""
-    S = problem.S
-    p = problem.p
     m = problem.points
-    n = 2 * m
     e = _ellipsoid(problem)
-    twice, shift, rho = e.twice, e.shift, e.rho
-    reach = rho * np.sqrt(up(e.diagonal))
-    t = np.arange(0, n, 2)
-    k = np.arange(1, n, 2)
+    center = Ball(e.twice, np.full(2 * m, above(e.shift)))
+    # Rounded upwards before it is added to what may be negative.
+    reach = up(e.rho * np.sqrt(up(e.diagonal)))
+    t = np.arange(0, 2 * m, 2)
+    k = np.arange(1, 2 * m, 2)
     F = problem.friction
     g = problem.g
+    S = problem.stiffness
     ub: Array = np.zeros((6, m))
-    size = np.abs(twice) + shift
-    ub[0], ub[1], ub[2] = (
-        sign * twice[i] / 2 + reach[i] + 2 * gamma(4) * size[i] + shift
-        for sign, i in ((1, t), (-1, t), (1, k))
-    )
-    D = np.diag(S) + np.diag(problem.dS)
+    for slot, sign, i in ((0, 1.0, t), (1, -1.0, t), (2, 1.0, k)):
+        ub[slot] = (sign * center[i]).high / 2 + reach[i]
     for slot, sign, normal in ((3, 1.0, F), (4, -1.0, F), (5, 0.0, np.ones(m))):
-        form = normal**2 * D[k] + abs(sign) * D[t]
-        form += 2 * sign * normal * S[t, k] + 2 * abs(sign) * normal * problem.dS[t, k]
-        load = np.abs(p) * gamma(8) + problem.dp
-        ub[slot] = -(normal * p[k] + sign * p[t]) / 2 + abs(sign) * g
-        ub[slot] += normal * load[k] + abs(sign) * (load[t] + g * gamma(8))
-        ub[slot] += rho * np.sqrt(up(np.maximum(form, 0) + gamma(16) * (F**2 * D[k] + D[t])))
+        form = Ball.of(normal) * normal * S[k, k] + abs(sign) * S[t, t]
+        form = form + 2 * sign * Ball.of(normal) * S[t, k]
+        load = normal * problem.load[k] + sign * problem.load[t]
+        ub[slot] = (abs(sign) * g - 0.5 * load).high
+        ub[slot] += up(e.rho * np.sqrt(up(np.maximum(form.high, 0))))
     ub = up(np.maximum(ub, 0))
     given = g > 0
     ub[3:5, given] = np.minimum(ub[3:5, given], up(2 * g[given]))
     ub[3:5, (F == 0) & ~given] = 0.0
     return ub
-
-
-def _residuals(problem: ReducedProblem, x: Array, b: Array, b_error: Array) -> Array:
-    """Bounds of |b - S x|, column by column."""
-    size = np.abs(x)
-    rounded = gamma(len(x)) * (np.abs(b) + np.abs(problem.S) @ size)
-    return up(np.abs(b - problem.S @ x) + rounded + problem.dS @ size + b_error)
 
 
 def used(problem: ReducedProblem) -> npt.NDArray[np.bool_]:
@@ -622,24 +740,6 @@ class Dual:
 # remains are two unknowns at every point.
 
 
-@dataclass(frozen=True)
-class Interval:
-    """Numbers, and by how much they may be off."""
-
-    value: Array
-    away: Array
-
-    @cached_property
-    def low(self) -> Array:
-        """Lower ends; a difference of two numbers is rounded to its nearest."""
-        return np.asarray(self.value - self.away * (1 + gamma(4)) - gamma(0) * np.abs(self.value))
-
-    @cached_property
-    def high(self) -> Array:
-        """Upper ends."""
-        return np.asarray(self.value + self.away * (1 + gamma(4)) + gamma(0) * np.abs(self.value))
-
-
 @dataclass(frozen=True, eq=False)
 class PieceSolution:
     """The solution of a piece.
@@ -652,39 +752,27 @@ class PieceSolution:
 
     problem: ReducedProblem
     codes: Codes
-    ut: Interval
-    un: Interval
-    rt: Interval
-    rn: Interval
+    ut: Ball
+    un: Ball
+    rt: Ball
+    rn: Ball
 
     @cached_property
-    def slacks(self) -> tuple[Interval, Interval]:
+    def slacks(self) -> tuple[Ball, Ball]:
         """s+ and s-, F rn + g plus and minus rt."""
-        F = self.problem.friction
-        g = self.problem.g
-        size = F * np.abs(self.rn.value) + g + np.abs(self.rt.value)
-        away = up(F * self.rn.away + self.rt.away + gamma(2) * size)
-        found = (F * self.rn.value + g + sign * self.rt.value for sign in (1, -1))
-        plus, minus = (Interval(v, away) for v in found)
-        return plus, minus
+        limit = self.problem.friction * self.rn + self.problem.g
+        return limit + self.rt, limit - self.rt
 
     @cached_property
-    def inequalities(self) -> Interval:
+    def inequalities(self) -> Ball:
         """What must not be negative for the law to hold (m, 3); 1 fills up."""
-        is_open = IS_OPEN[self.codes]
         is_free = IS_FREE[self.codes]
         rubs = (self.problem.friction > 0) | (self.problem.g > 0)
-        sense = np.where(rubs, SENSE[self.codes], 0)
+        sense = np.where(rubs, SENSE[self.codes], 0).astype(np.float64)
         plus, minus = self.slacks
-        rows = []
-        for part in ("value", "away"):
-            ut, un, rn, s, z = (getattr(v, part) for v in (self.ut, self.un, self.rn, plus, minus))
-            slip = sense * ut if part == "value" else ut
-            nothing = np.full(len(un), 1.0 if part == "value" else 0.0)
-            first = np.where(is_free, np.where(sense != 0, slip, nothing), s)
-            second = np.where(is_free, nothing, z)
-            rows.append(np.stack([np.where(is_open, un, rn), first, second], axis=1))
-        return Interval(rows[0], rows[1])
+        normal = where(IS_OPEN[self.codes], self.un, self.rn)
+        slip = where(sense != 0, sense * self.ut, 1.0)
+        return stack([normal, where(is_free, slip, plus), where(is_free, 1.0, minus)])
 
     @property
     def verdict(self) -> Literal["inside", "outside", "border"]:
@@ -696,12 +784,12 @@ class PieceSolution:
     @property
     def state(self) -> Array:
         """(ut, un, rt, rn) of the points (m, 4)."""
-        return np.stack([v.value for v in (self.ut, self.un, self.rt, self.rn)], axis=1)
+        return stack([self.ut, self.un, self.rt, self.rn]).value
 
     @property
     def away(self) -> Array:
         """By how much the state may be off (m, 4)."""
-        return np.stack([v.away for v in (self.ut, self.un, self.rt, self.rn)], axis=1)
+        return stack([self.ut, self.un, self.rt, self.rn]).radius
 
 
 def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
@@ -732,30 +820,25 @@ def solve_piece(problem: ReducedProblem, codes: Codes) -> PieceSolution | None:
     """
     free = IS_FREE[codes]
     opened = IS_OPEN[codes]
-    sense = SENSE[codes]
+    sense = SENSE[codes].astype(np.float64)
     F = problem.friction
     g = problem.g
-    n = len(problem.p)
-    load = problem.p.copy()
-    load[0::2] -= np.where(free, sense * g, 0.0)
-    off = problem.dp + gamma(1) * np.abs(load)
-    dA = np.zeros((n, n))
     columns = np.stack([free, opened], axis=1).reshape(-1)
-    dA[:, columns] = problem.dS[:, columns]
-    found = solved(matrix_of(problem.S, F, codes), load, dA, off)
-    if found is None:
+    A = Ball(matrix_of(problem.S, F, codes), np.where(columns, problem.dS, 0.0))
+    shear = np.zeros(len(problem.p))
+    shear[0::2] = np.where(free, sense * g, 0.0)
+    z = solved(A, problem.load - shear)
+    if z is None:
         return None
-    z, e = (v.reshape(-1, 2) for v in found)
-    zero = np.zeros(len(F))
-    rn = Interval(np.where(opened, zero, z[:, 1]), np.where(opened, zero, e[:, 1]))
-    slip = -sense * (F * rn.value + g)
-    slip_off = np.where(sense == 0, 0, up(F * rn.away + gamma(2) * (F * np.abs(rn.value) + g)))
+    z = z.reshape(-1, 2)
+    rn = where(opened, 0.0, z[:, 1])
+    slip = where(sense == 0, 0.0, -sense * (F * rn + g))
     return PieceSolution(
         problem,
         codes,
-        Interval(np.where(free, z[:, 0], zero), np.where(free, e[:, 0], zero)),
-        Interval(np.where(opened, z[:, 1], zero), np.where(opened, e[:, 1], zero)),
-        Interval(np.where(free, slip, z[:, 0]), np.where(free, slip_off, e[:, 0])),
+        where(free, z[:, 0], 0.0),
+        where(opened, z[:, 1], 0.0),
+        where(free, slip, z[:, 0]),
         rn,
     )
 
@@ -810,22 +893,29 @@ class Differences:
     Attributes:
         piece: of b.
         unknown: components that may differ (n,), of 2 m.
-        R: rows f = R d (n, n).
-        off: by how much R may be off.
-        T: rows that theta adds (n, n), and by how much they may be off.
+        rows: R of f = R d (n, n).
+        tilts: rows T that theta adds (n, n).
         equal: rows f = 0.
         k1, k2: as above.
     """
 
     piece: PieceSolution
     unknown: npt.NDArray[np.int64]
-    R: Array
-    off: Array
-    T: Array
-    T_off: Array
+    rows: Ball
+    tilts: Ball
     equal: npt.NDArray[np.bool_]
     k1: Array
     k2: Array
+
+    @property
+    def R(self) -> Array:
+        """The rows, without their errors."""
+        return self.rows.value
+
+    @property
+    def T(self) -> Array:
+        """The rows that theta adds, without their errors."""
+        return self.tilts.value
 
     @property
     def tilted(self) -> npt.NDArray[np.bool_]:
@@ -853,22 +943,11 @@ class Differences:
         # Of the rows f = 0 the weight of the square is made dimensionless.
         size = np.abs(np.diag(self.R))
         square = np.where(self.equal, mu / np.where(size > 0, size, 1.0), down(w * self.k2 * keeps))
-        linear = self.R + theta[:, None] * self.T
-        off = (
-            self.off
-            + np.abs(theta)[:, None] * self.T_off
-            + gamma(2) * (np.abs(self.R) + np.abs(theta[:, None] * self.T))
-        )
-        half = w[:, None] * linear
-        half_off = w[:, None] * (off + gamma(2) * np.abs(linear))
-        form = (half + half.T) / 2 + np.diag(down(w * self.k1 * keeps))
-        product = self.R.T @ (square[:, None] * self.R)
-        form += (product + product.T) / 2
-        size = np.abs(self.R)
-        products = size.T @ (square[:, None] * (self.off + gamma(n + 4) * size))
-        products += self.off.T @ (square[:, None] * (size + self.off))
-        error = (half_off + half_off.T) / 2 + products + gamma(4) * np.abs(form)
-        return positive_definite(form, up(error))
+        half = w[:, None] * (self.rows + theta[:, None] * self.tilts)
+        product = self.rows.T @ (square[:, None] * self.rows)
+        form = 0.5 * (half + half.T) + np.diag(down(w * self.k1 * keeps))
+        form = form + 0.5 * (product + product.T)
+        return positive_definite(form.value, form.radius)
 
 
 def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences | None:
@@ -888,23 +967,14 @@ def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences 
     problem = piece.problem
     v = np.array([row.unknown for row in rows], dtype=np.int64)
     other = v ^ 1
-    x = np.array([r.x for r in rows])
-    x_off = np.array([r.x_off for r in rows])
-    S = problem.S[np.ix_(v, v)]
-    dS = problem.dS[np.ix_(v, v)]
-    cross = problem.S[np.ix_(other, v)]
-    dcross = problem.dS[np.ix_(other, v)]
+    x = Ball(np.array([r.x for r in rows]), np.array([r.x_off for r in rows]))[:, None]
     tilted = np.array([r.theta for r in rows], dtype=bool)[:, None]
-    R = S + x[:, None] * cross
-    off = dS + np.abs(x)[:, None] * dcross + x_off[:, None] * (np.abs(cross) + dcross)
-    off = up(off + gamma(2) * (np.abs(S) + np.abs(x[:, None] * cross)))
+    cross = problem.stiffness[np.ix_(other, v)]
     return Differences(
         piece,
         v,
-        R,
-        off,
-        np.where(tilted, cross, 0.0),
-        np.where(tilted, dcross, 0.0),
+        problem.stiffness[np.ix_(v, v)] + x * cross,
+        where(tilted, cross, 0.0),
         np.array([r.equal for r in rows], dtype=bool),
         np.array([r.k1 for r in rows]),
         np.array([r.k2 for r in rows]),
@@ -975,9 +1045,8 @@ def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
         least = float(rn.low[i] if pressed else -rn.high[i])
         if not (pressed or drawn) or least <= 0:
             return None
-        ratio = float(-rt.value[i] / rn.value[i])
-        away = (rt.away[i] + abs(ratio) * rn.away[i]) / least + gamma(4) * abs(ratio)
-        return [_Row(t, ratio, float(up(away)))]
+        ratio = -rt[i] / rn[i]
+        return [_Row(t, float(ratio.value), float(ratio.radius))]
     return _slip(piece, i, ub)
 
 
@@ -1387,56 +1456,37 @@ class SpacePiece:
         return np.where(self.slips, up(self.radius[:, 1] + 16 * _U), 0.0)
 
     @cached_property
+    def unknowns(self) -> tuple[Ball, Ball]:
+        """The unknowns z and the directions with their errors."""
+        return Ball(self.z, self.radius), Ball(self.e, np.stack([self.turn] * 2, axis=1))
+
+    @cached_property
+    def numbers(self) -> Ball:
+        """(ut1, ut2, un, rt1, rt2, rn) of the points with their errors (m, 6)."""
+        return space_state(self.problem, self.codes, *self.unknowns)
+
+    @property
     def state(self) -> Array:
         """(ut1, ut2, un, rt1, rt2, rn) of the points (m, 6)."""
-        return space_state(self.problem, self.codes, self.z, self.e)
+        return self.numbers.value
 
-    @cached_property
+    @property
     def away(self) -> Array:
         """By how much the state may be off (m, 6)."""
-        found = np.zeros((len(self.codes), 6))
-        r = self.radius
-        opened = IS_OPEN[self.codes]
-        stuck = _STUCK[self.codes]
-        found[opened, 2] = r[opened, 2]
-        found[~opened, 5] = r[~opened, 2]
-        free = ~stuck & ~self.slips
-        found[free, :2] = r[free, :2]
-        found[stuck, 3:5] = r[stuck, :2]
-        s = self.slips
-        pushed = self.problem.friction * found[:, 5]
-        limit = np.hypot(self.state[:, 3], self.state[:, 4])
-        moved = r[:, 0] + (np.abs(self.z[:, 0]) + r[:, 0]) * self.turn
-        rubbed = pushed + (limit + pushed) * (self.turn + gamma(8))
-        found[s, :2] = up(moved + gamma(4) * np.abs(self.z[:, 0]))[s, None]
-        found[s, 3:5] = up(rubbed)[s, None]
-        return found
+        return self.numbers.radius
 
     @cached_property
-    def slack(self) -> Interval:
+    def slack(self) -> Ball:
         """F rn + g - |rt|, what friction has left at points that stick (m,)."""
-        F = self.problem.friction
-        g = self.problem.g
-        rn = self.state[:, 5]
-        shear = np.hypot(self.state[:, 3], self.state[:, 4])
-        off = F * self.away[:, 5] + np.hypot(self.away[:, 3], self.away[:, 4])
-        size = F * np.abs(rn) + g + shear
-        return Interval(F * rn + g - shear, up(off + gamma(8) * size))
+        shear = hypot(self.numbers[:, 3], self.numbers[:, 4])
+        return self.problem.friction * self.numbers[:, 5] + self.problem.g - shear
 
     @cached_property
-    def inequalities(self) -> Interval:
+    def inequalities(self) -> Ball:
         """What must not be negative for the law to hold (m, 2); 1 fills up."""
-        opened = IS_OPEN[self.codes]
-        stuck = _STUCK[self.codes]
-        rows = []
-        for k, part in enumerate(("value", "away")):
-            state = (self.state, self.away)[k]
-            normal = np.where(opened, state[:, 2], state[:, 5])
-            slid = (self.z, self.radius)[k][:, 0]
-            rest = np.full(len(stuck), 1.0 - k)
-            other = np.where(stuck, getattr(self.slack, part), np.where(self.slips, slid, rest))
-            rows.append(np.stack([normal, other], axis=1))
-        return Interval(rows[0], rows[1])
+        normal = where(IS_OPEN[self.codes], self.numbers[:, 2], self.numbers[:, 5])
+        slid = where(self.slips, self.unknowns[0][:, 0], 1.0)
+        return stack([normal, where(_STUCK[self.codes], self.slack, slid)])
 
     @property
     def verdict(self) -> Literal["inside", "outside", "border"]:
@@ -1476,104 +1526,63 @@ def _slipping(problem: ReducedProblem, codes: Codes) -> npt.NDArray[np.bool_]:
     return np.asarray(((codes == 2) | (codes == 5)) & rubs)
 
 
-def space_state(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> Array:
+def space_state(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball | Array) -> Ball:
     """(ut1, ut2, un, rt1, rt2, rn) of unknowns (m, 6)."""
-    state = np.zeros((len(codes), 6))
+    z, e = Ball.of(z), Ball.of(e)
     opened = IS_OPEN[codes]
     stuck = _STUCK[codes]
     slips = _slipping(problem, codes)
-    state[opened, 2] = z[opened, 2]
-    state[~opened, 5] = z[~opened, 2]
-    state[stuck, 3:5] = z[stuck, :2]
-    free = ~stuck & ~slips
-    state[free, :2] = z[free, :2]
-    limit = problem.friction * state[:, 5] + problem.g
-    state[slips, :2] = (z[:, :1] * e)[slips]
-    state[slips, 3:5] = (-limit[:, None] * e)[slips]
-    return state
+    rn = where(opened, 0.0, z[:, 2])
+    limit = problem.friction * rn + problem.g
+    moves, pulls = [], []
+    for c in (0, 1):
+        moves.append(where(slips, z[:, 0] * e[:, c], where(stuck, 0.0, z[:, c])))
+        pulls.append(where(slips, -limit * e[:, c], where(stuck, z[:, c], 0.0)))
+    return stack([*moves, where(opened, z[:, 2], 0.0), *pulls, rn])
 
 
-def space_jacobian(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> Array:
+def space_jacobian(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball | Array) -> Ball:
     """Of S a - r - p by the unknowns of a piece (3 m, 3 m)."""
-    S = problem.S
+    z, e = Ball.of(z), Ball.of(e)
+    S = problem.stiffness
     m = len(codes)
     opened = IS_OPEN[codes]
     stuck = _STUCK[codes]
     slips = np.flatnonzero(_slipping(problem, codes))
-    J = np.zeros((3 * m, 3 * m))
+    J = Ball(np.zeros((3 * m, 3 * m)), np.zeros((3 * m, 3 * m)))
     at = 3 * np.arange(m)
-    for c in (0, 1):
-        J[:, at + c] = S[:, at + c]
-        J[:, (at + c)[stuck]] = 0.0
-        J[(at + c)[stuck], (at + c)[stuck]] = -1.0
-    J[:, at[opened] + 2] = S[:, at[opened] + 2]
-    J[at[~opened] + 2, at[~opened] + 2] = -1.0
+    for free, column in ((~stuck, at), (~stuck, at + 1), (opened, at + 2)):
+        J.put((slice(None), column[free]), S[:, column[free]])
+        J.put((column[~free], column[~free]), -1.0)
     x = at[slips]
-    along = e[slips]
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    along = [e[slips, c] for c in (0, 1)]
+    across = [-along[1], along[0]]
     friction = np.where(opened, 0.0, problem.friction)[slips]
     limit = friction * z[slips, 2] + problem.g[slips]
-    J[:, x] = S[:, x] * along[:, 0] + S[:, x + 1] * along[:, 1]
-    J[:, x + 1] = z[slips, 0] * (S[:, x] * across[:, 0] + S[:, x + 1] * across[:, 1])
+    J.put((slice(None), x), S[:, x] * along[0] + S[:, x + 1] * along[1])
+    turned = S[:, x] * across[0] + S[:, x + 1] * across[1]
+    J.put((slice(None), x + 1), z[slips, 0] * turned)
     for c in (0, 1):
-        J[x + c, x + 1] += limit * across[:, c]
-        J[x + c, x + 2] += friction * along[:, c]
+        J.put((x + c, x + 1), J[x + c, x + 1] + limit * across[c])
+        J.put((x + c, x + 2), J[x + c, x + 2] + friction * along[c])
     return J
 
 
 def _growth(piece: SpacePiece, radius: Array) -> Array:
     """|C f| + |I - C J| r over the ball of radius r (3 m,)."""
-    problem = piece.problem
-    codes = piece.codes
-    m = len(codes)
-    z = piece.z
-    J = space_jacobian(problem, codes, z, piece.e)
-    C = np.abs(piece.inverse)
-    n = 3 * m
-    size = np.abs(problem.S)
-    slips = piece.slips
-    turn = np.where(slips, radius[:, 1] + 16 * _U, 0.0)
-    opened = IS_OPEN[codes]
-    friction = np.where(opened, 0.0, problem.friction)
-    # Of the columns of J what data, rounding and the ball change.
-    at = 3 * np.arange(m)
-    both = size[:, at] + size[:, at + 1]
-    dboth = problem.dS[:, at] + problem.dS[:, at + 1]
-    off = gamma(8) * np.abs(J)
-    held = _STUCK[codes]
-    free = ~held & ~slips
-    for c in (0, 1):
-        off[:, (at + c)[free]] += problem.dS[:, (at + c)[free]]
-    off[:, at[opened] + 2] += problem.dS[:, at[opened] + 2]
-    s = np.abs(z[:, 0]) + radius[:, 0]
-    limit = np.abs(friction * z[:, 2] + problem.g)
-    more = friction * radius[:, 2] + gamma(4) * limit
-    x = at[slips]
-    first = both * (turn + gamma(8)) + dboth * 2
-    second = both * (s * (turn + gamma(8)) + radius[:, 0]) + dboth * (2 * s)
-    off[:, x] += first[:, slips]
-    off[:, x + 1] += second[:, slips]
-    for c in (0, 1):
-        off[x + c, x + 1] += ((limit + more) * (turn + gamma(8)) + more)[slips]
-        off[x + c, x + 2] += (friction * (turn + gamma(8)))[slips]
-    rest = np.abs(np.eye(n) - piece.inverse @ J) + gamma(n) * (np.eye(n) + C @ np.abs(J))
-    return up(piece.residual + up(rest + C @ off) @ radius.reshape(-1))
+    turn = np.where(piece.slips, radius[:, 1] + 16 * _U, 0.0)
+    unknowns = Ball(piece.z, radius), Ball(piece.e, np.stack([turn, turn], axis=1))
+    J = space_jacobian(piece.problem, piece.codes, *unknowns)
+    rest = (np.eye(3 * len(turn)) - piece.inverse @ J).size
+    return up(piece.residual + rest @ radius.reshape(-1))
 
 
-def _residual_of(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> tuple[Array, Array]:
-    """S a - r - p, and by how much it may be off (3 m,)."""
-    state = space_state(problem, codes, z, e)
-    a = state[:, :3].reshape(-1)
-    r = state[:, 3:].reshape(-1)
-    found = problem.S @ a - r - problem.p
-    size = np.abs(problem.S) @ np.abs(a) + np.abs(r) + np.abs(problem.p)
-    # Of components of slips and shears both may be in one.
-    swapped = np.abs(state[:, [1, 0, 2, 4, 3, 5]])
-    turned = np.where(_slipping(problem, codes)[:, None], np.abs(state) + swapped, 0.0)
-    turned[:, [2, 5]] = 0.0
-    off = np.abs(problem.S) @ turned[:, :3].reshape(-1) + turned[:, 3:].reshape(-1)
-    data = problem.dS @ np.abs(a) + problem.dp
-    return found, up(gamma(len(a) + 8) * size + 32 * _U * off + data)
+def _residual_of(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> Ball:
+    """S a - r - p (3 m,), with the directions as nearly unit vectors."""
+    turn = np.where(_slipping(problem, codes), 16 * _U, 0.0)
+    state = space_state(problem, codes, z, Ball(e, np.stack([turn, turn], axis=1)))
+    a, r = (state[:, columns].reshape(-1) for columns in (slice(0, 3), slice(3, 6)))
+    return problem.stiffness @ a - r - problem.load
 
 
 def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiece | None:
@@ -1591,16 +1600,16 @@ def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiec
         e[slips] = np.stack([np.cos(z[slips, 1]), np.sin(z[slips, 1])], axis=1)
         e[slips] /= np.hypot(e[slips, 0], e[slips, 1])[:, None]
         try:
-            C = np.linalg.inv(space_jacobian(problem, codes, z, e))
+            C = np.linalg.inv(space_jacobian(problem, codes, z, e).value)
         except np.linalg.LinAlgError:
             return None
-        f, off = _residual_of(problem, codes, z, e)
-        if not (np.isfinite(C).all() and np.isfinite(f).all()):
+        f = _residual_of(problem, codes, z, e)
+        if not (np.isfinite(C).all() and np.isfinite(f.value).all()):
             return None
-        if attempt == 3 or not (np.abs(f) > off).any():
+        if attempt == 3 or not (np.abs(f.value) > f.radius).any():
             break
-        z = z - (C @ f).reshape(-1, 3)
-    left = up(np.abs(C) @ (np.abs(f) + off))
+        z = z - (C @ f.value).reshape(-1, 3)
+    left = up(np.abs(C) @ f.size)
     inverse = np.asarray(C, dtype=np.float64)
     ball: Array = np.asarray(2 * left + TINY, dtype=np.float64).reshape(-1, 3)
     for _ in range(6):
@@ -1641,7 +1650,6 @@ def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
     n = 3 * problem.points
     none = np.zeros_like
     M = space_jacobian(problem, piece.codes, none(piece.z), none(piece.e))
-    off = np.where(M != 0, problem.dS, 0.0)
     terms: list[_Term] = []
     for i in np.flatnonzero(piece.slips):
         found = _columns_of_slip(piece, cells, most, int(i))
@@ -1649,34 +1657,26 @@ def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
             return False
         terms += found
         for term in found:
-            M[:, term.column] += term.middle * term.vector
-            off[:, term.column] += up(abs(term.middle) * term.off)
+            column = (slice(None), term.column)
+            M.put(column, M[column] + term.middle * term.vector)
     try:
-        C = np.linalg.inv(M)
+        C = np.linalg.inv(M.value)
     except np.linalg.LinAlgError:
         return False
     if not np.isfinite(C).all():
         return False
-    size = np.abs(C)
-    G = np.abs(np.eye(n) - C @ M) + gamma(n) * (size @ np.abs(M) + np.eye(n))
-    G += size @ (off + gamma(8) * np.abs(M))
-    if terms:
-        vectors, offs = (
-            np.stack(v, axis=1) for v in ([t.vector for t in terms], [t.off for t in terms])
-        )
-        moved = np.abs(C @ vectors) + size @ (gamma(n) * np.abs(vectors) + offs)
-        widths = np.array([t.width for t in terms])
-        np.add.at(G.T, [t.column for t in terms], (moved * widths).T)
+    G = (np.eye(n) - C @ M).size
+    for term in terms:
+        G[:, term.column] += (C @ term.vector).size * term.width
     return _contracts(up(G))
 
 
 @dataclass(frozen=True, eq=False)
 class _Term:
-    """(middle +- width) (vector +- off) in a column of M."""
+    """(middle +- width) vector in a column of M."""
 
     column: int
-    vector: Array
-    off: Array
+    vector: Ball
     middle: float
     width: float
 
@@ -1738,8 +1738,9 @@ def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> li
     turned = np.array([[np.cos(psi), -np.sin(psi)], [np.sin(psi), np.cos(psi)]])
     along = turned @ np.array([c, s])
     across = np.array([-along[1], along[0]])
-    stiff = [_Vector.of_stiffness(piece.problem, i, v) for v in (along, across)]
-    rubbed = [_Vector.of_friction(piece.problem, i, v) for v in (along, across)]
+    columns = piece.problem.stiffness[:, 3 * i : 3 * i + 2]
+    stiff = [columns @ v for v in (along, across)]
+    rubbed = [_force(piece.problem, i, v) for v in (along, across)]
     table = [
         (0, stiff[0], *part),
         (0, stiff[1], 0.0, tilt),
@@ -1750,28 +1751,14 @@ def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> li
         (2, rubbed[0], *part),
         (2, rubbed[1], 0.0, tilt),
     ]
-    return [
-        _Term(3 * i + k, v.value, v.away, middle, above(width)) for k, v, middle, width in table
-    ]
+    return [_Term(3 * i + k, v, middle, above(width)) for k, v, middle, width in table]
 
 
-class _Vector(Interval):
-    """Combinations of columns of S, or of forces, that a unit vector makes."""
-
-    @classmethod
-    def of_stiffness(cls, problem: ReducedProblem, i: int, by: Array) -> _Vector:
-        """S_t v at a point."""
-        columns = slice(3 * i, 3 * i + 2)
-        S = problem.S[:, columns]
-        away = (problem.dS[:, columns] + gamma(8) * np.abs(S)).sum(axis=1)
-        return cls(S @ by, up(away))
-
-    @classmethod
-    def of_friction(cls, problem: ReducedProblem, i: int, by: Array) -> _Vector:
-        """F v, a force at a point."""
-        value = np.zeros(len(problem.p))
-        value[3 * i : 3 * i + 2] = problem.friction[i] * by
-        return cls(value, gamma(8) * np.abs(value))
+def _force(problem: ReducedProblem, i: int, direction: Array) -> Ball:
+    """F e at a point (3 m,)."""
+    found = Ball(np.zeros(len(problem.p)), np.zeros(len(problem.p)))
+    found.put(slice(3 * i, 3 * i + 2), problem.friction[i] * Ball.of(direction))
+    return found
 
 
 def _between(low: float, high: float, cosine: float) -> tuple[float, float]:
@@ -1929,11 +1916,11 @@ class _Forms:
         self.factors: list[float] = []
         self.parts: list[tuple[Array, Array, Array, Array]] = []
 
-    def add(self, family: int, i: int, factor: float, x: Interval, y: Interval) -> None:
+    def add(self, family: int, i: int, factor: float, x: Ball, y: Ball) -> None:
         """Add factor x y to a form; the factor is exact, or on the safe side."""
         self.places.append((family, i))
         self.factors.append(factor)
-        self.parts.append((x.value, x.away, y.value, y.away))
+        self.parts.append((x.value, x.radius, y.value, y.radius))
 
     def summed(self) -> tuple[Array, Array, Array, npt.NDArray[np.bool_]]:
         """Forms, sizes of their terms, their errors (9, m, 6, 6), and which there are (9, m)."""
@@ -1953,7 +1940,7 @@ class _Forms:
         return found[0], found[1], up(found[2]), has
 
 
-def _linear(**parts: tuple[float, float]) -> Interval:
+def _linear(**parts: tuple[float, float]) -> Ball:
     """A linear form of (d, e) by its coefficients and their errors."""
     names = ("d1", "d2", "dn", "e1", "e2", "en")
     value = np.zeros(_ROWS)
@@ -1961,7 +1948,7 @@ def _linear(**parts: tuple[float, float]) -> Interval:
     for name, (number, off) in parts.items():
         value[names.index(name)] = number
         away[names.index(name)] = off
-    return Interval(value, away)
+    return Ball(value, away)
 
 
 _ONE = (1.0, 0.0)
@@ -2022,7 +2009,7 @@ def _tangential(
     i: int,
     kinds: frozenset[int],
     made: _Forms,
-    f: tuple[Interval, Interval],
+    f: tuple[Ball, Ball],
     slid: float,
 ) -> None:
     """T of a point with a coefficient of friction."""
@@ -2731,7 +2718,7 @@ def _forces(piece: PieceSolution | SpacePiece) -> list[tuple[str, Array, Array]]
     """Names, values and errors of the forces; in space tangents differ from point to point."""
     if isinstance(piece, SpacePiece):
         return [("rn", piece.state[:, 5], piece.away[:, 5])]
-    return [(name, v.value, v.away) for name, v in (("rt", piece.rt), ("rn", piece.rn))]
+    return [(name, v.value, v.radius) for name, v in (("rt", piece.rt), ("rn", piece.rn))]
 
 
 def report(certificate: Certificate, proved: Proved) -> list[str]:

@@ -62,12 +62,12 @@ def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | Non
     size = 1.0 + float(np.abs(problem.p).max())
     for _ in range(_ITERATIONS):
         e = np.where(slips[:, None], np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1), 0.0)
-        state = space_state(problem, codes, z, e)
+        state = space_state(problem, codes, z, e).value
         f = problem.S @ state[:, :3].reshape(-1) - state[:, 3:].reshape(-1) - problem.p
         if np.abs(f).max() < 1e-14 * size:
             break
         try:
-            step = np.linalg.solve(space_jacobian(problem, codes, z, e), -f).reshape(-1, 3)
+            step = np.linalg.solve(space_jacobian(problem, codes, z, e).value, -f).reshape(-1, 3)
         except np.linalg.LinAlgError:
             return None
         if not np.abs(step).max() < 1e8:
@@ -81,7 +81,7 @@ def state_of(problem: ReducedProblem, codes: Codes, z: Array) -> tuple[Array, Ar
     """Displacements and forces of unknowns (m, 3)."""
     slips = ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))
     e = np.where(slips[:, None], np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1), 0.0)
-    state = space_state(problem, codes, z, e)
+    state = space_state(problem, codes, z, e).value
     return state[:, :3], state[:, 3:]
 
 
