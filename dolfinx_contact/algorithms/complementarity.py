@@ -27,19 +27,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
-from dolfinx_contact.algorithms.lemke import RayTermination, lemke
+from dolfinx_contact.algorithms.lemke import (
+    RayTermination,
+    copositive_forces,
+    copositive_form,
+    lemke,
+    parts_of,
+    tangents,
+)
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import newton_step
 from dolfinx_contact.laws.coulomb import violation
-
-if TYPE_CHECKING:
-    from dolfinx_contact.algorithms.local_problem import LocalProblem
 
 __all__ = ["Lemke", "copositive_form", "coulomb_by_lemke", "klarbring_form"]
 
@@ -93,7 +97,7 @@ class Lemke(Algorithm):
             rn, _, lacks = z.reshape(3, problem.number)
             r = np.column_stack([problem.radius(rn) - lacks, rn])
         else:
-            r = _copositive_forces(z, directions)
+            r = copositive_forces(z, directions)
         r = r * stiffness * length
         a = contact.displacements(r)
         if contact.dim == 2:
@@ -141,7 +145,7 @@ def coulomb_by_lemke(
         rt, rn = r.T
         return violation(ut, un, rt, rn, contact.friction, contact.bound)
 
-    a, r = _polished(contact, _copositive_forces(z, directions), measure, _ROUND_OFF)
+    a, r = _polished(contact, copositive_forces(z, directions), measure, _ROUND_OFF)
     worst = measure(a, r)
     if not worst < _LARGEST_VIOLATION:
         raise RayTermination(f"round-off: the law is violated by {worst:.1e} of the load")
@@ -179,50 +183,9 @@ def _polished(
     return best
 
 
-def tangents(dim: int, facets: int) -> Array:
-    """Unit directions of friction (k, dim - 1)."""
-    if dim == 2:
-        return np.array([[1.0], [-1.0]])
-    angles = 2 * np.pi * np.arange(facets) / facets
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
-
-
-def _parts(contact: PointProblem | LocalProblem) -> tuple[Array, Array, Array, Array]:
-    """A (m, dim, m, dim), and c in its normal and tangential parts; F as a diagonal matrix."""
-    m = contact.number
-    d = contact.dim
-    free = contact.free
-    return contact.A.reshape(m, d, m, d), free[:, -1], free[:, :-1], np.diag(contact.friction)
-
-
-def copositive_form(contact: PointProblem | LocalProblem, directions: Array) -> tuple[Array, Array]:
-    """M and q with z = (rn, b of point 1, b of point 2, ..., l); see the module."""
-    m = contact.number
-    k = len(directions)
-    A, cn, ct, F = _parts(contact)
-    ant = np.einsum("iap,jp->iaj", A[:, -1, :, :-1], directions).reshape(m, m * k)
-    att = np.einsum("jp,ipaq,lq->ijal", directions, A[:, :-1, :, :-1], directions)
-    ones = np.kron(np.eye(m), np.ones((k, 1)))
-    none = np.zeros((m, m))
-    M = np.block(
-        [
-            [A[:, -1, :, -1], ant, none],
-            [ant.T, att.reshape(m * k, m * k), ones],
-            [F, -ones.T, none],
-        ]
-    )
-    return M, np.concatenate([cn, (ct @ directions.T).reshape(-1), contact.bound])
-
-
-def _copositive_forces(z: Array, directions: Array) -> Array:
-    """The forces (m, dim) of unknowns of the copositive form."""
-    m = len(z) // (2 + len(directions))
-    return np.column_stack([z[m:-m].reshape(m, -1) @ directions, z[:m]])
-
-
 def klarbring_form(contact: PointProblem) -> tuple[Array, Array]:
     """M and q with z = (rn, u+, f-), in 2D; see the module."""
-    A, cn, ct, F = _parts(contact)
+    A, cn, ct, F = parts_of(contact)
     ann = A[:, 1, :, 1]
     ant = A[:, 1, :, 0]
     att = A[:, 0, :, 0]

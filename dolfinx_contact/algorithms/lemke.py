@@ -23,11 +23,21 @@ program or of round-off. A bound g >= 0 given in advance (Tresca) enters q alone
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg.blas import dger
 
-__all__ = ["RayTermination", "lemke"]
+__all__ = [
+    "Compliant",
+    "RayTermination",
+    "copositive_form",
+    "copositive_forces",
+    "lemke",
+    "parts_of",
+    "tangents",
+]
 
 Array = npt.NDArray[np.float64]
 
@@ -201,3 +211,66 @@ class _Tableau:
         inside = (self.basic >= self.n) & (self.basic < 2 * self.n)
         z[self.basic[inside] - self.n] = np.maximum(values[inside], 0.0)
         return z
+
+
+class Compliant(Protocol):
+    """A contact problem with a compliance: a `PointProblem` or a `LocalProblem`."""
+
+    @property
+    def number(self) -> int: ...
+
+    @property
+    def dim(self) -> int: ...
+
+    @property
+    def A(self) -> Array: ...
+
+    @property
+    def free(self) -> Array: ...
+
+    @property
+    def friction(self) -> Array: ...
+
+    @property
+    def bound(self) -> Array: ...
+
+
+def tangents(dim: int, facets: int) -> Array:
+    """Unit directions of friction (k, dim - 1)."""
+    if dim == 2:
+        return np.array([[1.0], [-1.0]])
+    angles = 2 * np.pi * np.arange(facets) / facets
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def parts_of(contact: Compliant) -> tuple[Array, Array, Array, Array]:
+    """A (m, dim, m, dim), and c in its normal and tangential parts; F as a diagonal matrix."""
+    m = contact.number
+    d = contact.dim
+    free = contact.free
+    return contact.A.reshape(m, d, m, d), free[:, -1], free[:, :-1], np.diag(contact.friction)
+
+
+def copositive_form(contact: Compliant, directions: Array) -> tuple[Array, Array]:
+    """M and q with z = (rn, b of point 1, b of point 2, ..., l); see the module."""
+    m = contact.number
+    k = len(directions)
+    A, cn, ct, F = parts_of(contact)
+    ant = np.einsum("iap,jp->iaj", A[:, -1, :, :-1], directions).reshape(m, m * k)
+    att = np.einsum("jp,ipaq,lq->ijal", directions, A[:, :-1, :, :-1], directions)
+    ones = np.kron(np.eye(m), np.ones((k, 1)))
+    none = np.zeros((m, m))
+    M = np.block(
+        [
+            [A[:, -1, :, -1], ant, none],
+            [ant.T, att.reshape(m * k, m * k), ones],
+            [F, -ones.T, none],
+        ]
+    )
+    return M, np.concatenate([cn, (ct @ directions.T).reshape(-1), contact.bound])
+
+
+def copositive_forces(z: Array, directions: Array) -> Array:
+    """The forces (m, dim) of unknowns of the copositive form."""
+    m = len(z) // (2 + len(directions))
+    return np.column_stack([z[m:-m].reshape(m, -1) @ directions, z[:m]])

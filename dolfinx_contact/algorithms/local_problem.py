@@ -26,8 +26,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.algorithms.complementarity import copositive_form, tangents
-from dolfinx_contact.algorithms.lemke import lemke
+from dolfinx_contact.algorithms.lemke import copositive_forces, copositive_form, lemke, tangents
 from dolfinx_contact.algorithms.one_point import one_point
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.laws import coulomb
@@ -188,8 +187,7 @@ class LocalProblem:
         scaled = LocalProblem(np.asarray(self.W * k), np.asarray(self.q / length), self.friction)
         directions = tangents(2, 2)
         z, pivots = lemke(*copositive_form(scaled, directions))
-        m = self.number
-        r = np.column_stack([z[m:-m].reshape(m, -1) @ directions, z[:m]])
+        r = copositive_forces(z, directions)
         return self._solution("lemke", r * k * length, pivots)
 
     def _solution(self, algorithm: str, r: Array, iterations: int) -> LocalSolution:
