@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -146,14 +145,14 @@ class Hertz:
             "stick_radius": zone("k"),
         }
 
-    def draw(self, file: str | os.PathLike[str], table: ContactTable) -> Path:
+    def draw(self, file: str | os.PathLike[str], table: ContactTable) -> None:
         """Draw the pressures of contact points beside the closed form; on this rank alone.
 
         Arguments as in `compare`; errors as in `draw_curves`.
         """
         load = float(table.rn.sum()) * self.parts
         r = np.linspace(0.0, 1.25 * self.radius(load), 400)
-        return draw_curves(
+        draw_curves(
             file,
             {"Hertz": (r, self.pressure(load, r))},
             marks={"contact points": (_from_axis(table), table.pressure)},

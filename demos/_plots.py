@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from dolfinx_contact.plot.curves import FILLS
+from dolfinx_contact.plot.figures import FILLS
 
 COLUMNS = 4
 

@@ -120,8 +120,10 @@ def main(argv=None):
     stress = material.full_stress(u)
     title = f"Contact face, friction {args.friction:g}"
     files = io.write_fields(folder, problem, stress=stress)  # and a script for ParaView
-    files.append(plot.picture_of_body(folder / "body.png", problem, stress=stress))
-    files.append(plot.picture_of_contact(folder / "contact.png", problem, title=title))
+    above = body.bounds("top").mean(axis=0) + np.array([0.0, 0.0, 0.25 * HEIGHT])
+    arrows = {"press and drag": (above, motion)}
+    plot.picture_of_body(folder / "body.png", problem, stress=stress, arrows=arrows)
+    plot.picture_of_contact(folder / "contact.png", problem, title=title)
     io.write_contact_table(comm, folder, result.tables.values())
     summary = io.write_summary(comm, folder, result.summary())
     files += [folder / name for name in ("paraview.py", "contact.csv", "summary.json")]

@@ -143,9 +143,9 @@ def main(argv=None):
     say.result(result)
     files = io.write_fields(folder, both, stress=stress)
     title = "A rocker pressed into an elastic base and dragged"
-    files.append(plot.picture_of_body(folder / "body.png", both, stress=stress, title=title))
+    plot.picture_of_body(folder / "body.png", both, stress=stress, title=title)
     title = f"Contact face, friction coefficient {args.friction:g}"
-    files.append(plot.picture_of_contact(folder / "contact.png", both, title=title))
+    plot.picture_of_contact(folder / "contact.png", both, title=title)
     io.write_contact_table(comm, folder, result.tables.values())
     say.files(files)
     return io.write_summary(comm, folder, result.summary())

@@ -22,7 +22,7 @@ from dolfinx_contact.materials import (
     StVenantKirchhoff,
     lame,
 )
-from dolfinx_contact.plot.pictures import body_seen
+from dolfinx_contact.plot import picture_of_body
 from dolfinx_contact.records.functionals import compiled
 
 COMM = MPI.COMM_WORLD
@@ -491,8 +491,8 @@ def test_stress_in_pictures():
     problem = ContactProblem(material.mean_dilatation_energy(u), u, [surface])
     u.interpolate(lambda x: np.stack([x[0] ** 2 * x[1], 0.0 * x[0]]))
     stress = material.mean_dilatation_stress(u)
-    _, data = body_seen(problem, None, 1.0, None, dict(fields={"mean": ufl.tr(stress) / 3}))
-    _, stressed = body_seen(problem, stress, 1.0, None, {})
+    pressure = picture_of_body(None, problem, fields={"mean": ufl.tr(stress) / 3})
+    stressed = picture_of_body(None, problem, stress=stress)
     _, mises = body_fields(u, stress)
     ends = (
         COMM.allreduce(mises.x.array.max(), MPI.MAX),
@@ -500,10 +500,10 @@ def test_stress_in_pictures():
     )
     if COMM.rank:
         return
-    mean = data["colours"]["mean"]
+    mean = pressure.axes[0].collections[0].get_array()
     middle = np.array([0.5 / n, 1 - 0.5 / n])
     assert [mean.min(), mean.max()] == pytest.approx((5000 + 2 / 3) * 2 * middle**2, rel=1e-12)
-    seen = stressed["colours"]["von Mises stress"]
+    seen = stressed.axes[0].collections[0].get_array()
     assert (seen.max(), seen.min()) == pytest.approx(ends, rel=1e-12)
 
 

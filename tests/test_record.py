@@ -32,7 +32,7 @@ from dolfinx_contact.continuation import (
 )
 from dolfinx_contact.continuation.walk import BranchProgress
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.plot import diagrams, draw_diagram
+from dolfinx_contact.plot import draw_diagram
 from dolfinx_contact.records import (
     BranchRecord,
     Journal,
@@ -661,32 +661,6 @@ def test_a_journal_without_a_complete_line_starts_afresh(folder):
     assert len(read_journal(folder).branches[0].points) == 2
 
 
-def test_rows_of_a_diagram():
-    """Points lie at the coordinate that tells them apart, else in order with some coordinates."""
-    wall = np.array([[2.0, 0.0], [2.0, 0.5], [2.0, 2.0]])
-    rows = diagrams._rows({"wall": wall}, 3)
-    assert rows.title == "y"
-    np.testing.assert_allclose(rows.edges, [0.0, 0.25, 1.25, 2.0])
-    assert rows.ticks is None
-    ring = np.array([[-1.0, 0.0], [0.0, -1.0], [0.0, 1.0], [1.0, 0.0]])
-    rows = diagrams._rows({"ring": ring}, 4)
-    assert rows.labels == ["(-1, 0)", "(0, -1)", "(0, 1)", "(1, 0)"]
-    np.testing.assert_allclose(rows.ticks, [0.5, 1.5, 2.5, 3.5])
-    rows = diagrams._rows({"wall": wall, "ring": ring}, 7)
-    assert rows.title == "wall, ring"
-    assert rows.borders == [3.0]
-    assert rows.labels[0] == "(2, 0)"
-    assert rows.labels[-1] == "(1, 0)"
-    many = np.stack([np.linspace(0, 1, 5001), np.zeros(5001)], axis=1)
-    rows = diagrams._rows({"many": many}, 5001)
-    assert len(rows.chosen) == len(rows.edges) - 1 <= 400
-    assert rows.title == "x"
-    for places in ({}, {"wall": wall}):  # none, or not those of the statuses
-        rows = diagrams._rows(places, 9)
-        assert (rows.title, rows.labels) == ("contact point", ["0", "3", "5", "8"])
-    assert diagrams._rows({"one": wall[:1]}, 1).labels == ["(2, 0)"]
-
-
 @pytest.mark.chatty
 def test_several_branches_in_one_record(folder):
     """Two branches of one follower; each is resumed by its number. Then the pictures."""
@@ -713,9 +687,15 @@ def test_several_branches_in_one_record(folder):
     assert journal.to_pandas(0)["gamma"].iloc[-1] == pytest.approx(0.2, abs=1e-12)
     np.testing.assert_allclose(journal.places["contact"], [(x, 0) for x in np.arange(5) / 4])
     if COMM.rank == 0:
-        file = draw_diagram(folder / "two.png", journal, "force", label="$F$", title="Two")
-        assert file.stat().st_size > 20_000
-        with pytest.raises(ValueError, match="is no number that was recorded"):
+        figure = draw_diagram(folder / "two.png", journal, "force", label="$F$", title="Two")
+        assert (folder / "two.png").stat().st_size > 20_000
+        assert figure.axes[-1].get_ylabel() == "x"  # of the contact points in the strips
+        np.testing.assert_allclose(figure.axes[-1].get_ylim(), [0.0, 1.0])
+        # by default branches are named by the statuses at their ends
+        names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+        for b, name in zip((0, 3), names, strict=False):
+            assert name.startswith(f"branch {b}: "), names
+        with pytest.raises(ValueError, match="is not a recorded number"):
             draw_diagram(folder / "none.png", journal, "status")
         with pytest.raises(ValueError, match="no branch 5"):
             draw_diagram(folder / "none.png", journal, branches=[5])

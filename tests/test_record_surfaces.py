@@ -191,9 +191,9 @@ def test_both_faces_of_a_pair(folder):
     wanted = np.broadcast_to(recorded_evolution.motion(3.0), found.shape)
     np.testing.assert_allclose(found, wanted, rtol=1e-6)
     if COMM.rank == 0:
-        file = plot.draw_record(folder / "last.png", journal)
-        assert file == folder / "last.png"
-        assert file.stat().st_size > 5000
+        figure = plot.draw_record(folder / "last.png", journal)
+        assert len(figure.axes) == 2  # the body and the bar of its colours
+        assert (folder / "last.png").stat().st_size > 5000
         assert plot.draw_record(folder / "two.gif", journal, points=[0, last]) is not None
         from PIL import Image
 
@@ -240,9 +240,9 @@ def test_what_cannot_be_drawn(folder):
         ({"points": [3]}, "points 0 to 2 are recorded, not 3"),
         ({"points": [0, 1]}, "a picture shows one point, not 2"),
         ({"points": []}, "points are none: there are no states"),
-        ({"points": "1"}, "points must be a sequence of whole numbers, got '1'"),
-        ({"points": 1}, "points must be a sequence of whole numbers, got 1"),
-        ({"points": [1.0]}, r"points must be a sequence of whole numbers, got \[1.0\]"),
+        ({"points": "1"}, "points must be a list, got '1'"),
+        ({"points": 1}, "points must be a list, got 1"),
+        ({"points": [1.0]}, r"points must be whole numbers, got \[1.0\]"),
         ({"points": [-1]}, "points 0 to 2 are recorded, not -1"),
         ({"branch": 5}, "no branch 5 was recorded"),
         ({"branch": [0]}, r"no branch \[0\] was recorded"),

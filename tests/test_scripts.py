@@ -203,8 +203,9 @@ def test_pictures_of_curves_and_regions(folder):
     if COMM.rank > 0:  # drawn on one
         return
     x = np.linspace(0.1, 1.0, 30)
-    out = plot.draw_curves(folder / "a.png", {"y": (x, x**2)}, marks={"m": (x[:3], x[:3])})
-    assert big(out)
+    axes = plot.draw_curves(folder / "a.png", {"y": (x, x**2)}, marks={"m": (x[:3], x[:3])})
+    assert big(folder / "a.png")
+    assert [line.get_label() for line in axes.lines] == ["y", "m"]
     cells = [["a", "b"], ["b", "a"], ["a", "a"]]
     names = {"a": "first", "b": "second", "c": "third"}
     lines = [(([0, 1], [0, 1]), "c")]
@@ -233,7 +234,7 @@ def test_diagrams_with_several_panels(followed, folder):
     assert min(sizes) > 10_000
     with pytest.raises(ValueError, match="1 branches need as many names, got 2"):
         plot.draw_diagram(folder / "no.png", journal, names=["a", "b"])
-    with pytest.raises(ValueError, match="'wheels' is no number"):
+    with pytest.raises(ValueError, match="'wheels' is not a recorded number"):
         plot.draw_diagram(folder / "no.png", journal, ["ut", "wheels"])
 
 

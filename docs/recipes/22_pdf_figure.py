@@ -5,7 +5,7 @@
 # PDF or SVG, vector graphics that LaTeX includes, or PNG. Or draw the columns of a table yourself.
 # Pictures of bodies take these formats too, and say what is seen: `fields` and `cmap` colour the
 # body, `zoom` is what it is enlarged to, and in 3D `view` is where the eye is and `clip` cuts the
-# body open.
+# body open. All functions return the axes, the figure or (3D) the plotter, which you can change.
 
 from pathlib import Path
 
@@ -20,7 +20,11 @@ bound = np.divide(table.bound, table.area)
 shear = np.abs(table.along(table.shear))
 curves = {"pressure": (x, table.pressure), "shear": (x, shear)}
 for file in ("figure.pdf", "figure.png"):
-    draw_curves(file, curves, dotted={"friction bound": (x, bound)}, labels=("x", "traction"))
+    axes = draw_curves(
+        None, curves, dotted={"friction bound": (x, bound)}, labels=("x", "traction")
+    )
+    axes.set_xlim(0.0, 1.0)
+    axes.figure.savefig(file)
 cube = Block(n=6, cell="hexahedron")
 problem = cube.problem()
 stress = cube.steel.full_stress(cube.u)

@@ -1,38 +1,34 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Plain pictures: curves and marks over one axis, and charts of two parameters."""
+"""Curves over one axis or over directions, and charts of two parameters."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._files import part_of
-from dolfinx_contact._optional import optional
-from dolfinx_contact.analysis import Chart, EventCurves, Regions
-from dolfinx_contact.plot.page.of_charts import chart_scene
+from dolfinx_contact.plot.figures import FILLS, LINES, new_figure, save
 
-__all__ = ["FILLS", "LINES", "draw_chart", "draw_curves", "draw_polar", "figure_of", "written"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-_BLACK = (":", "--", "-.")  # styles of curves to compare with
-_FEW = 20  # points of a curve that are marked
+    from dolfinx_contact.analysis import Chart, EventCurves, Regions
+
+__all__ = ["draw_chart", "draw_curves", "draw_polar"]
+
 #: Abscissae and ordinates.
 Curve: TypeAlias = "tuple[npt.ArrayLike, npt.ArrayLike]"
+File: TypeAlias = "str | os.PathLike[str] | None"
 
-#: Those of Okabe and Ito, and light ones for what fills a map.
-LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
-FILLS = (
-    *("#dfe7ef", "#f2d9a6", "#b7d7b0", "#c9b8dc", "#c0392b", "#3b6ea8", "#e07b39", "#111111"),
-    *("#8fc1c9", "#9a8f5a"),
-)
+_REFERENCE_STYLES = (":", "--", "-.")
+_FEW = 20  # number of points up to which the points of a line are marked
 
 
 def draw_curves(
-    file: str | os.PathLike[str],
+    file: File,
     curves: Mapping[str, Curve],
     *,
     marks: Mapping[str, Curve] | None = None,
@@ -40,37 +36,34 @@ def draw_curves(
     labels: tuple[str, str] = ("", ""),
     title: str | None = None,
     loglog: bool = False,
-) -> Path:
-    """Draw curves in one picture; on this rank alone.
+) -> Axes:
+    """Draw curves over one axis. Not collective.
 
     Args:
-        file: the picture, of any kind that matplotlib writes.
-        curves: lines by name, those of few points with dots; a name that begins with an underscore
-            is not in the legend.
-        marks: the same, as dots alone.
-        dotted: the same, black, dotted or dashed, to compare with.
-        labels: of the axes, TeX between dollars.
-        title: above the picture.
-        loglog: whether both axes are logarithmic.
+        file: picture in any format of matplotlib; None writes nothing.
+        curves: lines by name. Names that begin with an underscore are not in the legend.
+        marks: curves drawn as points, by name.
+        dotted: reference curves, drawn black and dotted or dashed, by name.
+        labels: labels of the axes, TeX between dollars.
+        title: title of the picture, default none.
+        loglog: True for two logarithmic axes, default False.
+
+    Returns:
+        The axes; ``axes.figure`` is the figure.
 
     Raises:
-        OSError: with the path, if it cannot be written; it is then as it was.
-        ValueError: if there is nothing to draw, or a curve has not as many ordinates as abscissae.
+        OSError: with the path, if it cannot be written; an existing file is then unchanged.
+        ValueError: if there is nothing to draw, or a curve has different numbers of abscissae and
+            ordinates.
     """
-    drawn = [(name, curve, "-") for name, curve in curves.items()]
-    drawn += [(name, curve, "o") for name, curve in (marks or {}).items()]
-    references = enumerate((dotted or {}).items())
-    drawn += [(name, curve, _BLACK[i % len(_BLACK)]) for i, (name, curve) in references]
-    if not drawn:
-        raise ValueError("there is nothing to draw")
-    for name, (x, y), _ in drawn:
-        if np.ndim(x) != 1 or np.shape(x) != np.shape(y):
-            raise ValueError(f"{name!r} has {np.shape(x)} abscissae and {np.shape(y)} ordinates")
-    figure = figure_of((6.4, 4.4))
-    axes = figure.subplots()
-    for i, (name, (x, y), style) in enumerate(drawn):
+    lines = [(name, curve, "-") for name, curve in curves.items()]
+    lines += [(name, curve, "o") for name, curve in (marks or {}).items()]
+    for i, (name, curve) in enumerate((dotted or {}).items()):
+        lines.append((name, curve, _REFERENCE_STYLES[i % len(_REFERENCE_STYLES)]))
+    axes = _checked_axes({**curves, **(marks or {}), **(dotted or {})}, (6.4, 4.4))
+    for i, (name, (x, y), style) in enumerate(lines):
         style += "o" if style == "-" and np.size(x) <= _FEW else ""
-        colour = "black" if style in _BLACK else LINES[i % len(LINES)]
+        colour = "black" if style in _REFERENCE_STYLES else LINES[i % len(LINES)]
         size = 5.5 if style == "o" else 3.5
         axes.plot(x, y, style, color=colour, lw=1.6, ms=size, label=name)
     if loglog:
@@ -79,39 +72,35 @@ def draw_curves(
     axes.set_title(title or "", loc="left")
     axes.grid(color="0.92")
     axes.set_axisbelow(True)
-    if any(not name.startswith("_") for name, *_ in drawn):
+    if any(not name.startswith("_") for name, *_ in lines):
         axes.legend(frameon=False, fontsize=9)
-    return written(figure, file)
+    save(axes.figure, file)
+    return axes
 
 
 def draw_polar(
-    file: str | os.PathLike[str],
-    curves: Mapping[str, Curve],
-    *,
-    title: str | None = None,
-    label: str = "",
-) -> Path:
-    """Draw closed curves over a circle of directions; on this rank alone.
+    file: File, curves: Mapping[str, Curve], *, title: str | None = None, label: str = ""
+) -> Axes:
+    """Draw closed curves over a circle of directions. Not collective.
 
     Args:
-        file: the picture, of any kind that matplotlib writes.
-        curves: angles and radii by name; what is infinite is left out.
-        title: above the picture.
-        label: of the radius.
+        file: picture in any format of matplotlib; None writes nothing.
+        curves: angles (radians) and radii by name. Infinite radii are left out.
+        title: title of the picture, default none.
+        label: label of the radius.
+
+    Returns:
+        The polar axes.
 
     Raises:
-        OSError: with the path, if it cannot be written; it is then as it was.
-        ValueError: if there is nothing to draw, or a curve has not as many radii as angles.
+        OSError: with the path, if it cannot be written; an existing file is then unchanged.
+        ValueError: if there is nothing to draw, or a curve has different numbers of angles and
+            radii.
     """
-    if not curves:
-        raise ValueError("there is nothing to draw")
-    figure = figure_of((5.4, 5.4))
-    axes = figure.add_subplot(projection="polar")
+    axes = _checked_axes(curves, (5.4, 5.4), projection="polar")
     for i, (name, (angles, radii)) in enumerate(curves.items()):
         theta = np.asarray(angles, dtype=np.float64)
         r = np.asarray(radii, dtype=np.float64)
-        if theta.ndim != 1 or theta.shape != r.shape:
-            raise ValueError(f"{name!r} has {theta.shape} angles and {r.shape} radii")
         r = np.where(np.isfinite(r), r, np.nan)
         closed = np.append(theta, theta[:1] + 2 * np.pi), np.append(r, r[:1])
         axes.plot(*closed, "-o", color=LINES[i % len(LINES)], lw=1.6, ms=3.5, label=name)
@@ -119,107 +108,92 @@ def draw_polar(
     axes.set_xlabel(label)
     axes.set_title(title or "", loc="left")
     axes.legend(frameon=False, fontsize=9, loc="upper right")
-    return written(figure, file)
+    save(axes.figure, file)
+    return axes
+
+
+def _checked_axes(curves: Mapping[str, Curve], size: tuple[float, float], **options: Any) -> Axes:
+    """Return axes of a new figure, or raise ``ValueError`` for curves that cannot be drawn."""
+    if not curves:
+        raise ValueError("there is nothing to draw")
+    for name, (x, y) in curves.items():
+        if np.ndim(x) != 1 or np.shape(x) != np.shape(y):
+            polar = "projection" in options
+            first, second = ("angles", "radii") if polar else ("abscissae", "ordinates")
+            raise ValueError(f"{name!r} has {np.shape(x)} {first} and {np.shape(y)} {second}")
+    return new_figure(size).add_subplot(**options)
 
 
 def draw_chart(
-    file: str | os.PathLike[str],
+    file: File,
     chart: Chart | Regions,
     curves: EventCurves | None = None,
     names: Mapping[tuple[str, ...], str] | None = None,
     *,
     labels: tuple[str, str] = ("", ""),
     title: str | None = None,
-) -> Path:
-    """Draw the solutions over two parameters; on this rank alone.
+) -> Axes:
+    """Draw the solutions over two parameters. Not collective.
 
-    Without ``names`` it is drawn by regions of as many solutions, whose borders are the curves of
-    folds where they are known, and their numbers are shown; with ``names`` cell by cell. Where the
-    number of solutions is not proved it is hatched: there are at least so many. Curves of folds are
-    drawn thick, of events thin, and where two curves of folds end there is a dot.
+    Without ``names`` the colours show the number of solutions, in regions bounded by the curves of
+    folds where these are known; with ``names`` each cell has the colour of its set of statuses.
+    Cells without a proof of the number are hatched: there are at least so many solutions. Curves
+    of folds are thick, those of events thin, and a dot marks a cusp.
 
     Args:
-        file: the picture, of any kind that matplotlib writes.
-        chart: what `count_solutions` or `solution_regions` returned.
-        curves: of folds and events; by default those that the chart has.
-        names: of sets of statuses, for the legend; by default numbers of solutions are shown.
-        labels: of the axes, TeX between dollars.
-        title: above the picture.
+        file: picture in any format of matplotlib; None writes nothing.
+        chart: result of `count_solutions` or `solution_regions`.
+        curves: curves of folds and events, default those of the chart.
+        names: names of the sets of statuses, for the legend.
+        labels: labels of the axes, TeX between dollars.
+        title: title of the picture, default none.
+
+    Returns:
+        The axes.
 
     Raises:
-        OSError: with the path, if it cannot be written; it is then as it was.
+        OSError: with the path, if it cannot be written; an existing file is then unchanged.
         ValueError: if a set of statuses has no name, or the chart has no cells.
     """
-    scene = chart_scene(chart, curves)
-    figure = figure_of((6.4, 6.0))
-    from matplotlib.patches import Patch
+    # The regions between curves are computed by the explorer, an extension.
+    from dolfinx_contact.plot.page.of_charts import chart_scene
 
-    axes = figure.subplots()
+    scene = chart_scene(chart, curves)
+    axes = new_figure((6.4, 6.0)).add_subplot()
+    look: dict[str, Any] = dict(lw=0, antialiased=False)
+    hatches = {True: None, False: "///"}
     if names is None:
         counts = sorted({len(region.solutions[0]) for region in scene.regions})
-        words = {n: f"{n} solution" + "s" * (n != 1) for n in counts}
-        colours = {words[n]: FILLS[n % len(FILLS)] for n in counts}
-        shown = set(colours)
+        legend = {f"{n} solution{'s' * (n != 1)}": FILLS[n % len(FILLS)] for n in counts}
         for region in scene.regions:
-            colour = colours[words[len(region.solutions[0])]]
+            colour = FILLS[len(region.solutions[0]) % len(FILLS)]
             for outline in region.outlines:
-                axes.fill(*outline.T, lw=0, antialiased=False, **_filling(colour, region.proved))
+                axes.fill(*outline.T, facecolor=colour, hatch=hatches[region.proved], **look)
     else:
         present = {c.solutions for c in chart.cells}
         if present - set(names):
             raise ValueError(f"no names are given for {sorted(present - set(names))}")
         colours = {word: FILLS[i % len(FILLS)] for i, word in enumerate(names.values())}
-        shown = {names[solutions] for solutions in present}
+        words = {names[solutions] for solutions in present}
+        legend = {word: colour for word, colour in colours.items() if word in words}
         for c in chart.cells:
-            look = _filling(colours[names[c.solutions]], c.proved)
-            axes.fill_between(*c.outline(), lw=0, antialiased=False, **look)
+            colour = colours[names[c.solutions]]
+            axes.fill_between(*c.outline(), facecolor=colour, hatch=hatches[c.proved], **look)
     for curve in scene.curves:
-        width = 1.8 if curve.kind == "fold" else 0.7
-        axes.plot(*curve.points.T, color="black", lw=width)
+        axes.plot(*curve.points.T, color="black", lw=1.8 if curve.kind == "fold" else 0.7)
     if curves is not None and curves.cusps:
         axes.plot(*np.array(curves.cusps).T, "o", color="black", ms=5)
-    axes.set_xlim(*scene.ranges[0])
-    axes.set_ylim(*scene.ranges[1])
-    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.set(xlim=scene.ranges[0], ylim=scene.ranges[1], xlabel=labels[0], ylabel=labels[1])
     axes.set_title(title or "", loc="left")
-    handles = [
-        Patch(facecolor=colour, edgecolor="0.4", label=word)
-        for word, colour in colours.items()
-        if word in shown
-    ]
-    if not chart.proved:
+    _legend_of_fills(axes, legend, chart.proved, 4 if names is None else 2)
+    save(axes.figure, file)
+    return axes
+
+
+def _legend_of_fills(axes: Axes, colours: Mapping[str, str], proved: bool, columns: int) -> None:
+    from matplotlib.patches import Patch
+
+    handles = [Patch(facecolor=c, edgecolor="0.4", label=word) for word, c in colours.items()]
+    if not proved:
         handles.append(Patch(facecolor="white", edgecolor="0.4", hatch="///", label="at least"))
-    columns = 4 if names is None else 2
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
-    return written(figure, file)
-
-
-def _filling(colour: str, proved: bool) -> dict[str, Any]:
-    return dict(facecolor=colour, hatch=None if proved else "///")
-
-
-def figure_of(size: tuple[float, float]) -> Any:
-    """An empty figure of a size in inches, without a window.
-
-    Raises:
-        ModuleNotFoundError: if matplotlib is not installed.
-    """
-    optional("matplotlib", "pictures")
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def written(figure: Any, file: str | os.PathLike[str]) -> Path:
-    """Write a figure; the path.
-
-    Raises:
-        OSError: with the path, if it cannot be written; it is then as it was.
-    """
-    path = Path(file)
-    with part_of(path) as part:
-        figure.savefig(part, dpi=130)
-    return path
+    axes.figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)

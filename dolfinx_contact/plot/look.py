@@ -1,176 +1,194 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How bodies are shown: side, section, part, colours; what users give, checked."""
+"""Options of pictures of bodies: fields, view, section, zoom, colours, arrows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeAlias, TypedDict
 
 import numpy as np
+import numpy.typing as npt
 
 import ufl
 
-from dolfinx_contact._optional import optional
-from dolfinx_contact._validate import is_number, nonnegative, number, one_of, positive, vector
+from dolfinx_contact._validate import is_number, listed, one_of, positive, vector
 
-__all__ = ["Fields", "Heading", "Look", "checked_look", "checked_scale", "checked_units"]
+__all__ = ["Look", "Options", "checked_units", "options_of"]
 
+Array: TypeAlias = npt.NDArray[np.float64]
 #: An axis by its name, with a sign, or a vector.
-Heading: TypeAlias = str | Sequence[float]
-#: What colours a body: names, or UFL scalars by their names.
-Fields: TypeAlias = str | Sequence[str] | Mapping[str, Any]
+Direction: TypeAlias = str | Sequence[float]
 
-#: From where a body is seen: where the eye is.
-_SIDES = {
-    **{"front": (0.0, -1.0, 0.0), "back": (0.0, 1.0, 0.0), "left": (-1.0, 0.0, 0.0)},
-    **{"right": (1.0, 0.0, 0.0), "above": (0.0, 0.0, 1.0), "below": (0.0, 0.0, -1.0)},
+_AXES: dict[str, Array] = {
+    sign + name: np.asarray(factor * axis)
+    for name, axis in zip("xyz", np.eye(3), strict=True)
+    for sign, factor in (("", 1.0), ("-", -1.0))
 }
-_KNOWN = ("displacement", "von Mises stress")
+_SIDES = {
+    **{"front": -np.eye(3)[1], "back": np.eye(3)[1], "left": -np.eye(3)[0]},
+    **{"right": np.eye(3)[0], "above": np.eye(3)[2], "below": -np.eye(3)[2]},
+}
+_FIELDS = ("displacement", "von Mises stress")
 
 
 class Look(TypedDict, total=False):
-    """How a body is drawn.
+    """Options of pictures and films of bodies.
 
     Attributes:
-        fields: what colours it, panel by panel: ``"displacement"`` (its size), ``"von Mises
-            stress"`` (which needs ``stress``), several of these, or UFL scalars by names of their
-            own, of which those that jump are averaged at the vertices; grey where they are not
-            finite. By default the stress if there is one, else nothing.
-        view: in 3D where the eye is: ``"front"`` (at -y), ``"back"``, ``"left"``, ``"right"``,
-            ``"above"``, ``"below"``, or a vector from the body to the eye.
-        up: in 3D the direction that is drawn upwards: ``"z"`` by default, or ``"-z"``, ``"x"``,
-            ... or a vector.
-        clip: in 3D a plane at which the body is cut open: ``"x"``, ``"-y"``, ..., through the
-            middle, or a point and a normal. What lies on the side of the normal is not drawn, and
-            unless there is a ``view`` the eye is there. Of a record, which has the surface of the
-            body alone, the cut is open.
-        zoom: by how much the middle of the picture is enlarged; ``"contact"`` for the contact
-            surfaces; or two opposite corners of a box that is to be seen. With nothing of the body
-            in it there is no picture, and a warning.
-        cmap: colours, a name that matplotlib has.
-        apart: by how much of their size bodies of a pair, and obstacles, are drawn apart.
-        units: of length and stress, for the labels.
+        fields: colours of the body, one panel for each field: ``"displacement"`` (its magnitude),
+            ``"von Mises stress"`` (requires ``stress``), a sequence of these, or UFL scalars by
+            name. Discontinuous fields are averaged at the vertices; values that are not finite are
+            grey. The default is the stress if there is one, otherwise no field.
+        view: direction from the body to the eye, in 3D: ``"front"`` (the eye is at -y),
+            ``"back"``, ``"left"``, ``"right"``, ``"above"``, ``"below"``, an axis such as ``"-x"``,
+            or a vector.
+        up: direction that points upwards in the picture, in 3D, default ``"z"``.
+        clip: plane of a section, in 3D: its normal (then the plane passes through the middle), or a
+            point and a normal. The part on the side of the normal is not drawn.
+        zoom: factor of magnification, default 1; ``"contact"`` for the contact surfaces; or the
+            lower and upper corner of a box.
+        cmap: name of a colour map of matplotlib.
+        units: units of length and stress, for the labels, default none.
+        arrows: arrows by name, each a point and a vector, such as a load or the direction of
+            drag. The longest arrow of each name has the same length in the picture, and the legend
+            gives its magnitude.
     """
 
-    fields: Fields | None
-    view: Heading | None
-    up: Heading
-    clip: Heading | tuple[Sequence[float], Sequence[float]] | None
+    fields: str | Sequence[str] | Mapping[str, Any] | None
+    view: Direction | None
+    up: Direction
+    clip: Direction | tuple[Sequence[float], Direction] | None
     zoom: float | str | Sequence[Sequence[float]]
-    cmap: str | None
-    apart: float
+    cmap: str
     units: tuple[str, str]
+    arrows: Mapping[str, tuple[Any, Any]]
 
 
-def checked_scale(scale: Any) -> float:
-    """The factor of a displacement as a number, or ``ValueError``. Not collective."""
-    return number(scale, "the scale of the displacement")
+@dataclass(frozen=True)
+class Options:
+    """Validated entries of a `Look`.
+
+    Attributes:
+        fields: UFL scalars by name; None for the displacement and the von Mises stress.
+        eye: unit vector from the body to the eye; None for the default.
+        up: unit vector that points upwards in the picture.
+        clip: point (None for the middle) and unit normal of a section; None without one.
+        zoom: factor, ``"contact"``, or corners of a box, shape (2, 3).
+        cmap: name of the colour map.
+        units: units of length and stress.
+        arrows: points and vectors by name, shape (2, n, 3) each.
+    """
+
+    fields: dict[str, Any]
+    eye: Array | None
+    up: Array
+    clip: tuple[Array | None, Array] | None
+    zoom: float | str | Array
+    cmap: str
+    units: tuple[str, str]
+    arrows: dict[str, Array]
 
 
-def checked_look(look: Mapping[str, Any], dim: int, *, stress: bool) -> dict[str, Any]:
-    """A look as `render.py` has it, with all its entries, or ``ValueError``. Not collective.
+def options_of(
+    dim: int,
+    stressed: bool,
+    *,
+    fields: Any = None,
+    view: Any = None,
+    up: Any = "z",
+    clip: Any = None,
+    zoom: Any = 1.0,
+    cmap: str = "Spectral_r",
+    units: Any = ("", ""),
+    arrows: Mapping[str, tuple[Any, Any]] | None = None,
+) -> Options:
+    """Validate a `Look`. Not collective.
 
     Args:
-        look: entries of `Look`.
-        dim: of the body.
-        stress: whether there is one.
+        dim: dimension of the body.
+        stressed: True if there is a stress.
+        fields: entry of `Look`, like the following arguments.
+        view: see `Look`.
+        up: see `Look`.
+        clip: see `Look`.
+        zoom: see `Look`.
+        cmap: see `Look`.
+        units: see `Look`.
+        arrows: see `Look`.
 
-    Returns:
-        The entries; of ``fields`` a dictionary whose values are UFL or None, directions and boxes
-        as lists.
+    Raises:
+        ValueError: if a value is not admissible.
     """
-    for name, value in look.items():
-        one_of(name, "a look", list(Look.__annotations__))
-        if dim == 2 and name in ("view", "up", "clip") and value is not None:
-            raise ValueError(f"a body in 2D has no {name}")
-    view, up, clip = (look.get(name) for name in ("view", "up", "clip"))
-    cmap = look.get("cmap")
-    if cmap is not None:
-        known = optional("matplotlib", "pictures").colormaps
-        if cmap not in list(known):
-            raise ValueError(f"cmap must be a name of colours that matplotlib has, got {cmap!r}")
-    return {
-        "fields": _fields(look.get("fields"), stress),
-        "view": None if view is None else _direction(view, "the view", _SIDES),
-        "up": _direction("z" if up is None else up, "up"),
-        "clip": None if clip is None else _plane(clip),
-        "zoom": _zoom(look.get("zoom", 1.0), dim),
-        "cmap": cmap,
-        "apart": nonnegative(look.get("apart", 0.0), "apart"),
-        "units": checked_units(look.get("units", ("", ""))),
-    }
+    if dim == 2 and not (view is None and clip is None and isinstance(up, str) and up == "z"):
+        raise ValueError("view, up and clip are for bodies in 3D")
+    plane = None
+    if clip is not None:
+        pair = not isinstance(clip, str) and len(clip) == 2
+        point, normal = clip if pair else (None, clip)
+        at = None if point is None else vector(point, "the point of clip", 3)
+        plane = at, _direction(normal, "the normal of clip")
+    return Options(
+        fields=_fields(fields, stressed),
+        eye=None if view is None else _direction(view, "the view", _SIDES),
+        up=_direction(up, "up"),
+        clip=plane,
+        zoom=_zoom(zoom, dim),
+        cmap=cmap,
+        units=checked_units(units),
+        arrows={name: _arrows(name, *arrow, dim) for name, arrow in (arrows or {}).items()},
+    )
 
 
 def checked_units(units: Any) -> tuple[str, str]:
-    """Units of length and stress, or ``ValueError``. Not collective."""
-    known = isinstance(units, tuple | list) and len(units) == 2
-    if not known or not all(isinstance(unit, str) for unit in units):
-        raise ValueError(f"units must be those of length and stress, two str, got {units!r}")
+    """Return units of length and stress, or raise ``ValueError``. Not collective."""
+    pair = isinstance(units, tuple | list) and len(units) == 2
+    if not pair or not all(isinstance(unit, str) for unit in units):
+        raise ValueError(f"units must be two strings, of length and stress; got {units!r}")
     return units[0], units[1]
 
 
-def _fields(fields: Any, stress: bool) -> dict[str, Any]:
+def _fields(fields: Any, stressed: bool) -> dict[str, Any]:
     if fields is None:
-        return {"von Mises stress": None} if stress else {}
+        return {"von Mises stress": None} if stressed else {}
     if isinstance(fields, Mapping):
         for name, value in fields.items():
-            scalar = isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ()
-            if not isinstance(name, str) or not scalar:
-                raise ValueError(f"fields must be UFL scalars by names, got {name!r}: {value!r}")
+            if not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():
+                raise ValueError(f"fields must be UFL scalars by name, got {name!r}: {value!r}")
         return dict(fields)
-    names = [fields] if isinstance(fields, str) else fields
-    if not isinstance(names, Iterable) or not (names := list(names)):
-        raise ValueError(f"fields must be names, or UFL scalars by names, got {fields!r}")
+    names = [fields] if isinstance(fields, str) else listed(fields, "fields")
     for name in names:
-        if name not in _KNOWN:
-            raise ValueError(f"no field is named {name!r}: {', '.join(_KNOWN)} are; or give UFL")
-        if name == _KNOWN[1] and not stress:
+        if one_of(name, "a field", _FIELDS) == _FIELDS[1] and not stressed:
             raise ValueError("the von Mises stress needs a stress=")
     return dict.fromkeys(names)
 
 
-def _direction(
-    value: Any, what: str, names: Mapping[str, Sequence[float]] | None = None
-) -> list[float]:
-    """A unit vector."""
-    axes = {
-        sign + name: s * e
-        for name, e in zip("xyz", np.eye(3), strict=True)
-        for sign, s in (("", 1.0), ("-", -1.0))
-    }
-    known: dict[str, Any] = axes | dict(names or {})
+def _direction(value: Any, name: str, names: Mapping[str, Array] | None = None) -> Array:
+    """Return a unit vector."""
     if isinstance(value, str):
-        return [float(c) + 0.0 for c in known[one_of(value, what, known)]]
-    found = vector(value, what, 3, zero=False)
-    return [float(c) for c in found / np.linalg.norm(found)]
+        known = _AXES | dict(names or {})
+        return known[one_of(value, name, known)]
+    v = vector(value, name, 3, zero=False)
+    return np.asarray(v / np.linalg.norm(v))
 
 
-def _plane(clip: Any) -> dict[str, list[float] | None]:
-    """Point (None for the middle) and normal of a section."""
-    if isinstance(clip, str):
-        return {"point": None, "normal": _direction(clip, "clip")}
-    if isinstance(clip, Sequence | np.ndarray) and len(clip) == 2:
-        point = vector(clip[0], "the point of clip", 3)
-        return {
-            "point": [float(c) for c in point],
-            "normal": _direction(clip[1], "the normal of clip"),
-        }
-    return {"point": None, "normal": _direction(clip, "clip")}
-
-
-def _zoom(zoom: Any, dim: int) -> float | str | list[list[float]]:
+def _zoom(zoom: Any, dim: int) -> float | str | Array:
     if is_number(zoom):
-        return positive(zoom, "the factor of zoom")
+        return positive(zoom, "zoom")
     if isinstance(zoom, str) and zoom == "contact":
         return zoom
-    try:
-        box = np.array(zoom, dtype=np.float64)
-    except (TypeError, ValueError):
-        box = np.empty(0)
-    if box.shape != (2, dim) or not np.isfinite(box).all() or not (box[0] < box[1]).all():
+    box = np.array(zoom, dtype=np.float64) if not isinstance(zoom, str) else np.empty(0)
+    if box.shape != (2, dim) or not (box[0] < box[1]).all():
         raise ValueError(
-            "zoom must be a factor, 'contact' or the least and largest coordinates of a box in "
-            f"{dim}D, got {zoom!r}"
+            f"zoom must be a factor, 'contact' or two corners of a box in {dim}D, got {zoom!r}"
         )
-    corners = np.pad(box, ((0, 0), (0, 3 - dim)))
-    return [[float(c) for c in corner] for corner in corners]
+    return np.pad(box, ((0, 0), (0, 3 - dim)))
+
+
+def _arrows(name: str, points: Any, vectors: Any, dim: int) -> Array:
+    """Return points and vectors of arrows, shape (2, n, 3)."""
+    pair = np.broadcast_arrays(np.atleast_2d(points), np.atleast_2d(vectors))
+    arrows = np.array(pair, dtype=np.float64)
+    if arrows.shape[-1] != dim or not np.isfinite(arrows).all():
+        raise ValueError(f"the arrows {name!r} must be finite points and vectors in {dim}D")
+    return np.pad(arrows, ((0, 0), (0, 0), (0, 3 - dim)))

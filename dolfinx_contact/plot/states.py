@@ -1,193 +1,144 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""One figure of several states of a 2D body: deformed meshes, statuses of contact points."""
+"""One figure of several states of a body in 2D, with the statuses of its contact points."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dolfinx import fem
-
 from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root
-from dolfinx_contact._files import part_of
 from dolfinx_contact._optional import optional
-from dolfinx_contact.continuation import BranchPoint
+from dolfinx_contact._validate import number
 from dolfinx_contact.equations.order import by_coordinates
-from dolfinx_contact.io.gathering import gather_cells
 from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import COLOURS, NAMES
-from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.plot.floors import floor_below
-from dolfinx_contact.plot.look import checked_scale
-from dolfinx_contact.plot.render import around
+from dolfinx_contact.plot.bodies import Scene, body_scene
+from dolfinx_contact.plot.figures import drawn_on_root, new_figure, save
+from dolfinx_contact.plot.in_2d import around, draw_field
+from dolfinx_contact.plot.look import options_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from dolfinx_contact.continuation import BranchPoint
+    from dolfinx_contact.parametric import ParametricContact
 
 __all__ = ["picture_of_states"]
 
 
 def _check(a: Arguments) -> None:
-    a.file = Path(a.file)
+    a.file = None if a.file is None else Path(a.file)
     a.points = list(a.points)
-    a.scale = checked_scale(a.scale)
+    a.scale = number(a.scale, "the scale of the displacement")
     if a.system.problem.V.mesh.geometry.dim != 2 or not a.points:
-        raise ValueError("states are drawn side by side for 2D bodies, and at least one is needed")
+        raise ValueError("picture_of_states requires a body in 2D and at least one point")
 
 
 @collective("a picture of states", _check)
 def picture_of_states(
-    file: str | os.PathLike[str],
+    file: str | os.PathLike[str] | None,
     system: ParametricContact,
     points: Sequence[BranchPoint],
     *,
     titles: Sequence[str] = (),
     scale: float = 1.0,
-) -> Path:
-    """Draw states of a 2D body side by side. Collective.
+) -> Figure | None:
+    """Draw states of a body in 2D side by side. Collective.
 
     Args:
-        file: the picture, ``.png``.
-        system: the problem that the points belong to; its Functions are left at the last one.
-        points: of branches.
-        titles: one for each point.
-        scale: factor of the displacement.
+        file: picture in any format of matplotlib; None writes nothing.
+        system: system of the points; its Functions are those of the last point afterwards.
+        points: points of branches.
+        titles: titles of the panels, default none.
+        scale: factor of the displacement, default 1.
 
     Returns:
-        The file.
+        The figure on rank 0, None on other ranks.
 
     Raises:
-        OSError: on every rank, with the path, if it cannot be written; it is then as it was.
+        ModuleNotFoundError: on every rank, if matplotlib is not installed.
+        OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
         ValueError: on every rank, if the body is not 2D, there is no point, the scale is not
             finite, or arguments differ between ranks.
     """
-    comm = system.comm
-    path = Path(file)
-    optional("matplotlib", "pictures")  # on every rank, although one draws
-    seen = [_seen(system, point) for point in points]
+    optional("matplotlib", "pictures")
+    options = options_of(2, False, fields="displacement")
+    scenes = []
+    marks = []
+    for point in points:
+        tables = system.result_at(point).tables.values()
+        scenes.append(body_scene(system.problem, None, scale, options, ""))
+        for s, table in zip(system.problem.surfaces, tables, strict=True):
+            face = patch(s)
+            if face and len(face["x"]) == len(table.letters):  # Gauss points have no vertex
+                order = by_coordinates(face["x"], face["ids"])
+                x = face["x"][order, :2] + scale * face["u"][order]
+                marks.append((len(scenes) - 1, x, table.letters))
 
-    def draw() -> None:
-        with part_of(path) as part:
-            _draw(part, seen, list(titles) or [""] * len(points), scale)
+    def draw() -> Figure:
+        states = [scene for scene in scenes if scene is not None]
+        figure = _draw(states, marks, list(titles) or [""] * len(states))
+        figure.legends[0].set_title(f"displacement x {scale:.3g}; grey: undeformed")
+        save(figure, file)
+        return figure
 
-    on_root(comm, draw)
-    return path
-
-
-def _seen(system: ParametricContact, point: BranchPoint) -> dict[str, Any]:
-    """Mesh, displacement and contact points of a state, on rank 0."""
-    tables = list(system.result_at(point).tables.values())
-    u = system.problem.u
-    domain = u.function_space.mesh
-    V = fem.functionspace(domain, ("Lagrange", 1))
-    moved = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    moved.interpolate(u)
-    cells = V.dofmap.list[: domain.topology.index_map(2).size_local]
-    seen = gather_cells(system.comm, V, cells, {"u": moved.x.array.reshape(-1, 2)})
-    patches = [patch(s) for s in system.problem.surfaces]
-    if not seen:
-        return {}
-    contact = []
-    for p, table, s in zip(patches, tables, system.problem.surfaces, strict=True):
-        order = by_coordinates(p["x"], p["ids"])
-        # Gauss points are no vertices: their statuses have no mark.
-        known = len(order) == len(table.letters)
-        letters = table.letters if known else np.full(len(order), "")
-        shown = order[:0] if s.between_bodies else order
-        floor = p["floor"][shown], p["moved"][shown]
-        contact.append((p["x"][order, :2], p["u"][order], letters, *floor))
-    return seen | {"contact": contact}
+    return drawn_on_root(system.comm, draw)
 
 
-def _draw(file: Path, seen: Sequence[dict[str, Any]], titles: Sequence[str], scale: float) -> None:
-    import matplotlib as mpl
+def _draw(
+    scenes: Sequence[Scene], marks: Sequence[tuple[int, Any, Any]], titles: Sequence[str]
+) -> Figure:
+    """Draw scenes side by side with contact points coloured by their status.
 
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    count = len(seen)
-    every = np.concatenate([s["x"][:, :2] + scale * s["u"] for s in seen])
-    low = every.min(axis=0)
-    high = every.max(axis=0)
-    margin = 0.05 * float((high - low).max())
-    width, height = (high - low) + 2 * margin
-    columns, panel = _layout(count, float(height / width))
-    rows = -(-count // columns)
-    size = max(columns * panel + 1.3, 4.5), rows * (panel * height / width + 0.4) + 0.9
-    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
-    # One scale of colours for all states, so that they can be compared.
-    sizes = [np.linalg.norm(s["u"], axis=1) for s in seen]
-    norm = mpl.colors.Normalize(0.0, max(float(v.max()) for v in sizes) or 1.0)
-    for axis in axes.flat[count:]:
-        axis.set_axis_off()
-    for axis, state, values, title in zip(axes.flat, seen, sizes, titles, strict=False):
-        deformed = _draw_state(axis, state, values, norm, scale)
-        axis.set_xlim(low[0] - margin, high[0] + margin)
-        axis.set_ylim(low[1] - margin, high[1] + margin)
-        axis.set(aspect="equal", xticks=[], yticks=[])
-        axis.set_title(title, fontsize=10)
-        axis.spines[:].set_visible(False)
-    bar = figure.colorbar(deformed, ax=axes, shrink=0.8, pad=0.01, aspect=30)
-    bar.set_label("|u|")
-    bar.outline.set_linewidth(0.5)
-    letters = {k for s in seen for part in s["contact"] for k in part[2]}
-    present = [k for k in NAMES if k in letters]
-    marks = [
-        plt.Line2D([], [], marker="o", ls="", color=COLOURS[k], label=NAMES[k]) for k in present
-    ]
-    note = f"displacement x {scale:.3g}; grey: undeformed"
-    figure.legend(
-        handles=marks,
-        loc="outside lower center",
-        ncols=len(marks),
-        frameon=False,
-        title=note,
-        title_fontsize=9,
-    )
-    figure.savefig(file, dpi=130)
-    plt.close(figure)
-
-
-def _draw_state(axis: Any, state: dict[str, Any], values: Any, norm: Any, scale: float) -> Any:
-    """The body before and after, contact points and floors; the cells that values colour."""
-    from matplotlib.collections import PolyCollection
-
-    x = state["x"][:, :2]
-    cells = around(state["cells"])
-    edges = {"facecolor": "none", "edgecolor": "#d5d9de", "linewidth": 0.3}
-    axis.add_collection(PolyCollection(x[cells], **edges))
-    deformed = PolyCollection(
-        (x + scale * state["u"])[cells],
-        array=values[cells].mean(axis=1),
-        norm=norm,
-        cmap="GnBu",
-        edgecolor="#5b6b7b",
-        lw=0.25,
-    )
-    axis.add_collection(deformed)
-    for place, u, letters, floor, moved in state["contact"]:
-        marked = letters != ""
-        colours = [COLOURS[k] for k in letters[marked]]
-        where = (place + scale * u)[marked]
-        area = float(np.clip(14 * 40 / max(len(where), 1), 3, 14))
-        rim = 0.3 if len(where) <= 60 else 0.1
-        axis.scatter(*where.T, c=colours, s=area, zorder=3, edgecolors="0.2", linewidths=rim)
-        axis.plot(*floor_below(floor + scale * moved, where).T, color="0.15", lw=1.0, zorder=1)
-    return deformed
-
-
-def _layout(count: int, ratio: float) -> tuple[int, float]:
-    """Columns of panels of this height over width, and their width in inches.
-
-    Panels are as large as a page takes, with few empty places; one row is easier to compare.
+    Args:
+        scenes: scenes.
+        marks: number of the scene, positions and letters of contact points.
+        titles: titles of the panels.
     """
-    found = []
-    for columns in range(1, count + 1):
-        rows = -(-count // columns)
-        width = min(12.0 / columns, (9.0 / rows - 0.4) / ratio)
-        fill = count / (rows * columns)
-        found.append((width * fill * (1.3 if rows == 1 else 1.0), -columns, width))
-    _, columns, width = max(found)
-    return -columns, width
+    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.lines import Line2D
+
+    # slender bodies in a column or a row, others in a square
+    every = np.concatenate([scene.x[:, :2] for scene in scenes])
+    low, high = every.min(axis=0), every.max(axis=0)
+    low, high = low - 0.05 * (high - low).max(), high + 0.05 * (high - low).max()
+    ratio = float((high[1] - low[1]) / (high[0] - low[0]))
+    count = len(scenes)
+    columns = int(np.clip(np.ceil(np.sqrt(count * ratio)), 1, count))
+    rows = -(-count // columns)
+    width = min(12.0 / columns, 9.0 / rows / ratio)
+    figure = new_figure((max(columns * width + 1.3, 4.5), rows * (width * ratio + 0.4) + 0.9))
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels:
+        axes.set_axis_off()
+    # one scale of colours for all states
+    largest = max(float(scene.values["displacement"].max()) for scene in scenes) or 1.0
+    for axes, scene, title in zip(panels, scenes, titles, strict=False):
+        cells = scene.rest[around(scene.cells), :2]
+        rest = dict(facecolor="none", edgecolor="#d5d9de", linewidth=0.3, zorder=0)
+        axes.add_collection(PolyCollection(cells, **rest))
+        values = scene.values["displacement"]
+        shades = draw_field(axes, scene, values, (0.0, largest), "GnBu")
+        for o in scene.obstacles:
+            floor = o.below(np.pad([low, high], ((0, 0), (0, 1))))
+            axes.add_collection(LineCollection(floor.x[floor.cells, :2], colors="0.15", lw=1.0))
+        axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.set_title(title, fontsize=10)
+    for i, x, letters in marks:
+        look = dict(s=14 if len(x) <= 40 else 8, edgecolors="0.2", linewidths=0.2, zorder=3)
+        panels[i].scatter(*x.T, c=[COLOURS[k] for k in letters], **look)
+    bar = figure.colorbar(shades, ax=list(panels), shrink=0.8, pad=0.01, aspect=30)
+    bar.set_label("|u|")
+    present = {k for *_, letters in marks for k in letters}
+    handles = [
+        Line2D([], [], marker="o", ls="", color=COLOURS[k], mec="0.2", mew=0.3, label=NAMES[k])
+        for k in NAMES
+        if k in present
+    ]
+    place: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
+    figure.legend(handles=handles, title=" ", frameon=False, **place)
+    return figure

@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Pictures of deformed bodies with their obstacles.
+
+The visible part is gathered to rank 0: the boundary of a body in 3D (and its interior for a
+section), the cells of a body in 2D, the contact surfaces and the obstacles. Rank 0 draws with
+matplotlib in 2D and with PyVista in 3D.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem, la, mesh
+
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._geometry import unit
+from dolfinx_contact._ufl_data import refuse_other_mesh
+from dolfinx_contact._validate import number
+from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
+from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState
+from dolfinx_contact.plot.figures import Drawing, drawn_on_root, save
+from dolfinx_contact.plot.look import Look, Options, options_of
+
+if TYPE_CHECKING:
+    from dolfinx_contact.equations.state import State
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = [
+    "Obstacle",
+    "Scene",
+    "body_scene",
+    "check_look",
+    "draw_scene",
+    "picture_of_body",
+    "scene_of_surface",
+    "title_of",
+]
+
+Array: TypeAlias = npt.NDArray[np.float64]
+Cells: TypeAlias = npt.NDArray[np.int64]
+
+_PLANE = 1e-9  # difference of the normals of an obstacle up to which it is a plane
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """An obstacle, as it is drawn.
+
+    Attributes:
+        x: coordinates of its vertices (m, 3).
+        cells: vertices of its facets.
+        n: normals at the vertices, into the obstacle (m, 3).
+        is_plane: True if the obstacle is a plane without facets of its own.
+    """
+
+    x: Array
+    cells: Cells
+    n: Array
+    is_plane: bool
+
+    def below(self, points: Array) -> Obstacle:
+        """Replace a plane by a rectangle, in 2D a segment, below points (n, 3)."""
+        if not self.is_plane:
+            return self
+        n = self.n[0]
+        is_flat = not points[:, 2].any()
+        first = np.eye(3)[2] if is_flat else np.eye(3)[np.argmin(np.abs(n))]
+        first = unit(np.cross(n, first))
+        axes = np.array([first] if is_flat else [first, np.cross(n, first)])
+        along = points @ axes.T
+        rim = 0.1 * float(np.ptp(along, axis=0).max())
+        ends = np.stack([along.min(axis=0) - rim, along.max(axis=0) + rim], axis=1)
+        grid = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(axes))
+        corners = grid @ axes + (self.x[0] @ n) * n
+        cells = np.arange(len(corners))[None]
+        return Obstacle(corners, cells, np.tile(n, (len(corners), 1)), True)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Bodies and obstacles in one state, as they are drawn.
+
+    Attributes:
+        rest: coordinates of the vertices of the outer surface without displacement (n, 3).
+        x: coordinates of the displaced vertices (n, 3).
+        cells: vertices of the cells of a body in 2D, of the facets of the boundary in 3D.
+        slaves: vertices of the facets of each contact surface.
+        masters: vertices of the facets of each opposite surface of a pair.
+        obstacles: rigid obstacles.
+        values: fields at the vertices by name.
+        inside: coordinates, cells, and fields by name of the whole body, for a section.
+        title: title of the picture.
+    """
+
+    rest: Array
+    x: Array
+    cells: Cells
+    slaves: list[Cells]
+    masters: list[Cells]
+    obstacles: list[Obstacle]
+    values: dict[str, Array] = field(default_factory=dict)
+    inside: tuple[Array, Cells, dict[str, Array]] | None = None
+    title: str = ""
+
+    @property
+    def coloured(self) -> dict[str, Array]:
+        """Fields of the drawn part, the interior in a section."""
+        return self.values if self.inside is None else self.inside[2]
+
+
+def _check_body(a: Arguments) -> None:
+    a.file = None if a.file is None else Path(a.file)
+    check_look(a)
+
+
+def check_look(a: Arguments) -> None:
+    """Validate the scale and the look of a picture or film of a problem. Not collective."""
+    a.scale = number(a.scale, "the scale of the displacement")
+    domain = a.problem.V.mesh
+    options = options_of(domain.topology.dim, a.stress is not None, **a.look)
+    for name, e in options.fields.items():
+        if e is not None:
+            refuse_other_mesh(e, domain, f"the field {name!r}")
+
+
+@collective("a picture", _check_body)
+def picture_of_body(
+    file: str | os.PathLike[str] | None,
+    problem: ContactProblem,
+    *,
+    state: State | None = None,
+    stress: Any = None,
+    scale: float = 1.0,
+    title: str | None = None,
+    **look: Unpack[Look],
+) -> Drawing | None:
+    """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
+
+    The rim of a slave surface is thick, that of a master thin. Plane obstacles are drawn as a
+    rectangle below the body. Obstacles between the eye and the body are transparent.
+
+    Args:
+        file: ``.png``, ``.pdf`` or ``.svg`` (in 3D the latter two contain an image); None writes
+            nothing.
+        problem: contact problem.
+        state: state to draw, default the current Functions.
+        stress: 3 x 3 UFL stress (``material.full_stress(u)``), or one for each cell tag as in
+            `write_fields`. The colours are the von Mises stress, averaged to the vertices.
+        scale: factor of the displacement and of the motion of obstacles, default 1. Bodies that are
+            drawn with a larger displacement overlap resting obstacles.
+        title: title of the picture, default the name of the picture and the scale.
+        look: fields, view, section, zoom, colours, units, arrows: see `Look`.
+
+    Returns:
+        On rank 0 the matplotlib ``Figure`` in 2D and the ``pyvista.Plotter`` in 3D, which can be
+        changed and written again; None on other ranks. Close a plotter that is not needed.
+
+    Raises:
+        ModuleNotFoundError: on every rank, if matplotlib or PyVista is not installed.
+        OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
+        RuntimeError: on every rank, if VTK needs a display and there is none.
+        ValueError: on every rank, if an argument is not admissible or differs between ranks.
+
+    Example:
+        ::
+
+            plot.picture_of_body("block.pdf", problem, stress=steel.full_stress(u), view="front")
+            plot.picture_of_body("drag.png", problem, clip="-y", arrows={"drag": (top, motion)})
+    """
+    dim = problem.V.mesh.topology.dim
+    options = options_of(dim, stress is not None, **look)
+    with problem.at(state):
+        scene = body_scene(problem, stress, scale, options, title_of("Deformed body", scale, title))
+
+    def draw() -> Drawing:
+        assert scene is not None
+        drawing = draw_scene(scene, options)
+        save(drawing, file)
+        return drawing
+
+    return drawn_on_root(problem.comm, draw)
+
+
+def draw_scene(
+    scene: Scene,
+    options: Options,
+    *,
+    reach: Array | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    width: int = 1600,
+) -> Drawing:
+    """Draw a scene. Not collective.
+
+    Args:
+        scene: bodies and obstacles.
+        options: options of the picture.
+        reach: points of the bodies that must be visible (k, 3), default those of the scene.
+        limits: ends of the colours by field, default those of the scene.
+        width: approximate width in pixels, default 1600.
+    """
+    reach = scene.x if reach is None else reach
+    scene = replace(scene, obstacles=[o.below(reach) for o in scene.obstacles])
+    if scene.x[:, 2].any():
+        from dolfinx_contact.plot.in_3d import draw_3d
+
+        return draw_3d(scene, options, reach, limits or {}, width)
+    from dolfinx_contact.plot.in_2d import draw_2d
+
+    return draw_2d(scene, options, reach, limits or {}, width)
+
+
+def title_of(words: str, scale: float, title: str | None = None) -> str:
+    """Title of a picture, which mentions a scale of the displacement other than 1."""
+    if title is not None:
+        return title
+    return words if scale == 1 else f"{words}, displacement x {scale:g}"
+
+
+# -- gathering -----------------------------------------------------------------------------------
+
+
+def body_scene(
+    problem: ContactProblem, stress: Any, scale: float, options: Options, title: str
+) -> Scene | None:
+    """Gather bodies and obstacles at the current Functions. Collective.
+
+    Args:
+        problem: contact problem.
+        stress: see `picture_of_body`.
+        scale: factor of the displacement.
+        options: options of the picture.
+        title: title of the picture.
+
+    Returns:
+        The scene on rank 0, None on other ranks.
+    """
+    tags = check_stress(problem, stress)
+    outside = Outside(problem)
+    surface = outside.surface()
+    state = outside.state()
+    # UFL fields at the local vertices; the displacement needs no projection
+    fields = {
+        name: _averaged(outside.V, stress if e is None else e, tags if e is None else None, e)
+        for name, e in options.fields.items()
+        if name != "displacement" or e is not None
+    }
+    keys = {name: f"field {i}" for i, name in enumerate(fields)}
+    local = {keys[name]: values for name, values in fields.items()}
+    on_surface = outside.gather(local)
+    everywhere = outside.inside(local) if options.clip is not None else {}
+    if surface is None or state is None:
+        return None
+
+    def by_name(arrays: Mapping[str, Array], u: Array) -> dict[str, Array]:
+        size = np.linalg.norm(u, axis=1)
+        return {name: arrays[keys[name]] if name in keys else size for name in options.fields}
+
+    scene = scene_of_surface(surface, state, scale)
+    inside = None
+    if everywhere:
+        x = everywhere["x"] + scale * _in_space(everywhere["u"])
+        inside = x, everywhere["cells"], by_name(everywhere, everywhere["u"])
+    return replace(scene, values=by_name(on_surface, state.u), inside=inside, title=title)
+
+
+def scene_of_surface(surface: OuterSurface, state: SurfaceState, scale: float) -> Scene:
+    """Place bodies and obstacles at a state. Not collective.
+
+    Args:
+        surface: outer surface of the bodies.
+        state: displacement, and position and motion of the obstacles.
+        scale: factor of the displacement and of the motion.
+    """
+    obstacles = []
+    for name, cells in surface.obstacles.items():
+        floor, motion, n = (_in_space(values) for values in state.obstacles[name])
+        # an obstacle with facets of its own (a rigid surface) is drawn with these
+        at_points = 0 < len(n) == len(np.unique(surface.contact[name]))
+        is_plane = at_points and bool(np.ptp(n, axis=0).max() < _PLANE)
+        obstacles.append(Obstacle(floor + scale * motion, cells, unit(n), is_plane))
+    return Scene(
+        rest=surface.x,
+        x=surface.x + scale * _in_space(state.u),
+        cells=surface.cells,
+        slaves=list(surface.contact.values()),
+        masters=list(surface.opposite.values()),
+        obstacles=obstacles,
+    )
+
+
+def _in_space(vectors: npt.NDArray[Any]) -> Array:
+    """Append zeros to vectors in 2D."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
+def _averaged(
+    V: fem.FunctionSpace, expression: Any, tags: mesh.MeshTags | None, scalar: Any = None
+) -> Array:
+    """Average a field to the local vertices; NaN where it is not finite. Collective.
+
+    A stress is averaged with the hat functions as weights. A scalar is averaged over its values at
+    the vertex in the adjacent cells, so that continuous fields are exact.
+
+    Args:
+        V: linear space of the vertices.
+        expression: UFL stress, or stresses by cell tags, of which the von Mises stress is taken.
+        tags: cell tags of stresses by cell tags.
+        scalar: UFL scalar to average instead of the stress.
+    """
+    q = ufl.TestFunction(V)
+    rule: dict[str, Any] = {"quadrature_degree": 2}
+    if scalar is not None:
+        rule = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+    dx = ufl.Measure("dx", V.mesh, subdomain_data=tags, metadata=rule)
+    if scalar is not None:
+        whole = of_cells(scalar, V.mesh) * q * dx
+    elif tags is None:
+        whole = of_cells(von_mises(expression), V.mesh) * q * dx
+    else:
+        stresses = {tag: of_cells(von_mises(expression[tag]), V.mesh) for tag in sorted(expression)}
+        whole = sum(size * q * dx(tag) for tag, size in stresses.items())
+    sums = []
+    for form in (whole, q * dx):
+        b = la.vector(V.dofmap.index_map, 1)
+        b.array[:] = 0.0
+        fem.assemble_vector(b.array, fem.form(form))
+        b.scatter_reverse(la.InsertMode.add)
+        b.scatter_forward()
+        sums.append(b.array.copy())
+    means = sums[0] / sums[1]
+    return np.asarray(np.where(np.isfinite(means), means, np.nan))

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Figures, their files, and colours."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx_contact._errors import on_root
+from dolfinx_contact._files import part_of
+from dolfinx_contact._optional import optional
+
+if TYPE_CHECKING:
+    import pyvista
+    from matplotlib.figure import Figure
+
+__all__ = ["FILLS", "INK", "LINES", "Drawing", "drawn_on_root", "new_figure", "save", "with_unit"]
+
+Drawing: TypeAlias = "Figure | pyvista.Plotter"
+
+#: Colours of lines, by Okabe and Ito, which most colour-blind readers distinguish.
+LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+#: Colours of areas.
+FILLS = (
+    *("#dfe7ef", "#f2d9a6", "#b7d7b0", "#c9b8dc", "#c0392b", "#3b6ea8", "#e07b39", "#111111"),
+    *("#8fc1c9", "#9a8f5a"),
+)
+INK = "#22262b"
+_DPI = 130
+
+
+def new_figure(size: tuple[float, float]) -> Figure:
+    """Return an empty figure without a window.
+
+    Args:
+        size: width and height in inches.
+
+    Raises:
+        ModuleNotFoundError: if matplotlib is not installed.
+    """
+    optional("matplotlib", "pictures")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(drawing: Drawing, file: str | os.PathLike[str] | None) -> None:
+    """Write a figure or the view of a plotter; without a file do nothing. Not collective.
+
+    Raises:
+        OSError: with the path, if it cannot be written; an existing file is then unchanged.
+    """
+    if file is None:
+        return
+    with part_of(Path(file)) as part:
+        if hasattr(drawing, "savefig"):
+            drawing.savefig(part, dpi=_DPI, bbox_inches="tight", pad_inches=0.1)
+        elif part.suffix == ".png":
+            drawing.screenshot(part)
+        else:
+            _save_pixels(np.asarray(drawing.screenshot(None, return_img=True)), part)
+
+
+def _save_pixels(pixels: npt.NDArray[Any], file: Path) -> None:
+    """Write an image as a page of PDF or SVG, which VTK cannot write with transparent parts."""
+    height, width = pixels.shape[:2]
+    figure = new_figure((width / 200, height / 200))
+    figure.set_layout_engine("none")
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.imshow(pixels, interpolation="none")
+    axes.set_axis_off()
+    figure.savefig(file, dpi=200)
+
+
+def drawn_on_root(comm: MPI.Comm, draw: Callable[[], Drawing]) -> Drawing | None:
+    """Draw on rank 0, whose error is raised on every rank. Collective.
+
+    Returns:
+        The drawing on rank 0, None on other ranks.
+    """
+    drawings: list[Drawing] = []
+    on_root(comm, lambda: drawings.append(draw()))
+    return drawings[0] if drawings else None
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Label of a quantity, with its unit in brackets if there is one."""
+    return f"{name} [{unit}]" if unit else name
