@@ -681,10 +681,10 @@ def test_singular_pieces_have_none_next_to_them():
     stick, slip = (np.array([c], dtype=np.int8) for c in (STICK, MINUS))
     piece = critical.system.piece(stick)
     assert critical.system.piece(slip) is None
-    assert piece.neighbour(np.array([0]), slip) is None
+    assert piece.neighbour(0, MINUS) is None
     for off in (1e-3, 1e-6, 1e-9):
         near = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0 + off)
-        found = near.system.piece(stick).neighbour(np.array([0]), slip)
+        found = near.system.piece(stick).neighbour(0, MINUS)
         exact = near.system.piece(slip)
         assert found.sign == exact.sign == near.sign(slip)
         np.testing.assert_allclose(found.inverse, exact.inverse, rtol=1e-3)

@@ -108,7 +108,7 @@ def test_neighbours_are_brought_up_to_date():
     for _ in range(40):
         i = random.integers(4)
         code = random.integers(4)
-        piece = piece.neighbour(np.array([i]), np.array([code], dtype=np.int8))
+        piece = piece.neighbour(int(i), int(code))
     anew = system.piece(piece.codes)
     np.testing.assert_allclose(piece.inverse, anew.inverse, atol=1e-9 * np.abs(anew.inverse).max())
     assert piece.sign == anew.sign

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Systems whose pieces are affine: few unknowns, dense, the same on every rank.
+r"""Systems with affine pieces: few unknowns, dense, the same on every rank.
 
-At point i live k numbers w_i (displacements and reactions of a contact point, say), bound by
+A point i has k numbers w_i (such as the displacement and reaction of a contact point), with
 
-    sum_i M_i w_i = p + gamma q,        w_i in one of a few polyhedral cones,
+    sum_i M_i w_i = p + gamma q,        w_i in one of a few polyhedral cones.
 
-and each cone is a status of the point: w_i = B z_i with C w_i >= 0. A piece is one status for
-every point; there z, and with it w, is affine in gamma. So a branch is a chain of segments whose
-ends are found by ratio tests, and no Newton's method and no step length is needed.
+Each cone is a status of the point: w_i = B z_i with C w_i >= 0. A piece is one status for every
+point; on it z and w are affine in gamma. So a branch is a chain of segments, whose ends are found
+by ratio tests.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Codes = npt.NDArray[np.int8]
 
 #: Round-off, relative to the largest entry of a state.
 TOLERANCE = 1e-10
-#: Entries of an inverse beyond which, relative to those of the matrix, a piece counts as singular.
+#: Largest condition number of a piece that is not singular.
 _SINGULAR = 1e12
 
 
@@ -37,18 +37,18 @@ def largest(values: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class AffineSystem:
-    """M w = p + gamma q with w in cones, point by point.
+    """M w = p + gamma q with the numbers w of every point in one of its cones.
 
     Attributes:
-        matrix: M, (N, m, k) for m points, N = m d.
-        load: p, (N,).
-        rate: q, (N,).
-        bases: B, (m, statuses, k, d), oriented so that the determinants of the pieces have the
-            signs of those of the piecewise smooth system that this one represents.
-        inequalities: C, (m, statuses, e, k); rows of zeros fill up.
-        classify: statuses that a state (m, k) outside of the cones determines, to start Newton's
-            method of.
-        allowed: (m, statuses), which statuses a point may take at all.
+        matrix: M, shape (N, m, k) for m points, N = m d.
+        load: p, shape (N,).
+        rate: q, shape (N,).
+        bases: B, shape (m, statuses, k, d), oriented so that the determinants of the pieces have
+            the signs of those of the piecewise smooth system.
+        inequalities: C, shape (m, statuses, e, k), padded with zero rows.
+        classify: function from a state (m, k) outside the cones to the statuses (m,) of the next
+            iteration of Newton's method.
+        allowed: flags of the statuses that a point may take, shape (m, statuses).
     """
 
     matrix: Array
@@ -65,7 +65,7 @@ class AffineSystem:
         return int(self.bases.shape[0])
 
     def require_finite(self) -> None:
-        """Raise ``ValueError`` if a number is not finite: nothing can be proved with such data."""
+        """Raise ``ValueError`` if a number is not finite."""
         if not all(np.isfinite(a).all() for a in (self.matrix, self.load, self.rate)):
             raise ValueError(
                 "the stiffness or the loads of the condensed problem are not finite: look for NaN "
@@ -73,12 +73,12 @@ class AffineSystem:
             )
 
     def pieced(self, codes: Codes) -> Array:
-        """A = M B of the piece, (N, N)."""
+        """A = M B of a piece, shape (N, N)."""
         B = self.bases[np.arange(self.points), codes]
         return np.einsum("nmk,mkd->nmd", self.matrix, B).reshape(len(self.load), -1)
 
     def piece(self, codes: Codes) -> AffinePiece | None:
-        """The piece, or None if it is singular."""
+        """The piece with these statuses; None if it is singular."""
         A = self.pieced(codes)
         try:
             inverse = np.asarray(np.linalg.inv(A), dtype=float)
@@ -90,7 +90,7 @@ class AffineSystem:
         return AffinePiece(self, codes, inverse, float(np.linalg.slogdet(A)[0]))
 
     def slacks(self, codes: Codes, w: Array) -> Array:
-        """C w of the statuses ``codes``, (m, e); infinite where there is no inequality."""
+        """C w of the statuses ``codes``, shape (m, e); infinite without an inequality."""
         C = self.inequalities[np.arange(self.points), codes]
         values = np.einsum("mek,mk->me", C, w)
         return np.where(np.any(C != 0, axis=2), values, np.inf)
@@ -103,7 +103,7 @@ class AffineSystem:
         return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
 
     def statuses_at(self, w: Array, tolerance: float) -> npt.NDArray[np.bool_]:
-        """Which statuses hold every point of the state ``w``, borders included, (m, statuses)."""
+        """Flags of the statuses whose cones, borders included, contain ``w``, (m, statuses)."""
         z = np.einsum("msdk,mk->msd", self._left_inverses, w)
         away = np.einsum("mskd,msd->msk", self.bases, z) - w[:, None]
         least = np.einsum("msek,mk->mse", self.inequalities, w).min(axis=2, initial=0.0)
@@ -111,31 +111,19 @@ class AffineSystem:
             self.allowed & (np.abs(away).max(axis=2) <= tolerance) & (least >= -tolerance)
         )
 
-    def statuses_of(self, i: int, w: Array, tolerance: float) -> npt.NDArray[np.bool_]:
-        """Which statuses hold one point with the numbers ``w``, (statuses,)."""
-        z = self._left_inverses[i] @ w
-        away = np.einsum("skd,sd->sk", self.bases[i], z) - w
-        least = (self.inequalities[i] @ w).min(axis=1, initial=0.0)
-        near = np.abs(away).max(axis=1) <= tolerance
-        return np.asarray(self.allowed[i] & near & (least >= -tolerance))
-
     @cached_property
     def _largest(self) -> float:
         return largest(self.matrix)
-
-    @cached_property
-    def _flat(self) -> Array:
-        return self.matrix.reshape(len(self.load), -1)
 
     @cached_property
     def _left_inverses(self) -> Array:
         return np.asarray(np.linalg.pinv(self.bases), dtype=float)
 
     def tangent_cone(self, w: Array, tolerance: float) -> AffineSystem:
-        """The system of the directions that lead out of the state ``w``: M dw = dgamma q.
+        """The system M dw = dgamma q of the directions that lead out of the state ``w``.
 
-        Points keep the statuses that hold them at ``w``, and of those the inequalities that are at
-        their border; what is inside its cone is free.
+        Points may have the statuses whose cones contain them at ``w``, with the inequalities that
+        are at their border there.
         """
         slack = np.einsum("msek,mk->mse", self.inequalities, w)
         at_border = np.abs(slack) <= tolerance
@@ -149,7 +137,7 @@ class AffineSystem:
     def solve(self, gamma: float, codes: Codes, *, max_iterations: int = 50) -> Codes | None:
         """Statuses of a solution at ``gamma`` by Newton's method from ``codes``; None if it cycles.
 
-        Where the solution lies on a border of its cones any of the statuses may come out.
+        If the solution lies on borders of its cones, any of the adjacent statuses may result.
         """
         seen: set[bytes] = set()
         for _ in range(max_iterations):
@@ -173,10 +161,10 @@ class AffinePiece:
     """One piece: w = w_0 + gamma w_1.
 
     Attributes:
-        system: whose piece it is.
-        codes: statuses of the points.
-        inverse: A^{-1}, (N, N).
-        sign: of det A.
+        system: system of the piece.
+        codes: statuses of the points, shape (m,).
+        inverse: A^{-1}, shape (N, N).
+        sign: sign of det A.
     """
 
     system: AffineSystem
@@ -186,7 +174,7 @@ class AffinePiece:
 
     @cached_property
     def coefficients(self) -> tuple[Array, Array]:
-        """w_0 and w_1, (m, k) each."""
+        """w_0 and w_1, shape (m, k) each."""
         s = self.system
         z = self.inverse @ np.stack([s.load, s.rate], axis=1)
         B = s.bases[np.arange(s.points), self.codes]
@@ -195,39 +183,36 @@ class AffinePiece:
 
     @cached_property
     def slack_coefficients(self) -> tuple[Array, Array]:
-        """C w = s_0 + gamma s_1 of the inequalities, (m, e) each; s_0 infinite where none is."""
+        """C w = s_0 + gamma s_1, shape (m, e) each; s_0 is infinite without an inequality."""
         w_0, w_1 = self.coefficients
         C = self.system.inequalities[np.arange(self.system.points), self.codes]
         s_0, s_1 = (np.matmul(C, w[:, :, None])[:, :, 0] for w in (w_0, w_1))
         return np.where(np.any(C != 0, axis=2), s_0, np.inf), s_1
 
     def at(self, gamma: float) -> Array:
-        """The state at ``gamma``, (m, k)."""
+        """The state at ``gamma``, shape (m, k)."""
         w_0, w_1 = self.coefficients
         return w_0 + gamma * w_1
 
-    def neighbour(self, points: npt.NDArray[np.int64], codes: Codes) -> AffinePiece | None:
-        """The piece in which ``points`` have the status ``codes``; None if it is singular.
+    def neighbour(self, point: int, code: int) -> AffinePiece | None:
+        """The piece in which one point has the status ``code``; None if it is singular.
 
-        The inverse is brought up to date by the columns that change.
+        The inverse is updated by the columns that change.
         """
         s = self.system
         new = self.codes.copy()
-        new[points] = codes
+        new[point] = code
         d = s.bases.shape[3]
-        columns = (points[:, None] * d + np.arange(d)).reshape(-1)
-        change = s.bases[points, new[points]] - s.bases[points, self.codes[points]]
-        U = np.concatenate(
-            [s.matrix[:, i] @ c for i, c in zip(points, change, strict=True)], axis=1
-        )
-        V = self.inverse @ U
-        small = np.eye(len(columns)) + V[columns]
+        columns = point * d + np.arange(d)
+        change = s.bases[point, code] - s.bases[point, self.codes[point]]
+        V = self.inverse @ (s.matrix[:, point] @ change)
+        small = np.eye(d) + V[columns]
         determinant = float(np.linalg.det(small))
-        if abs(determinant) <= 1e-10 * max(1.0, largest(small)) ** len(columns):
+        if abs(determinant) <= 1e-10 * max(1.0, largest(small)) ** d:
             return s.piece(new)
         inverse = self.inverse - V @ np.linalg.solve(small, self.inverse[columns])
         moved = AffinePiece(s, new, inverse, self.sign * float(np.sign(determinant)))
         w = np.stack(moved.coefficients).reshape(2, -1)
-        residual = s._flat @ w.T - np.stack([s.load, s.rate], axis=1)
+        residual = s.matrix.reshape(len(s.load), -1) @ w.T - np.stack([s.load, s.rate], axis=1)
         size = s._largest * largest(w)
         return moved if largest(residual) <= 1e-11 * size else s.piece(new)

@@ -275,18 +275,18 @@ class Follower(Walker):
         system = self.system
         x, gamma = self.bordered.split(y)
         c = system.create_vector()
-        probe = system.probe(3)
-        size = 0.0
         # the derivative may vanish at one gamma, or on the branch, although gamma appears
+        probe = system.probe(3)
         probe.scale((1e-3 * x.norm() or 1e-8) / probe.norm())
         probe.axpy(1.0, x)
         shift = 1e-3 * self.bordered.gamma_scale
+        appears = False
         for state, g in ((x, gamma), (x, gamma + shift), (x, gamma - shift), (probe, gamma)):
             system.parameter_derivative(state, g, c, piece)
-            size += float(np.nan_to_num(c.norm(), nan=0.0))
+            appears = appears or c.norm() > 0
         c.destroy()
         probe.destroy()
-        if size > 0:
+        if appears:
             return
         # gamma may appear in the borders of the piece only
         low, high = (system.events(x, g, piece).distance for g in (gamma, gamma + shift))

@@ -56,6 +56,7 @@ _LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # changes of gamma at which H itself is sol
 _SAME = 1e-6  # relative distance of tangents of one ray
 _PROBE = 1e-6  # length of finite differences along a tangent
 _BENT = 1e-3  # relative nonlinearity of a row without a derivative
+_LED = "one step of Newton's method on H"
 _ALONG = 0.9  # least cosine between a ray and the solution of H that led to it
 
 
@@ -204,7 +205,7 @@ class RayFinder:
         leads: Callable[[Ray, PETSc.Vec], bool],
         *,
         tangent_at_point: bool,
-    ) -> FoundRays[Ray]:
+    ) -> Ray | None:
         """The ray towards a solution of H near the point, with the statuses recomputed.
 
         Args:
@@ -212,13 +213,12 @@ class RayFinder:
             leads: criterion for a ray, given the difference of the solution and the point.
             tangent_at_point: True for tangents at the point, False for tangents at the solution.
         """
-        method = "one step of Newton's method on H"
         for solution, away, piece in self._solutions_nearby(senses):
             at = self._y if tangent_at_point else solution
             tangent = self._corrector.tangent(at, away, piece)
             if tangent is not None and leads(ray := Ray(piece, tangent), away):
-                return FoundRays((ray,), False, method)
-        return FoundRays((), False, method)
+                return ray
+        return None
 
     def _solutions_nearby(
         self, senses: Sequence[float]
@@ -360,9 +360,8 @@ def rays_out(
             for sense in (1.0, -1.0)
             if not any(sense * b.gamma(ray.tangent) > 0 for ray in found.rays)
         ]
-        rays = (*found.rays, *(ray for one in led for ray in one.rays))
-        method = "; ".join((found.method, *(one.method for one in led[:1])))
-        found = FoundRays(rays, False, method)
+        method = f"{found.method}; {_LED}" if led else found.method
+        found = FoundRays((*found.rays, *(ray for ray in led if ray is not None)), False, method)
     return replace(found, rays=tuple(finder.distinct(found.rays)))
 
 
@@ -404,11 +403,12 @@ def cross(
             rays += [r for r in found.rays if leads_on(r)]
         if not rays and not found.complete:
             forwards = 1.0 if b.gamma(t) >= 0 else -1.0
-            found = finder.led_by_H(
+            led_ray = finder.led_by_H(
                 (forwards, -forwards),
                 lambda ray, away: _is_along(corrector, ray, away) and leads_on(ray),
                 tangent_at_point=False,
             )
+            found = FoundRays(() if led_ray is None else (led_ray,), False, _LED)
             rays = list(found.rays)
         rays = finder.distinct(rays)
     after = _codes(corrector, rays[0].piece, kinks) if rays else []

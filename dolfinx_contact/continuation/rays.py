@@ -102,7 +102,7 @@ def neighbours(
     for code in np.flatnonzero(held):
         if code == piece.codes[kinked]:
             continue
-        new = piece.neighbour(np.array([kinked]), np.array([code], dtype=np.int8))
+        new = piece.neighbour(kinked, int(code))
         if new is None:
             continue
         w_1 = new.coefficients[1]
@@ -370,8 +370,8 @@ def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None
         (kinked,) = np.nonzero((np.abs(s_0 + gamma * s_1) <= tolerance).any(axis=1))
         if len(kinked) != 1:
             return None
-        held = unfolded.statuses_of(int(kinked[0]), w[kinked[0]], tolerance)
-        beyond = neighbours(piece, w, int(kinked[0]), held, tolerance)
+        (i,) = map(int, kinked)
+        beyond = neighbours(piece, w, i, unfolded.statuses_at(w, tolerance)[i], tolerance)
         if len(beyond) != 1:
             return None
         piece, sense = beyond[0]

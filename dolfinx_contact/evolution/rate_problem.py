@@ -234,10 +234,10 @@ class RateProblem:
     def _next_to_state(self, t: PETSc.Vec) -> tuple[Ray, ...]:
         """Return the direction towards a solution of H next to the state, if there is one."""
         sense = 1.0 if self._bordered.gamma(t) >= 0 else -1.0
-        found = self._finder.led_by_H(
+        led = self._finder.led_by_H(
             (sense,), lambda ray, _away: self._leads_out(ray), tangent_at_point=True
         )
-        return found.rays
+        return () if led is None else (led,)
 
     def _without_back(self, rays: Sequence[Ray], incoming: Ray) -> list[Ray]:
         """Return distinct directions without the one that leads back."""
