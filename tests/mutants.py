@@ -82,7 +82,7 @@ ROOMS = {
         ],
         [
             *("affine", "rays", "linear_triangle", "proved_rays", "continuation", "kinked_data"),
-            *("kink_starts", "paths_in_small", "pieces_in_small", "steps_in_small"),
+            *("kink_starts", "paths_in_small", "pivoting", "steps_in_small"),
         ],
     ),
     "evolution": (

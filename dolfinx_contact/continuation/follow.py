@@ -45,13 +45,7 @@ from dolfinx_contact.continuation.locate import AT_BORDER
 from dolfinx_contact.continuation.observer import BranchStep, Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.pivoting import Pivoting
-from dolfinx_contact.continuation.ray_finder import (
-    Kink,
-    finder_at,
-    kinks_at,
-    rays_out,
-    reach_of_events,
-)
+from dolfinx_contact.continuation.ray_finder import KinkRays, reach_of_events
 from dolfinx_contact.continuation.steps import (
     BatchedSteps,
     ExactSteps,
@@ -297,27 +291,25 @@ class Follower(Walker):
         raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
 
     def _leads_out(self, point: BranchPoint) -> bool:
-        kinks, _ = self._kinks(point)
-        if not kinks:
-            return True
-        finder = finder_at(self.corrector, point.y, kinks, idle=True)
-        return finder.inside(Ray(point.piece, point.tangent))
+        finder = self._finder(point)
+        return not finder.kinks or finder.inside(Ray(point.piece, point.tangent))
 
     def rays_at(self, point: BranchPoint) -> FoundRays[BranchPoint] | None:
-        kinks, tolerance = self._kinks(point)
-        if not kinks:
+        finder = self._finder(point)
+        if not finder.kinks:
             return None
-        y, t, piece = point.y, point.tangent, point.piece
-        found = rays_out(self.corrector, y, piece, t, kinks, tolerance)
+        found = finder.rays_out(point.tangent)
         points = (
-            BranchPoint(y.copy(), ray.tangent, ray.piece, point.gamma, 0.0, 0) for ray in found.rays
+            BranchPoint(point.y.copy(), ray.tangent, ray.piece, point.gamma, 0.0, 0)
+            for ray in found.rays
         )
         return FoundRays(tuple(map(self._steps.rescaled, points)), found.complete, found.method)
 
-    def _kinks(self, point: BranchPoint) -> tuple[tuple[Kink, ...], float]:
-        """Kinked points, and the distance that counts as zero."""
-        tolerance = AT_BORDER * reach_of_events(self.corrector, point.y, point.piece, point.tangent)
-        return kinks_at(self.corrector, point.y, point.piece, tolerance), tolerance
+    def _finder(self, point: BranchPoint) -> KinkRays:
+        """The finder of rays at the start or end of a branch."""
+        y, piece = point.y, point.piece
+        tolerance = AT_BORDER * reach_of_events(self.corrector, y, piece, point.tangent)
+        return KinkRays(self.corrector, y, piece, tolerance, idle=True)
 
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
         """A point from which to trace one of the other rays of a special point.

@@ -11,9 +11,8 @@ methods find rays:
   statuses recomputed. One ray, for any number of pieces.
 
 `RayFinder` leaves the criterion for "inside" to its caller. Along a branch the distances to the
-borders must grow (`finder_at`); in the rate problem of an evolution they must not fall
-(`evolution.rate_problem`). `rays_out` and `cross` combine the methods for the start of a branch and
-for a kink on it.
+borders must grow (`KinkRays`, which combines the methods for the start of a branch and for a kink
+on it); in the rate problem of an evolution they must not fall (`evolution.rate_problem`).
 """
 
 from __future__ import annotations
@@ -40,12 +39,9 @@ from dolfinx_contact.continuation.system import Events, Piece
 __all__ = [
     "Crossing",
     "Kink",
+    "KinkRays",
     "RayFinder",
-    "cross",
-    "finder_at",
-    "kinks_at",
     "parity",
-    "rays_out",
     "reach_of_events",
 ]
 
@@ -282,24 +278,148 @@ class RayFinder:
         return distinct(rays, self.same)
 
 
-# -- kinks of a branch -----------------------------------------------------------------------------
+class KinkRays(RayFinder):
+    """Rays of a branch at a kink: those along which the events of the kinked points grow.
 
+    Args:
+        corrector: corrector on the bordered system.
+        y: point (x, gamma).
+        piece: piece of the branch there.
+        tolerance: distance that counts as zero.
+        idle: True to accept rays along which all kinked points stay at their borders.
 
-def kinks_at(
-    corrector: Corrector, y: PETSc.Vec, piece: Piece, tolerance: float
-) -> tuple[Kink, ...]:
-    """Points of all ranks with an event within ``tolerance``. Collective."""
-    b = corrector.bordered
-    events = b.system.events(*b.split(y), piece)
-    targets: dict[int, int] = {}
-    for i in np.flatnonzero(np.abs(events.distance) <= tolerance):
-        targets.setdefault(int(events.point[i]), int(events.target[i]))
-    own = [
-        Kink(b.comm.rank, point, int(piece.codes[point]), target, tuple(map(int, statuses)))
-        for point, target in targets.items()
-        for statuses in [b.system.statuses(point)]
-    ]
-    return tuple(k for part in b.comm.allgather(own) for k in part)
+    Attributes:
+        kinks: kinked points of all ranks.
+    """
+
+    def __init__(
+        self,
+        corrector: Corrector,
+        y: PETSc.Vec,
+        piece: Piece,
+        tolerance: float,
+        *,
+        idle: bool = False,
+    ):
+        super().__init__(corrector, y, self._stays_inside, PETSc.Vec.norm)
+        self._b = corrector.bordered
+        self._piece = piece
+        self._tolerance = tolerance
+        self._idle = idle
+        self.kinks = self._kinks()
+
+    def _kinks(self) -> tuple[Kink, ...]:
+        b = self._b
+        events = b.system.events(*b.split(self._y), self._piece)
+        targets: dict[int, int] = {}
+        for i in np.flatnonzero(np.abs(events.distance) <= self._tolerance):
+            targets.setdefault(int(events.point[i]), int(events.target[i]))
+        own = []
+        for point, target in targets.items():
+            statuses = tuple(map(int, b.system.statuses(point)))
+            own.append(Kink(b.comm.rank, point, int(self._piece.codes[point]), target, statuses))
+        return tuple(k for part in b.comm.allgather(own) for k in part)
+
+    def rays_out(self, t: PETSc.Vec) -> FoundRays[Ray]:
+        """All outgoing rays of a point at which a branch begins or ends.
+
+        Args:
+            t: direction that is tried first.
+        """
+        found = self.by_tangent_cone(100 * self._tolerance)
+        if found is None or not (found.rays or found.complete):
+            found = self.enumerated(self._piece, self.kinks, t)
+            rough = self.rough_statuses(self._piece, self.kinks) if found.complete else set()
+            if rough:
+                smooth = [r for r in found.rays if rough.isdisjoint(self._codes(r.piece))]
+                method = f"{found.method}, some of which have no tangent there"
+                found = FoundRays(tuple(smooth), False, method)
+        if not found.complete:
+            led = [
+                self.led_by_H((sense,), self._is_along, tangent_at_point=False)
+                for sense in (1.0, -1.0)
+                if not any(sense * self._b.gamma(ray.tangent) > 0 for ray in found.rays)
+            ]
+            method = f"{found.method}; {_LED}" if led else found.method
+            found = FoundRays((*found.rays, *(r for r in led if r is not None)), False, method)
+        return replace(found, rays=tuple(self.distinct(found.rays)))
+
+    def cross(self, t: PETSc.Vec) -> Crossing:
+        """Find the rays by which a branch leaves a kink.
+
+        For one kinked point the status beyond the border is tried first; the others follow if that
+        fails, or if the parity shows that other branches meet. For several points the rays of the
+        tangent cone are computed, or all statuses are tried.
+
+        Args:
+            t: unit tangent of the incoming branch.
+        """
+        b = self._b
+        kinks = self.kinks
+        sign = 0
+        found = self.by_tangent_cone(100 * self._tolerance) if len(kinks) > 1 else None
+        if found is not None:
+            rays = [r for r in self.distinct(found.rays) if b.inner(r.tangent, t) > -1 + 1e-6]
+            rays.sort(key=lambda r: -b.inner(r.tangent, t))  # the straightest first
+        else:
+            natural = tuple(k.target for k in kinks)
+
+            def leads_on(ray: Ray) -> bool:
+                same = is_same_piece(b.comm, ray.piece, self._piece)
+                return not (same and b.inner(ray.tangent, t) < 0)
+
+            rays = [r for r in self.of_statuses(self._piece, kinks, natural, t) if leads_on(r)]
+            if len(rays) == 1:
+                sign = parity(self._corrector, self._y, self._piece, t, rays[0])
+            found = FoundRays((), False, "")
+            if len(kinks) > 1 or len(rays) != 1 or sign <= 0:
+                found = self.enumerated(self._piece, kinks, t, tried=natural)
+                rays += [r for r in found.rays if leads_on(r)]
+            if not rays and not found.complete:
+                forwards = 1.0 if b.gamma(t) >= 0 else -1.0
+                led = self.led_by_H(
+                    (forwards, -forwards),
+                    lambda ray, away: self._is_along(ray, away) and leads_on(ray),
+                    tangent_at_point=False,
+                )
+                found = FoundRays((), False, _LED)
+                rays = [] if led is None else [led]
+            rays = self.distinct(rays)
+        after = self._codes(rays[0].piece) if rays else []
+        changes = tuple(
+            Change(k.rank, k.point, k.code, code)
+            for k, code in zip(kinks, after, strict=bool(rays))
+            if code != k.code
+        )
+        return Crossing(len(kinks), tuple(rays), changes, sign, found.complete, found.method)
+
+    def _codes(self, piece: Piece) -> list[int]:
+        """Statuses of the kinked points on a piece."""
+        comm = self._b.comm
+        own = [int(piece.codes[k.point]) if comm.rank == k.rank else 0 for k in self.kinks]
+        parts = comm.allgather(own)
+        return [parts[k.rank][i] for i, k in enumerate(self.kinks)]
+
+    def _is_along(self, ray: Ray, away: PETSc.Vec) -> bool:
+        b = self._b
+        return bool(b.inner(ray.tangent, away) > _ALONG * np.sqrt(b.inner(away, away)))
+
+    def _stays_inside(self, ray: Ray) -> bool:
+        """Return True if the vanishing events of the kinked points grow along a ray."""
+        comm = self._b.comm
+        points = np.array([k.point for k in self.kinks if k.rank == comm.rank], dtype=np.int32)
+        events, slope = _slopes(self._corrector, self._y, ray.piece, ray.tangent)
+        chosen = np.isin(events.point, points)
+        rate = _largest(comm, slope)
+        least = 1e-7 * rate
+        # Distances count as zero up to a hundredth of their change along the probe, and round-off.
+        # An event at its border must grow; the other events must be inside.
+        border = max(1e-2 * rate * _PROBE, 1e-11 * _largest(comm, events.distance))
+        at_border = chosen & (np.abs(events.distance) <= border)
+        bad = np.where(at_border, slope < -least, chosen & (events.distance < 0))
+        moves = at_border & (np.abs(slope) > least)
+        inside = not comm.allreduce(bool(bad.any()), op=MPI.LOR)
+        return inside and (self._idle or bool(comm.allreduce(bool(moves.any()), op=MPI.LOR)))
 
 
 def reach_of_events(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> float:
@@ -307,117 +427,9 @@ def reach_of_events(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.V
 
     At a start without load all distances vanish; the rates then give their size.
     """
+    comm = corrector.bordered.comm
     events, slope = _slopes(corrector, y, piece, t)
-    return max(_largest(corrector, events.distance), _largest(corrector, slope))
-
-
-def finder_at(
-    corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...], *, idle: bool = False
-) -> RayFinder:
-    """A finder of rays along which the events of the kinked points grow.
-
-    Args:
-        corrector: corrector on the bordered system.
-        y: nonsmooth point.
-        kinks: kinked points there.
-        idle: True to accept rays along which all of them stay at their borders.
-    """
-    inside = partial(_stays_inside, corrector, y, kinks, idle=idle)
-    return RayFinder(corrector, y, inside, PETSc.Vec.norm)
-
-
-def rays_out(
-    corrector: Corrector,
-    y: PETSc.Vec,
-    piece: Piece,
-    t: PETSc.Vec,
-    kinks: tuple[Kink, ...],
-    tolerance: float,
-) -> FoundRays[Ray]:
-    """All outgoing rays of a nonsmooth point at which a branch begins or ends. Collective.
-
-    Args:
-        corrector: corrector on the bordered system.
-        y: point.
-        piece: one of the pieces that meet.
-        t: direction that is tried first.
-        kinks: kinked points.
-        tolerance: distance that counts as zero.
-    """
-    b = corrector.bordered
-    finder = finder_at(corrector, y, kinks, idle=True)
-    found = finder.by_tangent_cone(100 * tolerance)
-    if found is None or not (found.rays or found.complete):
-        found = finder.enumerated(piece, kinks, t)
-        rough = finder.rough_statuses(piece, kinks) if found.complete else set()
-        if rough:
-            smooth = [r for r in found.rays if rough.isdisjoint(_codes(corrector, r.piece, kinks))]
-            method = f"{found.method}, some of which have no tangent there"
-            found = FoundRays(tuple(smooth), False, method)
-    if not found.complete:
-        led = [
-            finder.led_by_H((sense,), partial(_is_along, corrector), tangent_at_point=False)
-            for sense in (1.0, -1.0)
-            if not any(sense * b.gamma(ray.tangent) > 0 for ray in found.rays)
-        ]
-        method = f"{found.method}; {_LED}" if led else found.method
-        found = FoundRays((*found.rays, *(ray for ray in led if ray is not None)), False, method)
-    return replace(found, rays=tuple(finder.distinct(found.rays)))
-
-
-def cross(
-    corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, tolerance: float
-) -> Crossing:
-    """Find the rays by which a branch leaves a kink. Collective.
-
-    For one kinked point the status beyond the border is tried first; the others follow if that
-    fails, or if the parity shows that other branches meet. For several points the rays of the
-    tangent cone are computed, or all statuses are tried.
-
-    Args:
-        corrector: corrector on the bordered system.
-        y: kink.
-        piece: piece of the incoming branch.
-        t: unit tangent of the incoming branch.
-        tolerance: distance that counts as zero.
-    """
-    b = corrector.bordered
-    kinks = kinks_at(corrector, y, piece, tolerance)
-    finder = finder_at(corrector, y, kinks)
-    sign = 0
-    found = finder.by_tangent_cone(100 * tolerance) if len(kinks) > 1 else None
-    if found is not None:
-        rays = [r for r in finder.distinct(found.rays) if b.inner(r.tangent, t) > -1 + 1e-6]
-        rays.sort(key=lambda r: -b.inner(r.tangent, t))  # the straightest first
-    else:
-        natural = tuple(k.target for k in kinks)
-
-        def leads_on(ray: Ray) -> bool:
-            return not (is_same_piece(b.comm, ray.piece, piece) and b.inner(ray.tangent, t) < 0)
-
-        rays = [r for r in finder.of_statuses(piece, kinks, natural, t) if leads_on(r)]
-        sign = parity(corrector, y, piece, t, rays[0]) if len(rays) == 1 else 0
-        found = FoundRays((), False, "")
-        if len(kinks) > 1 or len(rays) != 1 or sign <= 0:
-            found = finder.enumerated(piece, kinks, t, tried=natural)
-            rays += [r for r in found.rays if leads_on(r)]
-        if not rays and not found.complete:
-            forwards = 1.0 if b.gamma(t) >= 0 else -1.0
-            led_ray = finder.led_by_H(
-                (forwards, -forwards),
-                lambda ray, away: _is_along(corrector, ray, away) and leads_on(ray),
-                tangent_at_point=False,
-            )
-            found = FoundRays(() if led_ray is None else (led_ray,), False, _LED)
-            rays = list(found.rays)
-        rays = finder.distinct(rays)
-    after = _codes(corrector, rays[0].piece, kinks) if rays else []
-    changes = tuple(
-        Change(k.rank, k.point, k.code, code)
-        for k, code in zip(kinks, after, strict=bool(rays))
-        if code != k.code
-    )
-    return Crossing(len(kinks), tuple(rays), changes, sign, found.complete, found.method)
+    return max(_largest(comm, events.distance), _largest(comm, slope))
 
 
 def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: Ray) -> int:
@@ -430,39 +442,6 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
     for row in rows:
         row.destroy()
     return sign
-
-
-def _codes(corrector: Corrector, piece: Piece, kinks: Sequence[Kink]) -> list[int]:
-    """Statuses of kinked points of all ranks on a piece. Collective."""
-    comm = corrector.bordered.comm
-    own = [int(piece.codes[k.point]) if comm.rank == k.rank else 0 for k in kinks]
-    parts = comm.allgather(own)
-    return [parts[k.rank][i] for i, k in enumerate(kinks)]
-
-
-def _is_along(corrector: Corrector, ray: Ray, away: PETSc.Vec) -> bool:
-    b = corrector.bordered
-    return bool(b.inner(ray.tangent, away) > _ALONG * np.sqrt(b.inner(away, away)))
-
-
-def _stays_inside(
-    corrector: Corrector, y: PETSc.Vec, kinks: tuple[Kink, ...], ray: Ray, *, idle: bool
-) -> bool:
-    """Return True if the vanishing events of the kinked points grow along a ray. Collective."""
-    b = corrector.bordered
-    points = np.array([k.point for k in kinks if k.rank == b.comm.rank], dtype=np.int32)
-    events, slope = _slopes(corrector, y, ray.piece, ray.tangent)
-    chosen = np.isin(events.point, points)
-    rate = _largest(corrector, slope)
-    least = 1e-7 * rate
-    # Distances count as zero up to a hundredth of their change along the probe, and round-off. An
-    # event at its border must grow; the other events must be inside.
-    border = max(1e-2 * rate * _PROBE, 1e-11 * _largest(corrector, events.distance))
-    at_border = chosen & (np.abs(events.distance) <= border)
-    bad = np.where(at_border, slope < -least, chosen & (events.distance < 0))
-    moves = at_border & (np.abs(slope) > least)
-    inside = not b.comm.allreduce(bool(bad.any()), op=MPI.LOR)
-    return inside and (idle or bool(b.comm.allreduce(bool(moves.any()), op=MPI.LOR)))
 
 
 def _slopes(
@@ -478,7 +457,6 @@ def _slopes(
     return events, np.asarray((again(events, beyond) - events.distance) / _PROBE, dtype=np.float64)
 
 
-def _largest(corrector: Corrector, values: npt.NDArray[np.float64]) -> float:
+def _largest(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> float:
     """The largest absolute value on all ranks. Collective."""
-    largest = float(np.max(np.abs(values), initial=0.0))
-    return float(corrector.bordered.comm.allreduce(largest, op=max))
+    return float(comm.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max))

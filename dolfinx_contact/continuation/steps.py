@@ -5,9 +5,10 @@ A step predicts along the tangent and corrects; a step that fails is shortened. 
 in the equation that is corrected, and in the treatment of kinks:
 
 - *Exact* (`ExactSteps`): a step is corrected on one piece. If an event has become negative, the
-  first event is located to round-off, and the branch continues on the piece beyond (`cross`). An
-  event that is zero at the start, grows along the tangent and is negative at the end vanishes a
-  second time on the way, as where a point sticks for a moment; then the step is shortened.
+  first event is located to round-off, and the branch continues on the piece beyond
+  (`KinkRays.cross`). An event that is zero at the start, grows along the tangent and is negative at
+  the end vanishes a second time on the way, as where a point sticks for a moment; then the step is
+  shortened.
 - *Batched* (`BatchedSteps`): a step is corrected on H itself and may pass any number of kinks. In
   3D hundreds of points change their status one by one, and locating each costs more than it is
   worth. The step is accepted if the branch is monotone: gamma continues by as much as its rates
@@ -45,7 +46,7 @@ from dolfinx_contact.continuation.branch import (
 )
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.locate import AT_BORDER, Locator
-from dolfinx_contact.continuation.ray_finder import cross
+from dolfinx_contact.continuation.ray_finder import KinkRays
 from dolfinx_contact.continuation.system import Piece
 
 __all__ = ["BatchedSteps", "ExactSteps", "Locate", "SteppingSteps"]
@@ -236,7 +237,7 @@ class ExactSteps(Locator):
         special = self.smooth_points(point, kink)
         incoming = Ray(point.piece, tangent)
         tolerance = AT_BORDER * self._unit(y, point.piece)
-        crossing = cross(self.corrector, y, point.piece, tangent, tolerance)
+        crossing = KinkRays(self.corrector, y, point.piece, tolerance).cross(tangent)
         onwards, *others = crossing.rays or (None,)
         # A ray on the old piece after no step at all leads nowhere: where a piece is singular the
         # direction need not be a tangent of its own.

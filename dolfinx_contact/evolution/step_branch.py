@@ -32,7 +32,7 @@ import numpy.typing as npt
 from dolfinx_contact.continuation import BranchStep, Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.ray_finder import finder_at, kinks_at
+from dolfinx_contact.continuation.ray_finder import KinkRays
 from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
@@ -214,9 +214,8 @@ def _rays_at_turn(follower: Follower, turn: SpecialPoint) -> FoundRays[Ray]:
         events = b.system.events(*b.split(turn.y), incoming.piece)
         largest = float(np.max(np.abs(events.distance), initial=0.0))
         tolerance = _AT_BORDER * b.comm.allreduce(largest, op=max)
-        kinks = kinks_at(follower.corrector, turn.y, incoming.piece, tolerance)
-        finder = finder_at(follower.corrector, turn.y, kinks)
-        found = finder.enumerated(incoming.piece, kinks, incoming.tangent, most=_MOST_PIECES)
+        finder = KinkRays(follower.corrector, turn.y, incoming.piece, tolerance)
+        found = finder.enumerated(incoming.piece, finder.kinks, incoming.tangent, most=_MOST_PIECES)
         if not found.complete:
             return found
     rays = tuple(ray for ray in found.rays if b.gamma(ray.tangent) > _IDLE)

@@ -1,7 +1,7 @@
-"""Affine pieces, their rays and branches by pivots, of systems of few points without a mesh.
+"""Affine pieces, their rays, and branches by pivoting, for few contact points without a mesh.
 
-What is found is compared with all states of all statuses, which are solved for one by one with the
-rows of Coulomb's law written out: w = (ut, un, rt, rn) of every point, S a - r = p + gamma q.
+The reference solves every combination of statuses with the rows of Coulomb's law written out:
+w = (ut, un, rt, rn) at every point, S a - r = p + gamma q.
 """
 
 import importlib
@@ -828,10 +828,10 @@ GROWS = {"Branch", "Diagram", "Node", "History", "PathHistory"}
 CORE = "continuation", "equations", "evolution", "laws", "points", "reduced"
 
 
-@pytest.mark.parametrize("room", CORE)
-def test_what_is_found_does_not_change(room):
-    """Only what is followed grows; all else that is found is frozen, so that it may be shared."""
-    package = importlib.import_module(f"dolfinx_contact.{room}")
+@pytest.mark.parametrize("layer", CORE)
+def test_results_are_frozen(layer):
+    """Branches and histories grow while they are traced; all other results can be shared."""
+    package = importlib.import_module(f"dolfinx_contact.{layer}")
     found = {}
     for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
         for name, kind in vars(importlib.import_module(module.name)).items():
