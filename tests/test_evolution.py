@@ -694,6 +694,24 @@ def test_bad_input():
         other.solve(expected=[problem.statuses])
 
 
+def test_lengths_of_steps():
+    """Given times are hit exactly; longer intervals are divided equally; rejected steps halved."""
+    problem, top = dragged(n=2)
+    evolution = QuasiStatic(problem, cycle(top))
+    history = evolution.run([0.0, 0.1, 0.1 + 0.2])
+    assert [s.time for s in history.steps] == [0.1, 0.1 + 0.2]
+    # 0.3 is the end of the last run up to round-off
+    history = evolution.run([0.3, 1.3, 1.5], longest=0.4)
+    np.testing.assert_allclose(
+        [s.time for s in history.steps], [0.3 + 1 / 3, 0.3 + 2 / 3, 1.3, 1.5]
+    )
+    assert not any(s.inserted for s in history.steps)
+    history = evolution.run([1.5, 2.5], accept=lambda s: s.start > 1.5 or s.time < 1.7)
+    np.testing.assert_allclose([s.time for s in history.steps], [1.625, 1.84375, 2.171875, 2.5])
+    assert [s.inserted for s in history.steps] == [True, True, True, False]
+    assert [s.rejected for s in history.steps] == [3, 0, 0, 0]
+
+
 def test_a_load_that_fails_on_one_rank():
     """Its error is raised on all, and the evolution is where it was."""
     problem, top = dragged(n=2)

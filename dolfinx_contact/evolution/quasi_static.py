@@ -116,9 +116,10 @@ class QuasiStatic(Evolution):
         """Step through the given times. Collective.
 
         A history takes exactly the given times. Each step has indicators of a jump of the state
-        within it (``result.indicators.step``) with one warning. The following keywords insert
-        steps, which are marked (`EvolutionStep.inserted`): ``longest``, ``halve_steps``,
-        ``locate_jumps``, ``accept``. Shorter steps change the results of laws that depend on time.
+        within it (``result.indicators.step``) with one warning. ``longest`` divides long intervals
+        into equal steps. ``halve_steps``, ``locate_jumps`` and ``accept`` insert steps, which are
+        marked (`EvolutionStep.inserted`). Shorter steps change the results of laws that depend on
+        time.
 
         In a jump the state changes suddenly although the load changes little. If a run cannot
         continue, ``history.reason`` or the error states whether this is proved: along every
