@@ -26,7 +26,7 @@ from dolfinx_contact._errors import on_root
 from dolfinx_contact.analysis.check_proof import Certificate
 from dolfinx_contact.analysis.check_proof import check as follow_proof
 from dolfinx_contact.analysis.check_proof import main as check
-from dolfinx_contact.plot import SolutionCount, explorer, watch
+from dolfinx_contact.explorer import SolutionCount, explorer, watch
 
 __all__ = ["main"]
 

@@ -25,7 +25,7 @@ FLAGS = (
 )
 SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 NO_WEBGL = ("--disable-gpu", "--disable-3d-apis")
-PATIENCE = 60.0
+PATIENCE = 30.0
 
 
 class Browser:
@@ -89,11 +89,9 @@ class Browser:
             f" l = p._fullLayout; return [r.left + l.xaxis._offset + l.xaxis.d2p({x}),"
             f" r.top + l.yaxis._offset + l.yaxis.d2p({y})]; }})()"
         )
-        body = self.find("body")
-        width, height = body.size["width"], body.size["height"]
-        offset = (left - width / 2 - body.rect["x"], top - height / 2 - body.rect["y"])
         actions = ActionChains(self.driver)
-        actions.move_to_element_with_offset(body, *map(round, offset)).pause(0.3).click().perform()
+        actions.w3c_actions.pointer_action.move_to_location(round(left), round(top))
+        actions.pause(0.3).click().perform()
 
     def press(self, *keys):
         ActionChains(self.driver).send_keys(*keys).perform()
@@ -228,7 +226,10 @@ def solutions(b, name):
     b.open(name)
     b.find("[data-tab='solutions']").click()
     b.wait("!byId('solutions').hidden")
-    assert "3 solutions, proved (by a proof)" in b.find("#solutions").text
+    selected = b.ask("valueNow('gamma')")
+    assert float(b.find("#gamma").get_property("value")) == selected
+    b.find("#solutions button.counted").click()
+    b.wait("byId('solutions').textContent.includes('3 solutions, proved (by a proof)')")
     given = b.find("#gamma")
     given.clear()
     given.send_keys("0.033", Keys.TAB)
@@ -241,6 +242,84 @@ def solutions(b, name):
     b.find("[data-tab='values']").click()
     b.wait("!byId('values').hidden")
     assert f"{b.ask('now.index')} of" in b.find("#values").text
+    b.no_errors()
+
+
+def between_points(b, name):
+    """A click between two points of a piecewise linear branch shows the interpolated state."""
+    b.open(name)
+    gammas, count = b.ask("[Array.from(column('gamma')), META.series[0].count]")
+    # A segment that is long in both axes, away from other points.
+    index = max(range(count - 1), key=lambda i: abs(gammas[i + 1] - gammas[i]))
+    x, y = (
+        b.ask(f"(valueAt(0, {index}, '{n}') + valueAt(0, {index + 1}, '{n}')) / 2")
+        for n in ("gamma", b.ask("byId('axis-y').value"))
+    )
+    b.click_at("diagram", x, y)
+    b.wait("now.share > 0")
+    b.settled()
+    assert b.where() == [0, index]
+    share = b.ask("now.share")
+    assert 0.4 < share < 0.6
+    low, high, mixed = b.driver.execute_async_script(
+        "const done = arguments[0]; const state = stateNow();"
+        "const at = (s) => tableAt(faceNow(), s).then((t) => [...t.pressure]);"
+        "Promise.all([at({ low: state.low, share: 0 }), at({ low: state.high, share: 0 }),"
+        " at(state)]).then(done)"
+    )
+    expected = [p + share * (q - p) for p, q in zip(low, high, strict=True)]
+    size = max(map(abs, low + high))
+    assert max(abs(p - q) for p, q in zip(mixed, expected, strict=True)) < 1e-12 * size
+    assert b.ask("Number(byId('body').dataset.state)") == index + share
+    assert "between points" in b.find("#where").text
+    assert abs(b.ask("valueNow('gamma')") - x) < 0.1 * abs(gammas[index + 1] - gammas[index])
+    b.click("[data-tab='solutions']")
+    assert abs(float(b.find("#gamma").get_property("value")) - b.ask("valueNow('gamma')")) < 1e-12
+    b.picture(f"{name}_between")
+    b.click("#solutions tbody tr")
+    b.settled()
+    assert b.ask("now.share") > 0
+    b.driver.refresh()
+    b.wait("document.body.dataset.ready === 'true'")
+    assert abs(b.ask("now.share") - share) < 1e-9
+    b.press(Keys.ARROW_RIGHT)
+    b.wait(f"now.index === {index + 1} && now.share === 0")
+    b.no_errors()
+
+
+def axes_at_the_data(b, name):
+    """The axes of a diagram show the range of the data with a small margin."""
+    b.open(name)
+    for axis in ("x", "y"):
+        low, high = b.ask(f"byId('diagram')._fullLayout.{axis}axis.range")
+        values = [
+            v for v in b.ask(f"Array.from(column(byId('axis-{axis}').value))") if v is not None
+        ]
+        span = max(values) - min(values)
+        assert 0 < min(values) - low < 0.1 * span
+        assert 0 < high - max(values) < 0.1 * span
+    b.no_errors()
+
+
+def rigid_surface(b, name, dim):
+    """A record whose obstacle has vertices of its own shows it, exaggerated or not."""
+    b.open(name)
+    b.press(Keys.END)
+    b.settled()
+    for scale in ("1", "5"):
+        given = b.find("#scale")
+        given.clear()
+        given.send_keys(scale, Keys.TAB)
+        b.settled()
+        drawn = b.ask(
+            "byId('body').data.filter((t) => t.type === 'mesh3d' && t.opacity === 0.28)"
+            ".map((t) => t.i.length)"
+            if dim == 3
+            else "byId('body').data.filter((t) => t.line?.width === 3).map((t) => t.x.length)"
+        )
+        assert len(drawn) == 1
+        assert drawn[0] > 0
+        b.picture(f"{name}_{scale}")
     b.no_errors()
 
 
@@ -323,6 +402,10 @@ def main():
             solutions(b, name)
             b.open(name)
             b.picture(name)
+            axes_at_the_data(b, name)
+        between_points(b, "linear")
+        rigid_surface(b, "rigid_quad", 2)
+        rigid_surface(b, "rigid_hex", 3)
         chart(b)
         b.picture("chart")
         odd(b)

@@ -31,13 +31,14 @@ LAYERS = [
     ("analysis", "evolution"),
     ("io", "output"),
     ("records",),
+    ("explorer",),
     ("plot",),
     ("__main__",),
 ]
 #: The only import from a higher layer, in a function: questions about a state.
 FROM_ABOVE = (f"{PACKAGE}.proofs", f"{PACKAGE}.analysis.contact")
 #: Modules that may import the package itself, which imports none of them.
-ABOVE = ("io", "records", "plot", "__main__")
+ABOVE = ("io", "records", "plot", "explorer", "__main__")
 #: The trusted part of proofs: one self-contained file.
 CHECKER = f"{PACKAGE}.analysis.check_proof"
 

@@ -26,6 +26,7 @@ from dolfinx_contact import (
 from dolfinx_contact.analysis import Certificate, check, prove_counts
 from dolfinx_contact.analysis.branch_counts import default_gammas
 from dolfinx_contact.continuation import Branch, Diagram, explore, find_solutions
+from dolfinx_contact.explorer import explorer
 from dolfinx_contact.materials import LinearElastic
 
 TOTAL = dict(sum_rn=records.total("rn"))
@@ -88,7 +89,7 @@ def test_the_page(folder):
     system, diagram = explored(2, 3.0)
     counts = prove_counts(system, diagram, gammas=[0.5])
     journal = records.journal_of(system, diagram.branches, TOTAL)
-    plot.explorer(folder / "page.html", journal, counts=counts)
+    explorer(folder / "page.html", journal, counts=counts)
     text = re.sub(r"\s", "", (folder / "page.html").read_text())
     assert '"count":3,"proved":true' in text
 

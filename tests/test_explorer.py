@@ -17,32 +17,45 @@ import numpy as np
 import pytest
 import recorded_evolution
 import recorded_path
+from blocks import box, facets
 from matplotlib.colors import to_hex
 from recorded_run import moved_block, record
+from support.record_bodies import globe, polygon
 
-from dolfinx_contact import Sphere, plot
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    RigidSurface,
+    Sphere,
+    plot,
+)
 from dolfinx_contact.__main__ import main
 from dolfinx_contact.analysis import Chart, ChartCell, ChartCurve
-from dolfinx_contact.continuation import StepControl
-from dolfinx_contact.io.outside import OuterSurface, SurfaceState
-from dolfinx_contact.plot.curves import FILLS
-from dolfinx_contact.plot.page import writing
-from dolfinx_contact.plot.page.faces import points_on_face
-from dolfinx_contact.plot.page.of_charts import scene_of_chart
-from dolfinx_contact.plot.page.packing import Arrays, largest_value, packed_field
-from dolfinx_contact.plot.page.scene import Mark, Scene, SeriesShown
-from dolfinx_contact.records import EvolutionRecord, PathRecord, read_journal
-from dolfinx_contact.records.journal import FILE_NAME
+from dolfinx_contact.continuation import Ending, StepControl, follow
+from dolfinx_contact.explorer import SolutionCount, explorer, watch
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.plot.figures import FILLS
+from dolfinx_contact.records import (
+    BranchRecord,
+    EvolutionRecord,
+    Journal,
+    PathRecord,
+    read_journal,
+    total,
+)
+from dolfinx_contact.records.columns import PointEntry
+from dolfinx_contact.records.journal import FILE_NAME, JournalBranch
 
+pytest.importorskip("plotly", reason="plotly is not installed")
 COMM = MPI.COMM_WORLD
 KEPT = {"surface_displacement": True}
 serial = pytest.mark.skipif(COMM.size > 1, reason="nothing is computed on ranks")
-
-
-@pytest.fixture
-def no_library(monkeypatch):
-    """Pages without plotly, whose script says nothing of what they hold."""
-    monkeypatch.setattr(writing, "_library", lambda: b"library")
 
 
 # -- a reader of pages, by itself ------------------------------------------------------------------
@@ -116,118 +129,6 @@ def read(file):
     return Page(Path(file).read_text(encoding="utf-8"))
 
 
-def made(scene, **options):
-    given = {"title": "a title", "labels": {}, "units": {}, "error": 0.005} | options
-    return Page(writing.page(scene, b"library", *given.values()))
-
-
-# -- packing ---------------------------------------------------------------------------------------
-
-
-def unpacked(arrays, field, count):
-    """A field at all states, decoded here."""
-    found = []
-    for block in field["blocks"]:
-        parts = []
-        for name in ("modes", "steps", "parts"):
-            packed = arrays.packed[block[name]]
-            dtype = np.dtype("<" + packed.words["dtype"])
-            raw = np.frombuffer(zlib.decompress(base64.b64decode(packed.data)), np.uint8)
-            flat = raw.reshape(dtype.itemsize, -1).T.copy().reshape(-1).view(dtype)
-            parts.append(flat.reshape(packed.words["shape"]))
-        modes, steps, weights = parts
-        found.append((weights * steps) @ modes.astype(np.float32))
-    return np.concatenate(found).reshape(count, -1, field["components"])
-
-
-def turning(count, n, dim=3):
-    """A body that turns and trembles, with its displacement."""
-    rng = np.random.default_rng(1)
-    x = rng.random((n, dim))
-    waves = [rng.normal(size=(n, dim)) / 2.0**k for k in range(12)]
-    states = []
-    for angle in np.linspace(0, 2.5, count):
-        c, s = np.cos(angle), np.sin(angle)
-        turn = np.eye(dim)
-        turn[:2, :2] = [[c, -s], [s, c]]
-        shaken = sum(0.02 * np.sin((k + 2) * angle) * wave for k, wave in enumerate(waves))
-        states.append(x @ turn.T - x + shaken)
-    return np.array(states)
-
-
-@serial
-@pytest.mark.parametrize("allowed", [0.005, 0.0005])
-@pytest.mark.parametrize(("count", "n"), [(1, 7), (40, 200), (300, 60)])
-def test_the_error_of_packing_is_the_stated_one(count, n, allowed):
-    states = turning(count, n)[-count:] + 0.1
-    arrays = Arrays()
-    largest, low, high = largest_value("u", count, lambda i: states[i])
-    field = packed_field(arrays, "u", count, lambda i: states[i], allowed * largest)
-    off = np.linalg.norm(unpacked(arrays, field, count) - states, axis=2).max()
-    np.testing.assert_allclose(largest, np.linalg.norm(states, axis=2).max())
-    np.testing.assert_array_equal(
-        [low, high], [np.minimum(states.min((0, 1)), 0), states.max((0, 1))]
-    )
-    assert 0 < field["error"] <= allowed * largest
-    np.testing.assert_allclose(off, field["error"], rtol=1e-4)
-    # What is packed is a part of what it was.
-    size = sum(len(p.data) for p in arrays.packed.values())
-    assert count == 1 or size < states.astype(np.float32).nbytes / 2
-
-
-@serial
-def test_a_field_that_is_zero_or_not_finite():
-    arrays = Arrays()
-    zero = np.zeros((3, 5, 2))
-    field = packed_field(arrays, "u", 3, lambda i: zero[i], 0.0)
-    assert field["error"] == 0
-    np.testing.assert_array_equal(unpacked(arrays, field, 3), zero)
-    zero[1, 2, 0] = np.nan
-    with pytest.raises(ValueError, match="u of state 1 has an entry that is not finite"):
-        largest_value("u", 3, lambda i: zero[i])
-    with pytest.raises(ValueError, match="u of state 2 is that of another mesh"):
-        largest_value("u", 3, lambda i: np.zeros((5 + (i == 2), 2)))
-    states = turning(5, 30)
-    # What is not allowed by far is told, and is not refused.
-    assert 1e-9 < packed_field(Arrays(), "u", 5, lambda i: states[i], 1e-9)["error"] < 1e-4
-
-
-@serial
-def test_states_that_have_nothing_in_common():
-    """The least error that is allowed is reached whatever the states."""
-    states = np.random.default_rng(3).normal(size=(128, 150, 3))
-    arrays = Arrays()
-    largest = np.linalg.norm(states, axis=2).max()
-    field = packed_field(arrays, "u", 128, lambda i: states[i], 1e-4 * largest)
-    off = np.linalg.norm(unpacked(arrays, field, 128) - states, axis=2).max()
-    assert off <= 1.001 * field["error"] <= 1.001e-4 * largest
-
-
-@serial
-def test_contact_points_on_facets():
-    """Points on triangles, quadrilaterals and edges are where their weights say."""
-    rng = np.random.default_rng(2)
-    x = np.array([[i, j, 0.2 * i] for j in range(3) for i in range(4)], float)
-    quads = [
-        [i + 4 * j, i + 1 + 4 * j, i + 4 + 4 * j, i + 5 + 4 * j] for j in (0, 1) for i in (0, 1, 2)
-    ]
-    triangles = [t for q in quads for t in (q[:3], q[1:])]
-    points = np.column_stack([3 * rng.random(40), 2 * rng.random(40), np.zeros(40)])
-    points[:, 2] = 0.2 * points[:, 0]
-    points[0] = x[5]
-    for facets in (quads, triangles):
-        found = points_on_face(x, np.array(facets), points)
-        there = np.einsum("nk,nkc->nc", found.weights, x[found.nodes])
-        np.testing.assert_allclose(there, points, atol=1e-12)
-        assert found.nearest.shape == np.shape(facets)
-        assert found.weights.min() > -0.51
-    edges = np.array([[2, 1], [3, 2], [0, 1]])
-    found = points_on_face(x[:4], edges, np.array([[2.25, 0, 0.45], [0.5, 0, 0.1], [1, 0, 0.2]]))
-    np.testing.assert_allclose(found.place, np.array([2.25, 0.5, 1.0]) * np.hypot(1, 0.2))
-    nothing = points_on_face(x, np.array(quads), np.zeros((0, 3)))
-    assert nothing.nodes.shape == (0, 4)
-
-
 # -- records ---------------------------------------------------------------------------------------
 
 
@@ -284,13 +185,13 @@ def check_states(page, journal, entries, allowed=0.005):
         "records",
     ),
 )
-def test_a_branch(cell, folder, no_library):
+def test_a_branch(cell, folder):
     n = 4 if cell == "quad" else 2
     system, functionals = moved_block(COMM, cell=cell, n=n)
     record(system, functionals, folder / "branch", max_steps=20, **KEPT)
-    counts = [plot.SolutionCount(0.1, 1, True, "by hand"), plot.SolutionCount(0.2, 3, False)]
+    counts = [SolutionCount(0.1, 1, True, "by hand"), SolutionCount(0.2, 3, False)]
     look = dict(counts=counts, title="Ein Klötzchen <b>&", units={"length": "mm"})
-    file = plot.explorer(folder / "page.html", folder / "branch", **look)
+    file = explorer(folder / "page.html", folder / "branch", **look)
     assert file == folder / "page.html"
     if COMM.rank == 0:
         page = read(file)
@@ -313,17 +214,16 @@ def test_a_branch(cell, folder, no_library):
         assert page.meta["units"] == {"length": "mm"}
         assert [c["proved"] for c in page.meta["counts"]] == [True, False]
         assert page.meta["axes"] == ["gamma", "volume"]
-        assert page.library == b"library"
         check_states(page, journal, journal.entries())
     COMM.barrier()
 
 
-def test_functionals_with_names_of_the_page(folder, no_library):
+def test_functionals_with_names_of_the_page(folder):
     """What the user has named is shown under that name; what the page adds takes another."""
     system, _ = moved_block(COMM)
     functionals = {"distance": lambda p: 42.0, "series": lambda p: 43.0}
     record(system, functionals, folder / "branch", max_steps=3)
-    plot.explorer(folder / "page.html", folder / "branch", labels={"distance": "far"})
+    explorer(folder / "page.html", folder / "branch", labels={"distance": "far"})
     if COMM.rank == 0:
         page = read(folder / "page.html")
         np.testing.assert_array_equal(page.column("distance"), [42.0] * 4)
@@ -335,12 +235,12 @@ def test_functionals_with_names_of_the_page(folder, no_library):
     COMM.barrier()
 
 
-def test_a_round_obstacle_and_small_displacements(folder, no_library):
+def test_a_round_obstacle_and_small_displacements(folder):
     """Gaps that are long beside displacements are exact, and a page is made."""
     disc = Sphere((0.5, -0.602), 0.6)
     system, functionals = moved_block(COMM, obstacle=disc, sliding="small")
     record(system, functionals, folder / "branch", max_steps=3, **KEPT)
-    plot.explorer(folder / "page.html", folder / "branch", error=1e-4)
+    explorer(folder / "page.html", folder / "branch", error=1e-4)
     if COMM.rank == 0:
         page = read(folder / "page.html")
         journal = read_journal(folder / "branch")
@@ -357,31 +257,88 @@ def test_a_round_obstacle_and_small_displacements(folder, no_library):
     COMM.barrier()
 
 
-@serial
-@pytest.mark.parametrize("far", [1.0, np.nan])
-def test_an_obstacle_that_a_page_cannot_hold(far):
-    """It is left out, with a note that says so; the rest is shown."""
-    x = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    edge = np.array([[0, 1]])
-    scene = plain_scene({"gamma": [0, 1, 2]})
-    scene.series[0].states[:] = range(3)
-    scene.body = OuterSurface(x, np.arange(3), np.array([[0, 1, 2]]), {"floor": edge}, {},
-                              {"floor": edge})  # fmt: skip
-    places = np.random.default_rng(4).random((3, 2, 2))
+def round_tool(cell):
+    """A polygon or globe below the block."""
+    if cell == "quad":
+        return RigidSurface(*polygon(24, (0.5, -1.002)), crease=30.0)
+    return RigidSurface(*globe(8, (0.5, 0.5, -1.002)), crease=60.0)
 
-    def state(i):
-        floor = far * places[i]
-        obstacle = np.array([floor, 0 * floor, np.tile([0.0, 1.0], (2, 1))])
-        return SurfaceState(1e-9 * i * x[:, :2], {"floor": obstacle})
 
-    scene.states = [lambda i=i: state(i) for i in range(3)]
-    page = made(scene)
-    (face,) = page.meta["surfaces"]
-    assert face["obstacle"] is None
-    assert not any("obstacle" in name for name in page.meta["arrays"])
-    assert any("The obstacle of floor is not shown" in note for note in page.meta["notes"])
-    np.testing.assert_allclose(page.field(page.meta["fields"]["displacement"], 2),
-                               2e-9 * x[:, :2], rtol=1e-4)  # fmt: skip
+@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "explorer",
+    "surfaces of facets",
+    reference="itself: the journal, number by number",
+    aspects=("2D", "3D", "records"),
+)
+def test_a_rigid_surface(cell, folder):
+    """The obstacle has vertices of its own, not those of the contact face."""
+    system, functionals = moved_block(COMM, cell=cell, n=3, obstacle=round_tool(cell))
+    record(system, functionals, folder / "branch", max_steps=4, **KEPT)
+    explorer(folder / "page.html", folder / "branch")
+    if COMM.rank == 0:
+        page = read(folder / "page.html")
+        journal = read_journal(folder / "branch")
+        check_states(page, journal, journal.entries())
+        (face,) = page.meta["surfaces"]
+        assert len(page.array(face["obstacle"]["way"])) != len(np.unique(page.array(face["cells"])))
+        facets = page.array(face["obstacle"]["cells"])
+        assert facets.shape[1] == face["obstacle"]["corners"]
+    COMM.barrier()
+
+
+def record_a_linear_block(folder, route):
+    """Record a linear block that is moved down and sideways on a floor."""
+    domain = box(COMM, 4, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, top = fem.Function(V), fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    x = ufl.SpatialCoordinate(domain)
+    move = gamma * ufl.as_vector([0.01, -0.02 * (1.0 + 0.3 * x[0])])
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    floor = HalfSpace((0.0, -0.002), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), law=Coulomb(0.3), obstacle=floor)
+    energy = LinearElastic(600.0, 400.0).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
+    system = ParametricContact(problem, gamma, driven=[(top, move)])
+    with BranchRecord(folder, system, {"force": total("rn")}, **KEPT) as kept:
+        problem.solve()
+        start = system.create_vector()
+        problem.write(start)
+        control = StepControl(initial=0.02, maximum=0.02)
+        options = dict(gamma_range=(0.0, 1.0), control=control, route=route)
+        follow(system, start, 0.0, record=kept, **options)
+
+
+@pytest.mark.verifies(
+    "explorer",
+    "pivoting",
+    reference="itself: a branch followed by steps",
+    aspects=("2D", "branches", "records"),
+)
+def test_between_two_points_of_a_piecewise_linear_branch(folder):
+    """A page says that the branch is linear between its points, and there it is."""
+    for route in ("pivoting", "steps"):
+        record_a_linear_block(folder / route, route)
+        explorer(folder / f"{route}.html", folder / route)
+    if COMM.rank == 0:
+        page, fine = (read(folder / f"{route}.html") for route in ("pivoting", "steps"))
+        assert page.meta["series"][0]["linear"]
+        assert not fine.meta["series"][0]["linear"]
+        gammas, others = page.column("gamma"), fine.column("gamma")
+        ends = np.flatnonzero(np.diff(gammas) <= 0)[:1] + 1  # the first part, up to a fold
+        last = int(ends[0]) if len(ends) else len(gammas)
+        count = int(np.flatnonzero(np.append(np.diff(others) <= 0, True))[0])
+        between = others[:count]
+        assert count > 3 * last
+        for column in ("pressure", "shear", "un"):
+            coarse = [page.table(page.meta["surfaces"][0], i)[column] for i in range(last)]
+            coarse = np.reshape(coarse, (last, -1))
+            for i, gamma in enumerate(between):
+                table = fine.table(fine.meta["surfaces"][0], i)[column].ravel()
+                mixed = [np.interp(gamma, gammas[:last], values) for values in coarse.T]
+                np.testing.assert_allclose(mixed, table, atol=1e-9 * max(abs(coarse).max(), 1))
+    COMM.barrier()
 
 
 @pytest.mark.parametrize("kind", ["pair", "moving", "cracked"])
@@ -394,11 +351,11 @@ def test_an_obstacle_that_a_page_cannot_hold(far):
         "records",
     ),
 )
-def test_a_history(kind, folder, no_library):
+def test_a_history(kind, folder):
     evolution = getattr(recorded_evolution, kind)(COMM)
     with EvolutionRecord(folder / kind, evolution, **KEPT) as kept:
         history = evolution.run(np.linspace(0, 1, 5), record=kept)
-    plot.explorer(folder / "page.html", folder / kind)
+    explorer(folder / "page.html", folder / kind)
     if COMM.rank == 0:
         page = read(folder / "page.html")
         journal = read_journal(folder / kind)
@@ -421,12 +378,12 @@ def test_a_history(kind, folder, no_library):
         "records",
     ),
 )
-def test_a_path(folder, no_library):
+def test_a_path(folder):
     path = recorded_path.made("bonds")
     with PathRecord(folder / "path", path, **KEPT) as kept:
         control = StepControl(initial=0.1, maximum=0.2)
         history = path.run(gamma_range=(0.0, 0.7), control=control, record=kept, max_steps=8)
-    plot.explorer(folder / "page.html", folder / "path")
+    explorer(folder / "page.html", folder / "path")
     if COMM.rank == 0:
         page = read(folder / "page.html")
         journal = read_journal(folder / "path")
@@ -441,95 +398,53 @@ def test_a_path(folder, no_library):
     COMM.barrier()
 
 
-# -- what a scene may have -------------------------------------------------------------------------
+# -- contents of journals --------------------------------------------------------------------------
 
 
-def plain_scene(columns, **more):
-    count = len(next(iter(columns.values())))
-    columns = {k: np.array(v, dtype=float) for k, v in columns.items()}
-    series = SeriesShown("branch 0", columns, ["ok"] * count, [-1] * count, **more)
-    return Scene("branches", next(iter(columns)), list(columns), series=[series])
+def plain_journal(gamma, functionals=None, reason=""):
+    """A journal in memory: one branch of a single sliding point, with functionals by name."""
+    known = functionals or {}
+    points = [
+        PointEntry(index=i, gamma=float(g), step=0.1, corrections=1, tau=1.0, status="k", norm=1.0,
+                   special=[], functionals={k: float(v[i]) for k, v in known.items()})
+        for i, g in enumerate(gamma)
+    ]  # fmt: skip
+    branch = JournalBranch(points=points, ending=Ending.REACHED, reason=reason)
+    return Journal(header={"functionals": list(known), "points": {}}, branches={0: branch})
 
 
 @serial
-def test_words_of_users_are_words():
-    """Names with tags, quotes, marks of the template and letters of all kinds."""
+def test_names_of_users_are_text(tmp_path):
+    """Names with tags, quotes, placeholders of the template and letters of all kinds."""
     evil = "</script><script>alert(1)</script> \u2028 @DATA@ \"'&lt; ü γ 接触"
-    scene = plain_scene({"gamma": [0, 1], evil: [1, 2]}, marks=[Mark(1, evil, evil)], ending=evil)
-    text = writing.page(scene, b"library", evil, {"gamma": evil}, {}, 0.005)
-    page = Page(text)
+    file = tmp_path / "page.html"
+    journal = plain_journal([0, 1], {evil: [1, 2]}, evil)
+    explorer(file, journal, title=evil, labels={"gamma": evil})
+    page = read(file)
     assert page.title == page.meta["title"] == evil
-    assert [c["label"] for c in page.meta["columns"]] == [evil, evil]
-    assert page.meta["series"][0]["marks"][0]["text"] == evil
-    assert text.count("alert(1)</script>") == 0
+    assert [c["label"] for c in page.meta["columns"]][:2] == [evil, evil]
+    assert page.meta["series"][0]["ending"] == evil
+    assert file.read_text(encoding="utf-8").count("alert(1)</script>") == 0
     np.testing.assert_array_equal(page.column(evil), [1, 2])
 
 
 @serial
-def test_points_without_numbers():
-    scene = plain_scene({"gamma": [0.0, np.nan, np.inf], "nothing": [np.nan] * 3})
-    page = made(scene)
-    np.testing.assert_array_equal(page.column("gamma"), [0.0, np.nan, np.inf])
-    assert np.isnan(page.column("nothing")).all()
-    assert page.meta["axes"] == ["gamma", "nothing"]
-    assert made(plain_scene({"gamma": [1.0]})).meta["axes"] == ["gamma", "gamma"]
+def test_values_that_are_not_finite(tmp_path):
+    journal = plain_journal([0.0, 1.0, 2.0], {"odd": [0.0, np.nan, np.inf], "none": [np.nan] * 3})
+    page = read(explorer(tmp_path / "page.html", journal))
+    np.testing.assert_array_equal(page.column("odd"), [0.0, np.nan, np.inf])
+    assert np.isnan(page.column("none")).all()
+    assert page.meta["axes"][0] == "gamma"
+    one = read(explorer(tmp_path / "one.html", plain_journal([1.0])))
+    assert one.column("gamma") == [1.0]
 
 
 @serial
-def test_ten_thousand_points():
+def test_ten_thousand_points(tmp_path):
     gamma = np.linspace(0, 1, 10_000)
-    page = made(plain_scene({"gamma": gamma, "force": np.sin(9 * gamma)}))
+    journal = plain_journal(gamma, {"force": np.sin(9 * gamma)})
+    page = read(explorer(tmp_path / "page.html", journal))
     np.testing.assert_array_equal(page.column("force"), np.sin(9 * gamma))
-
-
-def benchmark_scene(count=300, n=29):
-    """A cube with 5048 vertices outside that is pressed, waved at and dragged on its lower face."""
-    side = np.linspace(0, 1, n + 1)
-    grid = {}
-    cells = []
-    for axis in range(3):
-        for end in (0, n):
-            for i in range(n):
-                for j in range(n):
-                    corners = []
-                    for a, b in ((i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)):
-                        place = [a, b]
-                        place.insert(axis, end)
-                        corners.append(grid.setdefault(tuple(place), len(grid)))
-                    cells.append(corners)
-    x = side[np.array(list(grid))]
-    lower = np.array([c for c in cells if all(x[v, 2] == 0 for v in c)])
-    body = OuterSurface(x, np.arange(len(x)), np.array(cells), {"contact": lower}, {}, {})
-
-    def state(i):
-        t = i / count
-        away = np.linalg.norm(x[:, :2] - [0.5 + 0.4 * t, 0.5], axis=1)
-        bump = np.exp(-8 * away**2) * np.exp(-2 * x[:, 2])
-        u = np.column_stack(
-            [t * x[:, 2] ** 2 + 0.1 * bump, 0.05 * np.sin(7 * x[:, 0] + 9 * t), -bump * t]
-        )
-        return SurfaceState(0.1 * u, {}, None, np.abs(bump - 0.3 * t * x[:, 2]))
-
-    columns = {"gamma": np.linspace(0, 1, count), "force": np.linspace(0, 1, count) ** 2}
-    scene = plain_scene(columns)
-    scene.series[0].states[:] = range(count)
-    scene.body = body
-    scene.states = [lambda i=i: state(i) for i in range(count)]
-    return scene
-
-
-@serial
-@pytest.mark.long
-def test_the_size_of_a_page():
-    """300 points of a body with 5000 surface vertices, displacement and a scalar: 6 MB."""
-    scene = benchmark_scene()
-    assert len(scene.body.x) > 5000
-    library = pytest.importorskip("plotly", reason="plotly is not installed") and writing._library()
-    text = writing.page(scene, library, "size", {}, {}, 0.005)
-    fields = Page(text).meta["fields"]
-    print(len(text.encode()), {k: v["error"] for k, v in fields.items()})
-    assert len(text.encode()) < 6e6
-    assert max(field["error"] for field in fields.values()) <= 0.005
 
 
 # -- charts ----------------------------------------------------------------------------------------
@@ -555,13 +470,13 @@ def chart_of_a_wedge():
 @pytest.mark.verifies(
     "explorer", "charts", reference="closed form: areas of the regions of a wedge", aspects=("2D",)
 )
-def test_a_chart(tmp_path, no_library):
+def test_a_chart(tmp_path):
     """Regions end at the curves and not at cells, and are numbered; the file keeps the curves."""
     chart = chart_of_a_wedge()
     chart.save(tmp_path / "chart.json")
     again = Chart.load(tmp_path / "chart.json")
     assert again.curves == chart.curves
-    plot.explorer(tmp_path / "chart.html", tmp_path / "chart.json", labels={"mu": "F"})
+    explorer(tmp_path / "chart.html", tmp_path / "chart.json", labels={"mu": "F"})
     meta = read(tmp_path / "chart.html").meta
     assert [c["label"] for c in meta["columns"]] == ["F", "gamma"]
     found = meta["chart"]
@@ -601,12 +516,11 @@ def test_a_picture_of_a_chart(tmp_path):
 
 
 @serial
-def test_a_chart_without_curves():
-    chart = Chart(chart_of_a_wedge().cells)
-    scene = scene_of_chart(chart)
-    assert not scene.chart.exact
-    assert any("regions end at cells" in note for note in scene.notes)
-    assert {len(r.solutions[0]) for r in scene.chart.regions} == {1, 3}
+def test_a_chart_without_curves(tmp_path):
+    meta = read(explorer(tmp_path / "page.html", Chart(chart_of_a_wedge().cells))).meta
+    assert not meta["chart"]["exact"]
+    assert any("regions end at cells" in note for note in meta["notes"])
+    assert {len(r["solutions"][0]) for r in meta["chart"]["regions"]} == {1, 3}
 
 
 @serial
@@ -639,41 +553,38 @@ def branch(folder):
     return folder / "branch"
 
 
-def test_arguments_that_do_not_fit(branch, folder, no_library):
+def test_arguments_that_do_not_fit(branch, folder):
     file = folder / "page.html"
     for more, message in [
-        (dict(file=folder / "page.pdf"), "a page is an .html file"),
-        (dict(record=3), "a folder, a journal or a chart, got int"),
-        (dict(curves=[1]), "what event_curves returned"),
-        (dict(title=3), "title must be a str"),
-        (dict(labels={"gamma": 3}), "labels must be a dictionary of words"),
+        (dict(file=folder / "page.pdf"), "the file name must end in .html"),
+        (dict(curves=[1]), "curves belong to charts"),
         (
             dict(units={"mass": "kg"}),
             "the quantity of a unit must be one of length, force, stress; got .mass",
         ),
-        (dict(error=0.0), "the error must be a number from"),
-        (dict(error=float("nan")), "the error must be a number from"),
-        (dict(counts=[3]), "what find_solutions returned"),
-        (dict(labels={"nothing": "x"}), "labels are of columns: 'nothing' is none; there are: gam"),
+        (dict(error=0.0), "error must be a number from"),
+        (dict(error=float("nan")), "error must be a number from"),
+        (dict(counts=[3]), "results of find_solutions"),
+        (dict(labels={"nothing": "x"}), "there is no column 'nothing'; columns: gam"),
     ]:
         with pytest.raises(ValueError, match=message):
-            plot.explorer(**{"file": file, "record": branch} | more)
+            explorer(**{"file": file, "record": branch} | more)
     for count in (
         dict(gamma=np.nan, count=1),
         dict(gamma=0.0, count=-1),
         dict(gamma=0.0, count=1.5),
     ):
         with pytest.raises(ValueError, match="count"):
-            plot.SolutionCount(**count, proved=True)
+            SolutionCount(**count, proved=True)
     if COMM.size > 1:
         with pytest.raises(ValueError, match="title differs between ranks"):
-            plot.explorer(file, branch, title=f"rank {COMM.rank}")
+            explorer(file, branch, title=f"rank {COMM.rank}")
     assert not file.exists()
-    with pytest.raises(FileNotFoundError, match="no record"):
-        plot.explorer(file, folder / "nowhere")
+    with pytest.raises(FileNotFoundError, match="is not a record"):
+        explorer(file, folder / "nowhere")
     with pytest.raises(OSError, match="nowhere"):
-        plot.explorer(folder / "nowhere" / "page.html", branch)
-    plot.explorer(file, branch)
+        explorer(folder / "nowhere" / "page.html", branch)
+    explorer(file, branch)
     if COMM.rank == 0:
         meta = read(file).meta
         assert meta["body"] is None
@@ -682,7 +593,7 @@ def test_arguments_that_do_not_fit(branch, folder, no_library):
     COMM.barrier()
 
 
-def test_records_that_are_damaged(folder, no_library):
+def test_records_that_are_damaged(folder):
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "branch", max_steps=3, **KEPT)
     file = folder / "page.html"
@@ -698,22 +609,22 @@ def test_records_that_are_damaged(folder, no_library):
 
     lines = whole.split(b"\n")
     changed(b"\n".join(lines[:-2])[:-9])  # the line of the last point is being written
-    plot.explorer(file, folder / "branch")
+    explorer(file, folder / "branch")
     if COMM.rank == 0:
         meta = read(file).meta
         assert meta["points"] == 3
         assert any("being written" in note for note in meta["notes"])
     changed(b"\n".join(lines[:2]) + b"\n")
     with pytest.raises(ValueError, match="no point was recorded"):
-        plot.explorer(file, folder / "branch")
+        explorer(file, folder / "branch")
     changed(whole.replace(b'"gamma": 0.0', b'"gamma": 0.5', 1))
     with pytest.raises(ValueError, match="the journal is damaged: its check sum is wrong"):
-        plot.explorer(file, folder / "branch")
+        explorer(file, folder / "branch")
     changed(whole)
     state = folder / "branch" / "surface" / "branch_0000_point_000002.npz"
     changed(b"nothing", state)
     with pytest.raises(ValueError, match=r"branch_0000_point_000002\.npz is damaged"):
-        plot.explorer(file, folder / "branch")
+        explorer(file, folder / "branch")
     COMM.barrier()
     if COMM.rank == 0:
         assert read(file).meta["points"] == 3  # that of before
@@ -725,7 +636,7 @@ def test_plotly_is_missing(branch, folder, monkeypatch):
     file = folder / "page.html"
     match = r"plotly is not installed: python3 -m pip install 'signorini-coulomb\[explorer\]'$"
     with pytest.raises(ModuleNotFoundError, match=match):
-        plot.explorer(file, branch)
+        explorer(file, branch)
     monkeypatch.delitem(sys.modules, "plotly")
     if COMM.rank == 0:
         (folder / "plotly").mkdir()
@@ -733,7 +644,7 @@ def test_plotly_is_missing(branch, folder, monkeypatch):
     COMM.barrier()
     monkeypatch.syspath_prepend(str(folder))
     with pytest.raises(ModuleNotFoundError, match=r"without plotly.min.js, as python3-plotly"):
-        plot.explorer(file, branch)
+        explorer(file, branch)
     assert not file.exists()
     monkeypatch.delitem(sys.modules, "plotly", raising=False)  # rank 0 alone looked for it
 
@@ -741,7 +652,7 @@ def test_plotly_is_missing(branch, folder, monkeypatch):
 # -- following, and the command line ---------------------------------------------------------------
 
 
-def test_a_record_that_grows(folder, no_library):
+def test_a_record_that_grows(folder):
     """The page is written whenever there is more, and no more when the run has ended."""
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "whole", max_steps=6, **KEPT)
@@ -761,17 +672,17 @@ def test_a_record_that_grows(folder, no_library):
                 with journal.open("ab") as file:
                     file.writelines(left.pop(0))
 
-        plot.watch(folder / "page.html", folder / "grows", seconds=0.01, report=told)
+        watch(folder / "page.html", folder / "grows", seconds=0.01, report=told)
         count = len(read_journal(folder / "whole").entries())
         assert said == ["waiting", "waiting", "2 points", "2 points", f"{count} points"]
         assert [page["reload"] for page in pages] == [0.01, 0.01, None]
         for wrong in (0, -1.0, "x", float("nan")):
             with pytest.raises(ValueError, match="seconds must be a positive number"):
-                plot.watch(folder / "page.html", folder / "grows", seconds=wrong)
+                watch(folder / "page.html", folder / "grows", seconds=wrong)
     COMM.barrier()
 
 
-def test_the_command(branch, folder, no_library, capsys):
+def test_the_command(branch, folder, capsys):
     file = folder / "page.html"
     words = ["explore", str(branch), "-o", str(file), "--title", "Block", "--label", "gamma=load"]
     assert main([*words, "--unit", "length=mm"]) == 0
@@ -784,8 +695,8 @@ def test_the_command(branch, folder, no_library, capsys):
         (["--proof", "x=none.npz"], "--proof is GAMMA=FILE with a number"),
         (["--proof", "1=none.npz"], "there is no file none.npz"),
         (["--proof", f"1={branch / FILE_NAME}"], "is no proof: it is no npz file\n"),
-        (["--label", "nothing=x"], "labels are of columns: 'nothing' is none"),
-        (["--error", "7"], "the error must be a number from"),
+        (["--label", "nothing=x"], "there is no column 'nothing'"),
+        (["--error", "7"], "error must be a number from"),
     ]:
         assert main([*words, *more]) == 1
         errors = capsys.readouterr().err
@@ -801,18 +712,11 @@ def test_the_command(branch, folder, no_library, capsys):
 
 
 @serial
-def test_scripts_are_part_of_the_package():
-    here = files("dolfinx_contact.plot.page")
-    known = {p.name for p in here.iterdir() if not p.name.endswith((".py", "__"))}
-    assert known == {"page.html", "page.css", *(f"{name}.js" for name in writing.SCRIPTS)}
-
-
-@serial
 @pytest.mark.skipif(shutil.which("node") is None, reason="there is no node to read the scripts")
 def test_scripts_are_read_by_node():
-    for name in writing.SCRIPTS:
-        file = files("dolfinx_contact.plot.page") / f"{name}.js"
-        subprocess.run(["node", "--check", str(file)], check=True)
+    for file in files("dolfinx_contact.explorer").iterdir():
+        if file.name.endswith(".js"):
+            subprocess.run(["node", "--check", str(file)], check=True)
 
 
 # -- for a browser ---------------------------------------------------------------------------------
@@ -829,25 +733,28 @@ def test_pages_for_a_browser():
     for cell, n in (("quad", 6), ("hex", 3)):
         system, functionals = moved_block(COMM, cell=cell, n=n)
         record(system, functionals, folder / f"branch_{cell}", max_steps=12, **KEPT)
-        count = plot.SolutionCount(0.05, 3, True, "by a proof")
-        plot.explorer(folder / f"branch_{cell}.html", folder / f"branch_{cell}", counts=[count],
+        count = SolutionCount(0.05, 3, True, "by a proof")
+        explorer(folder / f"branch_{cell}.html", folder / f"branch_{cell}", counts=[count],
                       title="<b>Block</b> & γ", units={"length": "mm"})  # fmt: skip
+    record_a_linear_block(folder / "linear", route="pivoting")
+    explorer(folder / "linear.html", folder / "linear")
+    for cell in ("quad", "hex"):
+        system, functionals = moved_block(COMM, cell=cell, n=3, obstacle=round_tool(cell))
+        record(system, functionals, folder / f"rigid_{cell}", max_steps=8, **KEPT)
+        explorer(folder / f"rigid_{cell}.html", folder / f"rigid_{cell}")
     evolution = recorded_evolution.pair(COMM)
     with EvolutionRecord(folder / "history", evolution, **KEPT) as kept:
         evolution.run(np.linspace(0, 1, 5), record=kept)
-    plot.explorer(folder / "history.html", folder / "history")
+    explorer(folder / "history.html", folder / "history")
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "bare", max_steps=5)
-    plot.explorer(folder / "bare.html", folder / "bare")
+    explorer(folder / "bare.html", folder / "bare")
     if COMM.rank == 0:
         chart_of_a_wedge().save(folder / "chart.json", overwrite=True)
-        library = writing._library()
         gamma = np.linspace(0, 1, 10_000)
         odd = np.where(gamma > 0.9, np.nan, np.sin(9 * gamma))
-        long = plain_scene({"gamma": gamma, "force": odd, "stable": gamma < 0.5})
-        scenes = {"long": long, "one": plain_scene({"gamma": [1.0], "none": [np.nan]})}
-        for name, scene in scenes.items():
-            text = writing.page(scene, library, name, {}, {}, 0.005)
-            (folder / f"{name}.html").write_text(text, encoding="utf-8")
+        long = plain_journal(gamma, {"force": odd, "stable": gamma < 0.5})
+        for name, journal in {"long": long, "one": plain_journal([1.0])}.items():
+            explorer(folder / f"{name}.html", journal, comm=MPI.COMM_SELF)
     COMM.barrier()
-    plot.explorer(folder / "chart.html", folder / "chart.json")
+    explorer(folder / "chart.html", folder / "chart.json")

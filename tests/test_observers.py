@@ -15,7 +15,7 @@ from dolfinx import fem
 
 from dolfinx_contact.continuation import Ending, Observer, explore, follow
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.plot.page.of_records import scene_of_record
+from dolfinx_contact.explorer.lines import diagram_of
 from dolfinx_contact.records import (
     BranchRecord,
     EvolutionRecord,
@@ -487,9 +487,9 @@ def test_a_recorded_diagram(route, folder):
         (folder / "cut").mkdir()
         for count in range(4, len(lines) + 1):
             (folder / "cut" / FILE_NAME).write_bytes(b"".join(lines[:count]))
-            scene = scene_of_record(folder / "cut")
-            assert scene.unfinished == (count < len(lines))
-            assert scene.kind.startswith("a diagram, ")
+            diagram_read = diagram_of(read_journal(folder / "cut"))
+            assert diagram_read.unfinished == (count < len(lines))
+            assert diagram_read.kind.startswith("a diagram, ")
     COMM.barrier()
 
     with BranchRecord(folder / "parts", triangle()) as record:
@@ -506,7 +506,9 @@ def test_a_recorded_diagram(route, folder):
         for count in range(ends[0], len(lines) + 1):
             (folder / "cut" / FILE_NAME).write_bytes(b"".join(lines[:count]))
             session = count == ends[0] + 1
-            assert scene_of_record(folder / "cut").unfinished == (count not in ends and not session)
+            assert diagram_of(read_journal(folder / "cut")).unfinished == (
+                count not in ends and not session
+            )
     COMM.barrier()
     assert again.edges == journal.edges
     assert again.explored == journal.explored

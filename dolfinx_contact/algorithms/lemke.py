@@ -32,8 +32,8 @@ from scipy.linalg.blas import dger
 __all__ = [
     "Compliant",
     "RayTermination",
-    "copositive_form",
     "copositive_forces",
+    "copositive_form",
     "lemke",
     "parts_of",
     "tangents",

@@ -1,28 +1,24 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pictures: curves, diagrams, bodies, contact faces, films, and pages that explore records."""
+"""Pictures: curves, diagrams, bodies, contact faces, and films."""
 
 from dolfinx_contact.plot.bodies import picture_of_body
 from dolfinx_contact.plot.curves import draw_chart, draw_curves, draw_polar
 from dolfinx_contact.plot.diagrams import draw_diagram
 from dolfinx_contact.plot.films import animate, draw_record, film
 from dolfinx_contact.plot.look import Look
-from dolfinx_contact.plot.page import SolutionCount, explorer, watch
 from dolfinx_contact.plot.states import picture_of_states
 from dolfinx_contact.plot.tractions import picture_of_contact
 
 __all__ = [
     "Look",
-    "SolutionCount",
     "animate",
     "draw_chart",
     "draw_curves",
     "draw_diagram",
     "draw_polar",
     "draw_record",
-    "explorer",
     "film",
     "picture_of_body",
     "picture_of_contact",
     "picture_of_states",
-    "watch",
 ]

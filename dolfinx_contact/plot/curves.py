@@ -155,8 +155,7 @@ def draw_chart(
         OSError: with the path, if it cannot be written; an existing file is then unchanged.
         ValueError: if a set of statuses has no name, or the chart has no cells.
     """
-    # The regions between curves are computed by the explorer, an extension.
-    from dolfinx_contact.plot.page.of_charts import chart_scene
+    from dolfinx_contact.analysis.chart_regions import chart_scene
 
     scene = chart_scene(chart, curves)
     axes = new_figure((6.4, 6.0)).add_subplot()

@@ -37,14 +37,13 @@ function tangential(face, table, name, i) {
 async function drawFace() {
   const state = stateNow();
   const face = faceNow();
-  const table = state < 0 || !face ? null : await tableAt(face, state);
+  const table = !state || !face ? null : await tableAt(face, state);
   const target = byId("face");
   if (!table) {
-    return nothing(target, state < 0 ? "No contact points were recorded here."
-      : "The record has no tables of contact points: it is of an earlier version.");
+    return nothing(target, "No contact points were recorded here.");
   }
   if (target.querySelector(".nothing")) target.replaceChildren();
-  await (META.body.dim === 2 ? along(face, table) : map(face, table, state));
+  await (META.body.dim === 2 ? along(face, table) : map(face, table));
   listenToPoints("face");
 }
 

@@ -39,8 +39,20 @@ function array(name) {
   return unpacked.get(name);
 }
 
-/** The values of a packed field at a state: Float32Array, vertex by vertex. */
-async function fieldAt(field, state) {
+/** Linear interpolation of two arrays; the first one itself at share 0. */
+async function mixed(read, state) {
+  const low = await read(state.low);
+  if (!state.share) return low;
+  const high = await read(state.high);
+  return low.map((value, i) => value + state.share * (high[i] - value));
+}
+
+/** Values of a packed field at a state, also between two recorded ones: Float32Array by vertex. */
+function fieldAt(field, state) {
+  return mixed((number) => recordedField(field, number), state);
+}
+
+async function recordedField(field, state) {
   const values = new Float32Array(field.vertices * field.components);
   let block = field.blocks[0];
   for (const other of field.blocks) if (other.first <= state) block = other;
@@ -55,8 +67,20 @@ async function fieldAt(field, state) {
   return values;
 }
 
-/** The contact table of a surface at a state: columns by name, of n rows. */
+/** Contact table of a surface at a state, also between two recorded ones: columns by name. */
 async function tableAt(surface, state) {
+  const low = await recordedTable(surface, state.low);
+  if (!low || !state.share) return low;
+  const high = await recordedTable(surface, state.high);
+  const table = {};
+  for (const [name, values] of Object.entries(low)) {
+    table[name] = values instanceof Uint8Array ? (state.lettersOfHigh ? high : low)[name]
+      : values.map((value, i) => value + state.share * (high[name][i] - value));
+  }
+  return table;
+}
+
+async function recordedTable(surface, state) {
   if (!surface.groups.length) return null;
   let group = surface.groups[0];
   for (const other of surface.groups) if (other.first <= state) group = other;

@@ -49,7 +49,7 @@ async function prepareBody() {
     face.places = await array(face.place);
     face.across = b.dim === 3 ? acrossOf(face) : null;
     if (face.obstacle) face.obstacleFacets = rows(await array(face.obstacle.cells),
-      face.corners).map(around);
+      face.obstacle.corners).map(around);
     if (b.dim === 3) face.facets.forEach((facet) => covered.add(keyOf(facet)));
   }
   body.oriented = b.dim === 3 ? oriented(cells) : null;
@@ -167,7 +167,7 @@ async function placesAt(state, scale) {
         length += part * part;
       }
       // An exaggerated gap leads far away where it was large before.
-      near.push(scale <= 1 || Math.sqrt(length) < size);
+      near.push(Number.isFinite(length) && (scale <= 1 || Math.sqrt(length) < size));
     }
     obstacles.set(face.name, { y, near });
   }
@@ -248,7 +248,7 @@ function tractionScale() {
 async function drawBody() {
   const state = stateNow();
   const target = byId("body");
-  if (state < 0) return nothing(target, "No displacement was recorded at this point.");
+  if (!state) return nothing(target, "No displacement was recorded at this point.");
   if (META.body.dim === 3 && !body.webgl) {
     return nothing(target, "This browser has no WebGL, so that bodies in 3D are not drawn. " +
       "The diagram, the contact face and the tables work without it.");
@@ -260,7 +260,7 @@ async function drawBody() {
   const tables = await Promise.all(META.surfaces.map((face) => tableAt(face, state)));
   const draw = META.body.dim === 3 ? draw3d : draw2d;
   await draw(where, colour, tables, scale);
-  byId("body").dataset.state = state;
+  byId("body").dataset.state = state.low + state.share;
 }
 
 function nothing(target, text) {

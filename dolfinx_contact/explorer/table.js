@@ -25,7 +25,7 @@ async function drawPoints() {
   const target = byId("points");
   const state = stateNow();
   const face = faceNow();
-  const table = state < 0 || !face ? null : await tableAt(face, state);
+  const table = !state || !face ? null : await tableAt(face, state);
   if (!table) {
     target.replaceChildren(element("p", "No contact points were recorded here.", "nothing"));
     return;
@@ -87,7 +87,7 @@ function listenToTable() {
   });
 }
 
-/** What is known of the chosen point. */
+/** Values at the selected place. */
 function drawValues() {
   const s = META.series[now.series];
   const made = element("table");
@@ -95,14 +95,17 @@ function drawValues() {
     const row = made.insertRow();
     row.append(element("td", name, "words"), element("td", value));
   };
-  add("point", `${now.index} of ${s.count - 1}, ${s.name}`);
-  for (const { name } of META.columns) add(label(name), written(valueAt(now.series, now.index, name), 10));
+  const point = now.share ? `between ${now.index} and ${now.index + 1}` : `${now.index}`;
+  add("point", `${point} of ${s.count - 1}, ${s.name}`);
+  for (const { name } of META.columns) add(label(name), written(valueNow(name), 10));
   const parts = [made];
-  const here = s.marks.filter((mark) => mark.index === now.index);
+  const here = now.share ? [] : s.marks.filter((mark) => mark.index === now.index);
   for (const mark of here) parts.unshift(element("p", `${mark.kind}: ${mark.text}`));
-  const word = diagram.words[s.first + now.index];
+  if (now.share) parts.unshift(element("p", "The branch is piecewise linear: the displacement, the " +
+    "tractions and the gaps between two of its points are interpolated exactly, other values linearly."));
+  const word = wordNow();
   parts.push(element("p", runs(word)), element("code", word.length > 600 ? word.slice(0, 600) + "…" : word));
-  if (now.index === s.count - 1 && s.ending) parts.push(element("p", `Here it ends: ${s.ending}`));
+  if (!now.share && now.index === s.count - 1 && s.ending) parts.push(element("p", `Here it ends: ${s.ending}`));
   byId("values").replaceChildren(...parts);
 }
 
@@ -143,9 +146,16 @@ function drawSolutions() {
     input.addEventListener("change", () => { if (input.value !== "") to(Number(input.value)); });
     const here = element("button", "at this point");
     here.type = "button";
-    here.addEventListener("click", () => to(valueAt(now.series, now.index, "gamma")));
+    here.addEventListener("click", () => to(valueNow("gamma")));
     const row = element("p");
     row.append(element("span", `Solutions at ${label("gamma")} = `), input, " ", here);
+    if (META.counts.length) row.append(element("span", " counted at: "));
+    for (const { gamma } of META.counts) {
+      const button = element("button", written(gamma), "counted");
+      button.type = "button";
+      button.addEventListener("click", () => to(gamma));
+      row.append(button, " ");
+    }
     target.replaceChildren(row, element("div"));
   }
   const typing = document.activeElement === byId("gamma");
@@ -172,13 +182,12 @@ function drawSolutions() {
         line.append(element("td", written(low + one.share * (high - low))));
       }
       line.append(element("td", runs(diagram.words[s.first + one.index]), "words long"));
-      line.addEventListener("click", () => choose(one.series, one.index));
+      line.addEventListener("click", () => choose(one.series, one.from, one.share));
     });
     parts.push(made);
   }
-  const known = META.counts.map((count) => written(count.gamma)).join(", ");
-  parts.push(element("p", "Values between two points of a branch are interpolated; a click goes to " +
-    "the nearer one." + (known ? ` Solutions were counted at ${known}.` : "")));
+  parts.push(element("p", "Values between two points of a branch are interpolated. A click goes to " +
+    "the solution on piecewise linear branches, otherwise to the nearer point."));
   target.lastElementChild.replaceChildren(...parts);
 }
 

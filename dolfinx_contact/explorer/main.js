@@ -1,25 +1,33 @@
 // What is chosen, and who is told of it.
 "use strict";
 
-const now = { series: 0, index: 0, surface: 0, point: -1, gamma: 0, playing: false, tab: "points" };
+const now = { series: 0, index: 0, share: 0, surface: 0, point: -1, gamma: 0, playing: false, tab: "points" };
 const PAUSE = 90; // milliseconds between points that are played
 let drawing = null;
 let again = false;
 
+/** The recorded states around the selected place, or null if one was not recorded. */
 function stateNow() {
-  return META.body ? diagram.states[META.series[now.series].first + now.index] : -1;
+  if (!META.body) return null;
+  const s = META.series[now.series];
+  const [low, high] = [0, now.share ? 1 : 0].map((k) => diagram.states[s.first + now.index + k]);
+  if (low < 0 || high < 0) return null;
+  return { low, high, share: now.share, lettersOfHigh: !turnsAt(s, now.index + 1) };
 }
 
-/** Go to a point of a series. */
-async function choose(series, index) {
+/** Go to a point of a series, or to a place between it and the next one if the series is linear. */
+async function choose(series, index, share = 0) {
   now.series = Math.min(Math.max(series, 0), META.series.length - 1);
   const last = META.series[now.series].count - 1;
-  now.index = Math.min(Math.max(index, 0), last);
+  const inside = META.series[now.series].linear && share > 0 && share < 1 && index >= 0 && index < last;
+  now.share = inside ? share : 0;
+  now.index = Math.min(Math.max(inside ? index : index + Math.round(share), 0), last);
   byId("series").value = String(now.series);
   byId("slider").max = String(last);
   byId("slider").value = String(now.index);
-  const value = written(valueAt(now.series, now.index, META.along));
-  byId("where").textContent = `point ${now.index} of ${last}:  ${label(META.along)} = ${value}`;
+  const point = now.share ? `between points ${now.index} and ${now.index + 1}` : `point ${now.index}`;
+  byId("where").textContent =
+    `${point} of ${last}:  ${label(META.along)} = ${written(valueNow(META.along))}`;
   await redraw();
   keep();
 }
@@ -84,7 +92,7 @@ async function play() {
 }
 
 const KEYS = {
-  ArrowLeft: () => choose(now.series, now.index - 1),
+  ArrowLeft: () => choose(now.series, now.share ? now.index : now.index - 1),
   ArrowRight: () => choose(now.series, now.index + 1),
   Home: () => choose(now.series, 0),
   End: () => choose(now.series, Infinity),
@@ -94,8 +102,9 @@ const KEYS = {
 };
 
 const HELP = "Keys: left and right go along, up and down to other branches, Home and End to the " +
-  "ends, the space bar plays. A click on a point of the diagram shows it; one on a contact point " +
-  "finds it in the table.";
+  "ends, the space bar plays. A click on a point of the diagram shows it; between two points of a " +
+  "piecewise linear branch it shows the interpolated state. A click on a contact point finds it in " +
+  "the table.";
 
 function listen() {
   document.addEventListener("keydown", (event) => {
@@ -116,7 +125,12 @@ function listen() {
     "surface", "face-colour"])
     byId(id).addEventListener("change", () => { redraw(); keep(); });
   document.querySelectorAll(".tabs button").forEach((button) => button.addEventListener("click",
-    () => { now.tab = button.dataset.tab; drawTab(); keep(); }));
+    () => {
+      now.tab = button.dataset.tab;
+      if (now.tab === "solutions") now.gamma = valueNow("gamma");
+      drawTab();
+      keep();
+    }));
   byId("help").addEventListener("click", () => say(byId("message").textContent ? "" : HELP));
   listenToTable();
 }
@@ -127,7 +141,8 @@ const KEPT = ["axis-x", "axis-y", "colour", "body-colour", "scale", "view", "sur
 
 function keep() {
   const last = now.index === META.series[now.series].count - 1;
-  const words = { series: now.series, index: last ? -1 : now.index, tab: now.tab, gamma: now.gamma };
+  const words = { series: now.series, index: last ? -1 : now.index, share: now.share, tab: now.tab,
+    gamma: now.gamma };
   for (const id of KEPT) words[id] = byId(id).value;
   try {
     history.replaceState(null, "", "#" + new URLSearchParams(words));
@@ -145,7 +160,8 @@ function kept() {
   if (["points", "values", "solutions"].includes(words.get("tab"))) now.tab = words.get("tab");
   if (words.get("gamma") !== null) now.gamma = Number(words.get("gamma")) || 0;
   const index = Number(words.get("index"));
-  return words.has("series") ? [Number(words.get("series")) || 0, index < 0 ? Infinity : index] : null;
+  return words.has("series") ? [Number(words.get("series")) || 0, index < 0 ? Infinity : index,
+    Number(words.get("share")) || 0] : null;
 }
 
 // -- the beginning -------------------------------------------------------------------------------------
@@ -222,8 +238,6 @@ async function begin() {
     else { byId("main").classList.add("no-body"); now.tab = "values"; }
     document.querySelector('[data-tab="points"]').hidden = !META.body;
     controls();
-    now.gamma = META.counts.length ? META.counts[0].gamma : META.columns.some(
-      (c) => c.name === "gamma") ? valueAt(0, META.series[0].count - 1, "gamma") : 0;
     const before = kept();
     byId("main").hidden = false;
     listen();

@@ -2,6 +2,8 @@
 "use strict";
 
 const MOST_MARKED = 1500; // points that have a marker and a tooltip each
+const CLICK_POINT = 6; // pixels from a recorded point that select it
+const CLICK_LINE = 12; // pixels from a line that select a place on it
 const SYMBOLS = {
   fold: "circle", bifurcation: "star", end: "x", event: "line-ns-open", kink: "diamond",
   jump: "triangle-up",
@@ -19,6 +21,23 @@ function column(name) {
 
 function valueAt(series, index, name) {
   return column(name)[META.series[series].first + index];
+}
+
+/** Value of a column at the selected place, interpolated between two points. */
+function valueNow(name) {
+  const low = valueAt(now.series, now.index, name);
+  return now.share ? low + now.share * (valueAt(now.series, now.index + 1, name) - low) : low;
+}
+
+/** Whether a point is an event, a fold or a bifurcation itself; its statuses are those behind it. */
+function turnsAt(s, index) {
+  return s.marks.some((m) => m.index === index && !(m.share < 1));
+}
+
+/** Statuses at the selected place. */
+function wordNow() {
+  const s = META.series[now.series];
+  return diagram.words[s.first + now.index + (now.share && !turnsAt(s, now.index + 1) ? 1 : 0)];
 }
 
 /** What is present at a point: "stick + slip", in the order of the words of statuses. */
@@ -70,8 +89,8 @@ function traces(x, y, by) {
   if (kinds) {
     const lines = new Map();
     META.series.forEach((s) => {
-      // A point that is an event, a fold or a bifurcation itself has what is known behind it: the part
-      // up to it has that of the point before, any other part that of the point it leads to.
+      // The part up to an event has the statuses of the point before it, any other part those of
+      // the point to which it leads.
       const turns = new Set(s.marks.filter((m) => !(m.share < 1)).map((m) => m.index));
       for (let i = 0; i < s.count; i++) {
         const at = s.first + i;
@@ -176,19 +195,64 @@ async function drawDiagram() {
     hoverinfo: "skip", marker: { symbol: "circle-open", size: 17, color: "#c0392b",
       line: { width: 3 } } });
   const layout = plainLayout({
-    xaxis: axis(label(xName)), yaxis: axis(label(yName)), uirevision: `${xName} ${yName}`,
+    xaxis: axis(label(xName), rangeOf(x)), yaxis: axis(label(yName), rangeOf(y)), uirevision: `${xName} ${yName}`,
     legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0, font: { size: 11.5 } },
     margin: { l: 64, r: 16, t: 54, b: 46 },
   });
   await Plotly.react("diagram", data, layout, CONFIG);
-  if (!diagram.listens) {
-    byId("diagram").on("plotly_click", (event) => {
-      const point = event.points.find((p) => p.customdata);
-      if (point) choose(point.customdata[0], point.customdata[1]);
-    });
-    diagram.listens = true;
-  }
+  if (!diagram.listens) listenToClicks();
+  diagram.listens = true;
   await ringAt();
+}
+
+/** Range of an axis: that of the data, with a margin. */
+function rangeOf(values) {
+  const finite = values.filter(Number.isFinite);
+  let low = Infinity, high = -Infinity;
+  for (const v of finite) { if (v < low) low = v; if (v > high) high = v; }
+  if (!(high > low)) return {};
+  const margin = 0.04 * (high - low);
+  return { range: [low - margin, high + margin] };
+}
+
+/** Listen to clicks anywhere in the diagram; `plotly_click` reports clicks on markers only. */
+function listenToClicks() {
+  let pressed = null;
+  byId("diagram").addEventListener("mousedown", (event) => { pressed = event; }, true);
+  document.addEventListener("mouseup", (event) => {
+    const still = pressed && Math.hypot(event.clientX - pressed.clientX,
+      event.clientY - pressed.clientY) < 4;
+    if (still) clickDiagram(event);
+    pressed = null;
+  }, true);
+}
+
+/** Go to the place of the lines that is next to a click: a recorded point, or between two of them. */
+function clickDiagram(event) {
+  const plot = byId("diagram");
+  const frame = plot.getBoundingClientRect();
+  const { xaxis, yaxis } = plot._fullLayout;
+  const [px, py] = [event.clientX - frame.left - xaxis._offset, event.clientY - frame.top - yaxis._offset];
+  if (px < 0 || py < 0 || px > xaxis._length || py > yaxis._length) return;
+  const [x, y] = ["axis-x", "axis-y"].map((id) => column(byId(id).value));
+  const place = (at) => [xaxis.d2p(x[at]), yaxis.d2p(y[at])];
+  let point = { far: CLICK_POINT }, part = { far: CLICK_LINE };
+  META.series.forEach((s, series) => {
+    for (let index = 0; index < s.count; index++) {
+      const [a, b] = place(s.first + index);
+      const far = Math.hypot(a - px, b - py);
+      if (far < point.far) point = { far, series, index, share: 0 };
+      if (index + 1 === s.count) continue;
+      const [c, d] = place(s.first + index + 1);
+      const square = (c - a) ** 2 + (d - b) ** 2;
+      if (!(square > 0)) continue;
+      const share = Math.min(Math.max(((px - a) * (c - a) + (py - b) * (d - b)) / square, 0), 1);
+      const off = Math.hypot(a + share * (c - a) - px, b + share * (d - b) - py);
+      if (off < part.far) part = { far: off, series, index, share };
+    }
+  });
+  const chosen = point.series !== undefined ? point : part;
+  if (chosen.series !== undefined) choose(chosen.series, chosen.index, chosen.share);
 }
 
 /** A dotted line at every gamma at which solutions were counted. */
@@ -202,6 +266,6 @@ function countTraces(xName, y) {
 }
 
 async function ringAt() {
-  const [x, y] = ["axis-x", "axis-y"].map((id) => valueAt(now.series, now.index, byId(id).value));
+  const [x, y] = ["axis-x", "axis-y"].map((id) => valueNow(byId(id).value));
   await Plotly.restyle("diagram", { x: [[x]], y: [[y]] }, [diagram.ring]);
 }

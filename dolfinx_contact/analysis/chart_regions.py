@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Regions of a chart of two parameters in which the number of solutions is the same.
+
+A chart knows its solutions in cells, and their number changes at curves of folds. Between values
+of mu at which curves end or cross, the curves lie one above the other; a region is the area between
+two of them in such a strip, joined with adjacent areas that have as many solutions. The solutions
+of a region are those in the middles of its cells.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array, csgraph
+
+from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve
+from dolfinx_contact.analysis.event_curves import EventCurves
+from dolfinx_contact.analysis.regions import Region, Regions
+
+__all__ = ["ChartCurveLine", "ChartRegion", "ChartScene", "chart_scene"]
+
+Array = npt.NDArray[np.float64]
+Ranges = tuple[tuple[float, float], tuple[float, float]]
+#: Values of mu in a strip, and gamma of its lower and upper border there.
+Area = tuple[Array, Array, Array]
+
+_SAME = 1e-9  # fraction of the ranges below which two values are equal
+_STEPS = 64  # number of points along the outline of a region
+
+
+@dataclass(frozen=True, eq=False)
+class ChartCurveLine:
+    """A curve of a chart.
+
+    Attributes:
+        kind: "fold" or "event".
+        points: (mu, gamma) of points by rising mu, shape (n, 2).
+    """
+
+    kind: str
+    points: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ChartRegion:
+    """A part of a chart in which the number of solutions is the same.
+
+    Attributes:
+        number: number of the region, from 1.
+        outlines: (mu, gamma) of the corners of its polygons, shape (n, 2) each.
+        solutions: sets of statuses of the solutions, the most frequent first.
+        proved: whether the number is proved at all examined places.
+        looked: number of examined places.
+        place: (mu, gamma) of its label.
+    """
+
+    number: int
+    outlines: list[Array]
+    solutions: list[tuple[str, ...]]
+    proved: bool
+    looked: int
+    place: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class ChartScene:
+    """The regions and curves of a chart.
+
+    Attributes:
+        ranges: smallest and largest mu and gamma.
+        regions: regions that fill the ranges.
+        curves: curves of folds and events.
+        cells: cells of the chart, with solutions in their middles.
+        exact: whether regions end at curves instead of cells.
+    """
+
+    ranges: Ranges
+    regions: list[ChartRegion]
+    curves: list[ChartCurveLine]
+    cells: Sequence[ChartCell | Region]
+    exact: bool
+
+
+def chart_scene(chart: Chart | Regions, curves: EventCurves | None = None) -> ChartScene:
+    """Return the curves of a chart and the regions between them. Not collective.
+
+    Args:
+        chart: result of `count_solutions`, `solution_regions` or `Chart.load`.
+        curves: curves of folds and events; by default those of the chart.
+
+    Raises:
+        ValueError: if the chart has no cells.
+    """
+    if not chart.cells:
+        raise ValueError("the chart has no cells")
+    if curves is not None:
+        known = [ChartCurve.of(curve) for curve in curves.curves]
+    elif isinstance(chart, Chart):
+        known = list(chart.curves)
+    else:
+        bounds = {id(c): c for cell in chart.cells for c in (*cell.below, *cell.above)}
+        known = [ChartCurve.of(curve) for curve in bounds.values()]
+    lines = [ChartCurveLine(curve.kind, np.array(curve.points)) for curve in known]
+    folds = [line for line in lines if line.kind == "fold"]
+    ends = np.array([[*cell.mu, *cell.gamma] for cell in chart.cells])
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    ranges = (float(low[0]), float(high[1])), (float(low[2]), float(high[3]))
+    areas: list[Area]
+    if isinstance(chart, Regions):
+        areas = [cell.outline(_STEPS) for cell in chart.cells]
+    elif folds:
+        strips = _strips(folds, ranges[0])
+        areas = [area for strip in strips for area in _between(folds, strip, ranges)]
+    else:
+        areas = [cell.outline() for cell in chart.cells]
+    exact = bool(folds) or isinstance(chart, Regions)
+    return ChartScene(ranges, _regions(areas, chart, ranges), lines, chart.cells, exact)
+
+
+def _strips(
+    curves: Sequence[ChartCurveLine], mus: tuple[float, float]
+) -> Iterator[tuple[float, float]]:
+    """Intervals of mu in which the same curves lie in the same order."""
+    cuts = {float(mu) for curve in curves for mu in curve.points[[0, -1], 0]}
+    for a, b in combinations(curves, 2):
+        cuts |= set(_crossings(a, b))
+    near = _SAME * (mus[1] - mus[0])
+    inside = [mus[0]]
+    for mu in sorted(cuts):
+        if inside[-1] + near < mu < mus[1] - near:
+            inside.append(mu)
+    return pairwise([*inside, mus[1]])
+
+
+def _crossings(a: ChartCurveLine, b: ChartCurveLine) -> Iterator[float]:
+    """All mu at which two polylines cross."""
+    low = max(a.points[0, 0], b.points[0, 0])
+    high = min(a.points[-1, 0], b.points[-1, 0])
+    mus = np.union1d(a.points[:, 0], b.points[:, 0])
+    mus = mus[(low <= mus) & (mus <= high)]
+    apart = _at(a, mus) - _at(b, mus)
+    for k in np.flatnonzero(apart[:-1] * apart[1:] < 0):
+        part = apart[k] / (apart[k] - apart[k + 1])
+        yield float(mus[k] + part * (mus[k + 1] - mus[k]))
+    yield from mus[1:-1][apart[1:-1] == 0].tolist()
+
+
+def _at(curve: ChartCurveLine, mus: Array) -> Array:
+    return np.interp(mus, *curve.points.T)
+
+
+def _between(
+    curves: Sequence[ChartCurveLine], strip: tuple[float, float], ranges: Ranges
+) -> Iterator[Area]:
+    """The areas between curves in a strip, from below."""
+    low, high = strip
+    near = _SAME * (ranges[0][1] - ranges[0][0])
+    across = [c for c in curves if c.points[0, 0] <= low + near and c.points[-1, 0] >= high - near]
+    across.sort(key=lambda curve: float(_at(curve, np.array([(low + high) / 2]))[0]))
+    mus = np.unique(np.concatenate([[low, high], *(c.points[:, 0] for c in across)]))
+    mus = mus[(low <= mus) & (mus <= high)]
+    least, most = ranges[1]
+    borders = [np.clip(_at(curve, mus), least, most) for curve in across]
+    borders = [np.full_like(mus, least), *borders, np.full_like(mus, most)]
+    for below, above in pairwise(borders):
+        if (above - below).max() > _SAME * (most - least):
+            yield mus, below, above
+
+
+def _regions(areas: Sequence[Area], chart: Chart | Regions, ranges: Ranges) -> list[ChartRegion]:
+    """Join areas that touch and have as many solutions."""
+    middles = np.array([cell.middle for cell in chart.cells])
+    sets = [tuple(cell.solutions) for cell in chart.cells]
+    scale = [high - low for low, high in ranges]
+    inside = [_inside(area, middles, ranges) for area in areas]
+    places = [_place(area) for area in areas]
+    counts = []
+    for k, place in enumerate(places):
+        numbers = Counter(len(sets[i]) for i in np.flatnonzero(inside[k]))
+        if not numbers:
+            # An area without an examined place has the solutions of the nearest one.
+            nearest = int(np.argmin(np.linalg.norm((middles - place) / scale, axis=1)))
+            numbers = Counter([len(sets[nearest])])
+        counts.append(numbers.most_common(1)[0][0])
+    pairs = [
+        (a, b)
+        for a, b in combinations(range(len(areas)), 2)
+        if counts[a] == counts[b] and _touch(areas[a], areas[b], ranges)
+    ]
+    shape = (len(areas), len(areas))
+    i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
+    _, label = csgraph.connected_components(coo_array((np.ones(len(pairs)), (i, j)), shape), False)
+    regions: list[ChartRegion] = []
+    for number in range(label.max() + 1):
+        members = [k for k in range(len(areas)) if label[k] == number]
+        examined = np.flatnonzero(np.any([inside[k] for k in members], axis=0))
+        widest = max(
+            members, key=lambda k: float(np.trapezoid(areas[k][2] - areas[k][1], areas[k][0]))
+        )
+        if not len(examined):
+            away = np.linalg.norm((middles - places[widest]) / scale, axis=1)
+            solutions = [sets[int(np.argmin(away))]]
+        else:
+            solutions = [one for one, _ in Counter(sets[i] for i in examined).most_common()]
+        proved = (
+            len(examined) > 0
+            and all(chart.cells[i].proved for i in examined)
+            and len({len(one) for one in solutions}) == 1
+        )
+        outlines = [
+            np.column_stack([[*mus, *mus[::-1]], [*below, *above[::-1]]])
+            for mus, below, above in (areas[k] for k in members)
+        ]
+        looked = len(examined)
+        regions.append(ChartRegion(0, outlines, solutions, proved, looked, places[widest]))
+    regions.sort(key=lambda region: region.place)
+    return [replace(region, number=number) for number, region in enumerate(regions, 1)]
+
+
+def _inside(area: Area, places: Array, ranges: Ranges) -> npt.NDArray[np.bool_]:
+    """Whether places (n, 2) lie in an area; those on a curve lie in none."""
+    mus, below, above = area
+    near = _SAME * (ranges[1][1] - ranges[1][0])
+    x, y = places.T
+    between = (np.interp(x, mus, below) + near < y) & (y < np.interp(x, mus, above) - near)
+    return np.asarray((mus[0] <= x) & (x <= mus[-1]) & between)
+
+
+def _touch(a: Area, b: Area, ranges: Ranges) -> bool:
+    """Whether two areas share a part of a side between strips or of a border."""
+    wide, tall = (_SAME * (high - low) for low, high in ranges)
+    for one, other in ((a, b), (b, a)):
+        if abs(one[0][-1] - other[0][0]) <= wide:
+            common = min(one[2][-1], other[2][0]) - max(one[1][-1], other[1][0])
+            if common > tall:
+                return True
+        left = max(one[0][0], other[0][0])
+        overlap = min(one[0][-1], other[0][-1]) - left
+        if overlap > wide:
+            middle = left + overlap / 2
+            above = np.interp(middle, one[0], one[2])
+            below = np.interp(middle, other[0], other[1])
+            if abs(float(above - below)) <= tall:
+                return True
+    return False
+
+
+def _place(area: Area) -> tuple[float, float]:
+    """A place inside an area: where it is high, and not close to an end."""
+    mus, below, above = area
+    fine = np.linspace(mus[0], mus[-1], 33)
+    heights = np.interp(fine, mus, above) - np.interp(fine, mus, below)
+    mu = fine[np.argmax(heights * (1 - np.abs(np.linspace(-0.8, 0.8, 33))))]
+    return float(mu), float(np.interp(mu, mus, below) + np.interp(mu, mus, above)) / 2

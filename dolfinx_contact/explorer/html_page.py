@@ -1,0 +1,439 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Write the HTML page of a record or a chart."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import re
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._errors import on_root
+from dolfinx_contact._files import part_of
+from dolfinx_contact._optional import optional
+from dolfinx_contact._validate import count, is_number, number, one_of, positive
+from dolfinx_contact.analysis import Chart, EventCurves, ProvedCount, Regions
+from dolfinx_contact.analysis.chart_regions import chart_scene
+from dolfinx_contact.continuation import Solutions
+from dolfinx_contact.explorer.lines import AnyRecord, Diagram, diagram_of
+from dolfinx_contact.explorer.packing import Arrays, deflated
+from dolfinx_contact.explorer.surfaces import add_bodies
+from dolfinx_contact.laws import status
+from dolfinx_contact.records import EvolutionJournal, Journal, read_journal
+
+__all__ = ["SolutionCount", "explorer", "watch"]
+
+#: Scripts in the order in which the page runs them.
+_SCRIPTS = ("decode", "words", "diagram", "body", "face", "table", "chart", "main")
+_QUANTITIES = ("length", "force", "stress")
+_ERRORS = (1e-4, 0.1)
+
+Record = str | os.PathLike[str] | AnyRecord | Chart | Regions
+
+
+@dataclass(frozen=True)
+class SolutionCount:
+    """Number of solutions at one gamma.
+
+    Attributes:
+        gamma: parameter, a finite number.
+        count: number of known solutions.
+        proved: whether there are provably no others.
+        method: method of the search.
+
+    Raises:
+        ValueError: if gamma or the count is out of its range.
+    """
+
+    gamma: float
+    count: int
+    proved: bool
+    method: str = ""
+
+    def __post_init__(self) -> None:
+        number(self.gamma, "gamma of a count")
+        count(self.count, "the count", 0)
+
+
+Counts = Iterable[SolutionCount | Solutions | ProvedCount]
+
+
+def _count(solutions: Any) -> SolutionCount:
+    if isinstance(solutions, ProvedCount):
+        solutions = solutions.solutions
+    if isinstance(solutions, Solutions):
+        number_of = len(solutions.found)
+        return SolutionCount(solutions.gamma, number_of, bool(solutions.complete), solutions.method)
+    if not isinstance(solutions, SolutionCount):
+        kind = type(solutions).__name__
+        raise ValueError(f"counts must be results of find_solutions or SolutionCount, got {kind}")
+    return solutions
+
+
+def _check(a: Arguments) -> None:
+    if Path(a.file).suffix != ".html":
+        raise ValueError(f"the file name must end in .html, got {Path(a.file).name}")
+    for quantity in a.units or {}:
+        one_of(quantity, "the quantity of a unit", _QUANTITIES)
+    if not (is_number(a.error) and _ERRORS[0] <= a.error <= _ERRORS[1]):
+        raise ValueError(
+            f"error must be a number from {_ERRORS[0]} to {_ERRORS[1]}, got {a.error!r}"
+        )
+    a.counts = [_count(c) for c in a.counts]
+
+
+@collective("a page", _check)
+def explorer(
+    file: str | os.PathLike[str],
+    record: Record,
+    *,
+    curves: EventCurves | None = None,
+    counts: Counts = (),
+    title: str = "",
+    labels: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    error: float = 0.005,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+) -> Path:
+    """Write a page that explores a record or a chart. Collective; rank 0 reads and writes.
+
+    The page is one file for a browser and needs no network. It shows a diagram of any two columns,
+    with branches coloured by their statuses or any column and with special points; at each point
+    the deformed body, the contact face and its table. A click between two points of a branch of
+    affine pieces shows the interpolated state. A functional named ``stable`` (1 or 0, NaN if not
+    decided) colours branches by stability. Bodies are shown if their displacement was recorded
+    (``surface_displacement=True``); in 3D the browser needs WebGL.
+
+    Displacements are packed with an error that the page states; contact tables are exact.
+
+    Args:
+        file: name of the page, ending in ``.html``.
+        record: folder of a record, journal (`records.read_journal`, `records.journal_of`), chart,
+            regions, or file of `Chart.save`.
+        curves: curves of folds and events in a chart; by default those of the chart.
+        counts: numbers of solutions, shown at their gamma: results of `find_solutions` or
+            `analysis.prove_counts`, or `SolutionCount`.
+        title: title; by default the name of the record.
+        labels: displayed names of columns, by column.
+        units: units of "length", "force" and "stress".
+        error: largest error of a displacement, relative to the largest displacement; from 1e-4 to
+            0.1.
+        comm: communicator.
+
+    Returns:
+        Path of the page.
+
+    Raises:
+        OSError: if the record cannot be read or the page cannot be written; an earlier page stays.
+        ValueError: if an argument is out of its range, a label belongs to no column, or the record
+            is damaged or has no point yet.
+        ModuleNotFoundError: if plotly is not installed.
+
+    Example:
+        ::
+
+            with records.BranchRecord("output/branch", system, surface_displacement=True) as record:
+                explore(system, [(x, 0.0)], gamma_range=(0.0, 1.0), record=record)
+            proved = find_solutions(system, [x], 0.5)
+            explorer.explorer("output/diagram.html", "output/branch", counts=[proved])
+    """
+    page = _Page(title, dict(labels or {}), dict(units or {}), error, [_count(c) for c in counts])
+
+    def write() -> None:
+        chart = _chart(record)
+        if curves is not None and chart is None:
+            raise ValueError("curves belong to charts, not to records")
+        page.library = _library()
+        _put(Path(file), page.of(record) if chart is None else page.of_chart(chart, curves, record))
+
+    on_root(comm, write)
+    return Path(file)
+
+
+def watch(
+    file: str | os.PathLike[str],
+    record: str | os.PathLike[str],
+    *,
+    counts: Counts = (),
+    title: str = "",
+    labels: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    error: float = 0.005,
+    seconds: float = 5.0,
+    report: Callable[[str], None] = lambda text: None,
+) -> Path:
+    """Write the page of a growing record repeatedly until its run has ended. Not collective.
+
+    The page reloads itself and keeps the selection.
+
+    Args:
+        file: name of the page, as for `explorer`.
+        record: folder of the record; it may not exist yet.
+        counts: numbers of solutions, as for `explorer`.
+        title: title of the page.
+        labels: displayed names of columns.
+        units: units of quantities.
+        error: largest relative error of a displacement.
+        seconds: time between two looks at the journal, and between two reloads of the page.
+        report: function called with a sentence when a page was written, or there is no point yet.
+
+    Returns:
+        Path of the page.
+
+    Raises:
+        OSError, ValueError, ModuleNotFoundError: as for `explorer`.
+    """
+    positive(seconds, "seconds")
+    _check(Arguments(file=file, units=units, error=error, counts=()))
+    page = _Page(title, dict(labels or {}), dict(units or {}), error, [_count(c) for c in counts])
+    page.library = _library()
+    path = Path(file)
+    seen = (-1, False)
+    while True:
+        journal = read_journal(record) if (Path(record) / "journal.jsonl").is_file() else None
+        now = (0, False) if journal is None else (journal.lines, journal.torn)
+        if now != seen:
+            seen = now
+            points = 0 if journal is None else sum(1 for _ in journal.all_entries())
+            if journal is None or not points:
+                report(f"waiting for a point in {record}")
+            else:
+                unfinished = diagram_of(journal).unfinished
+                _put(path, page.of(journal, reload=seconds if unfinished else None))
+                report(f"{path}: {points} points")
+                if not unfinished:
+                    return path
+        time.sleep(seconds)
+
+
+def _chart(record: Any) -> Chart | Regions | None:
+    """Return the chart of a page, or None for a record."""
+    if isinstance(record, str | os.PathLike):
+        return Chart.load(record) if Path(record).is_file() else None
+    return record if isinstance(record, Chart | Regions) else None
+
+
+def _put(path: Path, text: str) -> None:
+    with part_of(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def _library() -> bytes:
+    """Return the script of plotly.
+
+    Raises:
+        ModuleNotFoundError: if plotly or its script is not installed.
+    """
+    plotly = optional("plotly", "explorer", in_debian=False)
+    file = files(plotly) / "package_data" / "plotly.min.js"
+    if not file.is_file():
+        raise ModuleNotFoundError(
+            "plotly is installed without plotly.min.js, as python3-plotly of Debian is: "
+            "python3 -m pip install 'signorini-coulomb[explorer]'",
+            name="plotly",
+        )
+    return file.read_bytes()
+
+
+@dataclass
+class _Page:
+    """Options of a page.
+
+    Attributes:
+        title: title; "" for the name of the record.
+        labels: displayed names of columns.
+        units: units of quantities.
+        error: largest relative error of a displacement.
+        counts: numbers of solutions.
+        library: script of plotly.
+    """
+
+    title: str
+    labels: dict[str, str]
+    units: dict[str, str]
+    error: float
+    counts: list[SolutionCount]
+    library: bytes = b""
+
+    def of(self, record: Any, *, reload: float | None = None) -> str:
+        """Return the page of a record, which reloads itself after ``reload`` seconds."""
+        if isinstance(record, Journal | EvolutionJournal):
+            journal = record
+            name = "Solutions" if journal.folder is None else journal.folder.name
+        else:
+            name = Path(os.path.abspath(record)).name
+            try:
+                journal = read_journal(record)
+            except FileNotFoundError as error:
+                raise FileNotFoundError(f"{record} is not a record: it has no journal") from error
+        arrays = Arrays()
+        diagram = diagram_of(journal)
+        content = _content(arrays, diagram)
+        # Point numbers of the states with a recorded surface, and those surfaces.
+        numbers = []
+        states: list[Any] = []
+        for line in diagram.lines:
+            entries: Sequence[Any] = journal.entries(line.number)
+            for index, entry in enumerate(entries):
+                numbers.append(len(states) if entry.surface is not None else -1)
+                if entry.surface is not None:
+                    states.append(journal.surface_at(index, line.number))
+        arrays.add("states", np.array(numbers, dtype=np.int32))
+        notes = ["No body is shown: its displacement was not recorded; record with "
+                 "surface_displacement=True."]  # fmt: skip
+        if states:
+            bodies, notes = add_bodies(arrays, journal.surface(), states, self.error)
+            content |= bodies
+        if diagram.unfinished:
+            notes.append("The record is being written, or its run was interrupted.")
+        package = journal.header.get("package")
+        about = f"{len(diagram.lines)} branches, " if len(diagram.lines) > 1 else ""
+        about = f"{diagram.kind} · {about}{len(numbers)} point{'s' * (len(numbers) != 1)}"
+        content["about"] = about + (f" · recorded by dolfinx_contact {package}" if package else "")
+        # Columns of steps are unknown before the first step.
+        check = not (diagram.unfinished and len(numbers) == 1)
+        return self._text(arrays, content, name, diagram.columns, notes, reload, check=check)
+
+    def of_chart(self, chart: Chart | Regions, curves: EventCurves | None, record: Any) -> str:
+        """Return the page of a chart, or of the file ``record`` that contains it."""
+        name = "Numbers of solutions" if chart is record else Path(os.path.abspath(record)).name
+        scene = chart_scene(chart, curves)
+        cells = [
+            {"middle": c.middle, "solutions": c.solutions, "proved": c.proved} for c in scene.cells
+        ]
+        regions = [asdict(region) for region in scene.regions]
+        for region in regions:
+            region["outlines"] = [outline.tolist() for outline in region["outlines"]]
+        drawn = [{"kind": c.kind, "points": c.points.tolist()} for c in scene.curves]
+        shown = {"ranges": scene.ranges, "regions": regions, "curves": drawn, "cells": cells}
+        notes = [
+            "The chart has no curves: regions end at cells. count_solutions(..., curves=) stores "
+            "the curves with the cells."
+        ]
+        content = {"chart": shown | {"exact": scene.exact}, "about": "a chart"}
+        return self._text(Arrays(), content, name, ["mu", "gamma"], [] if scene.exact else notes)
+
+    def _text(
+        self,
+        arrays: Arrays,
+        content: dict[str, Any],
+        name: str,
+        columns: Sequence[str],
+        notes: list[str],
+        reload: float | None = None,
+        *,
+        check: bool = True,
+    ) -> str:
+        """Return the text of a page.
+
+        Raises:
+            ValueError: if a label belongs to no column.
+        """
+        unknown = sorted(set(self.labels) - set(columns))
+        if unknown and check:
+            raise ValueError(f"there is no column {unknown[0]!r}; columns: {', '.join(columns)}")
+        title = self.title or name
+        functionals = content.pop("functionals", [])
+        meta = {
+            "series": [],
+            "points": 0,
+            "body": None,
+            "fields": {},
+            "surfaces": [],
+            "chart": None,
+        }
+        meta |= content
+        meta |= {
+            "title": title,
+            "units": self.units,
+            "reload": reload,
+            "counts": [asdict(c) for c in self.counts],
+            "statuses": _statuses(),
+            "notes": notes,
+            "arrays": arrays.formats,
+            "columns": [
+                {"name": n, "label": self.labels.get(n, n), "functional": n in functionals}
+                for n in columns
+            ],
+        }
+        data = [_script("meta", "application/json", _json(meta))]
+        data.append(_script("library", "text/plain", deflated(self.library)))
+        data += [_script(f"array:{n}", "text/plain", text) for n, text in arrays.data.items()]
+        folder = files("dolfinx_contact.explorer")
+
+        def read(name: str) -> str:
+            return (folder / name).read_text(encoding="utf-8")
+
+        parts = {
+            "TITLE": html.escape(title),
+            "STYLE": read("page.css"),
+            "DATA": "\n".join(data),
+            "SCRIPTS": "\n".join(f"<script>\n{read(f'{s}.js')}</script>" for s in _SCRIPTS),
+        }
+        # One pass, so that inserted text is not searched.
+        return re.sub(r"@([A-Z]+)@", lambda found: parts[found[1]], read("page.html"))
+
+
+def _content(arrays: Arrays, diagram: Diagram) -> dict[str, Any]:
+    """Add the columns of all lines, one after the other, and describe the lines."""
+    counts = [len(line.statuses) for line in diagram.lines]
+    firsts = np.cumsum([0, *counts]).tolist()
+    values = [
+        np.concatenate([line.columns[name] for line in diagram.lines]) for name in diagram.columns
+    ]
+    arrays.add("columns", np.array(values))
+    arrays.add_text("words", "\n".join(word for line in diagram.lines for word in line.statuses))
+    series = [
+        {
+            "name": line.name,
+            "first": first,
+            "count": count,
+            "marks": line.marks,
+            "linear": line.linear,
+            "ending": line.ending,
+        }
+        for line, first, count in zip(diagram.lines, firsts[:-1], counts, strict=True)
+    ]
+    return {
+        "along": diagram.along,
+        "points": firsts[-1],
+        "functionals": diagram.functionals,
+        "axes": diagram.axes,
+        "series": series,
+    }
+
+
+def _statuses() -> dict[str, dict[str, str]]:
+    """Names, colours and kinds of statuses, by letter."""
+    kinds = {letter: kind for kind, letters in status.KINDS.items() for letter in letters}
+    return {
+        letter: {
+            "name": re.sub(r"\$(u_t [<>] 0)\$", r"\1", name),
+            "colour": status.COLOURS[letter],
+            "kind": kinds[letter],
+        }
+        for letter, name in status.NAMES.items()
+    }
+
+
+def _script(name: str, kind: str, content: str) -> str:
+    return f'<script type="{kind}" id="{html.escape(name)}">{content}</script>'
+
+
+def _json(content: Any) -> str:
+    """Return JSON that can stand in a script: no tag can begin or end in it."""
+    text = json.dumps(content, allow_nan=False, ensure_ascii=False)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text

@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Bodies, contact faces and obstacles of a page: their geometry and their recorded states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array, csgraph
+from scipy.spatial import cKDTree
+
+from dolfinx_contact.explorer.packing import Arrays
+
+__all__ = ["add_bodies"]
+
+Array = npt.NDArray[np.float64]
+Cells = npt.NDArray[np.int64]
+
+#: Columns of contact tables in a page, besides those of contact laws. Forces follow from tractions.
+_COLUMNS = ("x", "area", "un", "ut", "n", "pressure", "shear", "support", "letters", "bond", "slid")
+_COLOURED = ("pressure", "shear", "un", "ut")
+_GROUP = 16  # number of states whose tables are decoded together
+_CANDIDATES = 8  # number of facets that are tried for a point
+_SMALL = 0.03  # displacements below this fraction of the size of the body are exaggerated
+_SHOWN = 0.1  # to at most this fraction
+
+
+def add_bodies(
+    arrays: Arrays, surface: Any, states: Sequence[Any], error: float
+) -> tuple[dict[str, Any], list[str]]:
+    """Add the bodies of a record to a page.
+
+    Args:
+        arrays: arrays of the page.
+        surface: outer surface before the deformation (`Journal.surface`).
+        states: states of that surface (`Journal.surface_at`), at least one.
+        error: largest error of a displacement, relative to the largest displacement.
+
+    Returns:
+        Items ``body``, ``fields`` and ``surfaces`` of the page, and notes about errors.
+    """
+    u = np.array([state.u for state in states])
+    fields = {"displacement": _field(arrays, "displacement", "|u|", u, error)}
+    strain = np.array([state.strain for state in states])[:, :, None]
+    fields["strain"] = _field(arrays, "strain", "equivalent strain", strain, error)
+    largest = fields["displacement"]["largest"]
+    size = float(np.linalg.norm(np.ptp(surface.x, axis=0)))
+    dim = u.shape[2]
+    low, high = (
+        np.append(v, np.zeros(3 - dim)) for v in np.transpose(fields["displacement"]["ranges"])
+    )
+    faces = [_face(arrays, surface, states, i, name) for i, name in enumerate(surface.contact)]
+    notes = [
+        "Errors of packing, relative to the largest value and measured at all vertices of all "
+        f"points: displacements {100 * fields['displacement']['error']:.2g} %, strains "
+        f"{100 * fields['strain']['error']:.2g} % (allowed: {100 * error:.2g} %). Contact tables "
+        "are exact."
+    ]
+    for face in faces:
+        if face["name"] in surface.obstacles:
+            off = _add_obstacle(arrays, surface, states, face, error * largest)
+            if off > error * largest:
+                notes.append(f"The obstacle of {face['name']} is drawn with an error of {off:.2g}.")
+    pressed = max(faces, key=lambda face: float(face["traction"]))
+    body = {
+        "dim": dim,
+        "size": size,
+        "scale": _scale(largest, size),
+        "corners": surface.cells.shape[1],
+        "x": arrays.add("body.x", surface.x),
+        "cells": arrays.add("body.cells", surface.cells.astype(np.int32)),
+        "bounds": np.transpose([surface.x.min(axis=0), surface.x.max(axis=0), low, high]).tolist(),
+        "start": pressed["pressed"],
+    }
+    return {"body": body, "fields": fields, "surfaces": faces}, notes
+
+
+def _field(
+    arrays: Arrays, name: str, label: str, values: npt.NDArray[Any], error: float
+) -> dict[str, Any]:
+    """Add a field of shape (states, vertices, components) and return its description.
+
+    Raises:
+        ValueError: if a value is not finite.
+    """
+    if not np.isfinite(values).all():
+        raise ValueError(f"the {name} of the record has values that are not finite")
+    largest = float(np.linalg.norm(values, axis=2).max(initial=0.0))
+    field = arrays.add_field(name, values, error * largest)
+    field["error"] /= largest or 1.0
+    ends = [values.min(axis=(0, 1), initial=0.0), values.max(axis=(0, 1), initial=0.0)]
+    return field | {"largest": largest, "label": label, "ranges": np.transpose(ends).tolist()}
+
+
+def _scale(largest: float, size: float) -> float:
+    """Factor 1, 2 or 5 times a power of ten for small displacements, 1 for others."""
+    if largest <= 0 or largest >= _SMALL * size:
+        return 1.0
+    most = _SHOWN * size / largest
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(max(power * digit for digit in (1, 2, 5) if power * digit <= most))
+
+
+# -- contact faces -----------------------------------------------------------------------------
+
+
+def _face(
+    arrays: Arrays, surface: Any, states: Sequence[Any], number: int, name: str
+) -> dict[str, Any]:
+    """Add a contact face with its tables at all states and return its description."""
+    facets = surface.contact[name]
+    key = f"face.{number}"
+    x = states[0].tables[name]["x"]
+    points = np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
+    on_facet, weights = _closest(surface.x[facets], points)
+    # Each corner of a facet is drawn in the colour of the contact point nearest to it.
+    corners = surface.x[facets]
+    parts = 0.6 * corners + 0.4 * corners.mean(axis=1, keepdims=True)
+    nearest = cKDTree(points).query(parts)[1] if len(points) else np.zeros_like(facets)
+    place = np.zeros(len(points))
+    if facets.shape[1] == 2 and len(points):
+        place = (weights * _distances(surface.x, facets)[on_facet]).sum(axis=1)
+    face = {
+        "name": name,
+        "points": len(points),
+        "corners": facets.shape[1],
+        "cells": arrays.add(f"{key}.cells", facets.astype(np.int32)),
+        "anchors": arrays.add(f"{key}.anchors", facets[on_facet].astype(np.int32)),
+        "weights": arrays.add(f"{key}.weights", weights.astype(np.float32)),
+        "nearest_points": arrays.add(f"{key}.nearest", nearest.astype(np.int32)),
+        "place": arrays.add(f"{key}.place", place),
+        "obstacle": None,
+    }
+    return face | _tables(arrays, states, name, key)
+
+
+def _closest(corners: Array, points: Array) -> tuple[Cells, Array]:
+    """Find the closest facet of each point and the weights of its corners at the closest place.
+
+    Args:
+        corners: corners of facets, shape (m, k, 3).
+        points: points, shape (n, 3).
+
+    Returns:
+        Numbers of facets (n,) and nonnegative weights (n, k).
+    """
+    count = min(_CANDIDATES, len(corners))
+    candidates = cKDTree(corners.mean(axis=1)).query(points, range(1, count + 1))[1].reshape(-1)
+    own = np.repeat(np.arange(len(points)), count)
+    facets = corners[candidates]
+    best = np.full(len(own), np.inf)
+    weights = np.zeros(facets.shape[:2])
+    k = facets.shape[1]
+    # The closest place lies inside a triangle, an edge or a corner.
+    for chosen in (c for n in range(1, min(k, 3) + 1) for c in combinations(range(k), n)):
+        origin = facets[:, chosen[0]]
+        edges = facets[:, chosen[1:]] - origin[:, None]
+        inner = np.einsum("nij,nj->ni", np.linalg.pinv(edges.swapaxes(1, 2)), points[own] - origin)
+        trial = np.column_stack([1 - inner.sum(axis=1), inner])
+        place = origin + np.einsum("ni,nij->nj", inner, edges)
+        distance = np.linalg.norm(place - points[own], axis=1)
+        better = (trial.min(axis=1) >= -1e-12) & (distance < best)
+        best[better] = distance[better]
+        weights[better] = 0.0
+        weights[np.ix_(better, chosen)] = trial[better]
+    choice = np.arange(len(points)) * count + best.reshape(-1, count).argmin(axis=1)
+    return candidates[choice], weights[choice]
+
+
+def _distances(x: Array, facets: Cells) -> Array:
+    """Distances (f, 2) of both ends of the edges of a face in 2D along the face, part by part."""
+    vertices, edges = np.unique(facets, return_inverse=True)
+    edges = edges.reshape(facets.shape).copy()
+    count = len(vertices)
+    _, parts = csgraph.connected_components(
+        coo_array((np.ones(len(edges)), edges.T), (count, count)), False
+    )
+    # A closed part is cut at a vertex, which becomes two.
+    part_of_edge = parts[edges[:, 0]]
+    degree = np.bincount(edges.ravel(), minlength=count)
+    start = []
+    for part in range(parts.max() + 1):
+        ends = np.flatnonzero((parts == part) & (degree == 1))
+        if not len(ends):
+            ends = np.flatnonzero(parts == part)[:1]
+            cut = np.flatnonzero((edges == ends[0]).any(axis=1))[0]
+            edges[cut] = np.where(edges[cut] == ends[0], count, edges[cut])
+            count += 1
+        start.append(min(ends, key=lambda v: tuple(x[vertices[v]])))
+    lengths = np.linalg.norm(x[facets[:, 1]] - x[facets[:, 0]], axis=1)
+    graph = coo_array((lengths, edges.T), (count, count)).tocsr()
+    along = csgraph.dijkstra(graph, directed=False, indices=start)
+    before = np.cumsum([0.0, *np.bincount(part_of_edge, lengths)[:-1]])
+    return np.asarray(along[part_of_edge[:, None], edges] + before[part_of_edge][:, None])
+
+
+def _tables(arrays: Arrays, states: Sequence[Any], name: str, key: str) -> dict[str, Any]:
+    """Add the tables of a face at all states, in groups, and return their description."""
+    first = states[0].tables[name]
+    columns: dict[str, npt.NDArray[Any]] = {}
+    for column in first:
+        if column in _COLUMNS or column.startswith("internal."):
+            values = np.array([state.tables[name][column] for state in states])
+            if values.dtype.kind == "U":  # letters
+                values = np.vectorize(ord, otypes=[np.uint8])(values)
+            columns[column] = values
+    groups = []
+    for start in range(0, len(states) if len(first["x"]) else 0, _GROUP):
+        stored = {
+            column: arrays.add(f"{key}.{start}.{column}", values[start : start + _GROUP], xor=True)
+            for column, values in columns.items()
+        }
+        groups.append({"first": start, "arrays": stored})
+    lengths = {c: np.linalg.norm(v, axis=2) if v.ndim > 2 else v for c, v in columns.items()}
+    names = [*_COLOURED, *(c for c in columns if c == "slid" or c.startswith("internal."))]
+    ranges = {}
+    for column in names:
+        finite = lengths[column][np.isfinite(lengths[column])]
+        ranges[column] = [float(finite.min(initial=0.0)), float(finite.max(initial=0.0))]
+    traction = np.hypot(lengths["shear"], lengths["pressure"]).max(axis=1, initial=0.0)
+    return {
+        "groups": groups,
+        "components": {c: v.shape[2] if v.ndim > 2 else 1 for c, v in columns.items()},
+        "ranges": ranges,
+        "traction": float(traction.max()),
+        "pressed": int(traction.argmax()) if traction.any() else len(states) - 1,
+    }
+
+
+# -- obstacles ---------------------------------------------------------------------------------
+
+
+def _add_obstacle(
+    arrays: Arrays, surface: Any, states: Sequence[Any], face: dict[str, Any], allowed: float
+) -> float:
+    """Add the obstacle of a face.
+
+    A page holds the vectors from the undeformed face to the vertices of the obstacle. They are
+    exaggerated like displacements, so that a closed gap stays closed. They are exact at the first
+    state; their changes are packed. An obstacle given by the points opposite to the face has one
+    vertex per vertex of the face; a `RigidSurface` has vertices of its own, and their vectors start
+    at the closest points of the face.
+
+    Returns:
+        Largest error of a vertex.
+    """
+    name = face["name"]
+    facets = surface.contact[name]
+    places = np.array([np.sum(state.obstacles[name][:2], axis=0) for state in states])
+    vertices = np.pad(places[0], ((0, 0), (0, 3 - places.shape[2])))
+    nodes = np.unique(facets)
+    if surface.obstacles[name].shape == facets.shape and len(vertices) == len(nodes):
+        start = surface.x[nodes]
+    else:
+        on_facet, weights = _closest(surface.x[facets], np.nan_to_num(vertices))
+        start = np.einsum("ni,nij->nj", weights, surface.x[facets[on_facet]])
+    vectors = places - start[:, : places.shape[2]]
+    # A vertex that is not finite at some state is not drawn.
+    first = np.where(np.isfinite(vectors).all(axis=0), vectors[0], np.nan)
+    changes = np.nan_to_num(vectors - first)
+    key = f"obstacle.{name}"
+    field = arrays.add_field(f"{key}.field", changes, allowed)
+    face["obstacle"] = {
+        "corners": surface.obstacles[name].shape[1],
+        "x": arrays.add(f"{key}.x", start),
+        "cells": arrays.add(f"{key}.cells", surface.obstacles[name].astype(np.int32)),
+        "way": arrays.add(f"{key}.way", first),
+        "field": field,
+    }
+    return float(field["error"])
