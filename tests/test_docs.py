@@ -16,6 +16,7 @@ RECIPES = sorted((DOCS / "recipes").glob("[0-9]*.py"))
 TUTORIALS = sorted((DOCS / "tutorials").glob("[0-9]*.py"))
 DEMOS = sorted((DOCS.parent / "demos").glob("demo_*.py"))
 THEORY = sorted((DOCS / "theory").glob("*.md"))
+TOUR = DOCS / "guided_tour.md"
 #: Scripts of which each spends seconds on pictures, or on the derivatives of a law.
 LONG = (
     *("22_pdf_figure", "23_film", "26_rolling", "35_friction_as_parameter", "38_scaling"),
@@ -124,3 +125,11 @@ def test_every_recipe_is_asked_for():
         assert not any(q.lower() in title.lower() for q in questions), title
     for page in asked.values():
         assert any(DOCS.joinpath(f"{page}{suffix}").exists() for suffix in (".md", ".py")), page
+
+
+def test_the_guided_tour_names_files_that_exist():
+    package = DOCS.parent / "dolfinx_contact"
+    heads = re.findall(r"^(`[^`]+\.py`(?:, `[^`]+\.py`)*)$", TOUR.read_text(), flags=re.MULTILINE)
+    files = [name for head in heads for name in re.findall(r"`([^`]+)`", head)]
+    assert len(files) > 25
+    assert [name for name in files if not (package / name).exists()] == []
