@@ -35,7 +35,7 @@ UT, UN, RT, RN = np.eye(4)
 
 
 def rows(code, F):
-    """Rows that vanish, and rows that are not negative, in a status."""
+    """Return the rows that vanish and the rows that are not negative for a status."""
     return {
         OPEN: ([RT, RN], [UN]),
         STICK: ([UT, UN], [RN, F * RN + RT, F * RN - RT]),
@@ -45,7 +45,7 @@ def rows(code, F):
 
 
 class Oracle:
-    """Points with Coulomb's law, whose statuses are tried one after the other."""
+    """Contact points with Coulomb's law, solved by enumerating all statuses."""
 
     def __init__(self, S, load, rate, F):
         self.S, self.load, self.rate, self.F = (np.asarray(v, float) for v in (S, load, rate, F))
@@ -60,7 +60,7 @@ class Oracle:
         return coulomb_system(self.S, self.load, self.rate, float(self.F), r=0.7)
 
     def matrix(self, codes):
-        """Of the equations and the rows that vanish, by w of the points, one after the other."""
+        """Matrix of the equations and of the rows that vanish, for w point by point."""
         m = self.m
         A = np.zeros((4 * m, m, 4))
         A[: 2 * m, :, :2] = self.S.reshape(2 * m, m, 2)
@@ -70,7 +70,7 @@ class Oracle:
         return A.reshape(4 * m, 4 * m)
 
     def sign(self, codes):
-        """Of the determinant, displacements before forces."""
+        """Sign of the determinant, with displacements before forces."""
         order = np.arange(4 * self.m).reshape(self.m, 2, 2).transpose(1, 0, 2).reshape(-1)
         return np.sign(np.linalg.det(self.matrix(codes)[:, order]))
 
@@ -80,7 +80,7 @@ class Oracle:
         )
 
     def slacks(self, codes, w):
-        """Those of every point."""
+        """Statuses of every point."""
         return [np.array(rows(c, self.F)[1]) @ v for c, v in zip(codes, w, strict=True)]
 
     def holds(self, codes, w, tolerance):
@@ -91,12 +91,12 @@ class Oracle:
         return off <= tolerance and least >= -tolerance
 
     def solutions(self, gamma):
-        """All (codes, w) at gamma."""
+        """All solutions (codes, w) at gamma."""
         found = ((c, self.state(c, self.load + gamma * self.rate)) for c in self.all)
         return [(c, w) for c, w in found if self.holds(c, w, 1e-12)]
 
     def rays(self, w, tolerance=1e-9):
-        """All (codes, dw, dgamma) that lead out of w, of pieces that are regular."""
+        """All rays (codes, dw, dgamma) out of w on regular pieces."""
         found = []
         for codes in self.all:
             if not self.holds(codes, w, tolerance):
@@ -111,13 +111,13 @@ class Oracle:
 
 
 def directions(rays):
-    """Different (dgamma, dw), in order."""
+    """Sorted (dgamma, dw) without repetitions."""
     every = sorted((rate, *np.round(dw.reshape(-1), 7) + 0.0) for dw, rate in rays)
     return np.array([k for k, _ in itertools.groupby(every)])
 
 
 def random_oracle(seed, m=2, F=2.0):
-    """A stiffness that is coupled strongly, so that branches turn."""
+    """Random stiffness with strong coupling, so that branches turn."""
     random = np.random.default_rng(seed)
     A = random.standard_normal((2 * m, 2 * m))
     S = A @ A.T + 0.3 * np.eye(2 * m)
@@ -125,7 +125,7 @@ def random_oracle(seed, m=2, F=2.0):
 
 
 def meeting(seed, m, F):
-    """An oracle and a state at which pieces meet: as many points as there are kinds of states."""
+    """An oracle and a state at which pieces meet, with one point for each kind of state."""
     oracle = random_oracle(seed, m, F)
     kinds = [
         (0.0, 0.0, -F * 0.5, 0.5),  # stick that is about to slip
@@ -142,7 +142,7 @@ def meeting(seed, m, F):
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("most", [65536, 0])
 def test_rays_out_of_states_at_which_pieces_meet(seed, most, monkeypatch):
-    """All there are, by enumeration and by unfolding; a known ray is among them once."""
+    """Enumeration and unfolding find all rays, and a known ray once."""
     monkeypatch.setattr(rays_module, "MOST_PIECES", most)
     oracle, w = meeting(seed, 3, (0.4, 2.5)[seed % 2])
     expected = oracle.rays(w)
@@ -167,7 +167,7 @@ def test_rays_out_of_states_at_which_pieces_meet(seed, most, monkeypatch):
 
 
 class FewPoints(System):
-    """Points alone, as a system and as what it is condensed to; one more unknown is 2 + 3 gamma."""
+    """Contact points as a system and as its condensed form; one more unknown is 2 + 3 gamma."""
 
     exact = True
     guided = False
@@ -225,7 +225,7 @@ def numbers(points, y):
 
 
 def ray_of(oracle, before, after):
-    """The ray from a point of a branch to the next: statuses, dw by |dgamma|, dgamma's sense."""
+    """The ray from a point of a branch to the next: statuses, dw / |dgamma|, sign of dgamma."""
     (w, gamma), (w_1, gamma_1) = before, after
     middle = (w + w_1) / 2
     (codes,) = (
@@ -235,7 +235,7 @@ def ray_of(oracle, before, after):
 
 
 class Known(Observer):
-    """Keeps what is known at every point."""
+    """Stores the state of the continuation at every point."""
 
     def __init__(self):
         self.states = []
@@ -255,7 +255,7 @@ BRANCHES = {
 
 
 def started(name, seed, which=0, gamma=0.0, **options):
-    """A random system, and a branch from one of its states at gamma."""
+    """A random system, and a branch from one of its solutions at gamma."""
     oracle = random_oracle(seed, *BRANCHES[name])
     points = FewPoints(oracle)
     solutions = oracle.solutions(gamma)
@@ -267,7 +267,7 @@ def started(name, seed, which=0, gamma=0.0, **options):
 @pytest.mark.parametrize("direction", ["increasing", "decreasing"])
 @pytest.mark.parametrize("name", BRANCHES)
 def test_branches_from_vertex_to_vertex(name, direction):
-    """Every segment consists of solutions, and is left where its statuses end and no earlier."""
+    """Every segment consists of solutions and ends at the first border of its piece."""
     kinds = set()
     for seed in range(6):
         oracle, points, pivoting, start = started(name, seed, -1, direction=direction)
@@ -326,7 +326,7 @@ def test_branches_from_vertex_to_vertex(name, direction):
 
 
 def test_states_of_a_branch_at_a_gamma():
-    """Every crossing of a branch that turns, and those of its points at which gamma is given."""
+    """All points of a branch with folds at one gamma, vertices included."""
     most = 0
     for seed in range(6):
         oracle, points, pivoting, start = started("loops", seed, -1)
@@ -348,13 +348,13 @@ def test_states_of_a_branch_at_a_gamma():
 
 
 def two_of_a_kind(F=3.0, load=(0.0, -1.0), rate=(1.0, 0.3)):
-    """Twice a point of S = [[2, 1], [1, 2]]: what the two do, they may do one by one."""
+    """Two independent copies of a point with S = [[2, 1], [1, 2]]."""
     S = np.kron(np.eye(2), [[2.0, 1.0], [1.0, 2.0]])
     return Oracle(S, np.tile(load, 2), np.tile(rate, 2), F)
 
 
 def out_of(pivoting, point):
-    """The ray of a point of a branch: dw and dgamma."""
+    """The ray by which a branch leaves a point: dw and dgamma."""
     _, ray = pivoting.state(point)
     return ray.direction, ray.rate
 
@@ -372,7 +372,7 @@ def cosine(a, b):
     ],
 )
 def test_branches_meet_where_two_points_change_at_once(F, load, rate, kinds, direction):
-    """All ways on are known there; what is followed keeps the sense of gamma, or is straight."""
+    """All rays are found; the branch keeps the sense of gamma, or continues straight."""
     oracle = two_of_a_kind(F, load, rate)
     points = FewPoints(oracle)
     pivoting = points.pivoting(2.0)
@@ -439,7 +439,7 @@ def test_branches_meet_where_two_points_change_at_once(F, load, rate, kinds, dir
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_starts_at_which_pieces_meet(sign):
-    """All rays are known; a branch begins in the piece of the state, else by the straightest."""
+    """All rays are found; a branch starts on the piece of the state or the straightest ray."""
     direction = "increasing" if sign > 0 else "decreasing"
     seen = set()
     for seed in range(25):
@@ -524,7 +524,7 @@ def test_states_from_which_nothing_is_followed():
     ],
 )
 def test_slip_under_a_constant_load(load, rate, vertices):
-    """At the critical coefficient F = kt / k = 2 a point slips from stick to where it opens."""
+    """At the critical F = kt / k = 2 a point slips under constant load until it opens."""
     points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], load, rate, 2.0))
     pivoting = points.pivoting()
     x = points.vector(np.zeros((1, 4)), 0.0)
@@ -544,7 +544,7 @@ def test_slip_under_a_constant_load(load, rate, vertices):
 
 @pytest.mark.parametrize("unit", [1.0, 1e-3, 1e4])
 def test_slip_that_never_ends(unit):
-    """Of a stiffness with which slip needs no more load, and presses."""
+    """For a stiffness with which slip needs no further load and increases the pressure."""
     S = np.array([[-2.0, 0.0], [1.0, 1.0]])
     points = FewPoints(Oracle(S, (0.0, -unit), (unit, 0.0), 2.0))
     pivoting = points.pivoting()
@@ -559,7 +559,7 @@ def test_slip_that_never_ends(unit):
 
 
 def test_rays_that_are_one():
-    """Of one rate, and of directions that differ by 1e-7 of the largest entry at most."""
+    """Rays coincide if dgamma agrees and dw differs by at most 1e-7 of its largest entry."""
     w = np.array([[1.0, -4.0], [0.0, 2.0]])
     codes = np.zeros(2, dtype=np.int8)
     a = AffineRay(codes, w, 1.0)
@@ -576,7 +576,7 @@ def test_rays_that_are_one():
 
 
 def test_how_far_a_state_may_go():
-    """To the first border; from beyond one no way, along one any way."""
+    """The distance to the first border; zero from beyond a border, infinite along one."""
     system = Oracle(np.eye(4), np.zeros(4), np.zeros(4), 0.5).system
     codes = np.array([STICK, OPEN], dtype=np.int8)
     w = np.array([[0.0, 0.0, 0.1, 1.0], [0.0, 0.3, 0.0, 0.0]])
@@ -599,7 +599,7 @@ def test_how_far_a_state_may_go():
 
 
 def test_a_status_that_is_not_allowed_has_no_rays():
-    """Points that may be open alone come back from where they are at their border, and no more."""
+    """A point that may only be open has only the rays on which it is open."""
     oracle = random_oracle(2, 3, 0.5)
     w = np.zeros((3, 4))
     cone = oracle.system.tangent_cone(w, 1e-10)
@@ -621,7 +621,7 @@ def test_a_status_that_is_not_allowed_has_no_rays():
 
 
 def test_the_only_piece_of_a_state_has_two_rays():
-    """Where every point is inside its status, and they are regular."""
+    """A state inside a regular piece has the two rays of its tangent."""
     oracle = random_oracle(1, 2, 0.5)
     w = np.array([[0.3, 0.0, -0.35, 0.7], [-0.1, 0.4, 0.0, 0.0]])
     found = outgoing(oracle.system.tangent_cone(w, 1e-10))
@@ -633,7 +633,7 @@ def test_the_only_piece_of_a_state_has_two_rays():
 
 
 def test_pieces_that_hold_more_than_rays():
-    """A point that nothing holds along its floor, nor loads there: it may be anywhere."""
+    """A point without tangential stiffness and load may be anywhere along its floor."""
     oracle = Oracle(np.diag([0.0, 1.0]), np.zeros(2), (0.0, 1.0), 0.5)
     cone = oracle.system.tangent_cone(np.zeros((1, 4)), 1e-10)
     found = outgoing(cone)
@@ -653,7 +653,7 @@ def test_pieces_that_hold_more_than_rays():
 
 
 def test_pieces_that_round_off_hides():
-    """What is too badly conditioned, or overflows, proves nothing; what is just regular is one."""
+    """Pieces that are too badly conditioned or overflow leave the set incomplete."""
     for small, words in ((1e-11, "too badly conditioned"), (1.5e-10, ""), (1e-3, "")):
         oracle = Oracle(np.diag([1.0, small]), np.zeros(2), (1.0, small), 0.5)
         cone = oracle.system.tangent_cone(np.zeros((1, 4)), 1e-10)
@@ -675,7 +675,7 @@ def test_pieces_that_round_off_hides():
 
 
 def test_singular_pieces_have_none_next_to_them():
-    """At the critical coefficient; near it the piece is made anew where an update would not do."""
+    """A singular neighbour is none; a nearly singular one is inverted again instead of updated."""
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
     critical = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0)
     stick, slip = (np.array([c], dtype=np.int8) for c in (STICK, MINUS))
@@ -695,7 +695,7 @@ def test_singular_pieces_have_none_next_to_them():
 
 
 def test_slacks_of_a_piece():
-    """As functions of gamma what they are at a state; infinite where there are none."""
+    """Slacks as functions of gamma agree with those of a state; infinite without an inequality."""
     oracle = random_oracle(6, 2, 0.8)
     codes = np.array([OPEN, STICK], dtype=np.int8)
     piece = oracle.system.piece(codes)
@@ -715,7 +715,7 @@ def test_slacks_of_a_piece():
 
 
 def test_newtons_method_of_pieces():
-    """It finds a solution, or says that it has none: where it comes round, or a piece is singular.
+    """Newton's method finds a solution, or returns None in a cycle or on a singular piece.
 
     With a stiffness that is not positive definite there may be no solution at all.
     """
@@ -734,7 +734,7 @@ def test_newtons_method_of_pieces():
         assert none.system.solve(1.0, np.array([code], dtype=np.int8)) is None
     singular = Oracle(np.zeros((2, 2)), (0.0, -1.0), (0.0, 1.0), 0.5).system
     assert singular.solve(0.0, np.array([OPEN], dtype=np.int8)) is None
-    # A status that a point may not take it does not take.
+    # a status that is not allowed is not taken
     oracle = Oracle(np.eye(2), (0.0, 1.0), (0.0, 0.0), 0.5)
     held = replace(oracle.system, allowed=np.array([[False, True, True, True]]))
     assert held.solve(0.0, np.array([STICK], dtype=np.int8)) is None
@@ -751,7 +751,7 @@ def test_the_largest_of_numbers():
 
 @pytest.mark.parametrize("gamma_scale", [1e-6, 1.0, 1e6])
 def test_tangents_in_any_scale_of_gamma(gamma_scale):
-    """The way that they lead is found again from them."""
+    """The direction of a tangent is recovered from the point."""
     points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
     x = points.vector(np.zeros((1, 4)), 0.0)
     for direction, sense in (("increasing", 1.0), ("decreasing", -1.0)):
@@ -764,7 +764,7 @@ def test_tangents_in_any_scale_of_gamma(gamma_scale):
 
 
 class Moved(FewPoints):
-    """Lengths are those of displacements alone."""
+    """Tangents have unit length in the metric of displacements."""
 
     def metric(self, x, out):
         out.set(0.0)
@@ -773,7 +773,7 @@ class Moved(FewPoints):
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
 def test_pieces_are_regular_in_any_unit(unit):
-    """By their inverse over that of the largest entry; not if that is large."""
+    """Regularity of a piece does not depend on units."""
 
     def piece(least):
         bases = np.zeros((2, 1, 2, 1))
@@ -794,7 +794,7 @@ def test_pieces_are_regular_in_any_unit(unit):
 
 
 def test_the_first_motion_of_a_body_that_sticks():
-    """Under a constant load it gives no scale: what moves then counts as it is."""
+    """A motion under constant load sets no scale of x."""
     points = Moved(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 2.0))
     pivoting = points.pivoting(3.0)
     x = points.vector(np.zeros((1, 4)), 0.0)
@@ -811,7 +811,7 @@ def test_the_first_motion_of_a_body_that_sticks():
 
 
 def test_a_branch_ends_where_its_range_does():
-    """At a vertex too, which is none of it then."""
+    """A branch ends at the end of its range, also at a vertex, which is no special point then."""
     points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
     pivoting = points.pivoting()
     x = points.vector(np.zeros((1, 4)), 0.0)
