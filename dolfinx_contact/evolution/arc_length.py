@@ -43,7 +43,6 @@ from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.evolution import Runnable
 from dolfinx_contact.evolution.path import (
     Known,
-    OnPath,
     PathDirection,
     PathHistory,
     PathState,
@@ -53,6 +52,7 @@ from dolfinx_contact.evolution.path import (
     begun,
 )
 from dolfinx_contact.evolution.run import NOT_BY_VALUE, Listeners, Run, compared_arguments
+from dolfinx_contact.evolution.step import AcceptedState
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import DiscreteSurface
@@ -199,7 +199,6 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         if run_state is None:
             self._require_start(start)
             accepted = self._stepper(None).start(0.0, start)
-            assert isinstance(accepted, OnPath)
             run_state = PathState(accepted, 0.0, known=Known(scales=self.parametric.scales))
         self._has_begun()
         task = PathTask(gamma_range, direction, control, max_steps, bool(rays))
@@ -214,7 +213,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         energies: Energies,
         *,
         first: bool,
-    ) -> OnPath:
+    ) -> AcceptedState:
         """Return the state in the Functions as an earlier accepted state. Collective.
 
         See `PathStepper.recalled_under`.

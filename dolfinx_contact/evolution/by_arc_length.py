@@ -20,7 +20,7 @@ from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.walk import require_way
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
-from dolfinx_contact.evolution.energy import forces_at
+from dolfinx_contact.evolution.energy import Forces, forces_at
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.path import PathEvent, PathState, PathStep, PathStepper, PathTask
 from dolfinx_contact.evolution.run import Rule
@@ -62,11 +62,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         self._system = system
         self._stepper = stepper
         self._steps = steps
-        self._accepted = run_state.accepted
-        self._arrived = run_state.arrived
-        self._length = run_state.length
-        self._number = run_state.number
-        self._passed = run_state.passed
+        self._state = run_state
         #: Last point with the piece and tangent of the next step; None if nothing leads on.
         self._leaves: BranchPoint | None = None
         surfaces = stepper.problem.surfaces
@@ -78,16 +74,8 @@ class ByArcLength(Rule[PathTask, PathState]):
 
     @property
     def run_state(self) -> PathState:
-        return PathState(
-            self._accepted,
-            self._length,
-            number=self._number,
-            ending=self.ending,
-            reason=self.reason,
-            arrived=self._arrived,
-            known=self._steps.known,
-            passed=self._passed,
-        )
+        known = self._steps.known
+        return replace(self._state, known=known, ending=self.ending, reason=self.reason)
 
     def where(self, step: EvolutionStep) -> str:
         assert isinstance(step, PathStep)
@@ -114,13 +102,13 @@ class ByArcLength(Rule[PathTask, PathState]):
             return
         steps = self._steps
         task = self.task
-        is_new_run = len(self._passed) == 1
-        if self._arrived is None:
+        is_new_run = len(self._state.passed) == 1
+        if self._state.arrived is None:
             point = self._start_point(1.0 if task.direction == "increasing" else -1.0)
             rates = steps.rate_problem(point.y, point.piece)
             directions = rates.from_start(point.piece, point.tangent)
         else:
-            point = self._arrived
+            point = self._state.arrived
             if is_new_run:
                 # a run has its own unit of gamma and its own test for bifurcations
                 tangent = point.tangent.copy()
@@ -142,8 +130,8 @@ class ByArcLength(Rule[PathTask, PathState]):
         """
         b = self._steps.bordered
         problem = self._stepper.problem
-        gamma = self._accepted.gamma
-        statuses = self._accepted.statuses
+        gamma = self._state.gamma
+        statuses = self._state.accepted.statuses
         x = problem.create_vector()
         problem.write(x)
         y = b.vector()
@@ -160,7 +148,7 @@ class ByArcLength(Rule[PathTask, PathState]):
     # -- one step --------------------------------------------------------------------------------
 
     def steps(self) -> Iterator[EvolutionStep]:
-        while len(self._passed) <= self.task.max_steps:
+        while len(self._state.passed) <= self.task.max_steps:
             step = self._step()
             if step is None:
                 return
@@ -179,10 +167,11 @@ class ByArcLength(Rule[PathTask, PathState]):
         arrival, result, evaluation = solution
         point = arrival.point
         # 2. accept the memory, account for the energies
-        before = self._accepted
+        before = self._state.accepted
         law = self._system.problem
         forces = forces_at(law.equations, evaluation)
         friction = result.energies["friction"]
+        assert isinstance(before.forces, Forces)
         energies = before.energies.advanced(before.forces, forces, friction)
         if not np.isfinite(energies.residue):
             self.end(
@@ -192,12 +181,14 @@ class ByArcLength(Rule[PathTask, PathState]):
             return None
         memory = law.equations.advanced(evaluation)
         time = before.time + point.step
-        after = self._stepper.at_rest(law, evaluation, memory, time, energies, forces)
-        self._accepted = after
-        self._arrived = point
-        self._length = arrival.next_h
-        self._number += 1
-        self._passed = (*self._passed, time)
+        after = self._stepper.accept(law, evaluation.statuses, memory, time, energies, forces)
+        self._state = PathState(
+            after,
+            arrival.next_h,
+            number=self._state.number + 1,
+            arrived=point,
+            passed=(*self._state.passed, time),
+        )
         self._use_memory(memory)
         # 3. find the next direction
         directions: FoundRays[Ray] = FoundRays((), False, "")
@@ -217,7 +208,7 @@ class ByArcLength(Rule[PathTask, PathState]):
             number, method = 1 + 2 * len(arrival.bifurcations), "a bifurcation of one piece"
         next_piece = point.piece if self._leaves is None else self._leaves.piece
         return PathStep(
-            self._number,
+            self._state.number,
             before.time,
             time,
             result,
@@ -240,8 +231,9 @@ class ByArcLength(Rule[PathTask, PathState]):
         """
         assert self._leaves is not None
         system = self._system
+        length = self._state.length
         while True:
-            arrival = self._steps.arrive(self._leaves, self._length, self.task.gamma_range)
+            arrival = self._steps.arrive(self._leaves, length, self.task.gamma_range)
             if arrival is None:
                 reason = (
                     f"no step of at least {self.task.control.minimum:g} succeeds beyond "
@@ -255,7 +247,7 @@ class ByArcLength(Rule[PathTask, PathState]):
             evaluation = system.problem.evaluate()
             if self._weak or self._violation(evaluation) <= _VIOLATION:
                 return arrival, result, evaluation
-            self._length = 0.5 * min(self._length, arrival.point.step)
+            length = 0.5 * min(length, arrival.point.step)
 
     def _violation(self, evaluation: Evaluation) -> float:
         """Violation of the contact law relative to the largest forces so far. Collective."""
@@ -290,11 +282,11 @@ class ByArcLength(Rule[PathTask, PathState]):
     def _end_if_idle(self) -> None:
         """End the path if its last steps make no progress."""
         number = self._patience
-        last = self._passed[-number - 1 :]
+        last = self._state.passed[-number - 1 :]
         if self.ending or len(last) <= number or last[-1] - last[0] > number * _IDLE:
             return
         self.end(
             Ending.NOT_FOUND,
-            f"statuses change without end at gamma = {self._accepted.gamma:.10g}, where no step of "
+            f"statuses change without end at gamma = {self._state.gamma:.10g}, where no step of "
             f"more than {_IDLE:g} succeeds",
         )

@@ -32,7 +32,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.data import data_of_surface
-from dolfinx_contact.evolution.step import AcceptedState, AtRest, SolvedStep, Stepper
+from dolfinx_contact.evolution.energy import Forces
+from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
@@ -78,7 +79,7 @@ class Changes:
 def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> Changes:
     """Measure the changes from one state to another one. Collective."""
     d = b.unknowns - a.unknowns
-    if not (isinstance(a, AtRest) and isinstance(b, AtRest)):
+    if not (isinstance(a.forces, Forces) and isinstance(b.forces, Forces)):
         size = math.sqrt(comm.allreduce(float(np.dot(d, d))))
         return Changes(np.array([0.0, size]), np.zeros(0), np.zeros(0))
     if a.forces.covered is not None and b.forces.covered is not None:
@@ -99,12 +100,14 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> Changes:
     return Changes(np.array([moved, math.sqrt(square), *means.ravel()]), largest, broken)
 
 
-def _at_points(a: AtRest, b: AtRest, k: int) -> Array:
+def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> Array:
     """Changes at the points of a surface that are not clamped, on this rank, shape (3, points).
 
     Rows: change of the jump; change of the variable by which bonds weaken; its distance to its end
     at the first state, which is the strength left.
     """
+    assert isinstance(a.forces, Forces)
+    assert isinstance(b.forces, Forces)
     eq = a.forces.equations
     s = eq.surfaces[k]
     distances = np.linalg.norm(b.forces.surfaces[k].jump - a.forces.surfaces[k].jump, axis=1)

@@ -45,13 +45,13 @@ from dolfinx_contact.equations.validation import require_obstacles
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
-from dolfinx_contact.evolution.prescribed_motion import Deviation, PrescribedMotion
+from dolfinx_contact.evolution.prescribed_motion import PrescribedMotion
 from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.solvers.strategies import Trial
 
-__all__ = ["Level", "Method", "MotionStepper", "MovingState"]
+__all__ = ["Level", "Method", "MotionStepper"]
 
 Array = npt.NDArray[np.float64]
 #: Quantity in Signorini's law: the gap or its rate.
@@ -121,20 +121,6 @@ class Method:
         return self.level == "velocity" or self.scheme == "modified-theta"
 
 
-@dataclass(frozen=True, eq=False)
-class MovingState(AcceptedState):
-    """An accepted state of a body in motion.
-
-    Attributes:
-        motion: displacement, velocity, and the forces and energies there.
-        deviation: deviation of the velocities of held nodes from those of the Dirichlet data in the
-            step that ended here; None at a start.
-    """
-
-    motion: Motion
-    deviation: Deviation | None = None
-
-
 class MotionStepper(Stepper):
     """Takes steps of a body in motion.
 
@@ -176,12 +162,11 @@ class MotionStepper(Stepper):
         trial: Trial,
     ) -> SolvedStep:
         """Solve a step; guess and statuses of the solver are those of free flight. Collective."""
-        assert isinstance(accepted, MovingState)
         assert isinstance(accepted.energies, MotionEnergies)
         problem = self.problem
         eq = problem.equations
         body = self._body
-        a = accepted.motion
+        a = _motion(accepted)
         step = self._begin(accepted, time)
         # increment of the prescribed motions of rigid bodies
         dq = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
@@ -214,11 +199,11 @@ class MotionStepper(Stepper):
             eq.prescribed.unknowns = None
         friction = energies.dissipated - accepted.energies.dissipated
         result = replace(result, energies=result.energies | {"friction": friction})
-        deviation = self._prescribed.deviation(accepted.deviation, a, b, step)
-        after = self._moving(law, solution.statuses, memory, time, energies, b, deviation=deviation)
+        b = replace(b, deviation=self._prescribed.deviation(a, b, step))
+        after = self.accept(law, solution.statuses, memory, time, energies, b)
         return SolvedStep(accepted, after, result)
 
-    def _begin(self, accepted: MovingState, time: float) -> TimeStep:
+    def _begin(self, accepted: AcceptedState, time: float) -> TimeStep:
         """Put the start of a step into the Functions and the body. Collective."""
         self._restore(accepted)
         self._set(time)
@@ -228,7 +213,7 @@ class MotionStepper(Stepper):
             length = self._body.step.length  # equal steps share their matrices
         step = TimeStep(length, self._method.theta, self._method.scheme)
         self.problem.equations.refresh()
-        a = accepted.motion
+        a = _motion(accepted)
         if accepted.statuses is None:
             self._prescribed.require_velocity(a.v)
         self._body.begin(step, a.u, a.v, a.rows)
@@ -247,7 +232,7 @@ class MotionStepper(Stepper):
             return np.asarray(flight)
         return step.seen(a.u, origin)
 
-    def _memory_of_laws(self, accepted: MovingState, step: TimeStep, dq: Array) -> list[Memory]:
+    def _memory_of_laws(self, accepted: AcceptedState, step: TimeStep, dq: Array) -> list[Memory]:
         """Return the memory with which the laws of a step are evaluated at w. Collective.
 
         Args:
@@ -255,7 +240,7 @@ class MotionStepper(Stepper):
             step: time step.
             dq: increment of the unknowns of the rigid bodies.
         """
-        a = accepted.motion
+        a = _motion(accepted)
         # pairs that slide keep the memory of their place on each other
         pairs = zip(self.problem.surfaces, accepted.memory, strict=True)
         eq = self.problem.with_memory([m if s.slides else None for s, m in pairs]).equations
@@ -297,40 +282,22 @@ class MotionStepper(Stepper):
 
     def _restore(self, accepted: AcceptedState) -> None:
         super()._restore(accepted)
-        assert isinstance(accepted, MovingState)
-        self._velocity.x.array[:] = accepted.motion.v
+        self._velocity.x.array[:] = _motion(accepted).v
 
     # -- the start of a run ----------------------------------------------------------------------
 
-    def start(self, time: float, given: State | None = None) -> AcceptedState:
-        """Return the start of a motion; the load of its time has been set. Collective.
-
-        Raises:
-            ValueError: on every rank, if a point is inside an obstacle, or the state is not finite
-                or differs from Dirichlet data, or these are not admissible.
-        """
+    def _begun(self, given: State | None) -> tuple[ContactProblem, Evaluation, tuple[Memory, ...]]:
         self._matrices.update(self._body)
-        with self.problem.restored():
-            law, evaluation, memory = self._begun(given)
-            continues = given is not None and all(m is not None for m in given.previous)
-            if not (continues and self._method.penetrates):
-                self._require_no_penetration(evaluation)
-        motion = self._motion(law, evaluation)
-        energies = MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic)
-        return self._moving(law, evaluation.statuses, memory, time, energies, motion, known=False)
+        law, evaluation, memory = super()._begun(given)
+        continues = given is not None and all(m is not None for m in given.previous)
+        if not (continues and self._method.penetrates):
+            self._require_no_penetration(evaluation)
+        return law, evaluation, memory
 
     def _take_start(self, given: State) -> None:
         super()._take_start(given)
         if given.velocity is not None:
             self._velocity.x.array[:] = given.velocity
-
-    def _evaluated(self, law: ContactProblem) -> Evaluation:
-        """Evaluate the contact in the Functions, without the equation of motion. Collective."""
-        x = law.create_vector()
-        law.write(x)
-        evaluation = law.equations.contact(x, law.written_statuses)
-        x.destroy()
-        return evaluation
 
     def _check_start(self) -> None:
         super()._check_start()
@@ -353,64 +320,52 @@ class MotionStepper(Stepper):
                 f"{s.name}: at the start points are within the obstacle, by up to {-least:.3g}",
             )
 
-    def continued(self, accepted: AcceptedState) -> AcceptedState:
-        assert isinstance(accepted, MovingState)
-        self.put(accepted)
+    def _evaluated(self, law: ContactProblem) -> Evaluation:
+        """Evaluate the contact in the Functions, without the equation of motion. Collective."""
+        x = law.create_vector()
+        law.write(x)
+        evaluation = law.equations.contact(x, law.written_statuses)
+        x.destroy()
+        return evaluation
+
+    def _residual_of_start(
+        self, law: ContactProblem, evaluation: Evaluation, memory: Sequence[Memory]
+    ) -> float:
+        return 0.0  # a motion may start from any state
+
+    def _first_energies(
+        self, law: ContactProblem, evaluation: Evaluation
+    ) -> tuple[MotionEnergies, Motion]:
         self._matrices.update(self._body)
-        a = accepted.motion
-        motion = replace(a, rows=self._body.forces(a.u, a.v), load=self._body.load())
-        return replace(accepted, motion=motion)
-
-    def recalled(
-        self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
-    ) -> AcceptedState:
-        self._set(time)
-        self._matrices.update(self._body)
-        law = self.problem.with_memory(memory)
-        evaluation = self._evaluated(law)
-        motion = self._motion(law, evaluation)
-        return self._moving(
-            law, evaluation.statuses, memory, time, energies, motion, known=not first
-        )
-
-    # -- accepted states -------------------------------------------------------------------------
-
-    def _motion(self, law: ContactProblem, evaluation: Evaluation) -> Motion:
-        """Return the motion in the Functions. Collective."""
         for f in (law.u, self._velocity):
             f.x.scatter_forward()  # users may have set owned values only
         u, v = law.u.x.array.copy(), self._velocity.x.array.copy()
-        return motion_at(law.equations, evaluation, u, v)
+        motion = motion_at(law.equations, evaluation, u, v)
+        return MotionEnergies(kinetic=motion.kinetic, at_start=motion.kinetic), motion
 
-    def _moving(
+    def continued(self, accepted: AcceptedState) -> AcceptedState:
+        self.put(accepted)
+        self._matrices.update(self._body)
+        a = _motion(accepted)
+        rows, load = self._body.forces(a.u, a.v), self._body.load()
+        return replace(accepted, forces=replace(a, rows=rows, load=load))
+
+    def _state(
         self,
         law: ContactProblem,
         statuses: Statuses,
         memory: Sequence[Memory],
         time: float,
         energies: Energies,
-        motion: Motion,
-        *,
-        known: bool = True,
-        deviation: Deviation | None = None,
-    ) -> MovingState:
-        """Return the motion in the Functions as an accepted state. Collective.
+    ) -> State:
+        state = super()._state(law, statuses, memory, time, energies)
+        return replace(state, velocity=self._velocity.x.array)
 
-        Args:
-            law: problem with the law by which the state was found.
-            statuses: statuses of the contact points.
-            memory: memory from which the next step starts, one per surface.
-            time: time of the state.
-            energies: energies since the start.
-            motion: motion in the Functions.
-            known: whether it is the end of a step, not a start.
-            deviation: deviation of the velocities of held nodes.
-        """
-        state = replace(self._state(law, statuses, memory, time, energies), velocity=motion.v)
-        statuses_of_step = state.statuses if known else None
-        return MovingState(
-            state, self._unknowns(), energies, statuses_of_step, True, motion, deviation
-        )
+
+def _motion(accepted: AcceptedState) -> Motion:
+    """Return the motion of an accepted state."""
+    assert isinstance(accepted.forces, Motion)
+    return accepted.forces
 
 
 def _evaluation_at(eq: ContactEquations, solution: Evaluation, u: Array) -> Evaluation:

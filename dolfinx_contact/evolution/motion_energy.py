@@ -32,7 +32,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.evolution.energy import Energies
 
-__all__ = ["Motion", "MotionEnergies", "account", "motion_at"]
+__all__ = ["Deviation", "Motion", "MotionEnergies", "account", "motion_at"]
 
 Array = npt.NDArray[np.float64]
 
@@ -78,6 +78,19 @@ class SurfaceMotion:
 
 
 @dataclass(frozen=True, eq=False)
+class Deviation:
+    """Deviation of the velocities of held nodes from their mean velocity in a step.
+
+    Attributes:
+        values: deviations at the end of the step, zero where nothing is held (owned).
+        reversals: number of successive steps, up to this one, in which it changed its sign.
+    """
+
+    values: Array
+    reversals: int = 0
+
+
+@dataclass(frozen=True, eq=False)
 class Motion:
     """State of motion with the forces and energies that a step needs.
 
@@ -89,6 +102,8 @@ class Motion:
         inner: energy of the body without the load potential; None for a body given by a residual.
         kinetic: kinetic energy.
         surfaces: values at the contact points of each surface.
+        deviation: deviation of the velocities of held nodes in the step that ended here; None at a
+            start.
     """
 
     u: Array
@@ -98,6 +113,7 @@ class Motion:
     inner: float | None
     kinetic: float
     surfaces: tuple[SurfaceMotion, ...]
+    deviation: Deviation | None = None
 
 
 def motion_at(eq: ContactEquations, state: Evaluation, u: Array, v: Array) -> Motion:

@@ -14,19 +14,18 @@ from typing import Any, Literal, TypeAlias
 
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.evolution.energy import Energies, Forces
+from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.run import RunState
-from dolfinx_contact.evolution.step import AcceptedState, AtRest, Stepper
+from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
 __all__ = [
     "Known",
-    "OnPath",
     "PathDirection",
     "PathEvent",
     "PathHistory",
@@ -149,17 +148,6 @@ class Known:
 
 
 @dataclass(frozen=True, eq=False)
-class OnPath(AtRest):
-    """An accepted state of a path."""
-
-    @property
-    def gamma(self) -> float:
-        """Load parameter of the state."""
-        assert self.state.gamma is not None
-        return self.state.gamma
-
-
-@dataclass(frozen=True, eq=False)
 class PathState(RunState):
     """State of a run between two points: everything that the next step depends on.
 
@@ -170,7 +158,6 @@ class PathState(RunState):
         passed: arc lengths of the start of the run and of its accepted points.
     """
 
-    accepted: OnPath
     arrived: BranchPoint | None = None
     known: Known = field(default_factory=Known)
     passed: Sequence[float] = ()
@@ -219,7 +206,7 @@ class PathStepper(Stepper):
         energies: Energies,
         *,
         first: bool,
-    ) -> OnPath:
+    ) -> AcceptedState:
         """Return the state in the Functions as an accepted state under a load. Collective.
 
         Args:
@@ -231,27 +218,18 @@ class PathStepper(Stepper):
         """
         with self._system.restored():
             self._system._set(gamma)
-            accepted = self.recalled(time, memory, energies, first=first)
-        assert isinstance(accepted, OnPath)
-        return accepted
+            return self.recalled(time, memory, energies, first=first)
 
-    def at_rest(
+    def _state(
         self,
         law: ContactProblem,
-        evaluation: Evaluation,
+        statuses: Statuses,
         memory: Sequence[Memory],
         time: float,
         energies: Energies,
-        forces: Forces,
-        *,
-        known: bool = True,
-        solved: bool = True,
-    ) -> OnPath:
-        accepted = super().at_rest(
-            law, evaluation, memory, time, energies, forces, known=known, solved=solved
-        )
-        state = replace(accepted.state, gamma=float(self._system.constant.value))
-        return OnPath(**vars(accepted) | {"state": state})
+    ) -> State:
+        state = super()._state(law, statuses, memory, time, energies)
+        return replace(state, gamma=float(self._system.constant.value))
 
     def _take_start(self, given: State) -> None:
         super()._take_start(given)
@@ -259,6 +237,5 @@ class PathStepper(Stepper):
         self._system._set(float(gamma))
 
     def _restore(self, accepted: AcceptedState) -> None:
-        assert isinstance(accepted, OnPath)
         super()._restore(accepted)
         self._system._set(accepted.gamma)

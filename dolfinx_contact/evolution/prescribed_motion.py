@@ -12,7 +12,6 @@ so that a velocity v_0 different from that of the data oscillates about it in al
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -21,10 +20,10 @@ from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._shared import largest
 from dolfinx_contact.body.moving import TimeStep
-from dolfinx_contact.evolution.motion_energy import Motion
+from dolfinx_contact.evolution.motion_energy import Deviation, Motion
 from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Deviation", "PrescribedMotion"]
+__all__ = ["PrescribedMotion"]
 
 logger = logging.getLogger(__name__)
 
@@ -36,19 +35,6 @@ _DAMPED = 0.51  # theta above which an oscillation decays
 _REVERSED = 0.1  # relative change of a deviation with reversed sign
 _VISIBLE = 0.01  # fraction of the velocities above which an oscillation is reported
 _REVERSALS = 3  # successive reversals after which it is reported
-
-
-@dataclass(frozen=True, eq=False)
-class Deviation:
-    """Deviation of the velocities of held nodes from their mean velocity in a step.
-
-    Attributes:
-        values: deviations at the end of the step, zero where nothing is held (owned).
-        reversals: number of successive steps, up to this one, in which it changed its sign.
-    """
-
-    values: Array
-    reversals: int = 0
 
 
 class PrescribedMotion:
@@ -103,13 +89,12 @@ class PrescribedMotion:
             "nodes to that of the data",
         )
 
-    def deviation(self, last: Deviation | None, a: Motion, b: Motion, step: TimeStep) -> Deviation:
+    def deviation(self, a: Motion, b: Motion, step: TimeStep) -> Deviation:
         """Compare velocities at the end of a step with their mean in the step. Collective.
 
         An oscillation is logged once on rank 0.
 
         Args:
-            last: deviation in the previous step; None at a start.
             a: motion at the start of the step.
             b: motion at the end of the step.
             step: time step.
@@ -118,6 +103,7 @@ class PrescribedMotion:
         n = len(held)
         mean = np.asarray((b.u - a.u)[:n] / step.length)
         values = np.where(held, b.v[:n] - mean, 0.0)
+        last = a.deviation
         if last is None or step.scheme == "theta-euler" or step.theta >= _DAMPED:
             return Deviation(values)
         size, change, *speeds = self._largest(values, values + last.values, mean, b.v)

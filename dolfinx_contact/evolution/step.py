@@ -9,11 +9,11 @@ variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the lo
     2. advances      m_n+1 = A(x_n+1; m_n, h)        the memory (`ContactEquations.advanced`),
     3. accounts for  E_n+1 = E_n + work and dissipation between x_n and x_n+1 (`energy`).
 
-`Stepper.take` does this at rest. Motions (`motion`) and paths (`path_stepper`) override its parts:
+`Stepper.take` does this at rest. Motions (`motion`) and paths (`path`) override its parts:
 
     take          the step                     start       the state at the start of a run
     put           a state into the problem     continued   the end of a run, for the next run
-    at_rest       the state in the Functions   recalled    an earlier state, from a record
+    accept        the state in the Functions   recalled    an earlier state, from a record
 
 A step reads only the accepted state and the load, and writes only the Functions, which the next
 step overwrites. Hence a rejected step has no side effects.
@@ -38,12 +38,13 @@ from dolfinx_contact.equations.measures import Scales, least_scales
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.validation import check_turn
 from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
+from dolfinx_contact.evolution.motion_energy import Motion
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.solvers.strategies import Trial
 
-__all__ = ["AcceptedState", "AtRest", "SolvedStep", "Stepper"]
+__all__ = ["AcceptedState", "SolvedStep", "Stepper"]
 
 logger = logging.getLogger(__name__)
 
@@ -61,6 +62,7 @@ class AcceptedState:
         energies: energies since the start of the evolution.
         statuses: statuses with which the next step is tried first; None at a start.
         solved: whether the state is a solution under its load; a start need not be one.
+        forces: forces at the state, for the energies of the next step; in dynamics the motion.
     """
 
     state: State
@@ -68,12 +70,19 @@ class AcceptedState:
     energies: Energies
     statuses: Statuses | None
     solved: bool
+    forces: Forces | Motion
 
     @property
     def time(self) -> float:
         """Time of the state."""
         assert self.state.time is not None
         return self.state.time
+
+    @property
+    def gamma(self) -> float:
+        """Load parameter of a state on a path."""
+        assert self.state.gamma is not None
+        return self.state.gamma
 
     @property
     def memory(self) -> tuple[Memory, ...]:
@@ -84,17 +93,6 @@ class AcceptedState:
     def shown(self) -> Statuses:
         """Statuses of the contact points at the state."""
         return self.state.statuses
-
-
-@dataclass(frozen=True, eq=False)
-class AtRest(AcceptedState):
-    """An accepted state of equilibrium.
-
-    Attributes:
-        forces: forces at the state, for the energies of the next step.
-    """
-
-    forces: Forces
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +174,7 @@ class Stepper:
         trial: Trial,
     ) -> SolvedStep:
         """Take a step; see `take`. Collective."""
-        assert isinstance(accepted, AtRest)
+        assert isinstance(accepted.forces, Forces)
         step = self.begin(accepted, time)
         if guess is not None:
             self.problem.restore(guess.state)
@@ -190,7 +188,7 @@ class Stepper:
         forces = forces_at(step.equations, end)
         lost = result.energies["friction"]
         energies = accepted.energies.advanced(accepted.forces, forces, lost)
-        after = self.at_rest(step, end, memory, time, energies, forces)
+        after = self.accept(step, end.statuses, memory, time, energies, forces)
         return SolvedStep(accepted, after, result)
 
     def begin(self, accepted: AcceptedState, time: float) -> ContactProblem:
@@ -292,9 +290,9 @@ class Stepper:
                 time,
                 residual,
             )
-        forces = forces_at(law.equations, evaluation)
-        return self.at_rest(
-            law, evaluation, memory, time, Energies(), forces, known=False, solved=solved
+        energies, forces = self._first_energies(law, evaluation)
+        return self.accept(
+            law, evaluation.statuses, memory, time, energies, forces, known=False, solved=solved
         )
 
     def _begun(self, given: State | None) -> tuple[ContactProblem, Evaluation, tuple[Memory, ...]]:
@@ -308,6 +306,12 @@ class Stepper:
         evaluation = self._evaluated(law)
         memory = law.equations.advanced(evaluation) if given is None else given.memory
         return law, evaluation, memory
+
+    def _first_energies(
+        self, law: ContactProblem, evaluation: Evaluation
+    ) -> tuple[Energies, Forces | Motion]:
+        """Return the energies at the start of an evolution, and the forces there. Collective."""
+        return Energies(), forces_at(law.equations, evaluation)
 
     def _take_start(self, given: State) -> None:
         """Put a state at which an evolution starts into the Functions. Collective."""
@@ -364,32 +368,39 @@ class Stepper:
         """
         self._set(time)
         law = self.problem.with_memory(memory)
-        evaluation = law.evaluate()
-        solved = not first or _residual(law.equations, evaluation) <= _SOLVED
-        forces = forces_at(law.equations, evaluation)
-        return self.at_rest(
-            law, evaluation, memory, time, energies, forces, known=not first, solved=solved
+        evaluation = self._evaluated(law)
+        solved = not first or self._residual_of_start(law, evaluation, memory) <= _SOLVED
+        _, forces = self._first_energies(law, evaluation)
+        return self.accept(
+            law,
+            evaluation.statuses,
+            memory,
+            time,
+            energies,
+            forces,
+            known=not first,
+            solved=solved,
         )
 
     # -- accepted states -------------------------------------------------------------------------
 
-    def at_rest(
+    def accept(
         self,
         law: ContactProblem,
-        evaluation: Evaluation,
+        statuses: Statuses,
         memory: Sequence[Memory],
         time: float,
         energies: Energies,
-        forces: Forces,
+        forces: Forces | Motion,
         *,
         known: bool = True,
         solved: bool = True,
-    ) -> AtRest:
-        """Return the equilibrium in the Functions as an accepted state. Collective.
+    ) -> AcceptedState:
+        """Return the state in the Functions as an accepted state. Collective.
 
         Args:
             law: problem with the law by which the state was found.
-            evaluation: evaluation of the state.
+            statuses: statuses of the contact points.
             memory: memory from which the next step starts, one per surface.
             time: time of the state.
             energies: energies since the start.
@@ -397,9 +408,9 @@ class Stepper:
             known: whether the next step is tried with its statuses first.
             solved: whether it is a solution under its load.
         """
-        state = self._state(law, evaluation.statuses, memory, time, energies)
-        statuses = state.statuses if known else None
-        return AtRest(state, self._unknowns(), energies, statuses, solved, forces)
+        state = self._state(law, statuses, memory, time, energies)
+        likely = state.statuses if known else None
+        return AcceptedState(state, self._unknowns(), energies, likely, solved, forces)
 
     def _state(
         self,

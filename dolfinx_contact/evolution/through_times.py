@@ -44,10 +44,11 @@ from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation.arguments import check_rays
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.evaluation import Statuses, differs
+from dolfinx_contact.evolution.energy import Forces
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.jumps import Changes, Found, changes, find_jump, where_it_changes
 from dolfinx_contact.evolution.run import Rule, RunState
-from dolfinx_contact.evolution.step import AcceptedState, AtRest, SolvedStep, Stepper
+from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.evolution.step_branch import rays_of_step
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.results.indicators import StepIndicators
@@ -212,7 +213,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         self._changed: tuple[SolvedStep, Changes] | None = None
         self._det: tuple[AcceptedState, float] | None = None
         self._last: SolvedStep | None = None
-        at_rest = isinstance(run_state.accepted, AtRest)
+        at_rest = isinstance(run_state.accepted.forces, Forces)
         self._slides = at_rest and any(s.slides for s in stepper.problem.surfaces)
         points = self._comm.allreduce(sum(s.points.number for s in stepper.problem.surfaces))
         self._rays_are_cheap = task.rays is None and points <= _FEW
@@ -341,7 +342,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         """Return the result of a step with its indicators of a jump. Collective."""
         a, b = solved.before, solved.after
         result = solved.result
-        if not (isinstance(a, AtRest) and a.solved) or self._rate is None:
+        if not (isinstance(a.forces, Forces) and a.solved) or self._rate is None:
             return result
         rate = self._changes(solved).unknowns / (b.time - a.time)
         before = float(self._rate[1])
