@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The door of public collective calls: arguments are checked, and the same on every rank."""
+"""Decorator of public collective calls: validates arguments and compares them between ranks."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ from dolfinx_contact._errors import everywhere, same_everywhere
 
 __all__ = ["Arguments", "collective"]
 
-#: Of a call, by their names.
+#: Arguments of a call, by name.
 Arguments: TypeAlias = SimpleNamespace
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-#: Listeners may be given on some ranks only; each rank has its own part of a state.
+#: Listeners may be present on some ranks only; each rank has its own part of a state.
 _MAY_DIFFER = ("self", "observer", "monitor", "progress", "state")
-_WHERE = ("comm", "mesh", "function_space", "problem", "equations")  # a communicator is found
+#: Attributes through which a communicator is found.
+_WHERE = ("comm", "mesh", "function_space", "problem", "equations")
 
 
 def collective(
@@ -40,25 +41,25 @@ def collective(
     where: str = "",
     otherwise: MPI.Comm | None = None,
 ) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """A decorator for functions that all ranks call together.
+    """Return a decorator for functions that all ranks call together.
 
-    Before the function is called its arguments are checked, and compared between ranks. What one
-    rank raises is raised on all, and arguments that differ raise ``ValueError`` on all. Numbers,
-    words, paths and what is made of them (arrays, sequences, dictionaries, frozen dataclasses) are
-    compared by value; of anything else only whether it is given. Listeners (``observer``,
-    ``monitor``, ``progress``) may be given on some ranks only.
+    Before a call, arguments are validated and compared between ranks. An error on one rank is
+    raised on all ranks, and arguments that differ raise ``ValueError`` on all ranks. Numbers,
+    strings, paths and their containers (arrays, sequences, dictionaries, frozen dataclasses) are
+    compared by value; for other objects only their presence is compared. Listeners (``observer``,
+    ``monitor``, ``progress``) may be present on some ranks only.
 
     Args:
-        what: is done, for notes of errors.
-        check: is called on each rank alone with the arguments by their names, and raises
-            ``ValueError`` for what does not fit. It may set them, as to a list for an iterator.
-        compare: gives values to compare, by name, of the arguments as they are after the check:
-            in the place of arguments of these names, or beside them. Of functions it is what they
-            return. It is called where there are several ranks.
-        local: names of arguments that may differ between ranks, as indices of facets.
-        where: the argument that names what the others belong to: it is compared first, and the
-            messages on the others begin with it.
-        otherwise: the communicator where no argument has one.
+        what: description of the call for notes of errors.
+        check: function of the arguments by name, called on each rank, that raises ``ValueError``.
+            It may replace arguments, for example an iterator by a list. Default: none.
+        compare: function of the validated arguments that returns values to compare, by name,
+            instead of arguments of these names or in addition to them. Functions among the values
+            are called. It is used on several ranks only. Default: none.
+        local: names of arguments that may differ between ranks, such as indices of facets.
+        where: name of the argument that names the object; it is compared first, and messages on
+            other arguments begin with it. Default: none.
+        otherwise: communicator if no argument has one; default: none, and nothing is compared.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
@@ -77,7 +78,7 @@ def collective(
                     check(named)
                     given.update(vars(named))
 
-            if comm is None:  # of something else than what is meant, which is refused alike
+            if comm is None:  # an argument of the wrong type, which every rank refuses
                 look()
             else:
                 with everywhere(comm, what):
@@ -98,7 +99,7 @@ def collective(
 
 
 def _communicator(bound: BoundArguments) -> MPI.Comm | None:
-    """Of the first argument that has one, itself or the first thing in it."""
+    """Return the communicator of the first argument that has one, or None."""
     for name, value in bound.arguments.items():
         if bound.signature.parameters[name].kind is Parameter.VAR_KEYWORD:
             continue
@@ -122,7 +123,7 @@ def _communicator_of(value: Any) -> MPI.Comm | None:
 
 
 class _Words:
-    """Stand for a value in messages."""
+    """Text in the place of a value in messages."""
 
     def __init__(self, words: str):
         self._words = words
@@ -135,7 +136,7 @@ _GIVEN = _Words("given")
 
 
 def _comparable(value: Any) -> Any:
-    """What an argument is compared by: its value, or that there is one."""
+    """Return the value by which an argument is compared, or a sign of its presence."""
     if isinstance(value, float):
         return value + 0.0  # -0.0 is 0.0
     if value is None or isinstance(value, bool | int | complex | str | bytes):
@@ -162,7 +163,7 @@ def _comparable(value: Any) -> Any:
 
 
 def _described(value: Any) -> _Words:
-    """A dataclass by its numbers and words; arrays in it may be those of a rank."""
+    """Describe a dataclass by its numbers and strings; arrays in it may belong to one rank."""
     found = {f.name: getattr(value, f.name) for f in fields(value)}
     parts = {k: _GIVEN if isinstance(v, np.ndarray) else _comparable(v) for k, v in found.items()}
     inner = ", ".join(f"{name}={part!r}" for name, part in parts.items())

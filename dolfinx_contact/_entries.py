@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Entries that are added to a PETSc matrix again and again at the same places."""
+"""Entries that are added to a PETSc matrix repeatedly at the same places."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ __all__ = ["Entries", "matrix_of"]
 
 
 class Entries:
-    """Places of entries on this rank; those of one place add up, on whichever ranks they are.
+    """Places of entries on this rank. Entries at one place add up, also on different ranks.
 
     Args:
-        rows: global numbers; entries with a negative row or column are left out.
-        columns: global numbers.
+        rows: global row numbers, shape (n,); entries with a negative row or column are omitted.
+        columns: global column numbers, shape (n,).
 
     Attributes:
-        number: of entries.
+        number: number n of entries.
     """
 
     def __init__(self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]):
@@ -30,7 +30,7 @@ class Entries:
         j = columns[self._kept]
         width = int(j.max(initial=0)) + 1
         places = i * width + j
-        #: Where the sums go; None where every entry has a place of its own, in order.
+        #: Places of the sums; None if every entry has its own place, in order.
         self._sums: npt.NDArray[np.int64] | None = None
         if not np.all(places[1:] > places[:-1]):
             places, self._sums = np.unique(places, return_inverse=True)
@@ -42,18 +42,18 @@ class Entries:
         self._columns = j.astype(PETSc.IntType)
 
     def numbers(self, rows: int) -> npt.NDArray[np.int64]:
-        """Of the places in each of the first ``rows`` rows of all."""
+        """Return the numbers of places in each of the first ``rows`` rows."""
         return np.bincount(self._rows, weights=np.diff(self._starts), minlength=rows).astype(
             np.int64
         )
 
     def add(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
-        """Add values, in the order of the places, to ``A``. Collective."""
+        """Add values, in the order of the places, to ``A`` and assemble it. Collective."""
         self.insert(values, A)
         A.assemble()
 
     def insert(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
-        """As `add`, but ``A`` is to be assembled after it. Not collective."""
+        """As `add`, without the assembly of ``A``. Not collective."""
         summed = values[self._kept]
         if self._sums is not None:
             sums = np.bincount(self._sums, weights=summed, minlength=self._size)
@@ -63,15 +63,15 @@ class Entries:
 
 
 def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETSc.Mat:
-    """A matrix of zeros with places for entries, which it keeps. Collective.
+    """Return a matrix of zeros whose pattern contains places of entries. Collective.
 
     Args:
         comm: communicator.
         shape: numbers of rows and columns of this rank.
-        entries: that will be added.
+        entries: places in the pattern.
     """
     A = PETSc.Mat().createAIJ(((shape[0], None), (shape[1], None)), comm=comm)
-    if comm.size == 1:  # what other ranks add is not known; then PETSc takes a table
+    if comm.size == 1:  # on several ranks, entries of other ranks are unknown
         numbers = sum(e.numbers(shape[0]) for e in entries)
         A.setPreallocationNNZ(np.minimum(numbers, shape[1]).astype(PETSc.IntType))
         A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)

@@ -24,8 +24,7 @@ _PATIENCE = 45.0  # seconds that a rank with an error waits for the others
 def require(comm: MPI.Comm, ok: bool, message: str) -> None:
     """Raise ``ValueError(message)`` on every rank if ``ok`` is false on any rank. Collective.
 
-    The message raised is that of the lowest rank which failed, so that it does not depend on the
-    rank that prints it.
+    The message is that of the lowest rank that failed, so it does not depend on the printing rank.
     """
     messages = comm.allgather(None if ok else message)
     failed = [m for m in messages if m is not None]
@@ -38,9 +37,9 @@ def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
 
     Args:
         comm: communicator.
-        where: the values belong, with which the message begins.
-        values: by name (underscores stand for blanks), compared by their `repr`; of functions
-            what they return, which is called only where there are several ranks.
+        where: beginning of the message; default: none.
+        values: values by name (underscores stand for blanks), compared by their `repr`. Functions
+            are called and their return values compared, on several ranks only.
     """
     if comm.size == 1:
         return
@@ -59,16 +58,16 @@ def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
 
 @contextmanager
 def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
-    """Raise on every rank what one rank raises in the context. Collective, at its end.
+    """Raise an error of one rank in the context on every rank. Collective, at its end.
 
-    It is for code of the user, and for local work that may fail. The error is that of the lowest
-    rank that failed, with its traceback as a note; KeyboardInterrupt and SystemExit pass likewise.
-    Where that rank's code was to communicate, the others wait for it inside the context; they
-    cannot be reached, and after some time the run is aborted with the traceback.
+    Use it for code of the user and for local work that may fail. The error is that of the lowest
+    rank that failed, with its traceback as a note; KeyboardInterrupt and SystemExit are included.
+    If the code of the failed rank should have communicated, the other ranks wait for it inside the
+    context. They cannot be reached, and after some time the run is aborted with the traceback.
 
     Args:
         comm: communicator.
-        what: is done here, for the note.
+        what: description of the work for the note; default: none.
     """
     failure: BaseException | None = None
     try:
@@ -94,7 +93,7 @@ def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
 
 
 def _done(request: MPI.Request) -> bool:
-    """Whether the other ranks come within the time that a rank waits."""
+    """Return whether the other ranks arrive in time."""
     end = time.monotonic() + _PATIENCE
     while not request.Test():
         if time.monotonic() > end:
@@ -104,7 +103,7 @@ def _done(request: MPI.Request) -> bool:
 
 
 def _first(comm: MPI.Comm, failure: BaseException | None, what: str) -> BaseException:
-    """The error of the lowest rank that has one; there it is the object itself. Collective."""
+    """Return the error of the lowest failed rank; on that rank the same object. Collective."""
     sent = None
     if failure is not None:
         where = f"on rank {comm.rank}{f', in {what}' if what else ''}:\n"

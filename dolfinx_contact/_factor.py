@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""One set-up of sparse factorisations, of whatever matrix: by MUMPS, or by PETSc's options.
+"""Sparse factorisations, by MUMPS or according to PETSc options.
 
-Two others are set up by what owns them, with the same `DEFAULTS`: that of the KSP in the SNES of
-Newton's method, and that of the spectral transformation of SLEPc.
+The KSP in the SNES of Newton's method and the spectral transformation of SLEPc use the same
+`DEFAULTS`.
 """
 
 from __future__ import annotations
@@ -21,36 +21,36 @@ if TYPE_CHECKING:
 
 __all__ = ["BATCH", "DEFAULTS", "Factor", "is_symmetric", "marked_symmetric"]
 
-#: Options where the database has none; 14 is the room beyond what MUMPS expects to need.
+#: Options without entries in the database; ICNTL(14) is additional workspace in percent.
 DEFAULTS: dict[str, Any] = {
     "ksp_type": "preonly",
     "pc_type": "lu",
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 80,
 }
-BATCH = 128  # right-hand sides that are solved at once
-_TRIES = 4  # of a factorisation, each with twice the room
-#: INFOG(1) of MUMPS where arrays or buffers are too small (users' guide, section 8).
+BATCH = 128  # right-hand sides that are solved together
+_TRIES = 4  # attempts at a factorisation, each with twice the workspace
+#: INFOG(1) of MUMPS if workspace or buffers are too small (users' guide, section 8).
 _NO_ROOM = (-8, -9, -14, -15, -17, -20)
-_SYMMETRIC = 1e-12  # relative, of matrices that are symmetric but for the round-off of assembly
+_SYMMETRIC = 1e-12  # relative difference to the transpose that counts as round-off
 
 
 class Factor:
-    """Factorisations of one matrix after another. Collective, as its methods are.
+    """Factorisations of several matrices, one after the other. Collective, as its methods are.
 
     Args:
         comm: communicator.
-        prefix: of PETSc options.
-        symmetric: whether the matrices are and know it (`marked_symmetric`). That takes half of the
-            work, and counts the negative eigenvalues.
-        determinant: whether its sign is required.
-        counted: whether pivots that vanish are counted, for matrices that may be singular.
-        columns: whether many right-hand sides come at once.
-        room: percent beyond what MUMPS expects to need.
+        prefix: prefix of PETSc options.
+        symmetric: whether the matrices are marked symmetric (`marked_symmetric`), which halves the
+            work and provides the number of negative eigenvalues; default: False.
+        determinant: whether the sign of the determinant is required; default: False.
+        counted: whether vanishing pivots are counted, for singular matrices; default: False.
+        columns: whether many right-hand sides are solved together; default: False.
+        room: additional workspace of MUMPS in percent of its estimate.
 
     Attributes:
-        ksp: the solver.
-        defaults: options where the database has none.
+        ksp: linear solver.
+        defaults: options without entries in the database.
     """
 
     def __init__(
@@ -80,14 +80,13 @@ class Factor:
             self.ksp.setFromOptions()
 
     def options(self) -> AbstractContextManager[None]:
-        """The options in the database; MUMPS reads its own at every set-up."""
+        """Context with the options in the database; MUMPS reads its options at every set-up."""
         return options_in_database(self._prefix, self.defaults)
 
     def factorise(self, A: PETSc.Mat) -> bool:
-        """Factorise ``A``, its pattern analysed if it is new; False if that is not possible.
+        """Factorise ``A``; return False for a singular matrix or entries that are not finite.
 
-        So it is of a singular matrix, and of one with an entry that is not finite, which MUMPS does
-        not always survive.
+        MUMPS does not always survive entries that are not finite.
         """
         if not np.isfinite(A.norm(PETSc.NormType.FROBENIUS)):
             return False
@@ -106,7 +105,7 @@ class Factor:
         return False
 
     def _lacks_room(self) -> bool:
-        """Whether MUMPS had less room than pivots took, and may have more. Collective."""
+        """Return whether MUMPS ran out of workspace that may be enlarged. Collective."""
         if PETSc.Options().hasName(self._prefix + "mat_mumps_icntl_14"):
             return False
         pc = self.ksp.getPC()
@@ -115,20 +114,20 @@ class Factor:
         return pc.getFactorMatrix().getMumpsInfog(1) in _NO_ROOM
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve A x = b; whether that worked."""
+        """Solve A x = b and return whether this succeeded."""
         self.ksp.solve(b, x)
         return bool(self.ksp.getConvergedReason() > 0)
 
     def solve_transposed(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve with the transposed of A; whether that worked."""
+        """Solve A^T x = b and return whether this succeeded."""
         self.ksp.solveTranspose(b, x)
         return bool(self.ksp.getConvergedReason() > 0)
 
     def solve_columns(self, loads: Columns) -> PETSc.Mat:
-        """X of A X = B, dense, to be destroyed.
+        """Solve A X = B and return X, dense, which the caller destroys.
 
         Args:
-            loads: owned rows of B (n, k).
+            loads: owned rows of B, shape (n, k).
         """
         pc = self.ksp.getPC()
         factor = pc.getFactorMatrix()
@@ -137,7 +136,7 @@ class Factor:
         X = PETSc.Mat().createDense(((n, None), (None, k)), comm=comm)
         X.setUp()
         X.assemble()
-        # MUMPS passes over what is zero, where rows are not spread over ranks.
+        # On one rank MUMPS exploits the zeros of a sparse right-hand side.
         if comm.size == 1 and pc.getFactorSolverType() == "mumps":
             index = PETSc.IntType
             csr = loads.indptr.astype(index), loads.indices.astype(index), loads.data
@@ -155,7 +154,7 @@ class Factor:
 
     @property
     def determinant_sign(self) -> float:
-        """Sign of the determinant, by MUMPS."""
+        """Sign of the determinant, from MUMPS."""
         return float(np.sign(self.ksp.getPC().getFactorMatrix().getMumpsRinfog(12)))
 
     @property
@@ -166,7 +165,7 @@ class Factor:
 
     @property
     def is_symmetric(self) -> bool:
-        """Whether the factorisation is that of a symmetric matrix."""
+        """Whether the factorisation is one of a symmetric matrix."""
         return bool(self.ksp.getPC().getType() == "cholesky")
 
     def destroy(self) -> None:
@@ -175,9 +174,9 @@ class Factor:
 
 
 def is_symmetric(A: PETSc.Mat) -> bool:
-    """Whether a matrix is symmetric but for round-off. Collective.
+    """Return whether a matrix is symmetric up to round-off. Collective.
 
-    PETSc's own test answers for the rows of each rank alone, and fails where a rank has few.
+    PETSc's test considers the rows of each rank alone, and fails if a rank has few rows.
     """
     size = A.norm(PETSc.NormType.NORM_INFINITY)
     off = A.transpose(PETSc.Mat())
@@ -188,7 +187,7 @@ def is_symmetric(A: PETSc.Mat) -> bool:
 
 
 def marked_symmetric(A: PETSc.Mat) -> bool:
-    """Whether a matrix is symmetric, which it then knows. Collective."""
+    """Mark a matrix as symmetric if it is; return whether it is. Collective."""
     symmetric = is_symmetric(A)
     if symmetric:
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)

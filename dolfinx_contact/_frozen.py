@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Objects that are read once and compiled: their public attributes cannot be assigned afterwards.
+"""Base class of compiled objects, whose public attributes are read-only.
 
-An assignment would be ignored, as in ``problem.bcs = []``. Values of Constants and Functions are
-read in every solve, and are what may be changed.
+An assignment such as ``problem.bcs = []`` would be ignored, because attributes are read once. Users
+change the values of Constants and Functions instead, which every solve reads.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class ReadOnly:
 
 
 def copy_with(made: _T, **attributes: Any) -> _T:
-    """A shallow copy with other attributes."""
+    """Return a shallow copy with other attributes."""
     new = copy(made)
     for name, value in attributes.items():
         object.__setattr__(new, name, value)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Meshes that outlive what was made on them, until it is safe to free them.
+"""Keep meshes alive until it is safe to free them.
 
-DOLFINx frees the communicator of a mesh with the mesh. mpi4py keeps a lock for every communicator
-on which objects were sent, and takes a lock of its own to forget it then. If that happens while an
-exception travels, as where `make_problem().solve(wrong)` drops the problem, that lock is taken and
-never given back: the next collective of mpi4py, of any communicator, hangs. A mesh that is kept is
-freed when a later one is kept or Python has collected garbage, where no exception travels.
+DOLFINx frees the communicator of a mesh together with the mesh. mpi4py keeps a lock for every
+communicator on which objects were sent, and acquires a global lock to discard it. If that happens
+while an exception propagates, for example when `make_problem().solve(wrong)` drops the problem, the
+global lock is never released: the next collective call of mpi4py on any communicator hangs. A kept
+mesh is freed when a later one is kept, or after garbage collection, when no exception propagates.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from dolfinx import mesh
 
 __all__ = ["keep"]
 
-#: C++ meshes, each with something that keeps the communicator that PETSc made of theirs.
+#: C++ meshes, each with an index set that keeps the duplicate of its communicator in PETSc.
 _kept: list[tuple[Any, PETSc.IS]] = []
 _freeing = False
-_ALONE = 2  # references to a mesh that nothing else holds: ours, and that of the count
+_ALONE = 2  # references to a mesh that nothing else uses: this list, and the call that counts
 
 
 def keep(domain: mesh.Mesh) -> None:
-    """Keep a mesh until nothing else holds it and it is safe to free it. Collective."""
+    """Keep a mesh until nothing else uses it and it is safe to free it. Collective."""
     if _collected not in gc.callbacks:
         gc.callbacks.append(_collected)
     _free()
@@ -38,9 +38,9 @@ def keep(domain: mesh.Mesh) -> None:
 
 
 def _free() -> None:
-    """Free the meshes that nothing else holds.
+    """Free the meshes that nothing else uses.
 
-    Python may collect garbage at any place of the loop, which frees meshes as well.
+    Python may collect garbage at any place of the loop, which calls this function again.
     """
     global _freeing
     if _freeing:

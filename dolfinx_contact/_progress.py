@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Progress on rank 0: a line that is kept up to date on a terminal, elsewhere a line now and then.
+"""Progress on rank 0: a line updated in place on a terminal, otherwise a line now and then.
 
-Nothing waits for it and nothing is communicated: on other ranks it does nothing.
+Nothing is communicated; on other ranks nothing happens.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from mpi4py import MPI
 
 __all__ = ["Line", "Progress", "check_progress"]
 
-_PATIENCE = 3.0  # seconds before anything is shown by itself
-_SECONDS = 10.0  # between lines where there is no terminal
+_PATIENCE = 3.0  # seconds before progress is shown automatically
+_SECONDS = 10.0  # seconds between lines without a terminal
 
 
 def check_progress(progress: Any) -> None:
-    """Raise ``ValueError`` for what is not True, False or None. Not collective."""
+    """Raise ``ValueError`` unless ``progress`` is True, False or None. Not collective."""
     if progress not in (True, False, None):
         raise ValueError(f"progress must be True, False or None, got {progress!r}")
 
 
 class Line:
-    """Where progress is written to.
+    """Output line of progress.
 
     Args:
-        comm: only rank 0 writes.
-        stream: where to, by default the standard error stream.
-        seconds: between lines where there is no terminal.
+        comm: communicator; only rank 0 writes.
+        stream: output stream; default: standard error.
+        seconds: seconds between lines without a terminal.
     """
 
     def __init__(self, comm: MPI.Comm, *, stream: TextIO | None = None, seconds: float = _SECONDS):
@@ -42,20 +42,20 @@ class Line:
         self._open = False
 
     def update(self, text: str) -> None:
-        """Replace the line of a terminal; elsewhere write one, if the last is old enough."""
+        """Replace the line on a terminal; otherwise write a line if the last one is old enough."""
         if self._live:
-            # A line that is wrapped could not be taken back.
+            # A wrapped line could not be erased.
             self._put(text[: shutil.get_terminal_size().columns - 1], stay=True)
         elif time.monotonic() >= self._next:
             self._put(text)
             self._next = time.monotonic() + self._seconds
 
     def write(self, text: str) -> None:
-        """Write a line that stays."""
+        """Write a permanent line."""
         self._put(text)
 
     def clear(self) -> None:
-        """Take back the line of a terminal, so that others can write there."""
+        """Erase the line on a terminal, so that others can write there."""
         if self._open and self._stream is not None:
             self._stream.write("\r\x1b[K")
             self._stream.flush()
@@ -71,12 +71,12 @@ class Line:
 
 
 class Progress:
-    """The line of something that takes its time.
+    """Progress line of a long computation.
 
     Args:
-        comm: only rank 0 writes.
-        wanted: True from the beginning, False never, None once it takes some seconds.
-        stream: as in `Line`.
+        comm: communicator; only rank 0 writes.
+        wanted: whether progress is shown; default: once the computation has taken some seconds.
+        stream: see `Line`.
     """
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
@@ -88,30 +88,30 @@ class Progress:
 
     @property
     def seconds(self) -> float:
-        """Since the start."""
+        """Seconds since the start."""
         return time.monotonic() - self._start
 
     @property
     def due(self) -> bool:
-        """Whether something is to be shown by now."""
+        """Whether progress is to be shown now."""
         return not self._silent and self.seconds >= self._after
 
     def update(self, text: str) -> None:
-        """As `Line.update`."""
+        """See `Line.update`."""
         self._shown = True
         self._line.update(text)
 
     def write(self, text: str) -> None:
-        """As `Line.write`."""
+        """See `Line.write`."""
         self._shown = True
         self._line.write(text)
 
     def clear(self) -> None:
-        """As `Line.clear`."""
+        """See `Line.clear`."""
         self._line.clear()
 
     def close(self, text: str = "") -> None:
-        """End the line, with a last one that stays if there was any."""
+        """Erase the line and write a permanent last one if progress was shown."""
         self.clear()
         if self._shown and text:
             self._line.write(text)

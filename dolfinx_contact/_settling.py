@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Nonlinear elimination: a few unknowns put right between the Newton steps of all.
+"""Nonlinear elimination: corrections of a few unknowns between Newton steps of all unknowns.
 
-Newton steps on some rows for their own unknowns, with the others held (Lanzkron, Rose and Wilkes,
-SIAM J. Sci. Comput. 17, 1996; truncated nonsmooth Newton multigrid, Graeser and Kornhuber, J.
-Comput. Math. 27, 2009): points at the edge of the contact settle their status without a step of the
-whole body for each. A nearly incompressible body that is held is too stiff for that; H then grows
-much, and the correction is not taken.
+The corrections are Newton steps of some rows for their own unknowns, with the others held
+(Lanzkron, Rose and Wilkes, SIAM J. Sci. Comput. 17, 1996; truncated nonsmooth Newton multigrid,
+Graeser and Kornhuber, J. Comput. Math. 27, 2009). Points at the edge of the contact thus find their
+status without a step of the whole body. A nearly incompressible body with held unknowns is too
+stiff for this; H then grows considerably, and the correction is discarded.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from petsc4py import PETSc
 
 __all__ = ["ROUNDS", "settle"]
 
-_GROWTH = 10.0  # of the norm of H that a correction may cause
-ROUNDS = 2  #: Corrections that pay where few points are left to change their status.
+_GROWTH = 10.0  # largest factor by which a correction may enlarge the norm of H
+ROUNDS = 2  #: Worthwhile corrections when few points still change their status.
 
 
 def settle(
@@ -28,16 +28,16 @@ def settle(
     d: PETSc.Vec,
     rounds: int,
 ) -> bool:
-    """Correct ``x`` in place; whether that changed it. Collective.
+    """Correct ``x`` in place and return whether it has changed. Collective.
 
     Args:
-        evaluate: called as (x, b), puts H(x) into b.
-        correct: called as (x, b, d), puts into d what to subtract from x; False if there is nothing
-            to correct.
-        x: state.
-        b: for residuals.
-        d: for corrections.
-        rounds: corrections at most.
+        evaluate: function of (x, b) that writes H(x) into b.
+        correct: function of (x, b, d) that writes the vector to subtract from x into d and returns
+            whether there is a correction.
+        x: unknowns.
+        b: vector for residuals.
+        d: vector for corrections.
+        rounds: largest number of corrections.
     """
     changed = False
     trial = x.duplicate()
@@ -48,7 +48,7 @@ def settle(
         size = b.norm()
         trial.waxpy(-1.0, d, x)
         evaluate(trial, b)
-        if not b.norm() < _GROWTH * size:  # NaN is no improvement either
+        if not b.norm() < _GROWTH * size:  # also if it is NaN
             break
         trial.copy(x)
         changed = True

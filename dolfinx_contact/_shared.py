@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What ranks share: values at common places, and sums and extremes of a few numbers over all ranks.
+"""Communication: values at shared places, and sums and maxima of a few numbers over all ranks.
 
-DOLFINx makes communicators of neighbours for every vector, a collective call of a millisecond and
-more. What is asked often keeps a `SharedValues`, which makes one vector for each number of entries.
+DOLFINx creates communicators of neighbours for every vector, a collective call of a millisecond or
+more. Frequent users keep a `SharedValues`, which creates one vector for each number of entries.
 
-A few numbers go through MPI's buffers: the methods of mpi4py in small letters pickle arrays, which
-takes twenty times as long, as long as a law at some contact points.
+A few numbers are sent through MPI's buffers: the lower-case methods of mpi4py pickle arrays, which
+takes twenty times as long, as much as the evaluation of a law at some contact points.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Array = npt.NDArray[np.float64]
 
 
 class SharedValues:
-    """Values at the places of an index map, by rank the owned ones first and then its ghosts.
+    """Values at the local places of an index map, owned places first.
 
     Args:
-        index_map: of the places.
+        index_map: index map of the places.
     """
 
     def __init__(self, index_map: common.IndexMap):
@@ -35,20 +35,25 @@ class SharedValues:
         self._vectors: dict[int, la.Vector] = {}
 
     def zeros(self, width: int) -> la.Vector:
-        """The kept vector of as many entries at a place, all 0. Collective at its first call.
+        """Return the kept vector with ``width`` entries per place, set to 0.
 
-        The next call of this width, of any method, overwrites it.
+        Collective at the first call. The next call of any method with this width overwrites it.
         """
-        found = self._vectors.get(width)
-        if found is None:
-            found = self._vectors[width] = la.vector(self.index_map, width)
-        found.array[:] = 0.0
-        return found
+        vector = self._vectors.get(width)
+        if vector is None:
+            vector = self._vectors[width] = la.vector(self.index_map, width)
+        vector.array[:] = 0.0
+        return vector
 
     def sums(self, places: npt.NDArray[np.integer], parts: Array) -> Array:
-        """Parts (..., s) at local places (...), added over all ranks, by local place (n, s).
+        """Return sums over all ranks of parts at local places. Collective.
 
-        Collective; ``s`` is any shape.
+        Args:
+            places: local places, any shape.
+            parts: values there, shape (*places.shape, *s) with any shape s.
+
+        Returns:
+            Sums at the local places, shape (n, *s).
         """
         shape = parts.shape[places.ndim :]
         v, rows = self._rows(shape)
@@ -58,10 +63,7 @@ class SharedValues:
         return rows.reshape(self._size, *shape).copy()
 
     def from_owners(self, values: Array) -> Array:
-        """Values at the local places (n, s) from those at the owned ones, which come first.
-
-        Collective.
-        """
+        """Return values at the local places (n, *s) from those at owned places. Collective."""
         shape = values.shape[1:]
         v, rows = self._rows(shape)
         owned = self.index_map.size_local
@@ -70,44 +72,43 @@ class SharedValues:
         return rows.reshape(self._size, *shape).copy()
 
     def _rows(self, shape: tuple[int, ...]) -> tuple[la.Vector, Array]:
-        """A vector for values of a shape, and its rows (n, entries)."""
+        """Return a vector for values of a shape, and its rows, shape (n, entries)."""
         width = int(np.prod(shape, dtype=int))
         v = self.zeros(width)
         return v, v.array.reshape(self._size, width)
 
 
 def total(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
-    """Sums over all ranks of numbers of any shape. Collective.
+    """Return sums over all ranks of numbers of any shape, as floats. Collective.
 
-    They are real numbers on every rank: NumPy's functions of nothing may give integers, and what
-    ranks send of different types MPI adds as it comes.
+    Sums of empty arrays may be integers on some ranks, and MPI would mix the types.
     """
-    mine = np.ascontiguousarray(values, dtype=np.float64)
-    found = np.empty_like(mine)
-    comm.Allreduce(mine, found)
-    return found.reshape(np.shape(values))
+    local = np.ascontiguousarray(values, dtype=np.float64)
+    sums = np.empty_like(local)
+    comm.Allreduce(local, sums)
+    return sums.reshape(np.shape(values))
 
 
 def largest(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
-    """The largest over all ranks, each for itself; NaN where a rank has that. Collective."""
-    mine = np.ascontiguousarray(values, dtype=np.float64)
-    found = np.empty_like(mine)
-    comm.Allreduce(mine, found, op=_LARGEST)
-    return found.reshape(np.shape(values))
+    """Return entrywise maxima over all ranks; NaN if a rank has NaN. Collective."""
+    local = np.ascontiguousarray(values, dtype=np.float64)
+    maxima = np.empty_like(local)
+    comm.Allreduce(local, maxima, op=_LARGEST)
+    return maxima.reshape(np.shape(values))
 
 
 def anywhere(comm: MPI.Comm, *here: bool) -> list[bool]:
-    """Whether each of several things holds on any rank. Collective."""
-    mine = np.array(here, dtype=bool)
-    found = np.empty_like(mine)
-    comm.Allreduce(mine, found, op=MPI.LOR)
-    return [bool(there) for there in found]
+    """Return for each of several flags whether it is set on any rank. Collective."""
+    local = np.array(here, dtype=bool)
+    flags = np.empty_like(local)
+    comm.Allreduce(local, flags, op=MPI.LOR)
+    return [bool(flag) for flag in flags]
 
 
 def _larger(one: MPI.buffer, other: MPI.buffer, _: MPI.Datatype) -> None:
-    """MPI's own maximum may lose what is no number."""
-    both = np.frombuffer(other, dtype=np.float64)
-    np.maximum(np.frombuffer(one, dtype=np.float64), both, out=both)
+    """Maximum that keeps NaN, which MPI's own may lose."""
+    target = np.frombuffer(other, dtype=np.float64)
+    np.maximum(np.frombuffer(one, dtype=np.float64), target, out=target)
 
 
 _LARGEST = MPI.Op.Create(_larger, commute=True)

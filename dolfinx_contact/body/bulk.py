@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The body without contact: its residual and its stiffness, assembled once where they are linear.
+"""Body without contact: residual and stiffness, assembled once if they are linear.
 
-A residual that is affine in the displacement (by what it is made of, `_affine`) is K u + f with K
-and f that change only when the user's data do. Both are kept, and thrown away when a coefficient, a
-Constant or the mesh differs from what it was.
+A residual that is affine in the displacement (classified by `_affine`) equals K u + f, where K and
+f change only with the user's data. Both are kept until a coefficient or a Constant changes.
 
-A residual with kinks is nonlinear, and its derivative is that of the side at which a state lies:
-Newton's method is semismooth there, as it is for contact. A residual that jumps has in general no
-root that Newton's method could find: friction is a law of a surface.
+A residual with kinks is nonlinear. Its derivative is that of the side on which a state lies, so
+Newton's method is semismooth, as for contact. A residual with jumps has in general no root that
+Newton's method could find; friction must be the law of a surface.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ __all__ = ["Bulk", "circumference", "weighted"]
 
 Array = npt.NDArray[np.float64]
 
-_PRODUCTS = 2  # that are timed
+_PRODUCTS = 2  # number of timed products
 _NOWHERE: tuple[Array, Array] = (np.empty(0), np.empty(0))
 _Fact = TypeVar("_Fact")
 
@@ -78,35 +77,39 @@ def weighted(form: ufl.Form, *, axisymmetric: bool) -> ufl.Form:
 
 
 class Bulk:
-    """Residual and stiffness of a body, at displacements that are arguments.
+    """Residual and stiffness of a body at displacements that are arguments.
 
-    Displacements are arrays of all local values, ghosts included.
+    Displacements are arrays of all local values, ghosts included. Properties of the form alone,
+    such as whether it is affine, are determined once for all forms with the same content
+    (`_forms.content_of`), and derivatives are written out when they are used.
 
     Args:
         form: UFL energy (a functional of ``u``) or residual (linear in a test function).
-        u: the user's displacement, which occurs in the form and is neither read nor written.
-
-    What follows from the form alone, as whether it is affine, is found once for all forms that say
-    the same (`_forms.content_of`), and its derivatives are written out where somebody reads them.
+        u: displacement of the user, which occurs in the form and is neither read nor written.
 
     Attributes:
-        energy: the UFL energy, or None; in ``displacement``, as the residual is.
-        residual: the UFL residual.
+        energy: UFL energy in ``displacement``; None if a residual was given.
+        residual: UFL residual in ``displacement``.
         is_energy: whether the form is an energy.
-        displacement: Function of the forms, which follows what is evaluated.
-        functions, constants: of the residual, the displacement among them, in the order of UFL.
-        residual_form, jacobian_form: compiled.
+        displacement: Function in the forms; it receives the displacement of an evaluation.
+        functions: Functions of the residual, the displacement included, in the order of UFL.
+        constants: Constants of the residual, in the order of UFL.
+        residual_form: compiled residual.
+        jacobian_form: compiled stiffness.
         jacobian_constants: Constants of the stiffness.
+        materials: materials of this package in the form.
         linear: whether the residual is affine in ``u``.
         kinks: parts of the form with kinks or jumps in ``u``, as text; "" if there are none.
+        assemblies: number of assemblies of the stiffness.
+        seconds: seconds of the first assembly of the stiffness and of a product, on this rank.
 
     Raises:
         ValueError: on every rank, if ``form`` is neither an energy nor a residual of ``u``.
     """
 
-    #: Whether motions are resisted by mass.
+    #: Whether mass resists motions.
     has_mass = False
-    #: Largest displacement at the start of a step of time, on this rank.
+    #: Largest displacement at the start of a time step, on this rank.
     reach = 0.0
 
     def __init__(self, form: ufl.Form, u: fem.Function):
@@ -114,7 +117,6 @@ class Bulk:
         self.comm = u.function_space.mesh.comm
         content = content_of(form) if isinstance(form, ufl.Form) else None
         _require_bulk(form, content, u)
-        #: Those that the package made, as the user's form has them.
         self.materials = materials_in(form)
         self.displacement = own = fem.Function(self._V, name=u.name)
         self._given = form, u
@@ -128,8 +130,8 @@ class Bulk:
         self.jacobian_form = self._derived("Jacobian", lambda: self._derivative, 2)
         self._energy_form: fem.Form | None = None
         coefficients, self.jacobian_constants = self._given_in_derivative()
-        # Without branches the derivative alone decides, which is known already. The derivative of
-        # an energy that jumps has no term of the jump, so that the form itself is asked as well.
+        # Without branches the derivative decides. The derivative of an energy with jumps does not
+        # contain the jumps, so the form itself is classified as well.
         branches = self._fact("branches", lambda: has_branches(self._form))
         self.kinks = dependence(self._form, own).text_of_kinks if branches else ""
         smooth = not branches or (not self.kinks and is_affine(self.residual, own))
@@ -144,30 +146,28 @@ class Bulk:
         self._half: PETSc.Mat | None = None
         self._K_mark = self._f_mark = 0
         self._f: npt.NDArray[np.float64] | None = None
-        #: Where the stiffness was multiplied last by `affine_residual`, and the product (owned).
+        #: Displacement of the last product in `affine_residual`, and the product, owned values.
         self._product = _NOWHERE
         self._rest: tuple[int, float] | None = None  # energy at zero displacement
-        #: How many times the stiffness was assembled.
         self.assemblies = 0
-        #: Seconds of the first assembly of the stiffness, and of a product with it, on this rank.
         self.seconds = (0.0, 0.0)
 
     # -- forms -----------------------------------------------------------------------------------
 
     @cached_property
     def _form(self) -> ufl.Form:
-        """The user's form in `displacement`."""
+        """Form of the user in `displacement`."""
         form, u = self._given
         return ufl.replace(form, {u: self.displacement})
 
     @property
     def energy(self) -> ufl.Form | None:
-        """The UFL energy, in `displacement`; None if a residual was given."""
+        """UFL energy in `displacement`; None if a residual was given."""
         return self._form if self.is_energy else None
 
     @cached_property
     def residual(self) -> ufl.Form:
-        """The UFL residual, in `displacement`."""
+        """UFL residual in `displacement`."""
         if not self.is_energy:
             return self._form
         return ufl.derivative(self._form, self.displacement, ufl.TestFunction(self._V))
@@ -177,22 +177,22 @@ class Bulk:
         return ufl.derivative(self.residual, self.displacement, ufl.TrialFunction(self._V))
 
     def _derived(self, what: str, make: Callable[[], ufl.Form], rank: int) -> fem.Form:
-        """One of the forms of this body, compiled. Collective."""
+        """Return a compiled form of this body. Collective."""
         spaces = [self._V] * rank
         return derived_form(f"{what} of a body", self._content, make, spaces, comm=self.comm)
 
     def _fact(self, what: str, find: Callable[[], _Fact]) -> _Fact:
-        """What follows from what the form says, and from nothing else."""
+        """Return a property of the content of the form, which is determined once."""
         if self._content is None:
             return find()
         key = what, self._content.key
         if key not in _facts:
             _facts[key] = find()
-        found: _Fact = _facts[key]
-        return found
+        fact: _Fact = _facts[key]
+        return fact
 
     def _given_in_derivative(self) -> tuple[list[fem.Function], list[fem.Constant]]:
-        """Coefficients and Constants of the derivative once it is taken."""
+        """Return the coefficients and Constants of the expanded derivative."""
 
         def find() -> tuple[list[int], list[int]]:
             expanded = ufl.algorithms.expand_derivatives(self._derivative)
@@ -205,35 +205,35 @@ class Bulk:
         return [self.functions[i] for i in functions], [self.constants[i] for i in constants]
 
     def loaded(self, load: ufl.Form) -> Bulk:
-        """This body with a load beside: a form in a test function, without the displacement."""
+        """Return this body with an additional load, a form in a test function without ``u``."""
         own = self.displacement
         if not self.is_energy:
             made = Bulk(self.residual + load, own)
         else:
             (test,) = load.arguments()
             made = Bulk(self._form + ufl.replace(load, {test: own}), own)
-        made.materials = self.materials  # its form is not the one that they made
+        made.materials = self.materials  # the new form does not refer to them
         return made
 
     @property
     def has_changed(self) -> bool:
-        """Whether Functions of the forms are others on this rank than for `update_ghosts`."""
+        """Whether Functions of the forms have changed on this rank since `update_ghosts`."""
         return _checksum(self._others) != self._others_mark
 
     def update_ghosts(self) -> None:
-        """Let the ghosts of Functions in the forms follow their owners. Collective."""
+        """Update the ghosts of Functions in the forms. Collective."""
         for f in self._others:
             f.x.scatter_forward()
         self._others_mark = _checksum(self._others)
 
     def energy_at(self, u: npt.NDArray[np.float64]) -> float | None:
-        """The energy that the user gave; None if it was a residual. Collective."""
+        """Return the energy of the user; None if a residual was given. Collective."""
         if not self.is_energy:
             return None
         rows = self.affine_residual(u)
         if rows is None:
             return self._assembled_energy(u)
-        # Of a linear body it is that at rest and the work of the mean forces since.
+        # Energy of a linear body: energy at rest plus work of the mean forces.
         mark = _checksum([*self._data, *self._loads])
         if self._rest is None or not self._same(mark, self._rest[0]):
             rest = 0.0
@@ -253,21 +253,21 @@ class Bulk:
         return float(self.comm.allreduce(float(np.real(fem.assemble_scalar(self._energy_form)))))
 
     def residual_at(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Owned entries of the residual, by assembly. Collective."""
+        """Return owned entries of the residual, by assembly. Collective."""
         return self.assembled(self.residual_form, u)
 
     def local_rows(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Rows of the residual, (n, dim), whose sum over all ranks is that of all. Collective.
+        """Return rows (n, dim) whose sum over all ranks is that of the residual. Collective.
 
-        Of a linear body by its stiffness where that is kept, which is cheaper than assembly.
+        For a linear body they are products with the kept stiffness, which is cheaper than assembly.
         """
         rows = self.affine_residual(u)
-        # Every rank's contributions count once, whoever owns the rows.
+        # Unlike owned rows, the local contributions of every rank count once.
         rows = self._local(self.residual_form, u).array.copy() if rows is None else rows
         return np.asarray(rows).reshape(-1, self._V.dofmap.index_map_bs)
 
     def assembled(self, form: fem.Form, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Owned entries of a linear form in `displacement`. Collective."""
+        """Return owned entries of a linear form in `displacement`. Collective."""
         b = self._local(form, u)
         b.scatter_reverse(la.InsertMode.add)
         return b.array[: self._owned].copy()
@@ -284,7 +284,7 @@ class Bulk:
         bcs: Sequence[fem.DirichletBC],
         start: npt.NDArray[np.float64],
     ) -> npt.NDArray[np.float64]:
-        """K(u) (g - start), g what ``bcs`` prescribe and start elsewhere. Collective."""
+        """Return K(u) (g - start), where g is ``start`` with the values of ``bcs``. Collective."""
         self.displacement.x.array[:] = u
         b = self._rows.zeros(self._V.dofmap.index_map_bs)
         fem.apply_lifting(b.array, [self.jacobian_form], [list(bcs)], x0=[start], alpha=-1.0)
@@ -292,10 +292,10 @@ class Bulk:
         return b.array[: self._owned].copy()
 
     def stiffness(self, u: npt.NDArray[np.float64]) -> PETSc.Mat:
-        """Derivative of the residual at ``u``, without Dirichlet rows. Collective.
+        """Return the derivative of the residual at ``u``, without Dirichlet rows. Collective.
 
-        It is assembled where what it depends on has changed since, which ``u`` may be among. The
-        matrix is kept: the caller neither changes nor destroys it.
+        It is assembled if its data, or ``u`` for a nonlinear body, have changed. The matrix is
+        kept: the caller must neither change nor destroy it.
         """
         self.displacement.x.array[:] = u
         mark = _checksum(self._data)
@@ -317,9 +317,10 @@ class Bulk:
 
     @property
     def for_products(self) -> PETSc.Mat:
-        """The stiffness assembled last, by half where it stays and is symmetric. Collective.
+        """Stiffness assembled last, for many products. Collective.
 
-        For many products: it is made in the time of some tens of them.
+        The stiffness of a linear body with an energy is stored as its upper half, which takes as
+        long as some tens of products.
         """
         assert self._K is not None
         if not self.linear or not self.is_energy:
@@ -334,14 +335,14 @@ class Bulk:
             self._half = None
 
     def affine_residual(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
-        """K u + f at the owned values of a displacement, if K is at hand. Collective.
+        """Return K u + f if K is available. Collective.
 
         Args:
             u: local values of the displacement, ghosts included.
 
         Returns:
-            Owned entries; None if the body is not linear or its stiffness has changed, so that the
-            residual is cheaper assembled than multiplied.
+            Owned entries; None if the body is not linear or its stiffness has changed, because
+            assembling the residual is then cheaper.
         """
         mine = u[: self._owned]
         at, product = self._product
@@ -354,16 +355,16 @@ class Bulk:
         return np.asarray(product + f)
 
     def affine_load(self) -> npt.NDArray[np.float64] | None:
-        """The residual at zero displacement (owned), if K is at hand. Collective.
+        """Return the owned residual at zero displacement if K is available. Collective.
 
-        It is kept: the caller does not change it, and it is another array once the data are others.
+        The array is kept: the caller must not change it. It is replaced when data change.
         """
         return self._load_unless_moved()[0]
 
     def _load_unless_moved(
         self, moved: bool = False
     ) -> tuple[npt.NDArray[np.float64] | None, bool]:
-        """See `affine_load`; and whether anything has ``moved`` on any rank. Collective."""
+        """Return `affine_load`, and whether ``moved`` is set on any rank. Collective."""
         if not self.linear or self._K is None:
             return None, moved
         mark = _checksum(self._loads)
@@ -381,17 +382,17 @@ class Bulk:
         return self._f, moved
 
     def product(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
-        """K u, as `affine_residual`. Collective."""
+        """Return K u if K is available. Collective."""
         return self.times(u) if self._is_current() else None
 
     def _is_current(self) -> bool:
-        """Whether K is that of all displacements, and of the data as they are. Collective."""
+        """Return whether K is constant and belongs to the present data. Collective."""
         if not self.linear or self._K is None:
             return False
         return self._same(_checksum(self._data), self._K_mark)
 
     def times(self, u: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The stiffness assembled last times ``u`` (owned). Collective."""
+        """Return the product of the stiffness assembled last with ``u``, owned. Collective."""
         assert self._K is not None
         x = self._K.createVecRight()
         y = self._K.createVecLeft()
@@ -402,7 +403,7 @@ class Bulk:
         return values
 
     def _load(self) -> npt.NDArray[np.float64]:
-        """Owned entries of the residual at zero displacement. Collective."""
+        """Return owned entries of the residual at zero displacement. Collective."""
         u = self.displacement
         if self._fact("no residual at rest", lambda: _vanishes(self.residual, u)):
             return np.zeros(self._owned)
@@ -410,16 +411,16 @@ class Bulk:
 
     @property
     def stiffness_mark(self) -> int:
-        """A checksum, on this rank, of all that the stiffness depends on but the displacement."""
+        """Checksum on this rank of the data of the stiffness without the displacement."""
         return _checksum([d for d in self._data if d is not self.displacement])
 
     @property
     def stiffness_data(self) -> list[Any]:
-        """Functions and Constants that the stiffness depends on but the displacement."""
+        """Functions and Constants of the stiffness without the displacement."""
         return [d for d in self._data if d is not self.displacement]
 
     def _same(self, a: int, b: int) -> bool:
-        """Whether two marks agree on every rank."""
+        """Return whether two checksums agree on every rank. Collective."""
         return not self.comm.allreduce(int(a != b))
 
     def destroy(self) -> None:
@@ -431,7 +432,7 @@ class Bulk:
 
 
 def _checksum(data: Sequence[fem.Function | fem.Constant]) -> int:
-    """Checksum of the values of data on this rank."""
+    """Return a checksum of the values of data on this rank."""
     mark = 0
     for d in data:
         values = d.value if isinstance(d, fem.Constant) else d.x.array
@@ -439,27 +440,27 @@ def _checksum(data: Sequence[fem.Function | fem.Constant]) -> int:
     return mark
 
 
-#: By what is known, and what a form says.
+#: Properties of forms, by name and content.
 _facts: dict[Hashable, Any] = {}
 
 
 def _vanishes(form: ufl.Form, u: fem.Function) -> bool:
-    """Whether nothing is left of a form where ``u`` is zero, by what it is made of."""
+    """Return whether a form vanishes symbolically where ``u`` is zero."""
     none = ufl.classes.Zero(u.ufl_shape)
     return bool(ufl.replace(form, {u: none}).empty())
 
 
 def _seconds_of_product(K: PETSc.Mat) -> float:
-    """The least of some products. Collective."""
+    """Return the shortest time of some products. Collective."""
     x, y = K.createVecs()
     x.set(0.0)
-    found = []
+    seconds = []
     for _ in range(_PRODUCTS):
         start = time.perf_counter()
         K.mult(x, y)
-        found.append(time.perf_counter() - start)
+        seconds.append(time.perf_counter() - start)
     x.destroy(), y.destroy()
-    return min(found)
+    return min(seconds)
 
 
 def _require_bulk(bulk: ufl.Form, content: Content | None, u: fem.Function) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rigid motions of a body: which of them are left free."""
+"""Rigid motions of a body, and those of its connected parts that are free."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ _NAMES = {
 
 
 def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
-    """Number of the connected part of the mesh that each local node belongs to. Collective.
+    """Return the number of the connected part of the mesh of each local node. Collective.
 
-    Parts are found rank by rank and joined through the ghost nodes.
+    Parts are determined on each rank and joined through ghost nodes.
     """
     index_map = V.dofmap.index_map
     comm = V.mesh.comm
@@ -54,7 +54,7 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     size = index_map.size_local + index_map.num_ghosts
     cells = V.dofmap.list
     number, nodes = cells.shape
-    # Nodes, then cells, each of which leads to its nodes.
+    # Graph of nodes, then cells; a cell is connected to its nodes.
     starts = np.concatenate([np.zeros(size, dtype=np.int32), nodes * np.arange(number + 1)])
     rows = np.ones(cells.size), cells.reshape(-1), starts.astype(np.int32)
     graph = scipy.sparse.csr_array(rows, shape=(size + number, size + number))
@@ -72,22 +72,22 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     many = sum(counts)
     links = scipy.sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(many, many))
     whole = scipy.sparse.csgraph.connected_components(links, directed=False)[1][mine]
-    # Ghosts without a cell on this rank are parts of their own here; every part that is left
-    # over by that has no owned node, and is dropped by numbering the others anew.
+    # Ghosts without a cell on this rank form parts of their own. These have no owned node and are
+    # dropped by renumbering the others.
     present = np.unique(np.concatenate(comm.allgather(np.unique(whole[:owned]))))
     return np.searchsorted(present, whole).astype(np.int32)
 
 
 def extents(V: fem.FunctionSpace, part: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    """The size of every connected part, a length that depends on no axes. Collective.
+    """Return the size of every connected part, a length independent of axes. Collective.
 
-    It is the root of twelve times the mean square of the distance from the centre of mass: the
-    diagonal of a rectangle or of a box, 1.22 times the diameter of a disc. Cells that are curved or
-    warped are replaced by simplices or parallelepipeds (`cells.vertex_moments`).
+    It is the square root of twelve times the mean square distance from the centre of mass: the
+    diagonal of a rectangle or box, or 1.22 times the diameter of a disc. Curved or warped cells are
+    replaced by simplices or parallelepipeds (`cells.vertex_moments`).
 
     Args:
-        V: displacement space.
-        part: of each local node; see `parts`.
+        V: space of the displacement.
+        part: connected part of each local node (`parts`).
     """
     domain = V.mesh
     comm = domain.comm
@@ -103,20 +103,23 @@ def extents(V: fem.FunctionSpace, part: npt.NDArray[np.int32]) -> npt.NDArray[np
 
 
 def number_of_parts(comm: MPI.Comm, part: npt.NDArray[np.int32]) -> int:
-    """How many connected parts there are, by the part of each owned node. Collective."""
+    """Return the number of connected parts from the part of each owned node. Collective."""
     return int(comm.allreduce(int(part.max(initial=-1)), op=max)) + 1
 
 
 def sums_of_parts(
     comm: MPI.Comm, number: int, part: npt.NDArray[np.int32], values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Sums over nodes, or cells, of every connected part, of all ranks (number, ...). Collective.
+    """Return sums over the nodes or cells of every connected part. Collective.
 
     Args:
         comm: communicator.
-        number: of parts.
-        part: of each node or cell (n,).
-        values: there (n, ...).
+        number: number of parts.
+        part: part of each node or cell of this rank, shape (n,).
+        values: values at nodes or cells, shape (n, ...).
+
+    Returns:
+        Sums over all ranks, shape (number, ...).
     """
     columns = values.reshape(len(part), np.prod(values.shape[1:], dtype=int)).T
     sums = np.array([np.bincount(part, column, number) for column in columns])
@@ -126,18 +129,18 @@ def sums_of_parts(
 def rigid_motions(
     V: fem.FunctionSpace, part: npt.NDArray[np.int32], *, axisymmetric: bool = False
 ) -> npt.NDArray[np.float64]:
-    """Infinitesimal rigid motions of every connected part at the local nodes.
+    """Return infinitesimal rigid motions of every connected part. Collective.
 
-    Rotations are about the centre of the part and divided by its size, so that all motions have
-    the units of a displacement. Of a body of revolution there is the axial translation alone.
+    Rotations are about the centre of the part and divided by its size, so all motions are lengths.
+    A body of revolution only has the axial translation.
 
     Args:
-        V: displacement space.
-        part: of each local node; see `parts`.
-        axisymmetric: whether the body is one of revolution.
+        V: space of the displacement.
+        part: connected part of each local node (`parts`).
+        axisymmetric: whether the body is a body of revolution.
 
     Returns:
-        Shape (1, 3 or 6 times the number of parts, nodes, dim), part by part. Collective.
+        Motions at the local nodes, part by part, shape (motions, nodes, dim).
     """
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
@@ -167,15 +170,15 @@ def largest_turn(
     u: npt.NDArray[np.float64],
     part: npt.NDArray[np.int32],
 ) -> float:
-    """The largest mean rotation of a connected part, as if it were small, in radians. Collective.
+    """Return the largest linearised mean rotation of a connected part, in radians. Collective.
 
-    It is that of the rigid motion next to the displacement of the nodes, by least squares.
+    It is that of the rigid motion closest to the displacement of the nodes, by least squares.
 
     Args:
-        V: displacement space.
-        nodes: positions of the local nodes (n, dim).
-        u: displacement, local values.
-        part: of each local node; see `parts`.
+        V: space of the displacement.
+        nodes: positions of the local nodes, shape (n, dim).
+        u: local values of the displacement.
+        part: connected part of each local node (`parts`).
     """
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
@@ -200,7 +203,7 @@ def largest_turn(
 def bounding_box(
     comm: MPI.Comm, x: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """The lowest and the highest coordinates of points (n, dim) of all ranks. Collective."""
+    """Return lowest and highest coordinates of points (n, dim) of all ranks. Collective."""
     ends = np.stack([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     opposite, high = largest(comm, ends)
     return -opposite, high
@@ -214,17 +217,19 @@ def free_motions(
     *,
     axisymmetric: bool = False,
 ) -> npt.NDArray[np.float64]:
-    """Combinations of rigid motions that neither the stiffness nor Dirichlet data resist.
+    """Return combinations of rigid motions resisted neither by stiffness nor by Dirichlet data.
+
+    Collective.
 
     Args:
         K: stiffness of the body without Dirichlet rows.
-        V: displacement space.
-        part: of each local node; see `parts`.
-        fixed: local nodes x dim, components that Dirichlet data fix.
-        axisymmetric: whether the body is one of revolution.
+        V: space of the displacement.
+        part: connected part of each local node (`parts`).
+        fixed: mask of components fixed by Dirichlet data, shape (local nodes, dim).
+        axisymmetric: whether the body is a body of revolution.
 
     Returns:
-        Motions at the local nodes, shape (number of free motions, nodes, dim). Collective.
+        Motions at the local nodes, shape (free motions, nodes, dim).
     """
     modes = rigid_motions(V, part, axisymmetric=axisymmetric)
     n = V.dofmap.index_map.size_local
@@ -248,12 +253,12 @@ def free_motions(
 def combine(
     gram: npt.NDArray[np.float64], modes: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Combinations of ``modes`` on which the Gram matrix vanishes."""
+    """Return combinations of ``modes`` on which the Gram matrix vanishes."""
     return np.einsum("ab,bnd->and", loose(gram), modes)
 
 
 def loose(gram: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Coefficients of combinations on which a Gram matrix vanishes (to 1e-16 of one node)."""
+    """Return coefficients of combinations on which a Gram matrix vanishes, up to 1e-14."""
     values, vectors = np.linalg.eigh(gram)
     return np.asarray(vectors[:, values < 1e-14].T)
 
@@ -265,7 +270,7 @@ def describe(
     *,
     axisymmetric: bool = False,
 ) -> str:
-    """Which rigid motions take part in ``free``, in words. Collective."""
+    """Return the names of the rigid motions that take part in ``free``. Collective."""
     modes = rigid_motions(V, part, axisymmetric=axisymmetric)
     n = V.dofmap.index_map.size_local
     comm = V.mesh.comm

@@ -4,25 +4,25 @@ r"""The Jacobian of H: the stiffness of the body, and contact terms that statuse
     J = [ K  0 ] + S,    S = [ 0               -B^T W E        ]
         [ 0  0 ]             [ -E^T W D_j B     E^T W (I - D_t) E ]
 
-S has rows at the contact nodes and multipliers alone, and those of rigid bodies. Rows and columns
-of Dirichlet dofs are empty; those of removed multipliers have a typical stiffness on the diagonal.
-Its pattern never changes, so that new statuses cost no more than new numbers; where faces slide
-over each other it changes with a search for what may be opposite (`sliding`).
+S has rows at contact nodes, multipliers and rigid bodies only. Rows and columns of Dirichlet dofs
+are empty; those of removed multipliers have a typical stiffness on the diagonal. The pattern of S
+never changes, so new statuses only cost new numbers. For sliding faces it changes with each search
+for opposing facets (`sliding`).
 
-Of a rigid body the jump is B u - Phi q, so that the contact terms of a surface are bordered by
+With a rigid body the jump is B u - Phi q, so the contact terms of a surface are bordered by
 
     [ .                      Phi^T W E ]
     [ E^T W D_j Phi          .         ]
 
 in the rows and columns of q and of the multipliers (`RigidTerms`).
 
-The answer of a law that sees the points around its own is tau(j, t; N q) with what points spread,
-q(j, t), and N of the surface, so that the contact rows gain
+The answer of a nonlocal law is tau(j, t; N q) with the averaged quantity q(j, t) and the matrix N
+of the surface, so the contact rows contain the additional term
 
     -E^T W D_s N (q_j B, q_t E)
 
-off the blocks of single points (`SpreadTerms`). N never changes, nor does the pattern of the
-product.
+outside of the blocks of single points (`SpreadTerms`). N and the pattern of the product are
+constant.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ __all__ = ["ContactTerms", "Jacobian", "RigidTerms", "SpreadTerms"]
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 _NEEDED_BY = "the Jacobian, whose pattern never changes,"
-_NEEDED_BY_SPREADING = "a law that sees the points around its own"
+_NEEDED_BY_SPREADING = "a nonlocal law"
 
 
 @dataclass(frozen=True)
 class _Block:
-    """Entries of one surface: places of its dofs among all unknowns, -1 where there are none."""
+    """Entries of one surface: places of its dofs among all unknowns, -1 for missing ones."""
 
     surface: DiscreteSurface
     unit: float
@@ -64,7 +64,7 @@ class _Block:
     coupling: Array  # sum_p W_p b_pk e_pl, (groups, k, l)
 
     def entries(self) -> tuple[Indices, Indices]:
-        """Rows and columns, in the order of `values`."""
+        """Return rows and columns, in the order of `values`."""
         u = self.bodies
         m = self.multipliers
         g, k, d = u.shape
@@ -80,7 +80,7 @@ class _Block:
         return np.concatenate(rows), np.concatenate(columns)
 
     def values(self, state: ContactState) -> Array:
-        """Entries of S at a state."""
+        """Return the entries of S at an evaluation."""
         stencils = self.surface.constant_operator(_NEEDED_BY).stencils
         areas = self.surface.points.areas
         at = stencils.points
@@ -108,28 +108,28 @@ class _Block:
 
 
 class ContactTerms:
-    """The entries of S on this rank, to be added up.
+    """Entries of S on this rank.
 
     Args:
-        equations: the contact problem.
+        equations: contact problem.
     """
 
     def __init__(self, equations: ContactEquations):
         self._equations = equations
         eq = equations
-        #: Shared with what puts the body in beside.
+        #: Places of the unknowns, also for the entries of the body.
         self.numbering = numbering = _Numbering(eq)
         removed = eq.constraints.removed_multipliers()
         held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
         rigid = numbering.rigid()
         mine = eq.rigid.here(rigid)
-        # Times a typical stiffness, the diagonal of what is removed or prescribed.
+        # Diagonal of removed and prescribed unknowns, to be multiplied by a typical stiffness.
         self._held = np.concatenate([np.ones(len(held)), eq.rigid.here(eq.rigid.fixed)])
         self._blocks: list[tuple[int, _Block | RigidTerms | SpreadTerms]] = []
         rows = [held, mine]
         columns = [held, mine]
         for i, s in enumerate(eq.surfaces):
-            if s.slides:  # its pattern changes (`SlidingTerms`)
+            if s.slides:  # see `SlidingTerms`
                 continue
             stencils = s.constant_operator(_NEEDED_BY).stencils
             areas = s.points.areas
@@ -157,21 +157,21 @@ class ContactTerms:
 
     @property
     def changed(self) -> bool:
-        """Whether the pattern is another one since `set_up`, and matrices have to be made anew."""
+        """Whether the pattern has changed since `set_up`, so matrices must be created again."""
         return any(terms.changed for _, terms in self._sliding)
 
     def set_up(self) -> list[Entries]:
-        """Places of the entries. Collective."""
+        """Return the places of the entries. Collective."""
         sliding = [part for _, terms in self._sliding for part in terms.set_up()]
         return [self._entries, *sliding]
 
     def create_matrix(self) -> PETSc.Mat:
-        """An empty matrix with the pattern of S, on all unknowns. Collective."""
+        """Return a matrix of zeros with the pattern of S, on all unknowns. Collective."""
         n = sum(self._equations.owned_sizes)
         return matrix_of(self._equations.comm, (n, n), *self.set_up())
 
     def add(self, state: Evaluation, A: PETSc.Mat) -> None:
-        """Add S at a state to ``A``. Collective."""
+        """Add S at an evaluation to ``A``. Collective."""
         parts = [block.values(state.surfaces[i]) for i, block in self._blocks]
         held = self._equations.stiffness_scale * self._held
         self._entries.add(np.concatenate([held, *parts]), A)
@@ -185,7 +185,7 @@ class ContactTerms:
 
 
 class _Numbering:
-    """Places of dofs among all unknowns: rank by rank, the displacement first."""
+    """Places of dofs among all unknowns, which are ordered by rank and then by field."""
 
     def __init__(self, eq: ContactEquations):
         self._eq = eq
@@ -203,25 +203,25 @@ class _Numbering:
         self._absent = [eq.fixed[:n], *removed]
 
     def rigid(self) -> Indices:
-        """Places of the unknowns of rigid bodies, which rank 0 has."""
+        """Return the places of the unknowns of rigid bodies, which rank 0 owns."""
         return np.asarray(self._firsts[0, -1] + np.arange(self._eq.rigid.size))
 
     def places(self, field: int, nodes: Indices) -> Indices:
-        """Places of dofs of global nodes (..., dim), -1 of fixed and removed ones. Collective."""
+        """Return places of the dofs of global nodes (..., dim), -1 if absent. Collective."""
         return self.dof_places(field, self._eq.dim * nodes[..., None] + np.arange(self._eq.dim))
 
     def dof_places(self, field: int, dofs: Indices) -> Indices:
-        """Places of global dofs, -1 of fixed and removed ones. Collective."""
+        """Return places of global dofs, -1 if fixed or removed. Collective."""
         owner = np.searchsorted(self._ends[:, field], dofs, side="right")
         places = dofs - self._starts[owner, field] + self._firsts[owner, field]
         return np.where(self._is_absent(field, dofs), -1, places)
 
     def column_places(self, columns: Indices, owned: tuple[int, int]) -> Indices:
-        """Places of the displacement's columns of a matrix, of which ranks have most. Collective.
+        """Return places of columns of the stiffness, most of which are owned. Collective.
 
         Args:
             columns: global dofs.
-            owned: first of this rank's, and first beyond.
+            owned: range of the owned dofs.
         """
         first, end = owned
         here = (first <= columns) & (columns < end)
@@ -234,19 +234,19 @@ class _Numbering:
         return np.asarray(places[index])
 
     def _is_absent(self, field: int, dofs: Indices) -> npt.NDArray[np.bool_]:
-        """Whether dofs of any rank are fixed or removed. Collective."""
+        """Return whether dofs of any rank are fixed or removed. Collective."""
         mine = self._absent[field].astype(float)
         return at_global_places(self._eq.comm, mine, dofs) > 0.5
 
 
 class Jacobian:
-    """The assembled Jacobian. Of a linear body the stiffness is put in once.
+    """Assembled Jacobian. The stiffness of a linear body is inserted once.
 
     Args:
-        equations: the contact problem.
+        equations: contact problem.
 
     Attributes:
-        matrix: AIJ, on all unknowns.
+        matrix: AIJ matrix on all unknowns.
     """
 
     def __init__(self, equations: ContactEquations):
@@ -266,17 +266,17 @@ class Jacobian:
         self._create()
 
     def _create(self) -> None:
-        """Make the matrix, with the pattern that it has from now on."""
+        """Create the matrix with the present pattern."""
         size = sum(self._equations.owned_sizes)
         parts = self._fixed, self._body, *self._terms.set_up()
-        #: A SNES may look at it until it has taken the new one.
+        #: SNES may use the previous matrix until it has received the new one.
         self._replaced = getattr(self, "matrix", None)
         self.matrix = matrix_of(self._equations.comm, (size, size), *parts)
         self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATIONS, False)
         self._assemblies = -1
 
     def update(self, state: Evaluation) -> None:
-        """Assemble at a state; where faces slide the matrix may be another one. Collective."""
+        """Assemble at an evaluation; for sliding faces `matrix` may be replaced. Collective."""
         bulk = self._equations.bulk
         K = bulk.stiffness(state.u)
         if self._terms.changed:
@@ -300,7 +300,7 @@ class Jacobian:
 
 
 def _sliding_terms(eq: ContactEquations, numbering: _Numbering) -> list[tuple[int, SlidingTerms]]:
-    """Those of the surfaces that slide over others, with their numbers. Collective."""
+    """Return the terms of sliding surfaces, with their numbers. Collective."""
     numbers = [i for i, s in enumerate(eq.surfaces) if s.slides]
     if not numbers:
         return []
@@ -314,11 +314,11 @@ class RigidTerms:
     """Entries of one surface that touches a rigid body.
 
     Attributes:
-        surface: it.
-        unit: of its multipliers.
-        motions: places of the body's unknowns, -1 where they are prescribed (k,).
-        multipliers: places (groups, l, dim), -1 where there are none.
-        at_points: Phi (n, dim, k).
+        surface: contact surface.
+        unit: factor from unknowns to multipliers.
+        motions: places of the unknowns of the body, -1 if prescribed, shape (k,).
+        multipliers: places of the multipliers, -1 if removed, shape (groups, l, dim).
+        at_points: Phi, shape (n, dim, k).
     """
 
     surface: DiscreteSurface
@@ -328,7 +328,7 @@ class RigidTerms:
     at_points: Array
 
     def entries(self) -> tuple[Indices, Indices]:
-        """Rows and columns, in the order of `values`."""
+        """Return rows and columns, in the order of `values`."""
         m = np.broadcast_to(
             self.multipliers[..., None], (*self.multipliers.shape, len(self.motions))
         )
@@ -337,7 +337,7 @@ class RigidTerms:
         return rows, columns
 
     def values(self, state: ContactState) -> Array:
-        """The entries at a state. Collective."""
+        """Return the entries at an evaluation. Collective."""
         stencils = self.surface.constant_operator("the Jacobian of a rigid body").stencils
         areas = self.surface.points.areas
         at = stencils.points
@@ -350,14 +350,14 @@ class RigidTerms:
 
 
 class SpreadTerms:
-    """Entries of one surface. Collective, as its methods are.
+    """Entries of one surface with a nonlocal law. Collective, as its methods are.
 
     Args:
-        surface: with a law that is not local.
-        unit: of its multipliers.
-        bodies: places of displacements among all unknowns (groups, k, dim), -1 where fixed.
-        multipliers: the same of its multipliers (groups, l, dim).
-        unknowns: of this rank.
+        surface: contact surface.
+        unit: factor from unknowns to multipliers.
+        bodies: places of displacements, -1 if fixed, shape (groups, k, dim).
+        multipliers: places of the multipliers, -1 if removed, shape (groups, l, dim).
+        unknowns: number of unknowns of this rank.
     """
 
     def __init__(
@@ -399,7 +399,7 @@ class SpreadTerms:
         self._product = self._first.matMult(self._right, self._product)
 
     def entries(self) -> tuple[Indices, Indices]:
-        """Rows and columns, in the order of `values`."""
+        """Return rows and columns, in the order of `values`."""
         self._multiply()
         assert self._product is not None
         indptr, columns, _ = self._product.getValuesCSR()
@@ -409,7 +409,7 @@ class SpreadTerms:
         return rows, columns.astype(np.int64)
 
     def values(self, state: ContactState) -> Array:
-        """The entries at a state; none where another law, which is local, replaces it."""
+        """Return the entries at an evaluation; zeros if a local law replaces the law."""
         if state.answers.spreading is None:
             return np.zeros(self._number)
         stencils = self._surface.constant_operator(_NEEDED_BY_SPREADING).stencils

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The points of all ranks in one order, blind to numbering and ranks."""
+"""Points of all ranks in one order, independent of numbering and ranks."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ __all__ = ["Gathered", "by_coordinates"]
 
 T = TypeVar("T", bound=np.generic)
 
-_SAME = 1e-9  # of the size of all, a difference that is round-off
+_SAME = 1e-9  # difference, relative to the largest extent, that counts as round-off
 
 
 def by_coordinates(x: npt.NDArray[np.float64], ids: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
-    """Order by x, then y, then z, blind to round-off.
+    """Return the order by x, then y, then z, up to round-off.
 
     Args:
-        x: positions (n, dim).
-        ids: what distinguishes points at one place, as at the sides of a crack: rows of numbers
-            that do not depend on ranks (n, k).
+        x: positions, shape (n, dim).
+        ids: keys that distinguish points at one place, such as the sides of a crack, independent of
+            ranks, shape (n, k).
     """
     least = _SAME * np.ptp(x, axis=0).max(initial=0.0)
     keys = [_grouped(column, least) for column in x.T]
@@ -32,7 +32,7 @@ def by_coordinates(x: npt.NDArray[np.float64], ids: npt.NDArray[np.int64]) -> np
 
 
 def _grouped(values: npt.NDArray[np.float64], least: float) -> npt.NDArray[np.int64]:
-    """Places in the order of values, the same for those that differ by ``least`` at most."""
+    """Return ranks in the order of values, equal for values that differ by at most ``least``."""
     order = np.argsort(values)
     steps = np.diff(values[order]) > least
     places: npt.NDArray[np.int64] = np.zeros(len(values), dtype=np.int64)
@@ -41,16 +41,16 @@ def _grouped(values: npt.NDArray[np.float64], least: float) -> npt.NDArray[np.in
 
 
 class Gathered:
-    """The points of all ranks in the order of their coordinates, the same everywhere. Collective.
+    """Points of all ranks in the order of their coordinates, on every rank. Collective.
 
     Args:
         comm: communicator.
-        x: positions of the points of this rank (n, dim).
-        ids: what distinguishes points at one place; see `by_coordinates` (n, k).
+        x: positions of the points of this rank, shape (n, dim).
+        ids: keys that distinguish points at one place (`by_coordinates`), shape (n, k).
 
     Attributes:
-        positions: of all points, in order (number, dim).
-        mine: places of the points of this rank among all (n,).
+        positions: positions of all points, in order, shape (number, dim).
+        mine: places of the points of this rank among all points, shape (n,).
     """
 
     def __init__(
@@ -71,16 +71,16 @@ class Gathered:
         return len(self.positions)
 
     def __call__(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Values at all points, in order, from those at the points of this rank. Collective."""
+        """Return values at all points, in order, from those of this rank. Collective."""
         return np.concatenate(self._comm.allgather(values))[self._order]
 
     def columns(self, values: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-        """Several by name, as `__call__` has one. Collective."""
+        """Apply `__call__` to several arrays by name. Collective."""
         parts = self._comm.allgather(dict(values))
         return {k: np.concatenate([part[k] for part in parts])[self._order] for k in values}
 
     def owner(self, i: int) -> tuple[int, int]:
-        """The rank that owns point ``i``, and its number among the points there."""
+        """Return the rank that owns point ``i``, and its number among the points there."""
         place = int(self._order[i])
         rank = int(np.searchsorted(self._starts, place, side="right") - 1)
         return rank, place - int(self._starts[rank])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The unknowns of rigid bodies, and their rows of H.
+r"""Unknowns of rigid bodies and their rows of H.
 
-Unknowns q are displacements and rotations times a length, the largest distance of a contact point
-from the reference point: so all have one unit, and all rows that of a force. Rank 0 has them, after
+Unknowns q are displacements, and rotations times a length, the largest distance of a contact point
+from the reference point. All unknowns are thus lengths and all rows forces. Rank 0 owns them, after
 its other unknowns. With the forces f = B^T W t of the surfaces that touch a body,
 
     H_q = Phi^T f - F    where q is free,    H_q = k (q - q_prescribed)    elsewhere.
@@ -29,24 +29,24 @@ from dolfinx_contact.points.surface import DiscreteSurface
 __all__ = ["RigidBodies"]
 
 Array = npt.NDArray[np.float64]
-_ASIDE = 1e-6  # cosine of motion and normal, below which a body slides past a point
+_ASIDE = 1e-6  # cosine of motion and normal below which a body slides past a point
 T = TypeVar("T", bound=np.generic)
 
 
 class RigidBodies:
-    """The rigid bodies that surfaces touch. What they know is the same on every rank.
+    """Rigid bodies that surfaces touch. Their values are the same on every rank.
 
     Args:
-        V: displacement space.
-        surfaces: of the contact problem.
-        body_size: of the deformable bodies, the length where no other is known.
+        V: space of the displacement.
+        surfaces: discretisations of the contact surfaces.
+        body_size: size of the deformable bodies, a length for bodies without another one.
 
     Attributes:
-        bodies: in the order of the surfaces.
+        bodies: rigid bodies, in the order of the surfaces.
         size: number of unknowns.
-        owned: of these on this rank.
-        fixed: which of them are prescribed.
-        start: unknowns from which a part of the prescribed motion is counted; None without one.
+        owned: number of unknowns on this rank.
+        fixed: mask of the prescribed unknowns, shape (size,).
+        start: unknowns at the start of a ramped motion; None outside of ramps.
 
     Raises:
         ValueError: on every rank, if two bodies have one name.
@@ -69,13 +69,13 @@ class RigidBodies:
         self.owned = self.size if self.comm.rank == 0 else 0
         none = np.zeros(0, dtype=bool)
         self.fixed = np.concatenate([none, *(b.fixed for b in self.bodies)])
-        self._units = np.ones(self.size)  # unknowns over values
+        self._units = np.ones(self.size)  # ratio of unknowns to values
         for b, part in zip(self.bodies, self.slices, strict=True):
             self._units[part][b.dim :] = self._reach(b) or body_size
         self.start: Array | None = None
 
     def _reach(self, body: RigidBody) -> float:
-        """Largest distance of a contact point from the reference point. Collective."""
+        """Return the largest distance of a contact point from the reference point. Collective."""
         mine = [
             float(np.max(np.linalg.norm(s.positions - body.about, axis=1), initial=0.0))
             for s in self.surfaces
@@ -87,7 +87,7 @@ class RigidBodies:
         return next((i for i, b in enumerate(self.bodies) if b is body), None)
 
     def slice_of(self, body: RigidBody | None) -> slice:
-        """Places of the unknowns of a body; empty for None."""
+        """Return the slice of the unknowns of a body; empty for None."""
         number = self._number(body)
         return slice(0, 0) if number is None else self.slices[number]
 
@@ -95,54 +95,54 @@ class RigidBodies:
 
     @property
     def given(self) -> Array:
-        """Unknowns that stand in the bodies."""
+        """Unknowns of the present motions of the bodies."""
         return self._units * np.concatenate([np.zeros(0), *(b.values for b in self.bodies)])
 
     def show(self, q: Array) -> None:
-        """Put unknowns into the bodies."""
+        """Copy unknowns into the motions of the bodies."""
         for b, part in zip(self.bodies, self.slices, strict=True):
             b.values = (q / self._units)[part].copy()
 
     def everywhere(self, mine: Array) -> Array:
-        """Unknowns on every rank, of those of this rank. Collective."""
+        """Return the unknowns on every rank from the owned ones. Collective."""
         if not self.size:
             return np.zeros(0)
         return np.asarray(self.comm.bcast(np.array(mine) if self.owned else None))
 
     def here(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Those of this rank."""
+        """Return the entries of this rank."""
         return values[: self.owned]
 
     def of_body(self, q: Array, body: RigidBody | None) -> Array:
-        """Displacement and rotation of a body; nothing for None."""
+        """Return displacement and rotation of a body; empty for None."""
         return np.asarray((q / self._units)[self.slice_of(body)])
 
     def forces_of_body(self, rows: Array, body: RigidBody) -> Array:
-        """Force and moment on a body, of rows."""
+        """Return force and moment on a body from rows."""
         return np.asarray((rows * self._units)[self.slice_of(body)])
 
     # -- kinematics ------------------------------------------------------------------------------
 
     def relative(self, s: DiscreteSurface, u: Array, q: Array) -> Array:
-        """Displacements (n, dim) at the first local nodes, seen from what ``s`` touches."""
+        """Return displacements of local nodes (n, dim) relative to the obstacle of ``s``."""
         body = s.rigid_body
         return u if body is None else s.relative(u, self.of_body(q, body))
 
     def relative_rate(self, s: DiscreteSurface, u: Array, q: Array, du: Array, dq: Array) -> Array:
-        """The derivative of `relative` along ``du`` (n, dim) and ``dq``, at a state."""
+        """Return the derivative of `relative` along ``du`` (n, dim) and ``dq`` at a state."""
         body = s.rigid_body
         motions = self.of_body(q, body), du, self.of_body(dq, body)
         return s.relative_rate(u, *motions)
 
     def spin(self, s: DiscreteSurface, q: Array, dq: Array) -> Array | None:
-        """At what rate the frame of ``s`` turns along ``dq``; None where frames do not."""
+        """Return the spin of the frame of ``s`` along ``dq``; None if it does not turn."""
         body = s.rigid_body
         if body is None or not s.turns:
             return None
         return np.asarray(body.spin(self.of_body(q, body)) @ self.of_body(dq, body)[s.dim :])
 
     def conjugate(self, q: Array, pushes: Array) -> Array:
-        """What does work on changes of the unknowns, of forces and moments in their rows."""
+        """Return forces conjugate to the unknowns from forces and moments in their rows."""
         found = pushes.copy()
         for b, part in zip(self.bodies, self.slices, strict=True):
             if any(s.turns and s.rigid_body is b for s in self.surfaces):
@@ -150,9 +150,9 @@ class RigidBodies:
         return found
 
     def reactions(self, s: DiscreteSurface, forces: Array, u: Array, q: Array) -> Array:
-        """This rank's part of Phi^T f by the forces B^T W t of ``s`` on its owned nodes.
+        """Return the part of this rank of Phi^T f for the forces f of ``s`` on owned nodes.
 
-        On a curved obstacle in large sliding moments are those where the body is.
+        On a curved obstacle in large sliding, moments are taken in the displaced position.
         """
         rows = np.zeros(self.size)
         body = s.rigid_body
@@ -165,12 +165,12 @@ class RigidBodies:
                 moved = self.of_body(q, body)[: s.dim]
             found = body.resultant(x, forces.reshape(-1, s.dim), moved)
             rows[part] = found / self._units[part]
-            if s.axisymmetric:  # around the axis all else cancels
+            if s.axisymmetric:  # other components cancel around the axis
                 rows[part][[0, 2]] = 0.0
         return rows
 
     def at_points(self, s: DiscreteSurface) -> Array:
-        """Phi by the unknowns of what ``s`` touches, at its points (n, dim, k). Collective."""
+        """Return Phi, motions of the points of ``s`` by unknown, shape (n, dim, k). Collective."""
         body = s.rigid_body
         part = self.slice_of(body)
         width = part.stop - part.start
@@ -184,9 +184,9 @@ class RigidBodies:
         return moved
 
     def nearest(self, gaps: Sequence[Array]) -> list[float]:
-        """By surface, the smallest gap of all that touch its rigid body. Collective.
+        """Return for each surface the smallest gap to its rigid body. Collective.
 
-        Minus infinity where there is none, or its motion is prescribed.
+        It is minus infinity without a rigid body or if the motion is prescribed.
         """
         smallest = []
         for b in self.bodies:
@@ -201,7 +201,7 @@ class RigidBodies:
         return [-np.inf if i is None else smallest[i] for i in number]
 
     def directions(self) -> Array:
-        """Unit translations along the loads on free components, zero where there are none."""
+        """Return unit translations along the loads on free components, 0 without loads."""
         loads = self.loads()
         found = np.zeros(self.size)
         for b, part in zip(self.bodies, self.slices, strict=True):
@@ -212,11 +212,13 @@ class RigidBodies:
         return found
 
     def free_distances(self, gaps: Sequence[Array], rates: Sequence[Array]) -> Array:
-        """How far each body may go before it touches, by unknown: 0 if it does, or never will.
+        """Return for each unknown the distance to contact: 0 in contact or without an obstacle.
+
+        Collective.
 
         Args:
-            gaps: at the points of every surface.
-            rates: at which a unit motion closes them. Collective.
+            gaps: gaps at the points of every surface.
+            rates: rates at which a unit motion closes the gaps.
         """
         distances = np.zeros(self.size)
         for b, part in zip(self.bodies, self.slices, strict=True):
@@ -233,7 +235,7 @@ class RigidBodies:
         return distances
 
     def jump_matrix(self, s: DiscreteSurface) -> PETSc.Mat:
-        """-Phi: jumps at the points of ``s`` by all unknowns. Collective."""
+        """Return -Phi as a matrix from all unknowns to jumps at points of ``s``. Collective."""
         moved = self.at_points(s)
         part = self.slice_of(s.rigid_body)
         n = s.points.number * s.dim
@@ -247,28 +249,28 @@ class RigidBodies:
         return A
 
     def diagonal(self, value: float) -> PETSc.Mat:
-        """A diagonal matrix with ``value`` where the motion is prescribed, else 0. Collective."""
+        """Return a diagonal matrix with ``value`` at prescribed unknowns, else 0. Collective."""
         mine = np.arange(self.owned)
         entries = Entries(mine, mine)
         A = matrix_of(self.comm, (self.owned, self.owned), entries)
         entries.add(np.where(self.here(self.fixed), value, 0.0), A)
         return A
 
-    # -- what is given ---------------------------------------------------------------------------
+    # -- data ------------------------------------------------------------------------------------
 
     def numbers(self) -> Array:
-        """Loads and motions as the user gives them."""
+        """Return the loads and motions prescribed by the user."""
         return np.concatenate([np.zeros(0), *(b.numbers() for b in self.bodies)])
 
     def loads(self) -> Array:
-        """F, zero where the motion is prescribed."""
+        """Return the loads F, 0 where the motion is prescribed."""
         return np.where(self.fixed, 0.0, self.numbers() / self._units)
 
     def prescribed(self, part: float) -> Array:
-        """Unknowns that are prescribed, zero where they are free.
+        """Return the prescribed unknowns, 0 where they are free.
 
         Args:
-            part: of the way from `start` to what the user prescribes, if there is a start.
+            part: part of the way from `start` to the user's motion, if there is a start.
         """
         values = self.numbers() * self._units
         if self.start is not None:
@@ -276,13 +278,13 @@ class RigidBodies:
         return np.where(self.fixed, values, 0.0)
 
     def rates(self, expressions: Sequence[object]) -> tuple[Array, Array]:
-        """Rates of `loads` and of `prescribed`, by those of all expressions."""
+        """Return the rates of `loads` and of `prescribed` from those of all expressions."""
         values = np.array([number(e) for e in expressions])
         loads = np.where(self.fixed, 0.0, values / self._units)
         return loads, np.where(self.fixed, values * self._units, 0.0)
 
     def names(self, motions: Array) -> str:
-        """Which components take part in motions (k, size), in words."""
+        """Return the names of the components that take part in motions (k, size)."""
         size = np.abs(motions).max(axis=0, initial=0.0)
         words = [
             f"{'translation' if len(c) == 1 else 'rotation about'} {c[-1]} of {b.name}"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What follows the stiffness of a body: its typical size, the r of surfaces, and loose motions.
+"""Quantities derived from the stiffness of a body: typical size, augmentation, loose motions.
 
-Loose motions are rigid motions that contact has to hold: of bodies without supports, and of rigid
-bodies.
+Loose motions are rigid motions of bodies without supports, and of rigid bodies, that contact must
+hold.
 """
 
 from __future__ import annotations
@@ -42,32 +42,32 @@ __all__ = [
 ]
 
 Array = npt.NDArray[np.float64]
-_NO_HOOP = 1e-12  # of the stiffness, a resistance that is none
-_ROUND_OFF = 1e-12  # of the traction, a shear that has no direction
-#: Of the stiffness of a node, the r of faces that slide over each other: a slip by a facet a step
-#: is far beyond that of small sliding. Shallow ironing: between 0.17 and 1.7 steps take 6
-#: iterations, below 0.1 points change status in a cycle (measured).
+_NO_HOOP = 1e-12  # resistance, relative to the stiffness, that counts as zero
+_ROUND_OFF = 1e-12  # shear, relative to the traction, that has no direction
+#: Ratio of r to the stiffness of a node for sliding faces, whose slips of a facet per step are far
+#: beyond those of small sliding. Shallow ironing: between 0.17 and 1.7 steps take 6 iterations,
+#: below 0.1 points change status in a cycle (measured).
 _SLIDING = 0.5
-_SHARE = 1e-6  # of a motion, below which a component has no part in it
+_SHARE = 1e-6  # part of a motion below which a component does not take part in it
 
 
 class Scaling:
-    """Typical stiffness of a body, augmentation of its surfaces, motions that contact has to hold.
+    """Typical stiffness, augmentation parameters and loose motions. Methods are collective.
 
     Args:
-        bulk: the body.
+        bulk: discrete body.
         V: space of its displacement.
-        surfaces: where it may touch; they get their r.
-        fixed: local nodes x dim, components that Dirichlet data fix.
-        rigid: the rigid bodies that surfaces touch.
-        forced_r: augmentation parameter; None for the automatic one. Collective, as all here.
+        surfaces: contact surfaces, which receive their r.
+        fixed: mask of components fixed by Dirichlet data, shape (local nodes, dim).
+        rigid: rigid bodies.
+        forced_r: augmentation parameter; None for the automatic one.
 
     Attributes:
-        stiffness: mean diagonal entry.
-        softness: of the part of the body that yields least (`softness`).
-        automatic_r: at the local vertices of each surface.
-        at_vertices: stiffness of a node by its area, there.
-        loose: rigid motions that neither stiffness nor Dirichlet data hold.
+        stiffness: mean diagonal entry of the stiffness.
+        softness: softness of the part of the body that yields least (`softness`).
+        automatic_r: automatic r at the local vertices of each surface.
+        at_vertices: stiffness per area of the nodes at the local vertices of each surface.
+        loose: rigid motions held neither by stiffness nor by Dirichlet data.
 
     Raises:
         ValueError: on every rank, if the stiffness is zero or not finite.
@@ -100,13 +100,13 @@ class Scaling:
         self.follow(bulk.displacement.x.array.copy())
 
     def follow(self, u: Array) -> bool:
-        """Take scales anew where data of the stiffness have changed, and tell the surfaces.
+        """Update the scales if data of the stiffness have changed.
 
-        So a problem has the scales of its data, whatever it was solved with before. A body that is
-        not linear is measured at ``u``, at all local dofs.
+        A problem thus has the scales of its present data. A nonlinear body is measured at ``u``,
+        given at all local dofs.
 
         Returns:
-            Whether they were taken anew, so that H is another than it was.
+            Whether the scales, and with them H, have changed.
         """
         (outdated,) = anywhere(self._comm, self._bulk.stiffness_mark != self._mark)
         if outdated:
@@ -134,7 +134,7 @@ class Scaling:
 
     @contextmanager
     def automatic(self) -> Iterator[None]:
-        """Use the automatic r while the context lasts."""
+        """Use the automatic r within the context."""
         self._augment(None)
         try:
             yield
@@ -142,7 +142,7 @@ class Scaling:
             self._augment(self._forced)
 
     def augment(self) -> None:
-        """Give the surfaces their r, where another problem has had them since."""
+        """Set the r of the surfaces."""
         self._augment(self._forced)
 
     def _augment(self, forced: float | None) -> None:
@@ -157,26 +157,29 @@ def automatic_augmentation(
     surfaces: Sequence[DiscreteSurface],
     extents: Array,
 ) -> tuple[float, list[npt.NDArray[np.float64]], list[npt.NDArray[np.float64]]]:
-    """Mean diagonal entry of the stiffness; at the local vertices of each surface r, and stiffness.
+    """Return the mean diagonal entry of the stiffness, and r and stiffness at vertices.
 
-    The stiffness of a vertex is that of its node alone, over its area: a traction over it is what
-    the node would give way under that traction.
+    The stiffness of a vertex is that of its node alone divided by its area: a traction divided by
+    it is the displacement that the traction would cause.
 
-    The automatic r is near Young's modulus over the size of the part of the body that touches,
-    taken from the diagonal of the stiffness; that of a pair is of both in series. A small r sends a
-    point that slips the wrong way to stick; a large one (the nodal stiffness, say) sends it to slip
-    the other way, and Newton's method into a cycle. The diagonal of a nearly incompressible body is
-    that of its resistance to compression, by which it hardly yields to a contact: beyond Poisson's
-    ratio 0.4 r falls with the square root of the `softness`, between the two stiffnesses. At 0.499
-    full steps then converge where they cycled (measured).
-    Faces that slide over each other by facets need one that is near the stiffness of a node.
+    The automatic r is close to Young's modulus divided by the size of the touching part of the
+    body, taken from the diagonal of the stiffness; in a pair, both bodies act in series. With a
+    small r, a point that slips in the wrong direction sticks next; with a large one (such as the
+    nodal stiffness) it slips in the other direction, and Newton's method cycles. The diagonal of a
+    nearly incompressible body reflects its resistance to compression, by which it hardly yields in
+    contact. Beyond Poisson's ratio 0.4, r therefore decreases with the square root of the
+    `softness`, between the two stiffnesses. At 0.499 full steps then converge that cycled otherwise
+    (measured). Sliding faces need an r close to the stiffness of a node.
 
     Args:
-        K: the stiffness.
-        soft: the `softness` of the body, or at the local nodes that of the part they belong to.
-        V: displacement space.
-        surfaces: where the body may touch.
-        extents: at the local nodes, the size of the connected part they belong to.
+        K: stiffness.
+        soft: `softness` of the body, or of the part of each local node.
+        V: space of the displacement.
+        surfaces: contact surfaces.
+        extents: size of the connected part of each local node.
+
+    Returns:
+        Mean diagonal entry; r and stiffness per area at the local vertices of each surface.
 
     Raises:
         ValueError: if the stiffness is zero or not finite. Collective.
@@ -198,7 +201,7 @@ def automatic_augmentation(
     at_vertices = []
     share = np.sqrt(np.minimum(2.0 * soft, 1.0))
     for s in surfaces:
-        # Of two bodies that touch both yield.
+        # Both bodies of a pair yield.
         pair = _in_series(per_node, s)
         width = (s.points.vertex_areas / s.points.circumferences) ** (1 / (s.dim - 1))
         stiffness = pair[s.points.vertex_trace_dofs] / s.points.vertex_areas
@@ -212,15 +215,15 @@ def automatic_augmentation(
 
 
 def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
-    """The stiffness of nodes and of the points opposite to them together, at the local nodes."""
+    """Return the stiffness of local nodes in series with that of their opposing points."""
     other = s.opposite(stiffness)
     return np.divide(stiffness * other, stiffness + other, where=other > 0, out=stiffness.copy())
 
 
 def require_hoop_stiffness(K: PETSc.Mat) -> None:
-    """``ValueError`` if a stiffness resists no radial translation, as that of a plane body does.
+    """Raise ``ValueError`` if a stiffness does not resist radial translation. Collective.
 
-    Collective.
+    The stiffness of a plane body does not.
     """
     u, f = K.createVecs()
     u.array.reshape(-1, 2)[:, 0] = 1.0
@@ -242,22 +245,22 @@ def softness(
     *,
     axisymmetric: bool = False,
 ) -> Array:
-    """Median over mean eigenvalue of the stiffness of parts to uniform strains. Collective.
+    """Return the ratio of median to mean eigenvalue of the stiffness to uniform strains.
 
-    The energies of displacements E x with a constant symmetric E are those of Voigt's average of
-    the elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952), whose eigenvalues are 2 mu
-    (five times in 3D) and 3 lambda + 2 mu for an isotropic body: 4 mu / (4 mu + lambda), which is
-    0.73 for Poisson's ratio 0.3 and 0.008 for 0.499. Of a body of revolution they are (r, 0), with
-    the same strain around, (0, z) and (0, r).
+    Collective. The energies of displacements E x with a constant symmetric E are those of Voigt's
+    average of the elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952). Its eigenvalues are 2 mu
+    (five times in 3D) and 3 lambda + 2 mu for an isotropic body. The ratio 4 mu / (4 mu + lambda)
+    is 0.73 for Poisson's ratio 0.3 and 0.008 for 0.499. In a body of revolution the displacements
+    are (r, 0), with the same strain around the axis, (0, z) and (0, r).
 
     Args:
-        K: the stiffness.
-        V: displacement space.
-        part: of each local node, the connected part; None if there is one.
-        axisymmetric: whether the body is one of revolution.
+        K: stiffness.
+        V: space of the displacement.
+        part: connected part of each local node; default: one part.
+        axisymmetric: whether the body is a body of revolution.
 
     Returns:
-        That of every part (parts,).
+        Ratio of every part, shape (parts,).
     """
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
@@ -265,7 +268,7 @@ def softness(
     x = node_positions(V)[:n, :dim]
     mine = np.zeros(n, dtype=np.int32) if part is None else part[:n]
     number = max(number_of_parts(comm, mine), 1)
-    # From the middle of the part: far from the origin strains are lost in round-off.
+    # Relative to the centre of the part: far from the origin, strains are lost in round-off.
     sums = sums_of_parts(comm, number, mine, np.column_stack([np.ones(n), x]))
     middle = sums[:, 1:] / sums[:, :1]
     if axisymmetric:
@@ -291,31 +294,31 @@ def softness(
 
 
 def _softness(energies: Array) -> float:
-    """Of a part by its energies under uniform strains (strains, strains)."""
+    """Return the softness of a part from its energies under uniform strains (k, k)."""
     if not np.isfinite(energies).all() or not energies.any():
         return 1.0
     eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))  # in their order
     last = len(eigenvalues) - 1
     median = 0.5 * (eigenvalues[last // 2] + eigenvalues[-(last // 2) - 1])
     share = median / eigenvalues.mean()
-    # A body on the way to instability has no typical stiffness in this sense.
+    # An unstable body has no typical stiffness in this sense.
     return float(max(share, 1e-4)) if eigenvalues[0] > 0 else 1.0
 
 
 class LooseMotions:
-    """Motions that neither stiffness nor prescribed data resist, and which of them statuses hold.
+    """Rigid motions held neither by stiffness nor by Dirichlet data. Methods are collective.
 
     Args:
         K: stiffness of the body without Dirichlet rows; None if its mass resists all motions.
-        V: displacement space.
-        part: of each local node, the connected part.
-        surfaces: where contact may hold.
-        fixed: local nodes x dim, components that Dirichlet data fix.
-        bodies: the rigid bodies. Collective, as everything here.
-        axisymmetric: whether the body is one of revolution.
+        V: space of the displacement.
+        part: connected part of each local node.
+        surfaces: contact surfaces.
+        fixed: mask of components fixed by Dirichlet data, shape (local nodes, dim).
+        bodies: rigid bodies.
+        axisymmetric: whether the body is a body of revolution.
 
     Attributes:
-        of_body: motions of elastic bodies, at the local nodes (motions, nodes, dim).
+        of_body: motions of deformable bodies at the local nodes, shape (motions, nodes, dim).
     """
 
     def __init__(
@@ -338,7 +341,7 @@ class LooseMotions:
         if K is not None:
             self.of_body = rigid.free_motions(K, V, part, fixed, axisymmetric=axisymmetric)
         self._free = np.flatnonzero(~bodies.fixed)
-        #: Jumps at the points by each motion (motions, n, dim), those of the rigid bodies last.
+        #: Jumps at the points by each motion, rigid bodies last, shape (motions, n, dim).
         self._jumps = [
             np.concatenate([self._by_body(s), self._by_rigid_bodies(s)]) for s in surfaces
         ]
@@ -360,14 +363,14 @@ class LooseMotions:
         return jumps[self._free]
 
     def not_held(self, statuses: Statuses, state: Evaluation | None = None) -> str:
-        """The motions that these statuses do not hold, in words; "" if there are none.
+        """Return the names of the motions that these statuses do not hold; "" if there are none.
 
-        A point that slips in 3D holds across the direction of its shear, which turns with the
-        motion; where friction creeps every closed point holds.
+        A slipping point in 3D holds across the direction of its shear, which turns with the motion.
+        With creeping friction every closed point holds.
 
         Args:
-            statuses: of the points.
-            state: that has the shear; without one only points that stick hold.
+            statuses: statuses of the points.
+            state: evaluation with the shear; default: none, and only sticking points hold.
         """
         count = len(self.of_body)
         number = count + len(self._free)
@@ -403,7 +406,7 @@ class LooseMotions:
 
 
 def _direction(traction: Array, n: Array) -> Array:
-    """Unit vectors along the shear (n, dim), zero where there is none."""
+    """Return unit vectors along the shear (n, dim), zero without shear."""
     shear = traction - np.sum(traction * n, axis=1)[:, None] * n
     size = np.linalg.norm(shear, axis=1, keepdims=True)
     least = _ROUND_OFF * np.linalg.norm(traction, axis=1, keepdims=True)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contact problem with other answers at its points, for methods that lead to it by others.
+"""Auxiliary contact problems that differ in the answers of the law at contact points.
 
-A friction bound that is given (Tresca's problem) in the place of Coulomb's, or contact that yields:
-the law answers to tractions that are held in the place of those that it answers with; or bonds that
-are held as they are.
+Tresca's problem has given friction bounds instead of Coulomb's. In the problem of compliant contact
+the law answers to given tractions. In the problem of held bonds, bonds neither weaken nor heal.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ Array = npt.NDArray[np.float64]
 
 
 class _Substitute(ContactEquations):
-    """A contact problem that shares all with another but what is answered at its points.
+    """Contact problem that shares everything with another one except the answers of the law.
 
     Args:
-        equations: the other.
-        answers: to a state of a surface, by its number.
-        kind: of the states.
+        equations: other contact problem.
+        answers: function of the number of a surface and its evaluation that returns the answers.
+        kind: class of the evaluations.
     """
 
     def __init__(
@@ -58,11 +57,11 @@ class _Substitute(ContactEquations):
 
 
 class GivenBounds(_Substitute):
-    """Tresca's problem with friction bounds given at the points.
+    """Tresca's problem with given friction bounds.
 
     Args:
-        equations: the contact problem.
-        bounds: tractions (n,), surface by surface.
+        equations: contact problem.
+        bounds: friction bounds at the points of each surface, stresses, shape (n,).
     """
 
     def __init__(self, equations: ContactEquations, bounds: list[Array]):
@@ -77,17 +76,17 @@ class GivenBounds(_Substitute):
         super().__init__(equations, answers, ContactState)
 
     def as_possible(self, statuses: Statuses) -> Statuses:
-        # A friction bound rubs on open points too.
+        # A given friction bound also acts on open points.
         return [np.where(c == OPEN, PLUS + WHERE_OPEN, c).astype(np.int8) for c in statuses]
 
 
 class HeldBonds(_Substitute):
-    """Bonds of a strength that is given, which neither weaken nor heal.
+    """Contact problem whose bonds have a given strength.
 
     Args:
-        equations: the contact problem.
-        strengths: what memory has of the bonds (n,), surface by surface (`Law.weakening`); None
-            where a law has none.
+        equations: contact problem.
+        strengths: strengths of the bonds (`Law.weakening`) of each surface, shape (n,); None for
+            laws without bonds.
     """
 
     def __init__(self, equations: ContactEquations, strengths: list[Array | None]):
@@ -105,11 +104,11 @@ class HeldBonds(_Substitute):
 
 
 class YieldingContact(_Substitute):
-    """Contact that yields by the augmentation r about tractions that are held.
+    """Compliant contact, with the compliance 1 / r, relative to given tractions.
 
     Args:
-        equations: the contact problem.
-        tractions: held (n, dim), surface by surface; of a penalty zero.
+        equations: contact problem.
+        tractions: given tractions of each surface, shape (n, dim); zero for a penalty method.
     """
 
     def __init__(self, equations: ContactEquations, tractions: list[Array]):
@@ -121,7 +120,7 @@ class YieldingContact(_Substitute):
 
 
 class _YieldingState(ContactState):
-    """A surface whose answers do not depend on its tractions."""
+    """Evaluation of a surface whose answers do not depend on its tractions."""
 
     @cached_property
     def by_traction(self) -> Array:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Where a solve begins: what is expected to touch, and rigid bodies brought to what they press.
+"""Start of a solve without contact: guessed statuses, and rigid bodies moved into contact.
 
-From a state that touches nothing the first step would be free of contact, and a body that contact
-alone holds would float.
+From a state without contact the first step would be free of contact, and a body held by contact
+alone would float.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ __all__ = ["bring_together", "touches_nothing", "touching"]
 
 Array = npt.NDArray[np.float64]
 
-_TOUCHES = 1e-9  # of the size of the body, a gap that is none
-_ROUND_OFF = 1e-14  # of the size of the body, a penetration that is none
-_BESIDE = 1e-3  # of the reach, a penetration that says nothing of where bodies will touch
-#: Bands of gaps over the size of the body in which points may hold a rigid body.
+_TOUCHES = 1e-9  # gap, relative to the size of the body, that counts as zero
+_ROUND_OFF = 1e-14  # penetration, relative to the size of the body, that counts as zero
+_BESIDE = 1e-3  # penetration, relative to the expected approach, that is insignificant
+#: Bands of gaps, relative to the size of the body, in which points may hold a rigid body.
 _BANDS = (_TOUCHES, *0.5 ** np.arange(20, -1, -1))
 
 
 def touches_nothing(eq: ContactEquations, load: float, state: Evaluation) -> bool:
-    """Whether what is closed is nothing beside what a part of the load closes. Collective.
+    """Return whether the present contact is insignificant compared with the load. Collective.
 
-    Faces that lie on each other have gaps of round-off, a few of them negative. Where nothing
-    presses there yet, the few say nothing of where the bodies will touch: a first step that they
-    alone hold would lead the others through each other by all of the prescribed motion.
+    Faces that coincide have gaps of round-off, a few of which are negative. Without pressure these
+    few points do not indicate where the bodies will touch: in a first step held by them alone, the
+    other points would pass through each other by the whole prescribed motion.
 
     Args:
-        eq: the contact problem.
-        load: part of the prescribed motion that is applied.
-        state: with its statuses, gaps and tractions; a traction counts as the penetration from
-            which the augmentation would make it.
+        eq: contact problem.
+        load: applied part of the prescribed motion.
+        state: evaluation; a traction counts as the penetration that would cause it by the
+            augmentation.
     """
     nothing = True
     for found, reach in zip(state.surfaces, _reaches(eq, load, state), strict=True):
@@ -57,17 +57,16 @@ def touches_nothing(eq: ContactEquations, load: float, state: Evaluation) -> boo
 
 
 def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
-    """Statuses in which all points stick that a part of the load may close. Collective.
+    """Return statuses in which all points stick that the load may close. Collective.
 
-    Where that leaves a rigid body loose, those nearest to it stick as well, as many as it takes to
-    hold it: a load that presses it against them brings them together. So do, where a body is loose
-    that touches at some points alone, as one that rests on a bump, those nearest to what they may
-    touch.
+    If that leaves a rigid body loose, the points nearest to it stick as well, as many as are needed
+    to hold it, because the load presses it against them. Likewise for a loose body that touches at
+    a few points only, such as one that rests on a bump.
 
     Args:
-        eq: the contact problem.
-        load: part of the prescribed motion that is applied.
-        state: whose displacements are checked.
+        eq: contact problem.
+        load: applied part of the prescribed motion.
+        state: evaluation of the start.
     """
     gaps = [eq.gaps(s, state) for s in eq.surfaces]
     reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, load, state)]
@@ -85,9 +84,9 @@ def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
 
 
 def _touched(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> list[float]:
-    """By surface the smallest gap where a vertex of it touches, else minus infinity. Collective.
+    """Return the smallest gap of each surface with a touching vertex, else -inf. Collective.
 
-    Gauss points are between the vertices, which may touch alone.
+    Vertices may touch although no Gauss point between them does.
     """
     least = []
     for s, gap in zip(eq.surfaces, gaps, strict=True):
@@ -103,7 +102,7 @@ def _touched(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> 
 
 
 def _reaches(eq: ContactEquations, load: float, state: Evaluation) -> list[float]:
-    """Gaps up to which points are expected to close, surface by surface. Collective."""
+    """Return gaps up to which points are expected to close, by surface. Collective."""
     return [
         load * (eq.reach(s, state.u) + _rigid_reach(eq, s, state, i))
         for i, s in enumerate(eq.surfaces)
@@ -111,7 +110,7 @@ def _reaches(eq: ContactEquations, load: float, state: Evaluation) -> list[float
 
 
 def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]) -> Statuses:
-    """Statuses in which points with gaps up to a limit stick, surface by surface."""
+    """Return statuses in which points with gaps up to a limit stick, by surface."""
     found = []
     for s, gap, limit in zip(eq.surfaces, gaps, limits, strict=True):
         codes = s.law_at_points.codes
@@ -121,7 +120,7 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
 
 
 def _rigid_reach(eq: ContactEquations, s: DiscreteSurface, state: Evaluation, i: int) -> float:
-    """Half of how far prescribed motions will bring a rigid body nearer to points of ``s``."""
+    """Return half the approach of a rigid body to points of ``s`` by prescribed motions."""
     if not eq.rigid.size:
         return 0.0
     step = np.where(eq.rigid.fixed, eq.prescribed_motions() - state.q, 0.0)
@@ -132,16 +131,16 @@ def _rigid_reach(eq: ContactEquations, s: DiscreteSurface, state: Evaluation, i:
 def _closing(
     eq: ContactEquations, s: DiscreteSurface, state: Evaluation, i: int, dq: Array
 ) -> Array:
-    """By how much a motion of rigid bodies closes the points of ``s`` (n,). Collective."""
+    """Return the decrease of gaps of ``s`` by a motion of rigid bodies (n,). Collective."""
     still = np.zeros(eq.owned_sizes[0])
     step = eq.relative_rate(s, state.u, state.q, still, dq)
     return -state.surfaces[i].kinematics.gap_rate(step)
 
 
 def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
-    """Move rigid bodies that touch nothing along their loads until they touch. Collective.
+    """Translate rigid bodies without contact along their loads into contact. Collective.
 
-    A translation; bodies without a load along a free one, or with nothing ahead of them, stay.
+    Bodies without a load in a free direction, or without an obstacle ahead, do not move.
     """
     if not eq.rigid.size:
         return

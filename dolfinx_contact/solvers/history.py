@@ -29,14 +29,14 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Step:
-    """One Newton iterate: its residual, and how many points changed status on the way to it.
+    """Newton iterate.
 
     Attributes:
-        iteration: 0 for the start.
-        measures: its residual.
-        flips: points that changed status on the way to it.
-        load: the part of the load that is applied.
-        krylov: iterations of the linear solver on the way to it.
+        iteration: number of the iterate, 0 for the start.
+        measures: measures of its residual.
+        flips: number of points whose status changed in the last step.
+        load: applied part of the load.
+        krylov: iterations of the linear solver in the last step.
     """
 
     iteration: int
@@ -57,19 +57,19 @@ class Step:
 
 @dataclass
 class Attempt:
-    """One strategy and its history.
+    """Attempt to solve the problem by one strategy.
 
     Attributes:
         strategy: name of the strategy.
-        reason: why it stopped, in words.
-        steps: its Newton iterates.
-        converged: whether it solved the problem.
-        restless: per surface name, coordinates of points that changed status in the last step.
-        limit: cost at which it gives up.
-        evaluations: of the residual.
-        state: of the solution, until the result is made of it; None if it is to be evaluated.
-        series: what else an algorithm reports, by name; one value an iterate where it states
-            nothing else.
+        reason: reason of its end.
+        steps: Newton iterates.
+        converged: whether the strategy solved the problem.
+        restless: coordinates of points that changed status in the last step, by surface name.
+        limit: cost at which the strategy gives up.
+        evaluations: number of residual evaluations.
+        state: evaluation at the solution, until the result is made; None if it must be repeated.
+        series: further values reported by an algorithm, by name, one per iterate unless the
+            algorithm states otherwise.
     """
 
     strategy: str
@@ -89,16 +89,16 @@ class Attempt:
 
     @property
     def iterations(self) -> int:
-        """Newton steps taken (the first iterate of every start is none)."""
+        """Number of Newton steps; starts are not counted."""
         return len([s for s in self.steps if s.iteration > 0])
 
     @property
     def cost(self) -> float:
-        """What it took, in Newton steps: a residual beside those of the iterates is a quarter."""
+        """Cost in Newton steps; an additional residual evaluation costs a quarter of a step."""
         return self.iterations + max(0, self.evaluations - len(self.steps)) / 4
 
     def gives_up(self) -> bool:
-        """Whether its cost has reached its limit; `reason` names it then."""
+        """Return whether the cost has reached the limit, and set `reason`."""
         if self.cost < self.limit:
             return False
         self.reason = f"gave up after a cost of {self.limit:g} Newton steps"
@@ -106,15 +106,15 @@ class Attempt:
 
     @property
     def krylov_iterations(self) -> int:
-        """Iterations of the linear solver."""
+        """Number of iterations of the linear solver."""
         return sum(s.krylov for s in self.steps)
 
 
 class ConvergenceError(RuntimeError):
-    """No strategy solved the problem; the caller's Functions are as they were.
+    """No strategy solved the problem; the Functions of the caller are unchanged.
 
     Attributes:
-        attempts: what was tried, with the history of each.
+        attempts: attempts of the strategies.
     """
 
     def __init__(self, message: str, attempts: Sequence[Attempt] = ()):
@@ -123,24 +123,24 @@ class ConvergenceError(RuntimeError):
 
 
 class FloatingBodyError(ConvergenceError):
-    """A rigid motion of the body is held neither by Dirichlet data nor by contact."""
+    """Neither Dirichlet data nor contact hold a rigid motion of the body."""
 
 
 class LinearSolverError(ArithmeticError):
-    """The linear system of a Newton step could not be solved; the message has the reason."""
+    """The linear system of a Newton step was not solved."""
 
 
 class SolveProgress(Progress):
-    """The line of a solve: strategy, iteration, residual, Krylov iterations, elapsed time.
+    """Progress line of a solve: strategy, iteration, residual, Krylov iterations, elapsed time.
 
     Args:
-        comm: only rank 0 writes.
-        wanted: True from the beginning, False never, None once the solve takes some seconds, unless
-            the log has every iteration.
-        stream: as in `Line`.
+        comm: communicator; only rank 0 writes.
+        wanted: whether progress is shown; default: once the solve has taken some seconds, unless
+            the log contains every iteration.
+        stream: see `Line`.
 
     Attributes:
-        strategy: what is tried.
+        strategy: name of the present strategy.
     """
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
@@ -149,7 +149,7 @@ class SolveProgress(Progress):
         self.strategy = ""
 
     def step(self, step: Step) -> None:
-        """Say where the solve is."""
+        """Show an iterate."""
         if not self.due:
             return
         parts = [
@@ -163,6 +163,10 @@ class SolveProgress(Progress):
         self.update("  ".join(parts))
 
     def end(self, iterations: int | None = None) -> None:
-        """End the line, with how a solve went that converged; None for one that did not."""
+        """End the line.
+
+        Args:
+            iterations: number of iterations of a solve that converged; None if it failed.
+        """
         text = f"solved by {self.strategy}, {iterations} iterations, {self.seconds:.1f} s"
         self.close("" if iterations is None else f"contact solve: {text}")

@@ -22,33 +22,32 @@ if TYPE_CHECKING:
 
 __all__ = ["Direct", "LinearSolver", "reasons_of", "seconds_of_multigrid"]
 
-#: Factor and power of the number of unknowns, by dimension, that give the seconds of a Newton step
-#: with MUMPS on one core: measured on an idle machine, per step of cold solves, with 3 10^3 to 10^5
-#: unknowns in 2D and 2 10^3 to 3.3 10^4 in 3D. Assembly of a bulk that is not linear comes on top.
+#: Factor and power of the number of unknowns, by dimension, that predict the seconds of a Newton
+#: step with MUMPS on one core: measured on an idle machine, per step of cold solves, with 3 10^3 to
+#: 10^5 unknowns in 2D and 2 10^3 to 3.3 10^4 in 3D. Assembly of nonlinear bodies is added.
 _DIRECT_SECONDS = {2: (3.5e-7, 1.19), 3: (2.5e-7, 1.47)}
-_NEWTON_STEPS = 9  # of a cold solve
+_NEWTON_STEPS = 9  # number of steps of a cold solve
 
-#: Products with the stiffness that take as long as a cold solve by multigrid, but for the contact
-#: surface: measured 430 to 1000 in 2D, 350 to 600 in 3D, P1 and P2, on one rank and two.
+#: Number of products with the stiffness that take as long as a cold multigrid solve, without the
+#: contact surface: measured 430 to 1000 in 2D, 350 to 600 in 3D, P1 and P2, on one and two ranks.
 _PRODUCTS = {2: 900, 3: 550}
-#: Factor and power of the number of contact points that give what the surface adds, in products
-#: over the number of unknowns: measured with 2 10^3 and 6 10^3 contact points in 3D.
+#: Factor and power of the number of contact points that predict the share of the surface, in
+#: products times unknowns: measured with 2 10^3 and 6 10^3 contact points in 3D.
 _SURFACE = (640.0, 1.37)
-_TRIES = 3  # products that are timed
 _INACCURATE = 1e-2  # relative residual from which a linear solve counts as failed
 
 
 class LinearSolver:
-    """What Newton's method requires of a linear solver.
+    """Interface of the linear solvers of Newton's method.
 
     Attributes:
         name: ``direct`` or ``amg``.
-        matrix: the Jacobian, for SNES.
+        matrix: Jacobian, for SNES.
         defaults: PETSc options of the KSP.
-        corrects: whether `correct` may do anything.
-        predicted: seconds of a cold solve, if it was predicted.
-        reduction: of the residual by the last solve, as far as it is known.
-        is_followed_with: whether a branch is followed with it.
+        corrects: whether `correct` is implemented.
+        predicted: predicted seconds of a cold solve.
+        reduction: reduction of the residual by the last solve; 0 if unknown.
+        is_followed_with: whether a branch is followed with this solver.
     """
 
     name: str
@@ -61,58 +60,58 @@ class LinearSolver:
 
     @property
     def preconditioner(self) -> Preconditioner | None:
-        """For systems that contain the Jacobian; None where it is to be factorised."""
+        """Preconditioner for systems that contain the Jacobian; None if it must be factorised."""
         return None
 
     def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
-        """Prepare a KSP, before it reads its options.
+        """Prepare a KSP before it reads its options.
 
         Args:
-            ksp: to prepare.
-            remainder: called with a correction, gives the norm of H after it in the rows of the
-                contact conditions. Collective.
+            ksp: linear solver of SNES.
+            remainder: function of a correction that returns the norm of H after it, in the rows of
+                the contact conditions; collective.
         """
 
     def update(self, state: Evaluation) -> None:
-        """Assemble the Jacobian at a state. Collective."""
+        """Assemble the Jacobian at an evaluation. Collective."""
         raise NotImplementedError
 
     def predicted_seconds(self) -> float:
-        """What a cold solve may take, from measured runs. Collective."""
+        """Predict the seconds of a cold solve from measured runs. Collective."""
         raise NotImplementedError
 
     def prepare(
         self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
     ) -> None:
-        """See to tolerances and preconditioner for the step from the iterate ``step``. Collective.
+        """Set tolerances and preconditioner for the step from an iterate. Collective.
 
         Args:
-            ksp: to prepare.
-            step: the iterate.
+            ksp: linear solver of SNES.
+            step: iterate.
             target: relative residual at which Newton's method ends.
-            state: of the iterate.
-            warm: whether it began from a state in contact.
+            state: evaluation at the iterate.
+            warm: whether Newton's method began from a state in contact.
         """
 
     def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        """What to subtract to solve the rows of the contact surface for its unknowns. Collective.
+        """Solve the rows of the contact surface for its unknowns. Collective.
 
         Args:
-            state: of the body.
-            residual: H there.
-            correction: receives the solution, zero off the surface.
+            state: evaluation of H.
+            residual: H.
+            correction: vector that receives the vector to subtract, zero off the surface.
 
         Returns:
-            Whether there is anything to correct, and a solver for it.
+            Whether there is a correction.
         """
         return False
 
     def retry(self, ksp: PETSc.KSP, state: Evaluation) -> bool:
-        """Whether there is something better to try after a linear solve that failed. Collective."""
+        """Return whether another preconditioner is available after a failed solve. Collective."""
         return False
 
     def explain(self, ksp: PETSc.KSP) -> str:
-        """A failed linear solve in words. Collective."""
+        """Return the reason of a failed linear solve as text. Collective."""
         raise NotImplementedError
 
     def inaccuracy(self, ksp: PETSc.KSP) -> str:
@@ -120,7 +119,7 @@ class LinearSolver:
         return ""
 
     def tighten(self) -> bool:
-        """Solve more exactly, if that has not been tried: statuses may cycle otherwise."""
+        """Tighten the tolerances, and return whether this was possible; statuses may cycle."""
         return False
 
     def destroy(self) -> None:
@@ -136,21 +135,21 @@ class Direct(LinearSolver):
     def __init__(self, equations: ContactEquations):
         self._equations = equations
         self._jacobian = Jacobian(equations)
-        self._residual = 0.0  # of the last solve, over its right-hand side
+        self._residual = 0.0  # relative residual of the last solve
         if (equations.options.value("pc_type") or "lu") not in ("lu", "cholesky"):
             factor = ("pc_factor_mat_solver_type", "mat_mumps_icntl_14")
             self.defaults = {k: v for k, v in Direct.defaults.items() if k not in factor}
 
     @property
     def matrix(self) -> PETSc.Mat:  # type: ignore[override]
-        """The Jacobian, another matrix where its pattern has changed."""
+        """Jacobian, a new matrix if its pattern has changed."""
         return self._jacobian.matrix
 
     def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
         ksp.setPostSolve(self._measure)
 
     def _measure(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Take the true residual: what a KSP checks is that of its preconditioned system."""
+        """Compute the true residual; a KSP tests that of its preconditioned system."""
         r = b.duplicate()
         self.matrix.mult(x, r)
         r.axpy(-1.0, b)
@@ -193,7 +192,7 @@ class Direct(LinearSolver):
 
 
 def reasons_of(ksp: PETSc.KSP) -> str:
-    """Why a KSP ended, in PETSc's names: its own reason, its PC's, and MUMPS'. Collective."""
+    """Return the reasons of KSP, PC and MUMPS in PETSc's names. Collective."""
     comm = ksp.comm.tompi4py()
     pc = ksp.getPC()
     words = [f"{ksp.getType()} with {pc.getType()}"]
@@ -216,7 +215,7 @@ def _name(reasons: Any, value: int) -> str:
 
 
 def seconds_of_multigrid(eq: ContactEquations) -> float:
-    """What a cold solve by multigrid may take, from the time of a product. Collective."""
+    """Predict the seconds of a cold multigrid solve from the time of a product. Collective."""
     dim = eq.dim
     points = sum(s.points.number_everywhere for s in eq.surfaces)
     factor, power = _SURFACE
@@ -226,6 +225,6 @@ def seconds_of_multigrid(eq: ContactEquations) -> float:
 
 
 def seconds_of_assembly(eq: ContactEquations) -> float:
-    """What assembling a stiffness that changes takes in a cold solve. Collective."""
+    """Predict the seconds of assembling a nonlinear stiffness in a cold solve. Collective."""
     once = eq.comm.allreduce(eq.bulk.seconds[0], op=max)
     return 0.0 if eq.bulk.linear else float(_NEWTON_STEPS * once)
