@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How exactly the linear system of a Newton step is worth solving.
+"""Forcing terms: relative tolerances of the linear systems of Newton steps.
 
-Eisenstat and Walker (SIAM J. Sci. Comput. 17, 1996, choice 2): the relative tolerance of step k is
-gamma (F_k / F_(k-1))^2, with their safeguard against a fall by accident. Guards for kinks: while
-points change their status the reduction of the residual shows nothing about the model of the next
-step, so that the tolerance stays at its largest value; where the residual finds no new minimum for
-some steps, or statuses cycle, that value shrinks, since it may be the inexactness that makes them
-change; and no step is solved beyond what the tolerance of the whole solve can use.
+The tolerance of step k is gamma (F_k / F_(k-1))^2, with the safeguard against accidental decreases
+(Eisenstat and Walker, SIAM J. Sci. Comput. 17, 1996, choice 2). Additions for kinks:
 
-Within a solve the model is put to the test itself: H after the step so far, in the rows of the
-contact conditions, is the remainder of the linear model there, which takes it for zero. Below that
-the linear residual is not worth reducing (choice 1 of Eisenstat and Walker compares the same two,
-but after the solve).
+1. While points change their status, the reduction of the residual does not predict the accuracy of
+   the next linear model, so the tolerance keeps its largest value.
+2. If the residual finds no new minimum for some steps, or statuses cycle, the largest value
+   shrinks, because the inaccuracy of the solves may cause the changes.
+3. No step is solved more accurately than the tolerance of the whole solve requires.
+
+Within a solve the linear model is tested: H after the present step, in the rows of the contact
+conditions, is the remainder of the linear model. The linear residual need not be reduced further
+below it. (Choice 1 of Eisenstat and Walker compares the two after the solve.)
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from dataclasses import dataclass, field
 
 __all__ = ["Forcing"]
 
-_SOON = 1e-3  # factor of the linear residual after which the model is tested again at the latest
-_FURTHER = 3.0  # and at the earliest
+_SOON = 1e-3  # smallest reduction of the linear residual between two tests of the model
+_FURTHER = 3.0  # smallest factor between two tests of the model
 
 
 @dataclass
@@ -29,18 +30,18 @@ class Forcing:
     """Relative tolerances of successive linear solves.
 
     Attributes:
-        largest: the tolerance while many statuses change.
-        first: that of the first step, which is to carry prescribed motions to the surface.
-        warm: the same for a start that is close to a solution, where an inexact step would make
-            statuses change that are right already.
+        largest: tolerance while many statuses change.
+        first: tolerance of the first step, which carries prescribed motions to the surface.
+        warm: tolerance of a start close to a solution, where an inaccurate step would change
+            statuses that are correct.
         gamma: factor of the squared reduction.
-        smallest: the tightest tolerance.
-        tightest: the same while statuses change.
-        reserve: part of the remaining reduction that the last step is solved to.
-        near: times the target; a step that would end nearer to it is solved to the end.
+        smallest: smallest tolerance.
+        tightest: smallest tolerance while statuses change.
+        reserve: part of the remaining reduction to which the last step is solved.
+        near: factor of the target; a step that would end below it is solved to the target.
         many: share of the contact points whose change counts as many.
         patience: steps without a new minimum of the residual before the tolerances shrink.
-        looks: reduction of the linear residual at which the model is tested first.
+        looks: reduction of the linear residual at the first test of the model.
     """
 
     largest: float = 3e-2
@@ -64,11 +65,11 @@ class Forcing:
 
     @classmethod
     def in_motion(cls) -> Forcing:
-        """For steps of time, where mass makes systems well conditioned and a step more is cheap."""
+        """Return tolerances for time steps, where mass makes systems well conditioned."""
         return cls(largest=1e-1, first=3e-2, warm=3e-2, reserve=0.1, near=30.0)
 
     def restart(self, *, warm: bool) -> None:
-        """Begin anew, from a state that is close to a solution or not."""
+        """Begin a solve, from a state close to a solution (``warm``) or not."""
         self._cap = self.warm if warm else self.largest
         self._last = self._eta = 0.0
         self._least = float("inf")
@@ -77,7 +78,7 @@ class Forcing:
         self._next = 0.0
 
     def tighten(self) -> bool:
-        """Solve more exactly from now on; False if that is done already."""
+        """Reduce the largest tolerance; return False if it cannot be reduced further."""
         if self._cap <= self.tightest:
             return False
         self._cap *= 0.03
@@ -86,12 +87,12 @@ class Forcing:
         return True
 
     def tolerance(self, residual: float, target: float, changed: float) -> float:
-        """The relative tolerance of the step from a state.
+        """Return the relative tolerance of the step from a state.
 
         Args:
             residual: relative residual of the state.
-            target: at which the solve ends.
-            changed: share of the points that changed their status on the way to the state.
+            target: relative residual at which the solve ends.
+            changed: share of the points whose status changed in the last step.
         """
         self._waited = 0 if residual < self._least else self._waited + 1
         self._least = min(residual, self._least)
@@ -112,15 +113,15 @@ class Forcing:
         return self._eta
 
     def is_due(self, reduction: float) -> bool:
-        """Whether the model is to be tested where the linear residual was reduced so far."""
+        """Return whether the model is to be tested at this reduction of the linear residual."""
         return reduction <= self._next
 
     def suffices(self, reduction: float, remainder: float) -> bool:
-        """Whether a solve may end, and when it is to be asked next if not.
+        """Return whether a solve may end; otherwise schedule the next test.
 
         Args:
-            reduction: linear residual over H at the beginning of the step.
-            remainder: of the linear model, over the same.
+            reduction: ratio of the linear residual to H at the beginning of the step.
+            remainder: ratio of the remainder of the linear model to the same H.
         """
         if remainder >= reduction:
             return True

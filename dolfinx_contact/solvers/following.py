@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The last strategy of a solve: follow the load from nothing to the whole, through folds.
+"""Last strategy of a solve: follow the branch of solutions from no load to the whole load.
 
-The load grows as in `increments.py`, with s from 0 to 1. Following the branch of solutions
-continues where increments of s get stuck because it turns back.
+The load grows as in `strategies.raise_load`, with s from 0 to 1. Where the branch turns back, load
+increments fail, but the branch can be followed through its folds.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from dolfinx_contact.solvers.linear import LinearSolver
 __all__ = ["Loaded", "follow_load"]
 
 _MOST_STEPS = 400
-_ROUND_OFF = 1e-8  # rows of the surfaces that are round-off, over stiffness times displacement
+_ROUND_OFF = 1e-8  # contact rows, relative to stiffness times displacement, that are round-off
 Array = npt.NDArray[np.float64]
 
 
 class Loaded(ParametricEquations):
     """H(x, s) - (1 - s) H(x_0, 0): the contact problem with a part s of its load.
 
-    It is to be made and used while `ContactEquations.ramped` from x_0 holds, with the part 0 first.
+    It must be created and used within `ContactEquations.ramped` from x_0, at first with the part 0.
 
     Args:
-        equations: the contact problem under the whole load.
-        linear: gives its linear solver.
-        x0: x_0, the solution at s = 0.
+        equations: contact problem under the whole load.
+        linear: function that returns its linear solver.
+        x0: solution x_0 at s = 0.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Loaded(ParametricEquations):
         equations.residual(x0, self._rest)
 
     def leaves_surfaces_alone(self) -> bool:
-        """Whether the load leaves alone what the surfaces are given, at the start. Collective."""
+        """Return whether the load does not change the data of the surfaces. Collective."""
         eq = self.equations
         size = max(float(np.abs(f).max(initial=0.0)) for f in eq.blocks(self._x0))
         rows = [float(np.abs(f).max(initial=0.0)) for f in eq.blocks(self._rest)[1:-1]]
@@ -110,9 +110,14 @@ def follow_load(
     attempt: Attempt,
     most: int,
 ) -> bool:
-    """Follow the load from ``x``, which becomes the solution at full load if that is reached.
+    """Follow the load from ``x``, which receives the solution at full load, and return success.
 
-    A point of the branch takes ``most`` iterations at most.
+    Args:
+        equations: contact problem under the whole load.
+        linear: function that returns its linear solver.
+        x: start; receives the solution.
+        attempt: attempt that records the reason of a failure.
+        most: largest number of iterations at a point of the branch.
     """
     if most < 1:
         attempt.reason = "no convergence in 0 iterations"

@@ -1,5 +1,24 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Newton steps by a Krylov method with the surface filter and a hierarchy that is kept."""
+"""Newton steps by a Krylov method, preconditioned by multigrid and an exact surface solve.
+
+A Newton step from an iterate x:
+
+1. Assemble the contact terms S of the Jacobian at the statuses of x, and factorise the block of the
+   contact surface (`operator`, `surface_filter`). The stiffness of a linear body is kept.
+2. Use the present multigrid hierarchy of the stiffness (`hierarchy`). It is built from the
+   stiffness with the closed nodes held, and the closed points of pairs coupled by `springs`. It
+   outlives changes of status, because the exact surface solve corrects the contact nodes.
+3. Build a new hierarchy only if the stiffness of a linear body has changed, or if the iterations
+   saved exceed the cost of the set-up; costs are counted in iterations (`PLAIN`, `SMOOTHED`,
+   measured in `benchmarks/settings_study.py`). Smoothed aggregates replace plain ones by the same
+   rule.
+4. Choose the relative tolerance by the forcing terms of Eisenstat and Walker (`_forcing`).
+5. Solve by FGMRES, starting from one application of the preconditioner. Stop early if the residual
+   of the contact conditions after the step, a measure of the nonlinearity, exceeds the linear
+   residual.
+6. After the full step, correct the surface unknowns for their own rows, with the body held
+   (`_settling`, `Multigrid.correct`).
+"""
 
 from __future__ import annotations
 
@@ -35,21 +54,21 @@ __all__ = ["Multigrid"]
 
 logger = logging.getLogger(__name__)
 
-#: Cost of a decimal digit with smoothed aggregates, in iterations with plain ones.
+#: Cost of a decimal digit of the residual with smoothed aggregates, in iterations with plain ones.
 _SMOOTHED_PER_DIGIT = SMOOTHED.iteration * SMOOTHED.per_digit
 _SOFT = 0.15  # softness of a body with Poisson's ratio 0.478
-_SEEN = 0.3  # digits after which a solve shows how many iterations one takes
-_NEGLIGIBLE = 0.01  # share of the residual on the surface that needs no correction
+_SEEN = 0.3  # digits from which a solve indicates the iterations per digit
+_NEGLIGIBLE = 0.01  # share of the residual on the surface below which it is not corrected
 
 
 @dataclass(frozen=True)
 class _Glued:
-    """What a hierarchy holds together.
+    """Nodes and points that a hierarchy treats as closed.
 
     Attributes:
-        held: owned displacement dofs of the nodes that touch an obstacle.
-        joined: points of this rank that are closed, pair of bodies by pair.
-        guessed: whether nothing is closed on a surface, so that what will be is a guess.
+        held: mask of owned displacement dofs of nodes in contact with an obstacle.
+        joined: masks of closed points of this rank, one per pair of bodies.
+        guessed: whether a surface has no closed point, so its closed nodes are guessed.
     """
 
     held: npt.NDArray[np.bool_]
@@ -57,7 +76,7 @@ class _Glued:
     guessed: bool
 
     def differs(self, other: _Glued | None) -> bool:
-        """Whether anything is glued otherwise on this rank."""
+        """Return whether other nodes or points are closed on this rank."""
         if other is None or bool((self.held != other.held).any()):
             return True
         pairs = zip(self.joined, other.joined, strict=True)
@@ -67,11 +86,11 @@ class _Glued:
 class Multigrid(LinearSolver):
     """Krylov solves of the uncondensed Jacobian, preconditioned by `SurfaceFilter`.
 
-    The operator (`matrix`) and the filter act on H_x alone, so that a bordered system may use them
-    as the leading block of its own operator and preconditioner.
+    The operator (`matrix`) and the filter act on H_x alone, so a bordered system can use them as
+    the leading block of its own operator and preconditioner.
 
     Args:
-        equations: the contact problem.
+        equations: contact problem.
     """
 
     name = "amg"
@@ -81,8 +100,8 @@ class Multigrid(LinearSolver):
         "ksp_knoll": True,
         "ksp_gmres_restart": 60,
         "ksp_max_it": 200,
-        # FGMRES cannot diverge, but its start, an application, may be far off: with the body held
-        # the surface is nearly singular where much friction meets a volume that hardly changes.
+        # FGMRES cannot diverge, but its start, one application, may be inaccurate: with the body
+        # held, the surface is nearly singular for large friction and nearly incompressible bodies.
         "ksp_divtol": 1e20,
     }
 
@@ -96,8 +115,8 @@ class Multigrid(LinearSolver):
         self.filter = SurfaceFilter(self.operator, prefix)
         symmetric = equations.bulk.is_energy
         massive = equations.bulk.has_mass
-        # In the plane smoothed aggregates are cheap, and plain ones fail where the body hardly
-        # changes its volume (measured).
+        # In 2D smoothed aggregates are cheap, and plain ones fail for nearly incompressible bodies
+        # (measured).
         smoothed = equations.dim == 2 or equations.scaling.softness < _SOFT
         self.hierarchy = Hierarchy(
             equations.V,
@@ -107,14 +126,14 @@ class Multigrid(LinearSolver):
             interpolation=SMOOTHED if smoothed else PLAIN,
         )
         self.forcing = Forcing.in_motion() if massive else Forcing()
-        self._correction = equations.create_vector()  # of the step so far
+        self._correction = equations.create_vector()  # step of the present Krylov iterate
         self._glued: _Glued | None = None
-        self._excess = 0.0  # iterations that a new hierarchy would have saved,
-        self._dearer = 0.0  # and what one with smoothed aggregates would have
-        self._unused = True  # since the hierarchy was built
+        self._excess = 0.0  # iterations that a new hierarchy would have saved
+        self._dearer = 0.0  # iterations that smoothed aggregates would have saved
+        self._unused = True  # whether no solve has used the hierarchy
         self._changing = False  # whether many points changed their status in the last step
-        self._measured = 0.0  # iterations for a digit in the first solve with it
-        self._assemblies = 0  # of the stiffness, when the hierarchy was built
+        self._measured = 0.0  # iterations per digit in the first solve with the hierarchy
+        self._assemblies = 0  # assemblies of the stiffness when the hierarchy was built
         self._points = sum(s.points.number_everywhere for s in equations.surfaces)
 
     def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
@@ -148,34 +167,34 @@ class Multigrid(LinearSolver):
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(self.filter)
 
-    # -- as the preconditioner of a system that is followed --------------------------------------
+    # -- preconditioner of bordered systems ------------------------------------------------------
 
     @property
     def preconditioner(self) -> Multigrid:
         return self
 
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """P^-1 r into ``z``, P as `update` left it. Collective."""
+        """Write P^-1 r into ``z``, with P of the last `update`. Collective."""
         self.filter.apply(None, r, z)
 
     def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """The unknowns of the surface for their rows of r, with the body held. Collective."""
+        """Solve the rows of r on the surface for its unknowns, with the body held. Collective."""
         s = self.filter.surface.local
         z.set(0.0)
         z.array[s] = self.filter.solve(r.array_r[s])
 
     def determinant_sign(self) -> float:
-        """Sign of det P, but for a factor that never changes. Collective.
+        """Return the sign of det P up to a constant factor. Collective.
 
-        P eliminates the surface exactly, and on the rest it is a cycle of multigrid that is
-        symmetric and positive definite: the sign is that of the surface block.
+        P eliminates the surface exactly. On the remaining unknowns it is a multigrid cycle, which
+        is symmetric and positive definite, so the sign is that of the surface block.
         """
         return self.filter.determinant_sign()
 
     def age(self, iterations: int, digits: float) -> None:
-        """Add what a solve took more than a new hierarchy would; `update` acts on it."""
+        """Record the iterations of a solve beyond those of a new hierarchy, for `update`."""
         if self._unused and digits > _SEEN:
-            # What a hierarchy takes that was built from a guess is no measure of the next.
+            # The iterations of a hierarchy built from a guess do not indicate those of the next.
             guessed = self.builds == 1 or self._glued is None or self._glued.guessed
             self._measured = 0.0 if guessed else iterations / digits
             self._unused = False
@@ -184,14 +203,14 @@ class Multigrid(LinearSolver):
 
     @property
     def _per_digit(self) -> float:
-        """Iterations for a decimal digit that another hierarchy may be expected to take.
+        """Expected iterations per decimal digit with a new hierarchy.
 
-        No fewer than this one took when it was new: a body that hardly changes its volume takes
-        many with each.
+        At least those of this hierarchy when it was new: nearly incompressible bodies take many
+        iterations with any hierarchy.
         """
         return max(self.hierarchy.interpolation.per_digit, self._measured)
 
-    # -- as the linear solver of Newton's method -------------------------------------------------
+    # -- linear solver of Newton's method --------------------------------------------------------
 
     def predicted_seconds(self) -> float:
         return seconds_of_multigrid(self._equations)
@@ -205,20 +224,20 @@ class Multigrid(LinearSolver):
         now = self.hierarchy.interpolation
         dear = self._excess * now.iteration > now.set_up
         aged = dear and not self._changing and self._is_stale(state)
-        self._changing = False  # of that step alone: following a branch tells no steps
+        self._changing = False  # only for one step; continuation does not call `prepare`
         smooth = self._dearer > SMOOTHED.set_up and self._smooth()
         if self.hierarchy.pc is None or changed or aged or smooth:
             self.build(state)
 
     def _smooth(self) -> bool:
-        """Whether the next hierarchy has smoothed aggregates where this one has plain ones."""
+        """Switch from plain to smoothed aggregates, and return whether this was possible."""
         if not self.hierarchy.may_smooth:
             return False
         self.hierarchy.interpolation = SMOOTHED
         return True
 
     def build(self, state: Evaluation) -> None:
-        """Build the hierarchy from the statuses, or from a guess of them. Collective."""
+        """Build the hierarchy from the statuses or from guessed ones. Collective."""
         A = self.operator
         self._glued = self._closed(state)
         held = np.union1d(A.fixed, np.flatnonzero(self._glued.held)).astype(np.int32)
@@ -235,7 +254,7 @@ class Multigrid(LinearSolver):
             )
 
     def _closed(self, state: Evaluation) -> _Glued:
-        """What to glue: what is closed, or a guess where nothing is closed yet. Collective."""
+        """Return the closed nodes and points, guessed if a surface has none. Collective."""
         eq = self._equations
         V = self._equations.V
         bs = V.dofmap.index_map_bs
@@ -248,7 +267,7 @@ class Multigrid(LinearSolver):
             points = closed(found.statuses)
             touching = bool(self.comm.allreduce(int(points.any())))
             guessed = guessed or not touching
-            # A hierarchy that is glued too far costs less than one that is glued too little.
+            # Too many closed nodes cost less than too few.
             reach = eq.reach(s, state.u) or np.inf
             if s.between_bodies:
                 gaps = eq.gaps(s, state) if s.slides else s.points.data.gap
@@ -280,7 +299,7 @@ class Multigrid(LinearSolver):
         if step.iteration > 0:
             digits = -float(np.log10(max(self.reduction, 1e-16)))
             self.age(step.krylov, digits)
-            # What is built while many points change would be outdated at once.
+            # A hierarchy built while many points change would soon be outdated.
             self._changing = changed > self.forcing.many
             if not self._changing:
                 self._rebuild_if_it_pays(step, digits, target, state)
@@ -291,7 +310,7 @@ class Multigrid(LinearSolver):
         on_surface = residual.array_r[s]
         squares = np.array([np.sum(on_surface**2), np.sum(residual.array_r**2)])
         part, whole = total(self.comm, squares)
-        if not part > _NEGLIGIBLE**2 * whole:  # NaN is none of its business
+        if not part > _NEGLIGIBLE**2 * whole:  # also if it is NaN
             return False
         with logged("ContactJacobian"):
             self.operator.update_contact(state)
@@ -302,7 +321,7 @@ class Multigrid(LinearSolver):
     def _rebuild_if_it_pays(
         self, step: Step, digits: float, target: float, state: Evaluation
     ) -> None:
-        """Build anew if that saves more iterations than it costs. Collective."""
+        """Build a new hierarchy if it saves more iterations than it costs. Collective."""
         per_digit = step.krylov / max(digits, 1.0)
         left = max(np.log10(max(step.measures.worst, target) / target), 0.0) + 1
         now = self.hierarchy.interpolation
@@ -312,7 +331,7 @@ class Multigrid(LinearSolver):
             self.build(state)
 
     def _is_stale(self, state: Evaluation) -> bool:
-        """Whether a hierarchy built now would be another one. Collective."""
+        """Return whether a hierarchy built now would differ. Collective."""
         moved = self._closed(state).differs(self._glued)
         other = self._assemblies != self._equations.bulk.assemblies
         return bool(self.comm.allreduce(int(moved or other)))
@@ -337,7 +356,7 @@ class Multigrid(LinearSolver):
 
     @property
     def builds(self) -> int:
-        """Hierarchies built so far."""
+        """Number of hierarchies built so far."""
         return self.hierarchy.builds
 
     def destroy(self) -> None:
@@ -347,5 +366,5 @@ class Multigrid(LinearSolver):
 
 
 def _knows_residual(ksp: PETSc.KSP) -> bool:
-    """Whether a KSP, set up, has the norm of the residual itself."""
+    """Return whether a KSP that is set up provides the norm of the true residual."""
     return bool(ksp.getNormType() == PETSc.KSP.NormType.UNPRECONDITIONED)

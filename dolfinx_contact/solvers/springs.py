@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Springs that hold bodies together where they touch, for a hierarchy of multigrid.
+r"""Springs that couple touching bodies in a multigrid hierarchy.
 
-On a rigid obstacle closed nodes are held. Between bodies they move together, which coarse levels
-have to know: the hierarchy is built from
+On a rigid obstacle closed nodes are held. Closed nodes of two bodies move together, which coarse
+levels must represent: the hierarchy is built from
 
     K + B_c^T kappa B_c
 
 with the rows c of B at the closed points. The spring of a point is as stiff as the nodes that it
-joins, in series: kappa = 1 / sum_k b_k^2 / K_kk, times its share of the area of a node where there
-are more points than nodes. Stiffer ones spoil the smoother; and what springs leave open is some
-compliance across one layer of cells, which the exact solve on the surface mends.
+joins, in series: kappa = 1 / sum_k b_k^2 / K_kk, times its share of the area of a node if there are
+more points than nodes. Stiffer springs impair the smoother. The remaining compliance across one
+layer of cells is corrected by the exact solve on the surface.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ def springs(
     state: Evaluation,
     closed: Sequence[npt.NDArray[np.bool_]],
 ) -> PETSc.Mat | None:
-    """B_c^T kappa B_c in the numbering of the stiffness, None where there are no pairs. Collective.
+    """Return B_c^T kappa B_c in the numbering of the stiffness; None without pairs. Collective.
 
     Args:
-        equations: the contact problem.
-        stiffness: K.
-        state: where faces that slide over each other are.
-        closed: which points of this rank are closed, pair by pair.
+        equations: contact problem.
+        stiffness: stiffness K.
+        state: evaluation with the positions of sliding faces.
+        closed: masks of the closed points of this rank, one per pair.
     """
     pairs = [i for i, s in enumerate(equations.surfaces) if s.between_bodies]
     if not pairs:
@@ -78,13 +78,13 @@ def springs(
 def _of_stencils(
     comm: MPI.Comm, operator: ConstantOperator, share: Array, compliance: Array
 ) -> tuple[Nodes, Nodes, Array]:
-    """Nodes, nodes and stiffness of springs of B that never changes. Collective.
+    """Return nodes (rows, columns) and stiffness of the springs of a constant B. Collective.
 
     Args:
         comm: communicator.
-        operator: B.
-        share: of the areas of nodes, of the points that are joined (n,).
-        compliance: of the owned nodes.
+        operator: operator B.
+        share: share of the area of a node of each joined point, shape (n,).
+        compliance: compliance of the owned nodes.
     """
     stencils = operator.stencils
     b = stencils.weights
@@ -100,7 +100,7 @@ def _of_stencils(
 def _of_sliding(
     comm: MPI.Comm, operator: Operator, share: Array, compliance: Array
 ) -> tuple[Nodes, Nodes, Array]:
-    """The same of faces that slide over each other, at a state. Collective."""
+    """Return the same for sliding faces at a state. Collective."""
     from dolfinx_contact.points.sliding.operator import SlidingOperator
 
     assert isinstance(operator, SlidingOperator)
