@@ -9,8 +9,8 @@ lies on the curve
 at arc length h, where t_n is a solution of the rate problem at x_n (`rate_problem`). Once accepted,
 it leaves the memory m_n+1. This is a quasi-static evolution whose load, or imposed displacement,
 rises and falls such that the state changes slowly, for example where a structure snaps back:
-friction opposes the slip as it happens, and damage is irreversible. The constraint is that of Riks
-(Int. J. Solids Struct. 15, 1979) on the pieces of H.
+friction opposes the slip as it happens, and damage is irreversible. The constraint was
+introduced by Riks (Int. J. Solids Struct. 15, 1979); here it is used on the pieces of H.
 
 Time has no meaning on a path: laws must not depend on it.
 """

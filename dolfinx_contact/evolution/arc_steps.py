@@ -7,8 +7,9 @@ along the tangent t_n that solve its rate problem (`rate_problem`). It solves
     H(x, gamma; m_n) = 0  on the piece,        <y - y_n, t_n> = h,
 
 and ends at the first of: arc length h, border of the piece ("kink"), turning point of gamma
-("fold"), end of the range of gamma ("end"); all are located to round-off. The memory m_n is that of
-the start, so that a bond that breaks continues to break and a point that slips continues to slip.
+("fold"), end of the range of gamma ("end"); all are located to round-off. The memory m_n of the
+start is used, so that a bond that breaks continues to break and a point that slips continues to
+slip.
 
 A step is too long, and shortened, if
 
@@ -40,7 +41,7 @@ from dolfinx_contact.evolution.rate_problem import RateProblem
 __all__ = ["ArcSteps", "Arrival"]
 
 Array = npt.NDArray[np.float64]
-#: What a step ends at; "" for its full length.
+#: Event at the end of a step; "" for a step of full length.
 EndOfStep: TypeAlias = Literal["", "kink", "fold", "end"]
 
 # Distances to borders, relative to the largest distance of the run:
@@ -60,7 +61,7 @@ class Arrival:
 
     Attributes:
         point: point with the piece and the tangent of the step.
-        at: what the step ends at.
+        at: event at the end of the step.
         bifurcations: smooth bifurcations within the step.
         next_h: length of the next step.
     """
@@ -144,12 +145,10 @@ class ArcSteps(ExactSteps):
             at_border: events that vanish at the start.
             gamma_range: range of gamma.
         """
-        control = self.control
         new = self._corrected(point, h)
         if new is None or self._turns_twice(point, new):
             return None
-        next_h = h * control.increase if new.corrections <= control.easy else h
-        next_h = min(next_h, control.maximum)
+        next_h = self._next_length(h, new)
         at: EndOfStep = ""
         # the first border of the piece
         distances = self._distances(new.y, new.piece)
@@ -178,13 +177,10 @@ class ArcSteps(ExactSteps):
 
     def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
         """Predict and correct a point at arc length h on the piece; None on failure."""
-        y = point.y.copy()
-        t = point.tangent.copy()
-        y.axpy(h, point.tangent)
-        if not self.corrector.moore_penrose(y, t, point.piece):
+        y = self._corrected_step(point, h, point.piece)
+        if y is None:
             return None
         corrections = self.corrector.iterations
-        t.destroy()
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
         if tangent is None or not self.lands(point, h, y, tangent):
             return None

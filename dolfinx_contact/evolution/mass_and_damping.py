@@ -210,7 +210,7 @@ def _affine_parts(
         raise ValueError("damping must have a test function of the space of the displacement")
     if u in coefficients:
         raise ValueError(
-            "damping must not depend on the displacement: it is that of the undeformed body; move "
+            "damping must not depend on the displacement: it refers to the undeformed body; move "
             "terms in the displacement alone to the bulk form"
         )
     if len(arguments) == 2:

@@ -16,9 +16,9 @@ relative motions, v_o the velocity of the obstacle and e the coefficient of rest
     Coulomb                      friction opposes  a h (B v_1 - v_o)
     Coulomb, nodes without mass  friction opposes  (B (u_1 - u_0) - h v_o)/s
 
-The velocity of a node without mass may alternate about that of the body, and friction with it;
-therefore friction acts on its displacement. A step has the same three parts as at rest (`step`):
-solve, advance the memory, account for the energies (`motion_energy`).
+The velocity of a node without mass may alternate about the velocity of the body, and friction with
+it; therefore friction acts on its displacement. A step has the same three parts as at rest
+(`step`): solve, advance the memory, account for the energies (`motion_energy`).
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ class MotionStepper(Stepper):
         guess: AcceptedState | None,
         trial: Trial,
     ) -> SolvedStep:
-        """Solve a step; guess and statuses of the solver are those of free flight. Collective."""
+        """Solve a step; the solver starts from free flight. Collective."""
         assert isinstance(accepted.energies, MotionEnergies)
         problem = self.problem
         eq = problem.equations
@@ -256,7 +256,7 @@ class MotionStepper(Stepper):
             at = eq.kinematics(s, reference, q)
             gap = None
             if self._method.level == "velocity":
-                # gap in w whose sign is that of un'_1 + e un'_0; n . (jump at w) is subtracted
+                # gap in w with the sign of un'_1 + e un'_0; n . (jump at w) is subtracted
                 n = s.points.data.n
                 risen = s.points.data.gap - a.surfaces[i].obstacle
                 moved = at.operator.rate(eq.relative(s, step.length * a.v, dq))

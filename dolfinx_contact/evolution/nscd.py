@@ -72,7 +72,7 @@ def _check(a: Arguments) -> None:
     coefficients = ufl.algorithms.extract_coefficients(density)
     if any(f is moving for f in coefficients for moving in (problem.u, a.velocity)):
         raise ValueError(
-            "the density depends on the displacement or the velocity: it must be that of the "
+            "the density depends on the displacement or the velocity: it must refer to the "
             "undeformed body"
         )
     if isinstance(a.density, int | float) and not (math.isfinite(a.density) and a.density > 0):
@@ -128,7 +128,7 @@ class NSCD(Evolution):
     multipliers are means over the step: impulses divided by areas and the length of the step.
 
     Dirichlet data prescribe the displacement at the ends of the steps. At the start, displacement
-    and velocity must be those of the data. A start with another displacement, or with a velocity
+    and velocity must agree with the data. A start with another displacement, or with a velocity
     where the data are constant, is an error. If the data have another velocity, or a kink in time,
     and theta is 1/2, the velocity of the held nodes oscillates from step to step; a warning is
     logged.
@@ -143,7 +143,7 @@ class NSCD(Evolution):
             Functions of the data to their values at that time; default: data are constant. It must
             not depend on earlier calls.
         velocity: Function of the velocity, with its initial values; default: at rest. Initial
-            values at held nodes must be those of the Dirichlet data.
+            values at held nodes must agree with the Dirichlet data.
         scheme: time integration, ``"theta"``, ``"theta-euler"`` or ``"modified-theta"`` (see
             `body.moving`).
         theta: weight of the end of a step, 1/2 to 1.
@@ -247,8 +247,8 @@ class NSCD(Evolution):
         """Run through times. Collective.
 
         Args:
-            times: increasing times; the first is that of the start, every other one the end of a
-                step. Between two times there are equal steps of at most dt.
+            times: increasing times; the first is the start, every other one the end of a step.
+                Between two times there are equal steps of at most dt.
             start: state at the first time, such as ``history.steps[-1].state`` or
                 ``problem.snapshot()``; default: end of the previous run, in a first run the
                 Functions as they are with virgin memory. Required in the first run if the problem
@@ -271,7 +271,7 @@ class NSCD(Evolution):
 
         Returns:
             History with the accepted steps of this run and the reason why it ended. Forces in the
-            tables are means over the step, gaps and displacements those of its end.
+            tables are means over the step, gaps and displacements refer to its end.
 
         Raises:
             NoContinuation: if a step is not solved with any length; the problem is at the last

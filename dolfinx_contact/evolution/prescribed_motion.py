@@ -6,7 +6,7 @@ a held node follows from it as
 
     v_1 = 2 (u_1 - u_0)/h - v_0,
 
-so that a velocity v_0 different from that of the data oscillates about it in all later steps.
+so that a velocity v_0 different from the velocity of the data oscillates in all later steps.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class PrescribedMotion:
     def require_velocity(self, v: Array) -> None:
         """Raise ``ValueError`` if a node moves that Dirichlet data hold at its place. Collective.
 
-        The state at the start of the first step is in the Functions, the data are those of its end.
+        The Functions contain the start of the first step, the data are set for its end.
 
         Args:
             v: velocity at the start, all local values.
@@ -86,7 +86,7 @@ class PrescribedMotion:
             not place,
             "the velocity at the start is against Dirichlet data that are constant in the first "
             f"step: {place}; it would change its sign in every step: set the velocity of held "
-            "nodes to that of the data",
+            "nodes to the velocity of the data",
         )
 
     def deviation(self, a: Motion, b: Motion, step: TimeStep) -> Deviation:

@@ -253,7 +253,7 @@ class RateProblem:
 def _slopes(present: Events, ahead: Events, behind: Events) -> npt.NDArray[np.float64]:
     """Derivatives of the distances to borders along a direction, by central differences.
 
-    A border that exists on one side only, such as that of an intact bond, has the one-sided
+    A border that exists on one side only, such as the border of an intact bond, has the one-sided
     derivative; on neither side, 0.
 
     Args:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Solutions within a quasi-static step, while its load is applied.
 
-The data of a step go from those of its start (gamma = 0) to those of its end (gamma = 1) along a
-straight line, with the memory m_n of the start:
+The data of a step change from its start (gamma = 0) to its end (gamma = 1) along a straight line,
+with the memory m_n of the start:
 
     H(x, gamma; m_n) = 0,        0 <= gamma <= 1.
 

@@ -31,7 +31,7 @@ _QUIET = 10  # least number of steps at rest
 
 @dataclass(frozen=True)
 class RestTask(HistoryTask):
-    """Task of a run to rest in steps of the longest length; its only time is that of the start.
+    """Task of a run to rest in steps of the longest length; its only time is the start.
 
     Attributes:
         max_time: upper bound of the duration.
