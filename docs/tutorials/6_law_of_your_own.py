@@ -48,8 +48,8 @@ class SlipWeakening(FrictionLaw):
 #
 # The block of the third tutorial, pressed first and then pulled to the right. Its top moves by
 # 0.06, which is more than what it takes to slip everywhere. The friction falls within a slip of
-# some 0.02: if it fell faster than the block can relax, the block would jump, and `QuasiStatic`
-# would say that no solution continues.
+# some 0.02: if it fell faster than the block can relax, the block would jump. `QuasiStatic` warns
+# of a step in which the state may jump; `locate_jumps=True` decides whether it does.
 
 DISTANCE = 0.02
 

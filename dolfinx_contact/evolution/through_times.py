@@ -28,7 +28,6 @@ evolution: the smallest det F falls below half of its value, or of 1. Such a ste
 from __future__ import annotations
 
 import bisect
-import itertools
 import logging
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -143,21 +142,17 @@ def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tup
         times: times of a run, at least two.
         accepted: state at the first time; None: any time.
     """
-    try:
-        values = [float(t) for t in np.asarray(times, dtype=np.float64).reshape(-1)]
-    except (TypeError, ValueError):
-        raise ValueError(f"two or more times are needed, as numbers, got {times!r}") from None
-    if len(values) < 2 or not all(math.isfinite(t) for t in values):
-        raise ValueError(f"two or more finite times are needed, the first of them now: {times!r}")
-    for a, b in itertools.pairwise(values):
-        if not b > a:
-            raise ValueError(f"times must increase, got {b!r} after {a!r}")
+    values = np.array(times, dtype=np.float64).reshape(-1)
+    if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values) > 0).all():
+        raise ValueError(f"times must be two or more increasing numbers, got {times!r}")
     if accepted is not None:
         # times that are summed up differ from those that are written down
         if abs(values[0] - accepted.time) > _ROUND_OFF * (values[-1] - values[0]):
-            raise ValueError(f"the evolution is at the time {accepted.time!r}, not {values[0]!r}")
+            raise ValueError(
+                f"the evolution is at the time {accepted.time!r}, not {float(values[0])!r}"
+            )
         values[0] = accepted.time
-    return tuple(values)
+    return tuple(values.tolist())
 
 
 class _Ended(Exception):
