@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What does a step of a quasi-static history cost over a warm static solve?
+"""What does a step of a quasi-static history cost over a warm solve?
 
 The body of `continuation_step.py`, with a rounded sole, is lowered on a floor and dragged. A
 history goes through equal steps of the load with all that it has by default: friction against the
 slip in the step, a memory, the energy account, tables. After each of its steps the static problem,
 where friction is against the whole slip, is solved under the same load by `ContactProblem.solve`,
 warm from its own solution before, with the same linear solver and to the same tolerance. The two
-answers differ, and so may what they take: counts stand beside the seconds. All goes in turns three
-times on one mesh, each time from new; the first steps and solves warm them and do not count, of the
-others the medians of three do.
+answers differ, and so may what they take: counts stand beside the seconds. A third problem takes
+the steps of the history in a plain loop, ``problem.step_from(problem.snapshot()).solve()``; its
+answer is that of the history, and ``loop_ratio`` is at most 1.3. All goes in turns three times on
+one mesh, each time from new; the first steps and solves warm them and do not count, of the others
+the medians of three do.
 
     mpirun -n 2 python3 benchmarks/history_step.py --n 43
 """
@@ -139,10 +141,11 @@ def counts(result, problem):
 
 
 def turn(args, body, comm):
-    """Steps and static solves, one after the other; a record of each."""
-    history, static = (lowered(args, *body) for _ in range(2))
+    """Steps, static solves and a plain loop of steps, one after the other; a record of each."""
+    history, static, loop = (lowered(args, *body) for _ in range(3))
     steps = []
     solves = []
+    loops = []
     clock = Clock(comm)
     with Parts().watched() as parts:
 
@@ -168,12 +171,18 @@ def turn(args, body, comm):
             result = static.problem.solve()
             note(solves, result, static.problem)
             clock.start()
+            state = loop.problem.snapshot()
+            loop.set_parameter(step.time)
+            result = loop.problem.step_from(state, step=step.time - step.start).solve()
+            note(loops, result, loop.problem)
+            clock.start()
 
         loads = np.linspace(0.0, args.last, args.steps + 1)
         evolution = QuasiStatic(history.problem, history.set_parameter)
+        loop.set_parameter(0.0)
         clock.start()
         found = evolution.run(loads, observer=accepted)
-    for each in (*steps, *solves):
+    for each in (*steps, *solves, *loops):
         del each["status"]
     record = {
         "unknowns": history.create_vector().getSize(),
@@ -181,7 +190,7 @@ def turn(args, body, comm):
         "residue": found.energies.residue / found.energies.external,
         "dissipated": found.energies.dissipated / found.energies.external,
     }
-    return steps, solves, record
+    return steps, solves, loops, record
 
 
 def mean(records, name):
@@ -199,13 +208,14 @@ def main(argv=None):
         clean(comm)
         *sides, of_all = turn(args, body, comm)
         rounds.append(sides)
-    steps, solves = (
+    steps, solves, loops = (
         [median(runs) for runs in zip(*side, strict=True)] for side in zip(*rounds, strict=True)
     )
-    counted = steps[args.skip :], solves[args.skip :]
+    counted = steps[args.skip :], solves[args.skip :], loops[args.skip :]
     ratios = {
-        name: mean(counted[0], seconds) / mean(counted[1], seconds)
+        f"{prefix}{name}": mean(counted[0], seconds) / mean(counted[of], seconds)
         for name, seconds in (("ratio", "seconds"), ("processor_ratio", "processor_seconds"))
+        for prefix, of in (("", 1), ("loop_", 2))
     }
     names = sorted({name for r in counted[0] for name in r["parts"]})
     parts = {k: float(np.mean([r["parts"].get(k, 0.0) for r in counted[0]])) for k in names}
