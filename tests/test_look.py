@@ -23,6 +23,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import mesh_from_gmsh
 
 COMM = MPI.COMM_WORLD
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
@@ -92,9 +93,9 @@ def test_a_map_of_bonds(folder):
     figure = plot.picture_of_contact(folder / "held.png", peeled(3))
     if COMM.rank == 0:
         left, right, *_ = figure.axes
-        assert left.get_title() == "Normal pressure, negative where it pulls"
+        assert left.get_title(loc="left") == "Normal pressure, negative where it pulls"
         assert left.collections[0].get_array().min() < 0
-        assert right.get_title() == "Status, and shear on the body"
+        assert right.get_title(loc="left") == "Status, and shear on the body"
         assert (folder / "held.png").stat().st_size > 10_000
 
 
@@ -314,3 +315,39 @@ def test_bodies_are_drawn(folder, look):
         assert (folder / name).stat().st_size > 10_000
         if plotter is not None:
             plotter.close()
+
+
+def test_a_wheel_by_its_length():
+    """A closed face is cut opposite to contact, and drawn along t = (-n_y, n_x)."""
+    gmsh = pytest.importorskip("gmsh")
+
+    def draw_disc():
+        disc = gmsh.model.occ.addDisk(0.0, 1.0, 0.0, 1.0, 1.0)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(2, [disc], name="wheel")
+        rim = gmsh.model.getBoundary([(2, disc)])
+        gmsh.model.addPhysicalGroup(1, [abs(tag) for _, tag in rim], name="rim")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.2)
+        gmsh.model.mesh.generate(2)
+
+    body = mesh_from_gmsh(COMM, draw_disc, dim=2)
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, body, tag="rim", obstacle=floor, law=Coulomb(0.3))
+    spring = 1e3 * (u[0] ** 2 + (u[1] + 0.1) ** 2)
+    problem = ContactProblem((MATERIAL.energy(u) + spring) * ufl.dx, u, [surface])
+    problem.solve()
+    figure = plot.picture_of_contact(None, problem)
+    if COMM.rank == 0:
+        (axes,) = figure.axes
+        assert axes.get_xlabel() == "length along the surface"
+        (pressure,) = (line for line in axes.lines if line.get_label() == "pressure")
+        at, values = (v[np.isfinite(v)] for v in pressure.get_data())
+        assert (np.diff(at) > 0).all()
+        assert np.ptp(at) == pytest.approx(2 * np.pi, rel=0.05)
+        contact = at[values > 0]
+        assert 0.4 < (contact.mean() - at[0]) / np.ptp(at) < 0.6
+        # what touches fills most of the picture
+        low, high = axes.get_xlim()
+        assert low < contact.min() <= contact.max() < high < low + 0.5 * np.ptp(at)

@@ -247,11 +247,14 @@ def body_scene(
     surface = outside.surface()
     state = outside.state()
     # UFL fields at the local vertices; the displacement needs no projection
-    fields = {
-        name: _averaged(outside.V, stress if e is None else e, tags if e is None else None, e)
-        for name, e in options.fields.items()
-        if name != "displacement" or e is not None
-    }
+    fields = {}
+    for name, e in options.fields.items():
+        if e is not None:
+            fields[name] = _averaged(outside.V, {None: e}, None, quadrature_rule="vertex")
+        elif name != "displacement":
+            stresses = stress if isinstance(stress, Mapping) else {None: stress}
+            sizes = {tag: von_mises(stresses[tag]) for tag in sorted(stresses)}
+            fields[name] = _averaged(outside.V, sizes, tags, quadrature_degree=2)
     keys = {name: f"field {i}" for i, name in enumerate(fields)}
     local = {keys[name]: values for name, values in fields.items()}
     on_surface = outside.gather(local)
@@ -302,31 +305,26 @@ def _in_space(vectors: npt.NDArray[Any]) -> Array:
 
 
 def _averaged(
-    V: fem.FunctionSpace, expression: Any, tags: mesh.MeshTags | None, scalar: Any = None
+    V: fem.FunctionSpace,
+    scalars: Mapping[int | None, Any],
+    tags: mesh.MeshTags | None,
+    **rule: Any,
 ) -> Array:
     """Average a field to the local vertices; NaN where it is not finite. Collective.
 
-    A stress is averaged with the hat functions as weights. A scalar is averaged over its values at
-    the vertex in the adjacent cells, so that continuous fields are exact.
+    The weights are the hat functions. With the vertex rule the average is that of the values at the
+    vertex in the adjacent cells, so that continuous fields are exact.
 
     Args:
         V: linear space of the vertices.
-        expression: UFL stress, or stresses by cell tags, of which the von Mises stress is taken.
-        tags: cell tags of stresses by cell tags.
-        scalar: UFL scalar to average instead of the stress.
+        scalars: UFL scalars by cell tag, None for all cells.
+        tags: cell tags.
+        rule: quadrature rule.
     """
     q = ufl.TestFunction(V)
-    rule: dict[str, Any] = {"quadrature_degree": 2}
-    if scalar is not None:
-        rule = {"quadrature_rule": "vertex", "quadrature_degree": 1}
-    dx = ufl.Measure("dx", V.mesh, subdomain_data=tags, metadata=rule)
-    if scalar is not None:
-        whole = of_cells(scalar, V.mesh) * q * dx
-    elif tags is None:
-        whole = of_cells(von_mises(expression), V.mesh) * q * dx
-    else:
-        stresses = {tag: of_cells(von_mises(expression[tag]), V.mesh) for tag in sorted(expression)}
-        whole = sum(size * q * dx(tag) for tag, size in stresses.items())
+    dx = ufl.Measure("dx", V.mesh, subdomain_data=tags, metadata={"quadrature_degree": 1, **rule})
+    parts = [(of_cells(e, V.mesh), tag) for tag, e in scalars.items()]
+    whole = sum(e * q * (dx if tag is None else dx(tag)) for e, tag in parts)
     sums = []
     for form in (whole, q * dx):
         b = la.vector(V.dofmap.index_map, 1)

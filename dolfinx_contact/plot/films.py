@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from operator import index
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -21,7 +22,7 @@ from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact._files import part_of
 from dolfinx_contact._optional import optional
-from dolfinx_contact._validate import is_number, listed, number
+from dolfinx_contact._validate import is_number, number
 from dolfinx_contact.plot.bodies import (
     Scene,
     body_scene,
@@ -197,9 +198,9 @@ def animate(
     shown = range(len(states)) if steps is None else _indices(steps, "steps", len(states))
 
     def times() -> Iterator[str]:
-        for index in shown:
-            record.show(index)
-            yield f"time {states[index].time:.4g}"
+        for step in shown:
+            record.show(step)
+            yield f"time {states[step].time:.4g}"
 
     options: dict[str, Any] = dict(stress=stress, scale=scale, title=title, rate=rate)
     with record.looking():
@@ -276,9 +277,9 @@ def draw_record(
     if any(e is not None for e in options.fields.values()):
         raise ValueError("a record contains the displacement and no other field")
     frames = []
-    for index in shown:
-        state = journal.surface_at(index, branch)
-        entry = entries[index]
+    for point in shown:
+        state = journal.surface_at(point, branch)
+        entry = entries[point]
         if isinstance(entry, StateEntry):
             text = f"time {entry.time:.4g}"
         else:
@@ -295,14 +296,12 @@ def draw_record(
     return drawing
 
 
-def _indices(numbers: Any, name: str, count: int) -> list[int]:
-    """Return numbers of points or steps, or raise ``ValueError``. Not collective."""
-    chosen = list(range(count)[numbers]) if isinstance(numbers, slice) else listed(numbers, name)
-    if not chosen:
+def _indices(numbers: Sequence[int] | slice, name: str, count: int) -> list[int]:
+    """Return numbers of points or steps, or raise an error if there are none. Not collective."""
+    every = range(count)[numbers] if isinstance(numbers, slice) else numbers
+    if not (chosen := [index(i) for i in every]):
         raise ValueError(f"{name} are none: there are no states to show")
-    if not all(isinstance(i, int | np.integer) and not isinstance(i, bool) for i in chosen):
-        raise ValueError(f"{name} must be whole numbers, got {numbers!r}")
-    return [int(i) for i in chosen]
+    return chosen
 
 
 def _write(scenes: Sequence[Scene], options: Options, file: Path, rate: float) -> None:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -69,8 +68,10 @@ def draw_3d(
         _draw_arrows(plotter, options, arrows)
         _set_camera(plotter, corners, eye, options, width / len(names), len(names))
         if i == 0:
-            lines = textwrap.wrap(scene.title, max(20, plotter.window_size[0] // 14))
-            plotter.add_text("\n".join(lines), position="upper_edge", font_size=14, color=INK)
+            place: dict[str, Any] = dict(position=(0.5, 0.96), viewport=True, font_size=13)
+            title = plotter.add_text(scene.title, color=INK, name="title", **place)
+            title.prop.justification_horizontal = "center"
+            title.prop.justification_vertical = "center"
     # translucent facets in the order of their depth, otherwise some look like wedges; other ways
     # of anti-aliasing switch this off
     for renderer in plotter.renderers:

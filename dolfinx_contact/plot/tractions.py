@@ -164,7 +164,7 @@ def _near_contact(x: Array, touching: Marks, rim: float) -> tuple[float, float]:
     limits = low - rim * (high - low), high + rim * (high - low)
     if touching.any():
         first, last = float(x[touching].min()), float(x[touching].max())
-        rim = max(0.25 * (last - first), 2.0 * (high - low) / np.sqrt(len(x)))
+        rim = max(0.25 * (last - first), 2.0 * rim * (high - low))
         if last - first + 2 * rim < 0.7 * (high - low):
             limits = max(first - rim, limits[0]), min(last + rim, limits[1])
     return limits
@@ -279,10 +279,8 @@ def _draw_map(data: Arrays, s: DiscreteSurface, units: tuple[str, str]) -> Figur
 
     x, cells, data, labels, (low, high) = _projected(data)
     extent = high - low
-    is_long = bool(extent[1] < 0.4 * extent[0])
-    is_thin = bool(extent[1] < 0.1 * extent[0])  # it is then stretched
-    height = max(extent[1] / extent[0], 0.1)
-    figure.set_size_inches((11.0, 20 * height + 4.2) if is_long else (11.2, 5 * height + 2.2))
+    is_long = bool(extent[1] < 0.3 * extent[0])  # then it is stretched, in panels above each other
+    figure.set_size_inches((11.0, 7.5) if is_long else (11.2, 5 * extent[1] / extent[0] + 2.2))
     left, right = figure.subplots(*((2, 1) if is_long else (1, 2)), sharex=True, sharey=True)
     # pressure; without bonds negative values are discretisation errors
     pressure = data["pressure"]
@@ -294,7 +292,9 @@ def _draw_map(data: Arrays, s: DiscreteSurface, units: tuple[str, str]) -> Figur
     shades = "RdBu_r" if pulls else LinearSegmentedColormap.from_list("pressure", stops)
     look: dict[str, Any] = dict(shading="gouraud", norm=norm, cmap=shades)
     shades = left.tripcolor(*x.T, triangles(cells), pressure, **look)
-    left.set_title("Normal pressure, negative where it pulls" if pulls else "Normal pressure")
+    left.set_title(
+        "Normal pressure, negative where it pulls" if pulls else "Normal pressure", loc="left"
+    )
     bar = figure.colorbar(shades, ax=left, location="bottom", aspect=60 if is_long else 30)
     bar.set_label(with_unit("pressure", units[1]))
     # status: each vertex colours the adjacent part of the facets
@@ -308,18 +308,16 @@ def _draw_map(data: Arrays, s: DiscreteSurface, units: tuple[str, str]) -> Figur
     figure.legend(handles=handles, **place)
     colours = colours[loop.reshape(-1)]
     right.add_collection(PolyCollection(quads, facecolors=colours, edgecolors=colours, lw=0.3))
-    right.set_title(f"Status, and shear on the {'slave' if s.between_bodies else 'body'}")
-    if is_long:  # room for arrows beyond the surface
-        low[1], high[1] = low[1] - 0.2 * extent[1], high[1] + 0.2 * extent[1]
-    longest = extent[0] * min(2.2 / 28, 0.5 * height)
-    spacing = extent[0] / 28 * np.array([1.0, extent[1] / extent[0] / height])
-    _draw_arrows(right, x, data["shear"], spacing, longest, units[1])
+    body = "slave" if s.between_bodies else "body"
+    right.set_title(f"Status, and shear on the {body}", loc="left")
+    spacing = np.array([extent[0] / 28, extent[1] / 6 if is_long else extent[0] / 28])
+    _draw_arrows(right, x, data["shear"], spacing, units[1])
     for axes in (left, right):
         axes.triplot(*x.T, triangles(cells), color=INK, lw=0.15, alpha=0.25)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        axes.set_aspect("auto" if is_thin else "equal")
+        axes.set_aspect("auto" if is_long else "equal")
         axes.set_xlabel(with_unit(labels[0], units[0]))
-        axes.set_ylabel(with_unit(labels[1], units[0]) + (" (stretched)" * is_thin))
+        axes.set_ylabel(with_unit(labels[1], units[0]) + (" (stretched)" * is_long))
         axes.label_outer()
         axes.spines[["top", "right"]].set_visible(False)
     return figure
@@ -336,8 +334,7 @@ def _projected(data: Arrays) -> tuple[Array, Cells, Arrays, list[str], Array]:
     touching = _touching(data)
     x, cells = data["x"], data["cells"]
     normals = unit(area_vectors(x[cells[:, :3]]))
-    inward = np.sum(normals * data["n"][cells].mean(axis=1), axis=1) < 0
-    normals = np.where(inward[:, None], -normals, normals)
+    normals *= np.sign(np.sum(normals * data["n"][cells].mean(axis=1), axis=1, keepdims=True))
     touches = touching[cells].any(axis=1)
     mean = normals[touches if touches.any() else slice(None)].mean(axis=0)
     n = unit(mean) if np.linalg.norm(mean) > _SEEN else np.eye(3)[2]
@@ -365,9 +362,7 @@ def _projected(data: Arrays) -> tuple[Array, Cells, Arrays, list[str], Array]:
     return flat, places.reshape(cells.shape), values, labels, near
 
 
-def _draw_arrows(
-    axes: Axes, x: Array, vectors: Array, spacing: Array, longest: float, unit_name: str
-) -> None:
+def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array, unit_name: str) -> None:
     """Draw arrows at the vertices, one in each square of a grid, with a reference arrow."""
     size = np.linalg.norm(vectors, axis=1)
     if not size.any():
@@ -377,8 +372,8 @@ def _draw_arrows(
     chosen = order[np.unique(squares, axis=0, return_index=True)[1]]
     chosen = chosen[size[chosen] > 0.02 * size.max()]
     look: dict[str, Any] = dict(angles="xy", scale_units="x", pivot="mid", width=0.0032, color=INK)
-    look |= dict(scale=size.max() / longest, clip_on=False, zorder=3)
+    look |= dict(scale=size.max() / (2 * spacing[0]), clip_on=False, zorder=3)
     arrows = axes.quiver(*x[chosen].T, *vectors[chosen].T, **look)
     arrows.set_in_layout(False)  # matplotlib overestimates the extent of arrows
     label = f"{size.max():.3g} {unit_name}".strip()
-    axes.quiverkey(arrows, 0.88, 1.02, size.max(), label, labelpos="E", coordinates="axes")
+    axes.quiverkey(arrows, 0.9, 1.02, size.max(), label, labelpos="W", coordinates="axes")
