@@ -76,24 +76,18 @@ class Kink:
 
 
 @dataclass(frozen=True)
-class Crossing:
-    """The passage through a nonsmooth point.
+class Crossing(FoundRays[Ray]):
+    """The rays by which a branch can leave a kink; it continues along the first.
 
     Attributes:
-        kinks: number of points at a border.
-        rays: outgoing rays without the one that leads back; the branch continues along the first.
+        kinks: number of kinked points.
         changes: changes of status along the first ray.
         parity: sign of the ratio of the determinants on its two sides (`parity`); 0 if unknown.
-        complete: True if all rays are known.
-        method: description of the search.
     """
 
-    kinks: int
-    rays: tuple[Ray, ...]
-    changes: tuple[Change, ...]
-    parity: int
-    complete: bool
-    method: str
+    kinks: int = 0
+    changes: tuple[Change, ...] = ()
+    parity: int = 0
 
 
 class RayFinder:
@@ -345,7 +339,7 @@ class KinkRays(RayFinder):
         return replace(found, rays=tuple(self.distinct(found.rays)))
 
     def cross(self, t: PETSc.Vec) -> Crossing:
-        """Find the rays by which a branch leaves a kink.
+        """Find the rays by which a branch leaves a kink, without the one that leads back.
 
         For one kinked point the status beyond the border is tried first; the others follow if that
         fails, or if the parity shows that other branches meet. For several points the rays of the
@@ -391,7 +385,7 @@ class KinkRays(RayFinder):
             for k, code in zip(kinks, after, strict=bool(rays))
             if code != k.code
         )
-        return Crossing(len(kinks), tuple(rays), changes, sign, found.complete, found.method)
+        return Crossing(tuple(rays), found.complete, found.method, len(kinks), changes, sign)
 
     def _codes(self, piece: Piece) -> list[int]:
         """Statuses of the kinked points on a piece."""

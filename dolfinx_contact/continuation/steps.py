@@ -149,12 +149,29 @@ class ExactSteps(Locator):
         return y if corrected else None
 
     def _new_point(
-        self, point: BranchPoint, h: float, y: PETSc.Vec, piece: Piece, *, factorise: bool = False
+        self,
+        point: BranchPoint,
+        h: float,
+        y: PETSc.Vec,
+        piece: Piece,
+        *,
+        factorise: bool = False,
+        precise: bool = False,
     ) -> BranchPoint | None:
-        """The end of a step with its tangent; None if the corrector has ended elsewhere."""
+        """The end of a step with its tangent; None if the corrector has ended elsewhere.
+
+        Args:
+            point: start of the step.
+            h: length of the step.
+            y: end of the corrector.
+            piece: piece there.
+            factorise: see `Corrector.tangent`.
+            precise: False if the tangent is a direction to step along only.
+        """
         corrections = self.corrector.iterations
+        start = None if precise else point.y
         tangent = self.corrector.tangent(
-            y, point.tangent, piece, start=point.y, factorise=factorise, precise=False
+            y, point.tangent, piece, start=start, factorise=factorise, precise=precise
         )
         if tangent is None or not self.lands(point, h, y, tangent):
             return None
@@ -475,7 +492,8 @@ class SteppingSteps(_StepsOnH):
     def _along(self, point: BranchPoint, t: PETSc.Vec, h: float) -> BranchPoint | None:
         """The point at the distance ``h`` along ``t``; None if there is none or it lies behind."""
         b = self.bordered
-        y = self._corrected_step(replace(point, tangent=t), h, None)
+        start = replace(point, tangent=t)
+        y = self._corrected_step(start, h, None)
         if y is None:
             return None
         piece = self.system.piece_at(*b.split(y))
@@ -484,12 +502,7 @@ class SteppingSteps(_StepsOnH):
         away.destroy()
         if back:
             return None
-        corrections = self.corrector.iterations
-        tangent = self.corrector.tangent(y, t, piece, factorise=True)
-        if tangent is None or not self.lands(replace(point, tangent=t), h, y, tangent):
-            return None
-        tau = self.test(accepted=True)
-        return BranchPoint(y, tangent, piece, b.gamma(y), h, corrections, tau)
+        return self._new_point(start, h, y, piece, factorise=True, precise=True)
 
     def _kink(self, point: BranchPoint, new: BranchPoint, h_1: float) -> SpecialPoint:
         """The kink between ``point`` and ``new``, within ``h_1`` of ``point``."""

@@ -178,14 +178,8 @@ class ArcSteps(ExactSteps):
     def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
         """Predict and correct a point at arc length h on the piece; None on failure."""
         y = self._corrected_step(point, h, point.piece)
-        if y is None:
-            return None
-        corrections = self.corrector.iterations
-        tangent = self.corrector.tangent(y, point.tangent, point.piece)
-        if tangent is None or not self.lands(point, h, y, tangent):
-            return None
-        gamma, tau = self.bordered.gamma(y), self.test(accepted=True)
-        return self.rescaled(BranchPoint(y, tangent, point.piece, gamma, h, corrections, tau))
+        new = None if y is None else self._new_point(point, h, y, point.piece, precise=True)
+        return None if new is None else self.rescaled(new)
 
     def _turns_twice(self, point: BranchPoint, new: BranchPoint) -> bool:
         """Return whether gamma turns twice, or a border is reached and left again. Collective.
