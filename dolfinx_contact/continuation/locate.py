@@ -90,17 +90,18 @@ class Locator:
 
     # -- events ----------------------------------------------------------------------------------
 
-    def _events(self, y: PETSc.Vec, piece: Piece) -> Events:
+    def events(self, y: PETSc.Vec, piece: Piece) -> Events:
         """Events of a piece, with distances of their own."""
         events = self.system.events(*self.bordered.split(y), piece)
         return replace(events, distance=np.array(events.distance))
 
-    def _distances(self, y: PETSc.Vec, piece: Piece) -> npt.NDArray[Any]:
+    def distances(self, y: PETSc.Vec, piece: Piece) -> npt.NDArray[Any]:
+        """Distances to the borders of a piece on this rank, valid until the next evaluation."""
         return self.system.events(*self.bordered.split(y), piece).distance
 
-    def _unit(self, y: PETSc.Vec, piece: Piece) -> float:
+    def unit(self, y: PETSc.Vec, piece: Piece) -> float:
         """The largest distance so far: all distances vanish at a degenerate point."""
-        largest = float(np.max(np.abs(self._distances(y, piece)), initial=self.largest_distance))
+        largest = float(np.max(np.abs(self.distances(y, piece)), initial=self.largest_distance))
         self.largest_distance = float(self.bordered.comm.allreduce(largest, op=max))
         return self.largest_distance or 1.0
 
@@ -110,10 +111,10 @@ class Locator:
 
     def is_outside(self, point: BranchPoint) -> bool:
         """Return True if a point lies beyond a border of its piece by more than round-off."""
-        least = self._least(self._distances(point.y, point.piece))
-        return least < -AT_BORDER * self._unit(point.y, point.piece)
+        least = self._least(self.distances(point.y, point.piece))
+        return least < -AT_BORDER * self.unit(point.y, point.piece)
 
-    def _first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> tuple[float, PETSc.Vec] | None:
+    def first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> tuple[float, PETSc.Vec] | None:
         """Distance along the tangent and state of the first event between two points of a piece.
 
         The next trial is the first zero if all distances were linear in the bracket. An event that
@@ -122,9 +123,9 @@ class Locator:
         b = self.bordered
         piece = point.piece
         end = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
-        reach = self._length(y_high - point.y)
-        low = _End(0.0, point.y, self._events(point.y, piece))
-        high = _End(end, y_high, self._events(y_high, piece))
+        reach = self.length(y_high - point.y)
+        low = _End(0.0, point.y, self.events(point.y, piece))
+        high = _End(end, y_high, self.events(y_high, piece))
         s = end
         y = y_high
         least = np.inf
@@ -135,13 +136,13 @@ class Locator:
             y.axpy(first, high.y - low.y)
             if not self._along_chord(point, y, s, piece, reach, polish=True, keep=number > 0):
                 return None
-            events = self._events(y, piece)
+            events = self.events(y, piece)
             least = self._least(events.distance)
-            if abs(least) <= 1e-13 * self._unit(y, piece) or high.s - low.s <= 1e-15 * end:
+            if abs(least) <= 1e-13 * self.unit(y, piece) or high.s - low.s <= 1e-15 * end:
                 break
             low, high = _shrunk(low, high, _End(s, y, events), beyond=least < 0)
         # a distance may jump over zero where two solutions of the piece are close
-        return (s, y) if abs(least) <= AT_BORDER * self._unit(y, piece) else None
+        return (s, y) if abs(least) <= AT_BORDER * self.unit(y, piece) else None
 
     # -- functions of the state and the tangent ----------------------------------------------------
 
@@ -165,7 +166,7 @@ class Locator:
         """
         b = self.bordered
         end = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
-        reach = self._length(y_high - point.y)
+        reach = self.length(y_high - point.y)
         size = max(map(abs, values))
         low = _End(0.0, point.y, values[0])
         high = _End(end, y_high, values[1])
@@ -215,11 +216,12 @@ class Locator:
             return False
         away = y - point.y
         away.axpy(-self.bordered.inner(away, point.tangent), point.tangent)
-        aside = self._length(away)
+        aside = self.length(away)
         away.destroy()
         return aside <= reach
 
-    def _length(self, away: PETSc.Vec) -> float:
+    def length(self, away: PETSc.Vec) -> float:
+        """Length of a vector in the metric of steps."""
         return float(np.sqrt(self.bordered.inner(away, away)))
 
     # -- folds and smooth bifurcations -------------------------------------------------------------
@@ -277,7 +279,7 @@ class Locator:
     def _secant(self, start: PETSc.Vec, end: PETSc.Vec, t: PETSc.Vec) -> PETSc.Vec:
         """The unit vector from one state to another; ``t`` where they coincide."""
         secant = end - start
-        size = self._length(secant)
+        size = self.length(secant)
         if size < self.control.minimum:
             return t.copy()
         secant.scale(1.0 / size)
@@ -288,7 +290,7 @@ class Locator:
         b = self.bordered
         if b.x_scale == 0.0:
             b.set_scale(point.tangent, point.y)
-        point.tangent.scale(1.0 / self._length(point.tangent))
+        point.tangent.scale(1.0 / self.length(point.tangent))
         if b.x_scale_is_new or np.isnan(point.tau):
             # the border row has changed, and with it the test function
             b.x_scale_is_new = False

@@ -117,8 +117,8 @@ class ExactSteps(Locator):
     def _attempt(self, point: BranchPoint, h: float, attempt: int) -> Advance | float:
         """Try a step of the length ``h``; the length of the next attempt if it fails."""
         shorter = h * self.control.decrease
-        y = self._corrected_step(point, h, point.piece)
-        new = None if y is None else self._new_point(point, h, y, point.piece)
+        y = self.corrected_step(point, h, point.piece)
+        new = None if y is None else self.new_point(point, h, y, point.piece)
         if new is None:
             return shorter
         if not self.is_outside(new):
@@ -137,9 +137,7 @@ class ExactSteps(Locator):
 
     # -- one step --------------------------------------------------------------------------------
 
-    def _corrected_step(
-        self, point: BranchPoint, h: float, piece: Piece | None
-    ) -> PETSc.Vec | None:
+    def corrected_step(self, point: BranchPoint, h: float, piece: Piece | None) -> PETSc.Vec | None:
         """State after a step of the length ``h`` on a piece, or on H; None if it fails."""
         y = point.y.copy()
         t = point.tangent.copy()
@@ -148,7 +146,7 @@ class ExactSteps(Locator):
         t.destroy()
         return y if corrected else None
 
-    def _new_point(
+    def new_point(
         self,
         point: BranchPoint,
         h: float,
@@ -200,7 +198,7 @@ class ExactSteps(Locator):
         turns = float(row.dot(tangent)) < least
         aside = min(along, beyond) < least * length
         away.axpy(-h, point.tangent)
-        off = self._length(away)
+        off = self.length(away)
         for v in (away, row):
             v.destroy()
         landed = not (turns or aside or abs(along - h) > _SHARE * h or off > h)
@@ -224,12 +222,12 @@ class ExactSteps(Locator):
 
     def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
         """Return True if an event that is zero at ``point`` grows, and is negative at the end."""
-        border = AT_BORDER * self._unit(point.y, point.piece)
+        border = AT_BORDER * self.unit(point.y, point.piece)
         probe = point.y.copy()
         probe.axpy(_PROBE, point.tangent)
-        low, high = (self._events(y, point.piece) for y in (point.y, y_high))
+        low, high = (self.events(y, point.piece) for y in (point.y, y_high))
         before = again(high, low, np.full_like(high.distance, np.inf))
-        ahead = again(high, self._events(probe, point.piece), before)
+        ahead = again(high, self.events(probe, point.piece), before)
         probe.destroy()
         exists = np.isfinite(before)
         slope = np.subtract(ahead, before, out=np.zeros_like(before), where=exists) / _PROBE
@@ -241,7 +239,7 @@ class ExactSteps(Locator):
     def _to_the_border(self, point: BranchPoint, h: float, y_high: PETSc.Vec) -> Advance | None:
         """Go to the first event before ``y_high`` and cross it; None if that fails."""
         comm = self.bordered.comm
-        first = self._first_event(point, y_high)
+        first = self.first_event(point, y_high)
         if first is None:
             return None
         s, y = first
@@ -253,7 +251,7 @@ class ExactSteps(Locator):
         kink = BranchPoint(y, tangent, point.piece, gamma, s, corrections, self.test())
         special = self.smooth_points(point, kink)
         incoming = Ray(point.piece, tangent)
-        tolerance = AT_BORDER * self._unit(y, point.piece)
+        tolerance = AT_BORDER * self.unit(y, point.piece)
         crossing = KinkRays(self.corrector, y, point.piece, tolerance).cross(tangent)
         onwards, *others = crossing.rays or (None,)
         # A ray on the old piece after no step at all leads nowhere: where a piece is singular the
@@ -370,13 +368,13 @@ class _StepsOnH(ExactSteps):
     def _trial(self, point: BranchPoint, h: float) -> _Trial:
         """A step of the length ``h`` on H."""
         b = self.bordered
-        y = self._corrected_step(point, h, None)
+        y = self.corrected_step(point, h, None)
         if y is None:
             return _Trial(None)
         piece = self.system.piece_at(*b.split(y))
         changes = _changes(self, point, y, piece)
         before = self._orientation(point) if changes else 0.0
-        new = self._new_point(point, h, y, piece, factorise=bool(changes))
+        new = self.new_point(point, h, y, piece, factorise=bool(changes))
         if new is None or not changes:
             return _Trial(new, changes)
         after = self.corrector.orientation()
@@ -384,7 +382,7 @@ class _StepsOnH(ExactSteps):
         parity = int(before * after)
         # gamma continues by less than both rates predict if there are two folds in between
         chord = y - point.y
-        length = self._length(chord)
+        length = self.length(chord)
         chord.destroy()
         rates = b.gamma(point.tangent), b.gamma(new.tangent)
         slower = min(rates, key=abs)
@@ -493,7 +491,7 @@ class SteppingSteps(_StepsOnH):
         """The point at the distance ``h`` along ``t``; None if there is none or it lies behind."""
         b = self.bordered
         start = replace(point, tangent=t)
-        y = self._corrected_step(start, h, None)
+        y = self.corrected_step(start, h, None)
         if y is None:
             return None
         piece = self.system.piece_at(*b.split(y))
@@ -502,7 +500,7 @@ class SteppingSteps(_StepsOnH):
         away.destroy()
         if back:
             return None
-        return self._new_point(start, h, y, piece, factorise=True, precise=True)
+        return self.new_point(start, h, y, piece, factorise=True, precise=True)
 
     def _kink(self, point: BranchPoint, new: BranchPoint, h_1: float) -> SpecialPoint:
         """The kink between ``point`` and ``new``, within ``h_1`` of ``point``."""

@@ -96,7 +96,7 @@ class ArcSteps(ExactSteps):
 
     def rate_problem(self, y: PETSc.Vec, piece: Piece) -> RateProblem:
         """Return the rate problem at a state, with the present memory. Collective."""
-        unit = self._unit(y, piece)
+        unit = self.unit(y, piece)
         return RateProblem(self.corrector, y, _AT_BORDER * unit, _BEYOND * unit)
 
     def leave(self, point: BranchPoint, ray: Ray) -> BranchPoint:
@@ -119,8 +119,8 @@ class ArcSteps(ExactSteps):
         Returns:
             The end of the step; None if no step of at least the shortest length succeeds.
         """
-        distances = self._distances(point.y, point.piece)
-        at_border = np.abs(distances) <= _AT_BORDER * self._unit(point.y, point.piece)
+        distances = self.distances(point.y, point.piece)
+        at_border = np.abs(distances) <= _AT_BORDER * self.unit(point.y, point.piece)
         while h >= self.control.minimum:
             arrival = self._step_of(point, h, at_border, gamma_range)
             if arrival is not None:
@@ -151,12 +151,12 @@ class ArcSteps(ExactSteps):
         next_h = self._next_length(h, new)
         at: EndOfStep = ""
         # the first border of the piece
-        distances = self._distances(new.y, new.piece)
-        beyond = distances < -_BEYOND * self._unit(new.y, new.piece)
+        distances = self.distances(new.y, new.piece)
+        beyond = distances < -_BEYOND * self.unit(new.y, new.piece)
         if self._any(beyond):
             if self._any(beyond & at_border):
                 return None
-            crossing = self._first_event(point, new.y)
+            crossing = self.first_event(point, new.y)
             border = None if crossing is None else self._point_at(point, *crossing)
             if border is None:
                 return None
@@ -177,8 +177,8 @@ class ArcSteps(ExactSteps):
 
     def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
         """Predict and correct a point at arc length h on the piece; None on failure."""
-        y = self._corrected_step(point, h, point.piece)
-        new = None if y is None else self._new_point(point, h, y, point.piece, precise=True)
+        y = self.corrected_step(point, h, point.piece)
+        new = None if y is None else self.new_point(point, h, y, point.piece, precise=True)
         return None if new is None else self.rescaled(new)
 
     def _turns_twice(self, point: BranchPoint, new: BranchPoint) -> bool:
@@ -191,18 +191,18 @@ class ArcSteps(ExactSteps):
         ends = (point, new)
         length = self._distance(point, new.y)
         # gamma
-        rates = [b.gamma(p.tangent) / self._length(p.tangent) for p in ends]
+        rates = [b.gamma(p.tangent) / self.length(p.tangent) for p in ends]
         if min(rates) * max(rates) > 0 and min(map(abs, rates)) > _IDLE * b.gamma_scale:
             _, slopes = _cubic([p.gamma for p in ends], rates, length)
             if np.any(slopes * rates[0] < 0):
                 return True
         # distances to the borders of the piece
-        events = self._events(point.y, point.piece)
+        events = self.events(point.y, point.piece)
 
         def distances(p: BranchPoint, shift: float) -> Array:
             y = p.y.copy()
             y.axpy(shift, p.tangent)
-            shifted = again(events, self._events(y, p.piece))
+            shifted = again(events, self.events(y, p.piece))
             y.destroy()
             return shifted
 
@@ -210,7 +210,7 @@ class ArcSteps(ExactSteps):
         growth = [(distances(p, _PROBE) - distances(p, -_PROBE)) / (2 * _PROBE) for p in ends]
         inside, _ = _cubic(at_ends, growth, length)
         dips = (growth[0] < 0) & (growth[1] > 0) & (np.minimum(*at_ends) >= 0)
-        return self._any(dips & (inside.min(axis=0) < -_BEYOND * self._unit(new.y, new.piece)))
+        return self._any(dips & (inside.min(axis=0) < -_BEYOND * self.unit(new.y, new.piece)))
 
     def _point_at(self, point: BranchPoint, s: float, y: PETSc.Vec) -> BranchPoint | None:
         """Return the point y at arc length s from a point; None if it has no tangent."""
@@ -232,7 +232,7 @@ class ArcSteps(ExactSteps):
     def _distance(self, point: BranchPoint, y: PETSc.Vec) -> float:
         """Distance from a point to y, in the measure of arc length."""
         away = y - point.y
-        length = self._length(away)
+        length = self.length(away)
         away.destroy()
         return length
 
