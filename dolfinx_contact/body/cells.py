@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Geometry of cells: volumes, and how a displacement deforms them."""
+"""Geometry of cells: volumes, and determinants of the deformation gradient."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
-_CHUNK = 8192  # cells at once, so that what is at hand stays in the processor's cache
+_CHUNK = 8192  # number of cells processed together, whose data fit into the cache
 _ROUND_OFF = 16 * np.finfo(np.float64).eps
-_OFF_AXIS = 1e-6  # of the way to the middle of a cell
+_OFF_AXIS = 1e-6  # relative shift of points from the axis to the middle of a cell
 
 
 def check_cells(domain: mesh.Mesh) -> None:
@@ -63,15 +63,15 @@ def check_cells(domain: mesh.Mesh) -> None:
 
 
 def _first(domain: mesh.Mesh, cells: npt.NDArray[np.int64]) -> tuple[int, Array]:
-    """The first of some local cells of all ranks in the order of the input. Collective.
+    """Return the first of some local cells of all ranks in the order of the input. Collective.
 
     Returns:
-        Its number in the input, and its midpoint.
+        Number of the cell in the input, and its midpoint.
     """
     topology = domain.topology
     try:
         numbers = np.asarray(topology.original_cell_index)[cells]
-    except RuntimeError:  # DOLFINx knows no input of a submesh
+    except RuntimeError:  # DOLFINx does not store the input of a submesh
         numbers = topology.index_map(topology.dim).local_to_global(cells.astype(np.int32))
     mine = []
     if len(cells):
@@ -88,21 +88,21 @@ def _is_simplex(domain: mesh.Mesh) -> bool:
 
 
 def is_affine(domain: mesh.Mesh) -> bool:
-    """Whether cells are images of their reference cell under affine maps."""
+    """Return whether cells are affine images of their reference cell."""
     return _is_simplex(domain) and domain.ufl_domain().ufl_coordinate_element().degree == 1
 
 
 def midpoints(domain: mesh.Mesh, cells: npt.NDArray[Any]) -> Array:
-    """Means of the vertices of local ``cells``, (n, dim)."""
+    """Return the means of the vertices of local ``cells``, shape (n, dim)."""
     corners = geometry_dofmap(domain)[cells][:, : len(basix.geometry(domain.basix_cell()))]
     return np.asarray(domain.geometry.x[corners].mean(axis=1)[:, : domain.geometry.dim])
 
 
 def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
-    """Of owned cells the middle (dim, n), the volume, and the mean square of the way to the middle.
+    """Return middle (dim, n), volume and mean square distance to the middle of owned cells.
 
-    They are those of the simplex, or of the parallelepiped, with the first vertex of a cell and the
-    edges from there.
+    Cells are replaced by the simplex or parallelepiped with the first vertex of the cell and the
+    edges that begin there.
     """
     dim = domain.geometry.dim
     n = domain.topology.index_map(dim).size_local
@@ -122,11 +122,11 @@ def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
 
 
 def cells_around(domain: mesh.Mesh, points: Array) -> npt.NDArray[np.int64]:
-    """In how many cells of all ranks points lie (n,). Collective.
+    """Return the number of cells of all ranks around each point, shape (n,). Collective.
 
     Args:
         domain: mesh.
-        points: the same on every rank (n, dim).
+        points: points, the same on every rank, shape (n, dim).
     """
     dim = domain.topology.dim
     owned = np.arange(domain.topology.index_map(dim).size_local, dtype=np.int32)
@@ -143,9 +143,9 @@ def cells_around(domain: mesh.Mesh, points: Array) -> npt.NDArray[np.int64]:
 
 @lru_cache(maxsize=32)
 def reference_points(cell: basix.CellType, degree: int, *, vertices: bool = True) -> Array:
-    """Vertices of a reference cell and the points of a rule; for degree 0 its midpoint alone.
+    """Return vertices of a reference cell and quadrature points; for degree 0 the midpoint.
 
-    From degree 4 on the midpoints of its edges as well.
+    From degree 4 on, midpoints of edges are included.
     """
     corners = basix.geometry(cell)
     if degree == 0:
@@ -159,14 +159,14 @@ def reference_points(cell: basix.CellType, degree: int, *, vertices: bool = True
 
 
 def gradients(element: Any, points: Array) -> Array:
-    """Derivatives of a blocked Lagrange element at reference points, (nodes, points * dim)."""
+    """Return derivatives of a blocked Lagrange element at points, (nodes, points * dim)."""
     scalar = element.sub_elements[0].basix_element
     table = scalar.tabulate(1, points)[1:, :, :, 0]
     return np.ascontiguousarray(table.transpose(2, 1, 0).reshape(table.shape[2], -1))
 
 
 def determinants(J: Array) -> Array:
-    """Determinants of 2 x 2 or 3 x 3 matrices in the last two axes."""
+    """Return determinants of 2 x 2 or 3 x 3 matrices in the last two axes."""
     a = [[J[..., i, j] for j in range(J.shape[-1])] for i in range(J.shape[-1])]
     if len(a) == 2:
         return np.asarray(a[0][0] * a[1][1] - a[0][1] * a[1][0])
@@ -175,15 +175,15 @@ def determinants(J: Array) -> Array:
 
 
 def chunks(number: int) -> Iterator[slice]:
-    """Slices of at most some thousand cells."""
+    """Yield slices of at most some thousand cells."""
     for start in range(0, number, _CHUNK):
         yield slice(start, min(start + _CHUNK, number))
 
 
 def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
-    """Of owned cells, some at a time: J at points (n, points, dim, dim), and a scale of det J.
+    """Yield slices of owned cells, J at points (n, points, dim, dim), and a scale of det J.
 
-    The scale is that of round-off: coordinates far from the origin are known less well.
+    The scale is that of round-off, which is larger for coordinates far from the origin.
     """
     dim = domain.geometry.dim
     nodes = geometry_dofmap(domain)
@@ -205,17 +205,17 @@ def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
 def smallest_jacobian(
     V: fem.FunctionSpace, u: Array, *, vertices: bool = True, axisymmetric: bool = False
 ) -> tuple[float, Array]:
-    """The smallest det(I + grad u) and the midpoint of its cell in the reference. Collective.
+    """Return the smallest det(I + grad u) and the midpoint of its cell. Collective.
 
-    It is looked for at quadrature points, which is where an energy sees the body, and if wanted at
-    the vertices of the cells; linear simplices have one value. The same on
-    every rank. NaN, if the displacement is not finite: accept a state where it is ``> 0``.
+    It is evaluated at quadrature points, as energies are, and optionally at the vertices of the
+    cells; linear simplices have one value. The result is the same on every rank. It is NaN if the
+    displacement is not finite, so accept a state if it is ``> 0``.
 
     Args:
-        V: displacement space.
+        V: space of the displacement.
         u: displacement at all local dofs.
-        vertices: whether to check the vertices too.
-        axisymmetric: whether the body is one of revolution, which stretches by 1 + u_r / r around.
+        vertices: whether vertices are included.
+        axisymmetric: whether the body is a body of revolution, with the stretch 1 + u_r / r.
     """
     domain = V.mesh
     dim = domain.geometry.dim
@@ -245,7 +245,7 @@ def smallest_jacobian(
             .transpose(0, 2, 1, 3)
             for nodes, f, table in fields
         )
-        # A corner of a degenerate quadrilateral has no gradient.
+        # The gradient is undefined at corners of degenerate quadrilaterals.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             J = determinants(dX)
             ratio = np.where(J == 0, np.inf, determinants(dX + du) / J)
@@ -257,15 +257,15 @@ def smallest_jacobian(
 
 
 def _least(domain: mesh.Mesh, values: Array) -> tuple[float, Array]:
-    """The smallest of the values of all cells, and the midpoint of its cell. Collective."""
+    """Return the smallest value of all cells, and the midpoint of its cell. Collective."""
     smallest = domain.comm.allreduce(float(values.min(initial=np.inf)), op=np.minimum)
-    # Of cells with the same value, up to round-off, the first in the order of the input.
+    # Choose the first in the order of the input among equal values.
     tolerance = 1e-9 * abs(smallest) if np.isfinite(smallest) else 0.0
     cells = np.flatnonzero((values <= smallest + tolerance) | np.isnan(values))
     return float(smallest), _first(domain, cells)[1]
 
 
 def _values(element: Any, points: Array) -> Array:
-    """Values of a blocked Lagrange element at reference points, (nodes, points)."""
+    """Return values of a blocked Lagrange element at reference points, (nodes, points)."""
     table = element.sub_elements[0].basix_element.tabulate(0, points)
     return np.asarray(table[0, :, :, 0].T)

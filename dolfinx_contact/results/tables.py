@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Tables of contact points, in the signs and names of the output.
+"""Tables of contact points, with the signs and names of the output.
 
-Gap ``un`` >= 0, ``ut`` the tangential displacement; ``rn`` >= 0 and ``rt`` are contact forces on
-the body, ``pressure`` and ``shear`` the same per area. In 2D the scalars ``ut``, ``rt`` and
-``shear`` are along t = (-n_y, n_x), n pointing from the body into the obstacle; in 3D they are
-norms.
+``un`` >= 0 is the gap and ``ut`` the tangential displacement; ``rn`` >= 0 and ``rt`` are contact
+forces on the body, ``pressure`` and ``shear`` contact forces per area. In 2D the scalars ``ut``,
+``rt`` and ``shear`` are components along t = (-n_y, n_x), where n points from the body into the
+obstacle; in 3D they are norms.
 
-The reaction of Dirichlet data at a contact node is no contact force: it is ``support``. Where they
-fix one component of a node, the others may carry contact.
+The reaction of Dirichlet data at a contact node is not a contact force but ``support``. If they fix
+one component of a node, the other components may carry contact.
 """
 
 from __future__ import annotations
@@ -34,38 +34,41 @@ __all__ = ["ContactTable", "contact_table", "violation"]
 
 @dataclass(frozen=True)
 class ContactTable:
-    """Contact points of one surface, all ranks, in order of coordinates (x, then y, then z).
+    """Contact points of one surface on all ranks, in the order of coordinates (x, then y, then z).
 
-    Points at one place, as where an arm of a crack ends, are in the order of the input's nodes.
+    Points at one place, such as the end of an arm of a crack, are in the order of the input nodes.
 
     Attributes:
-        name: of the surface.
-        dim: 2 or 3.
-        x: positions (n, dim).
-        area: area (length in 2D) of each point.
-        un: gap; NaN where a node of a pair has no point of the master opposite to it. Under
-            ``method="mixed"`` the law holds of the mean of the gap, weighted by the hat function of
-            the node, which this is; the gap at the node itself may be negative. Likewise ``ut``.
-        ut: tangential displacement (n, dim).
-        increment: that since the last accepted step of an evolution (n, dim); else the same.
-        n: normals (n, dim).
-        force: contact force on the body (n, dim), 0 where Dirichlet data clamp the point.
-        pressure: contact pressure, nominal: per area of the mesh, not of the deformed surface.
-        shear: tangential traction on the body (n, dim).
-        letters: status, one letter a point: o, k, + or - (2D), s (3D); d of one without contact of
-            its own: held by Dirichlet data, at the front of a crack, where pairs cross, or
-            without a point opposite.
-        bound: radius of the friction disc, a force.
-        support: reaction of Dirichlet data on the body at the node (n, dim), 0 in the components
-            that none fix; zeros in the integral method, whose points are no nodes. A node that two
-            surfaces share has it in the tables of both.
-        adhesion: the part of ``force`` that is adhesion, or another one by an energy of the surface
-            (n, dim); None of a law that has none.
-        bond: one letter a point: i where the bond is as it was before the step, d where it lost
-            strength in it, r where it recovers, b where it is broken; None likewise.
+        name: name of the surface.
+        dim: dimension, 2 or 3.
+        x: positions, shape (n, dim).
+        area: area (length in 2D) of each point, shape (n,).
+        un: gap, shape (n,); NaN at nodes of a pair without an opposing point. With
+            ``method="mixed"`` the law applies to the mean of the gap weighted by the hat function
+            of the node, which is this value; the gap at the node may be negative. The same holds
+            for ``ut``.
+        ut: tangential displacement, shape (n, dim).
+        increment: tangential displacement since the last accepted step of an evolution, shape
+            (n, dim); ``ut`` otherwise.
+        n: normals, shape (n, dim).
+        force: contact force on the body, shape (n, dim); 0 at points clamped by Dirichlet data.
+        pressure: nominal contact pressure, per area of the mesh, shape (n,).
+        shear: tangential traction on the body, shape (n, dim).
+        letters: status of each point: o (open), k (stick), + or - (slip, 2D), s (slip, 3D), d for
+            points without contact of their own: held by Dirichlet data, at the front of a crack,
+            at a crossing of pairs, or without an opposing point.
+        bound: radius of the friction disc, a force, shape (n,).
+        support: reaction of Dirichlet data on the body at the node, shape (n, dim); 0 in free
+            components, and in the integral method, whose points are not nodes. A node shared by two
+            surfaces has it in both tables.
+        adhesion: part of ``force`` due to adhesion or another surface energy, shape (n, dim); None
+            for other laws.
+        bond: state of the bond of each point: i (unchanged in the step), d (weakened), r
+            (recovered), b (broken); None for other laws.
         internal: variables of the law by name; the intensity of adhesion is ``beta``.
         axisymmetric: whether forces and areas are those of a body of revolution.
-        slid: distance slipped, in an evolution all the way, of a law that depends on it; else None.
+        slid: slip distance, accumulated in an evolution, shape (n,); None unless the law depends on
+            it.
     """
 
     name: str
@@ -89,7 +92,7 @@ class ContactTable:
     slid: npt.NDArray[np.float64] | None = None
 
     def resultant(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The sum of forces (n, dim) at the points; of a body of revolution its axial part.
+        """Return the sum of forces (n, dim); only the axial part for bodies of revolution.
 
         Radial forces of opposite meridians cancel.
         """
@@ -98,44 +101,44 @@ class ContactTable:
 
     @property
     def rn(self) -> npt.NDArray[np.float64]:
-        """Normal forces, positive in compression."""
+        """Normal forces, positive in compression, shape (n,)."""
         return -np.sum(self.force * self.n, axis=1) + 0.0
 
     @property
     def rt(self) -> npt.NDArray[np.float64]:
-        """Tangential forces (n, dim)."""
+        """Tangential forces, shape (n, dim)."""
         return self.force + self.rn[:, None] * self.n
 
     @property
     def beta(self) -> npt.NDArray[np.float64] | None:
-        """Intensity of adhesion, 1 intact, 0 broken; None of a law that has none."""
+        """Intensity of adhesion, 1 if intact, 0 if broken; None for laws without adhesion."""
         return self.internal.get("beta")
 
     @property
     def rn_adh(self) -> npt.NDArray[np.float64]:
-        """Normal forces of adhesion, negative where it pulls."""
+        """Normal forces of adhesion, negative in tension, shape (n,)."""
         if self.adhesion is None:
             return np.zeros_like(self.un)
         return -np.sum(self.adhesion * self.n, axis=1) + 0.0
 
     @property
     def friction(self) -> npt.NDArray[np.float64]:
-        """Tangential forces without adhesion (n, dim)."""
+        """Tangential forces without adhesion, shape (n, dim)."""
         if self.adhesion is None:
             return self.rt
         return np.asarray(self.rt - self.adhesion - self.rn_adh[:, None] * self.n)
 
     @property
     def status(self) -> str:
-        """All letters in one string."""
+        """Letters of all points as a string."""
         return "".join(self.letters)
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """What ``contact.csv`` has, point by point (n,), by the names of its columns.
+        """Return the columns of ``contact.csv`` by name, shape (n,) each.
 
-        Vectors are split into three components, those along z 0 in 2D. Of a law with adhesion
-        follow ``rn_adh``, ``rt_adh``, its variables, and ``bond``; of one that depends on the
-        distance slipped ``slid``.
+        Vectors are split into three components; those along z are 0 in 2D. Laws with adhesion add
+        ``rn_adh``, ``rt_adh``, their variables, and ``bond``; laws that depend on the slip distance
+        add ``slid``.
         """
         vectors = {"": self.x, "ut_": self.ut, "rt_": self.rt, "support_": self.support}
         parts = {
@@ -156,47 +159,47 @@ class ContactTable:
         return found
 
     def to_pandas(self) -> Any:
-        """The contact points as a pandas DataFrame, a row a point; see `columns`.
+        """Return the contact points as a pandas DataFrame with one row per point; see `columns`.
 
         Raises:
             ModuleNotFoundError: if pandas is not installed.
 
         Example:
-            Several surfaces in one, as in ``contact.csv``::
+            Several surfaces in one table, as in ``contact.csv``::
 
                 rows = pandas.concat([t.to_pandas() for t in result.tables.values()])
         """
         return optional("pandas", "records").DataFrame(self.columns())
 
     def count(self, letters: str) -> int:
-        """Number of points whose letter is one of ``letters``."""
+        """Return the number of points whose letter is one of ``letters``."""
         return int(np.isin(self.letters, list(letters)).sum())
 
     def along(self, vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Tangential ``vectors`` as scalars: along t in 2D, norms in 3D."""
+        """Return tangential ``vectors`` as scalars: components along t in 2D, norms in 3D."""
         if self.dim == 2:
             return np.asarray(-vectors[:, 0] * self.n[:, 1] + vectors[:, 1] * self.n[:, 0])
         return np.asarray(np.linalg.norm(vectors, axis=1))
 
 
 def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Three components, the third 0 in 2D."""
+    """Pad vectors to three components."""
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 def contact_table(
     eq: ContactEquations, number: int, state: Evaluation, supports: npt.NDArray[np.float64]
 ) -> ContactTable:
-    """The table of a surface at a state. Collective.
+    """Return the table of a surface at a state. Collective.
 
-    Where Dirichlet data prescribe all of the tangential displacement, the support holds what
-    friction would: the bound is 0 there, and the letter that of the prescribed motion.
+    Where Dirichlet data prescribe the whole tangential displacement, the support replaces friction:
+    the bound is 0, and the letter is that of the prescribed motion.
 
     Args:
-        eq: the contact problem.
-        number: of the surface.
-        state: with reactions.
-        supports: reactions of Dirichlet data at the local nodes of the displacement (n, dim).
+        eq: contact problem.
+        number: index of the surface.
+        state: evaluation with reactions.
+        supports: reactions of Dirichlet data at the local nodes, shape (nodes, dim).
     """
     s = eq.surfaces[number]
     found = state.surfaces[number]
@@ -256,7 +259,7 @@ def _of_memory(
     area: npt.NDArray[np.float64],
     letters: npt.NDArray[np.str_],
 ) -> dict[str, npt.NDArray[Any]]:
-    """Columns of laws that remember: their variables, bonds, and the distance slipped."""
+    """Return the columns of laws with memory: variables, bonds, and slip distance."""
     internal = {
         name: found.answers.bond(f"after.{inner}") for name, inner in s.law.variables(s.dim).items()
     }
@@ -273,14 +276,20 @@ def _of_memory(
 
 
 def violation(eq: ContactEquations, state: Evaluation, force: float, length: float) -> float:
-    """Largest violation of the contact laws, forces over ``force``. Collective.
+    """Return the largest violation of the contact laws, relative to ``force``. Collective.
 
-    The natural residual t - tau(j, t) at every point that is not clamped, with the augmentation
-    parameter for which a gap of ``length`` counts as much as ``force``: it vanishes where the law
-    holds and nowhere else. Points that no status of the law holds violate it too. Of several
-    statuses that hold, as where the law softens by more than that parameter, that of the state
-    counts. In the integral method, whose conditions are weak, it measures the discretisation as
-    well.
+    It is the natural residual t - tau(j, t) at all points that are not clamped, with the
+    augmentation parameter for which a gap of ``length`` counts as much as ``force``; it vanishes if
+    and only if the law holds. Points without an admissible status violate the law as well. If
+    several statuses are admissible, as for a law that softens by more than this parameter, the
+    status of the state is used. In the integral method, whose conditions are weak, the violation
+    includes the discretisation error.
+
+    Args:
+        eq: contact problem.
+        state: evaluation.
+        force: force scale.
+        length: length scale.
     """
     worst = 0.0
     for number, (s, found) in enumerate(zip(eq.surfaces, state.surfaces, strict=True)):
@@ -297,7 +306,7 @@ def violation(eq: ContactEquations, state: Evaluation, force: float, length: flo
             missed = answers.missed
         missed = np.where(held, 0.0, missed)
         share = found.kinematics.operator.share
-        if share is not None:  # elsewhere something else is required of tractions
+        if share is not None:  # partly covered nodes have another condition
             off = np.where((share < 1.0)[:, None], found.off * points.areas[:, None], off)
             missed = np.where(share < 1.0, 0.0, missed)
         off = np.maximum(np.abs(off), (missed * points.areas)[:, None])
@@ -308,7 +317,7 @@ def violation(eq: ContactEquations, state: Evaluation, force: float, length: flo
 def _letters(
     s: DiscreteSurface, found: ContactState, known: dict[str, npt.NDArray[np.float64]]
 ) -> npt.NDArray[np.str_]:
-    """Letters of the statuses; where a closed point has no friction the sense of its motion."""
+    """Return the letters of the statuses; without friction the sense of the motion."""
     touching = closed(found.statuses)
     contact = without_damage(found.statuses)
     letters = np.where(touching, status.letters(s.dim)[contact], "o")
@@ -327,7 +336,7 @@ def _letters(
 def _letters_of_bonds(
     s: DiscreteSurface, found: ContactState, internal: dict[str, npt.NDArray[np.float64]]
 ) -> npt.NDArray[np.str_]:
-    """What a step does to bonds, a letter a point; see `ContactTable.bond`."""
+    """Return the letters of `ContactTable.bond`."""
     letters: npt.NDArray[np.str_] = np.full(s.points.number, "i")
     x = s.law.weakening
     if x is not None:
@@ -339,7 +348,7 @@ def _letters_of_bonds(
 def _letters_of_motion(
     ut: npt.NDArray[np.float64], n: npt.NDArray[np.float64], least: float
 ) -> npt.NDArray[np.str_]:
-    """The letters of closed points that move along ``ut``, (n, dim), by more than ``least``."""
+    """Return the letters of closed points that move by ``ut`` (n, dim), beyond ``least``."""
     size = np.linalg.norm(ut, axis=1)
     sliding: Any = "s"
     if ut.shape[1] == 2:
