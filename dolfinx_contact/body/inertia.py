@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Inertia of a body: its mass matrix, consistent, lumped, or without mass at some nodes.
+r"""Mass matrix of a body: consistent, lumped, or without mass at nodes that may touch.
 
 consistent
     M_ij = integral of rho phi_i phi_j.
 lumped
-    diagonal: the sums of its rows (P1), or its diagonal times a factor that keeps the mass (P2,
-    whose row sums vanish at vertices; Hinton, Rock and Zienkiewicz, Earthq. Eng. Struct. Dyn. 4,
-    1976, with one factor for all cells).
+    diagonal: row sums (P1), or the diagonal times a factor that preserves the mass (P2, whose row
+    sums vanish at vertices; Hinton, Rock and Zienkiewicz, Earthq. Eng. Struct. Dyn. 4, 1976, with
+    one factor for all cells).
 redistributed
-    no mass at the nodes that may touch (Khenous, Laborde and Renard, Eur. J. Mech. A 27, 2008).
-    What they had goes to the diagonal of the nodes around, in the proportions of the entries of M:
-    the whole mass stays, its centre moves by a part of a cell.
+    no mass at nodes that may touch (Khenous, Laborde and Renard, Eur. J. Mech. A 27, 2008). Their
+    mass is added to the diagonal of neighbouring nodes in proportion to the entries of M: the total
+    mass is preserved, and its centre moves by a part of a cell.
 """
 
 from __future__ import annotations
@@ -33,29 +33,29 @@ from dolfinx_contact.body.rigid import combine, parts, rigid_motions
 
 __all__ = ["Mass", "mass_matrix", "rigid_errors"]
 
-#: How the mass of a body is put into a matrix.
+#: Kinds of mass matrices.
 Mass: TypeAlias = Literal["consistent", "lumped", "redistributed"]
 
 Array = npt.NDArray[np.float64]
-_FINE = 6  # degree of the rule at whose points a density is evaluated
-_ROUND_OFF = 1e-12  # of the mass of a cell
+_FINE = 6  # degree of the quadrature rule for the sign of a density
+_ROUND_OFF = 1e-12  # mass, relative to that of a cell, that counts as zero
 
 
 def mass_matrix(
     V: fem.FunctionSpace, density: Any, kind: Mass, touching: npt.NDArray[np.bool_]
 ) -> PETSc.Mat:
-    """The mass matrix of a body. Collective.
+    """Return the mass matrix of a body. Collective.
 
     Args:
-        V: space of its displacement.
-        density: mass per volume (per area in 2D, of unit thickness): a number, Constant, Function
+        V: space of the displacement.
+        density: mass per volume (per area in 2D, for unit thickness), a number, Constant, Function
             or UFL expression.
-        kind: of the matrix.
-        touching: owned dofs of the nodes that may touch something.
+        kind: kind of the matrix.
+        touching: mask of owned dofs of nodes that may touch something.
 
     Raises:
-        ValueError: on every rank, if the density is not positive in all cells, or no node is left
-            that could have mass.
+        ValueError: on every rank, if the density is not positive in all cells, or all nodes may
+            touch, so that none could have mass.
     """
     _check_density(V, density)
     u = ufl.TrialFunction(V)
@@ -82,23 +82,22 @@ def rigid_errors(
     *,
     axisymmetric: bool,
 ) -> tuple[float, dict[str, float]]:
-    """How wrong the inertia of a mass matrix is for what moves as if it were rigid. Collective.
+    """Return relative errors of the inertia of a mass matrix in rigid motions. Collective.
 
-    Of rigid motions R that Dirichlet data leave free, with G = R^T M R and G_0 likewise of the
-    consistent matrix, which has the moments of the body, a uniform field of accelerations a is
-    answered by G^-1 G_0 a.
+    For rigid motions R that Dirichlet data leave free, let G = R^T M R, and G_0 the same with the
+    consistent matrix, which has the correct moments. A prescribed uniform acceleration a results in
+    the acceleration G^-1 G_0 a.
 
     Args:
         V: space of the displacement.
         M: mass matrix.
-        consistent: the consistent one.
-        fixed: local nodes x dim that Dirichlet data hold.
-        axisymmetric: whether the body is one of revolution.
+        consistent: consistent mass matrix.
+        fixed: mask of components fixed by Dirichlet data, shape (local nodes, dim).
+        axisymmetric: whether the body is a body of revolution.
 
     Returns:
-        The largest share by which a free motion is accelerated otherwise than it should be. And the
-        largest displacement of a node by the turning of a body that falls freely, over its fall, by
-        the axes along which it can fall.
+        Largest relative error of the acceleration of a free motion; and the largest displacement of
+        a node by the rotation of a freely falling body, divided by its fall, by axis.
     """
     comm = V.mesh.comm
     n = V.dofmap.index_map.size_local
@@ -128,7 +127,7 @@ def rigid_errors(
 
 
 def _products(A: PETSc.Mat, rows: Array) -> list[Array]:
-    """Owned entries of a matrix times each of some vectors. Collective."""
+    """Return the owned entries of a matrix times each of some vectors. Collective."""
     x, y = A.createVecs()
     found = []
     for row in rows:
@@ -140,7 +139,7 @@ def _products(A: PETSc.Mat, rows: Array) -> list[Array]:
 
 
 def _check_density(V: fem.FunctionSpace, density: Any) -> None:
-    """Refuse a density that is not positive. Collective."""
+    """Raise ``ValueError`` if a density is not positive. Collective."""
     comm = V.mesh.comm
     domain = V.mesh
     W = fem.functionspace(domain, ("DG", 0))
@@ -153,7 +152,7 @@ def _check_density(V: fem.FunctionSpace, density: Any) -> None:
     values = mean[0].array[:n] / mean[1].array[:n]
     good = bool(np.isfinite(values).all() and (values > 0).all())
     if _varies(density * one):
-        # Of one that varies within cells, what is negative there.
+        # integrals of the negative part within cells
         dx = ufl.dx(domain, metadata={"quadrature_degree": _FINE})
         below = ufl.min_value(density * one, 0.0) * ufl.TestFunction(W) * dx
         negative = fem.assemble_vector(compiled_form(below)).array[:n]
@@ -162,17 +161,17 @@ def _check_density(V: fem.FunctionSpace, density: Any) -> None:
 
 
 def _varies(e: Any) -> bool:
-    """Whether an expression may vary within a cell."""
+    """Return whether an expression may vary within a cell."""
     terminals = [t for t in unique_pre_traversal(ufl.as_ufl(e)) if not t.ufl_operands]
     elements = [t.ufl_element() for t in terminals if isinstance(t, fem.Function)]
-    if any(element.has_custom_quadrature for element in elements):  # known at its points alone
+    if any(element.has_custom_quadrature for element in elements):  # only defined at points
         return False
     by_place = any(isinstance(t, ufl.geometry.GeometricQuantity) for t in terminals)
     return by_place or any(element.embedded_superdegree > 0 for element in elements)
 
 
 def _lumped(M: PETSc.Mat, degree: int) -> PETSc.Mat:
-    """A diagonal matrix with the mass of M. Collective."""
+    """Return a diagonal matrix with the mass of M. Collective."""
     total = M.getRowSum()
     masses = total
     if degree > 1:
@@ -186,7 +185,7 @@ def _lumped(M: PETSc.Mat, degree: int) -> PETSc.Mat:
 
 
 def _redistribute(M: PETSc.Mat, around: PETSc.Mat, touching: npt.NDArray[np.bool_]) -> None:
-    """Move the mass in M of what touches to the diagonal of what is around. Collective."""
+    """Move the mass of touching nodes in M to the diagonal of their neighbours. Collective."""
     start = M.getOwnershipRange()[0]
     weights = around.copy()
     indptr, indices, values = weights.getValuesCSR()
@@ -196,7 +195,7 @@ def _redistribute(M: PETSc.Mat, around: PETSc.Mat, touching: npt.NDArray[np.bool
     total = mass.sum()
     marked, added = M.createVecs()
     marked.array[:] = touching
-    M.mult(marked, added)  # what the others have in common with what touches
+    M.mult(marked, added)  # mass shared with touching nodes
     near = added.duplicate()
     marked.array[:] = ~touching
     weights.mult(marked, near)

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""A body with mass in a step of time: what replaces its residual in the contact problem.
+r"""Body with mass in a time step, which replaces the residual of the body in a contact problem.
 
-The equation of motion as one of measures (Jean and Moreau, CISM Lectures 304, 1987)
+The equation of motion in terms of measures (Jean and Moreau, CISM Lectures 304, 1987)
 
     M (v_1 - v_0) = integral of (F - R(u) - C v) dt + integral of the contact forces,
     u_1 = u_0 + integral of v dt
 
-over a step from t_0 to t_1 = t_0 + h: the first integral by the theta method,
-h (theta f_1 + (1 - theta) f_0), the second one by it or by Euler's implicit method; contact forces
-by their mean over the step, which is what multipliers are. The unknown is the displacement w that
-the law of contact sees,
+is integrated over a step from t_0 to t_1 = t_0 + h: the first integral by the theta method,
+h (theta f_1 + (1 - theta) f_0), the second one by the theta method or by the implicit Euler method.
+Multipliers are the mean contact forces of the step. The unknown is the displacement w in the law of
+contact,
 
     theta            w = u_1 = u_0 + h ((1 - theta) v_0 + theta v_1)
     theta-euler      w = u_1 = u_0 + h v_1
@@ -45,18 +45,18 @@ from dolfinx_contact.body.bulk import Bulk
 __all__ = ["MovingBody", "Scheme", "TimeStep"]
 
 Array = npt.NDArray[np.float64]
-#: How the two integrals of the equation of motion are approximated.
+#: Approximations of the two integrals of the equation of motion.
 Scheme: TypeAlias = Literal["theta", "theta-euler", "modified-theta"]
 
 
 @dataclass(frozen=True)
 class TimeStep:
-    """A step of time by one of the schemes.
+    """Time step by one of the schemes.
 
     Attributes:
-        length: h.
+        length: duration h of the step.
         theta: weight of the end of the step.
-        scheme: of the integrals.
+        scheme: scheme of the integrals.
     """
 
     length: float
@@ -65,7 +65,7 @@ class TimeStep:
 
     @property
     def gain(self) -> float:
-        """The factor a in w - w_0 = a h v_1."""
+        """Factor a in w - w_0 = a h v_1."""
         return self.theta if self.scheme == "theta" else 1.0
 
     @property
@@ -74,48 +74,49 @@ class TimeStep:
 
     @property
     def share(self) -> float:
-        """The derivative of u_1 by w."""
+        """Derivative of u_1 by w."""
         return 1.0 - self._ahead / self.gain
 
     @property
     def rate(self) -> float:
-        """The derivative of v_1 by w."""
+        """Derivative of v_1 by w."""
         return 1.0 / (self.gain * self.length)
 
     def origin(self, u: Array, v: Array) -> Array:
-        """w_0, at displacements and velocities of the start."""
+        """Return w_0 for displacement and velocity at the start."""
         if self.scheme == "theta-euler":
             return u.copy()
         return np.asarray(u + self.length * (1.0 - self.theta) * v)
 
     def velocity(self, w: Array, w0: Array) -> Array:
-        """v_1."""
+        """Return the velocity v_1 at the end."""
         return np.asarray(self.rate * (w - w0))
 
     def displacement(self, w: Array, w0: Array) -> Array:
-        """u_1."""
+        """Return the displacement u_1 at the end."""
         return np.asarray(w0 + self.share * (w - w0))
 
     def seen(self, u: Array, w0: Array) -> Array:
-        """The w of which u is u_1."""
+        """Return the w whose displacement u_1 is ``u``."""
         return np.asarray(w0 + (u - w0) / self.share)
 
 
 class MovingBody:
-    """A body in a step of time, with the face of a `Bulk` whose displacement is w.
+    """Body in a time step, with the interface of a `Bulk` whose displacement is w.
 
     Args:
-        body: without inertia.
-        mass: M, on the displacement.
-        damping: C likewise; None for none.
-        step: of time, to begin with.
+        body: body without inertia.
+        mass: mass matrix M.
+        damping: damping matrix C; None without damping.
+        step: first time step.
 
     Attributes:
-        body: as given.
-        mass, damping: as given.
-        step: of time.
+        body: body without inertia.
+        mass: mass matrix M.
+        damping: damping matrix C, or None.
+        step: present time step.
         linear, kinks, is_energy, functions, constants, displacement, jacobian_constants,
-            assemblies, seconds: as those of a `Bulk`, as `residual` is, without inertia.
+            assemblies, seconds: see `Bulk`; like `residual`, without inertia.
     """
 
     has_mass = True
@@ -146,11 +147,11 @@ class MovingBody:
         self._half: PETSc.Mat | None = None
         self._of: tuple[int, TimeStep] | None = None
         self._symmetric = damping is None or is_symmetric(damping)
-        #: Rows at w_0, with what they were found from: R(0), and the stiffness.
+        #: R(0), assembly of the stiffness, and rows at w_0 computed from them.
         self._start: tuple[Array, tuple[int, TimeStep], Array] | None = None
 
     def take_matrices(self, mass: PETSc.Mat, damping: PETSc.Mat | None) -> None:
-        """Replace mass and damping, which are freed. Not collective."""
+        """Replace and free mass and damping. Not collective."""
         for old in (self.mass, self.damping):
             if old is not None:
                 old.destroy()
@@ -163,10 +164,10 @@ class MovingBody:
         """Begin a step. Collective.
 
         Args:
-            step: of time.
-            u: displacement at its start, all local values.
-            v: velocity there, likewise.
-            rows: R(u) + C v there (owned).
+            step: time step.
+            u: local values of the displacement at its start.
+            v: local values of the velocity at its start.
+            rows: owned values of R(u) + C v at its start.
         """
         self.step = step
         self._origin = step.origin(u, v)
@@ -177,16 +178,16 @@ class MovingBody:
 
     @property
     def residual(self) -> ufl.Form:
-        """The UFL residual without inertia, for the data in it."""
+        """UFL residual without inertia."""
         return self.body.residual
 
     @property
     def origin(self) -> Array:
-        """w_0 (local)."""
+        """Local values of w_0."""
         return self._origin
 
     def times(self, matrix: PETSc.Mat, values: Array) -> Array:
-        """Owned entries of a matrix times local values. Collective."""
+        """Return owned entries of a matrix times local values. Collective."""
         x, y = matrix.createVecs()
         x.array[:] = values[: self._owned]
         matrix.mult(x, y)
@@ -195,7 +196,7 @@ class MovingBody:
         return product
 
     def _rows(self, w: Array, inner: Array) -> Array:
-        """The rows, of those of the body without inertia. Collective."""
+        """Return the rows from those of the body without inertia. Collective."""
         v = self.step.velocity(w, self._origin)
         rows = self.step.theta * inner + self.times(self.mass, v) / self.step.length
         if self.damping is not None:
@@ -203,39 +204,39 @@ class MovingBody:
         return np.asarray(rows + self._given)
 
     def forces(self, u: Array, v: Array) -> Array:
-        """R(u) + C v with the loads as they are now (owned). Collective."""
+        """Return owned values of R(u) + C v with the present loads. Collective."""
         inner = self.body.affine_residual(u)
         inner = self.body.residual_at(u) if inner is None else inner
         return inner if self.damping is None else inner + self.times(self.damping, v)
 
     def load(self) -> Array:
-        """-R(0), the loads as they are now (owned). Collective."""
+        """Return the present loads -R(0), owned values. Collective."""
         f = self.body.affine_load()
         return -(self.body.residual_at(np.zeros_like(self._origin)) if f is None else f)
 
-    # -- the face of a Bulk ----------------------------------------------------------------------
+    # -- interface of a Bulk ---------------------------------------------------------------------
 
     @property
     def has_changed(self) -> bool:
-        """As `Bulk` has."""
+        """See `Bulk`."""
         return self.body.has_changed
 
     def update_ghosts(self) -> None:
-        """As `Bulk.update_ghosts`. Collective."""
+        """See `Bulk.update_ghosts`. Collective."""
         self.body.update_ghosts()
 
     def energy_at(self, w: Array) -> float | None:
-        """The energy that the user gave at u_1; None if it was a residual. Collective."""
+        """Return the energy of the user at u_1; None for a residual. Collective."""
         return self.body.energy_at(self.step.displacement(w, self._origin))
 
     def residual_at(self, w: Array) -> Array:
-        """Owned rows, those of the body by assembly. Collective."""
+        """Return owned rows; those of the body by assembly. Collective."""
         return self._rows(w, self.body.residual_at(self.step.displacement(w, self._origin)))
 
     def affine_residual(self, w: Array) -> Array | None:
-        """Owned rows if the stiffness is at hand, as `Bulk.affine_residual`. Collective.
+        """Return owned rows if the stiffness is available; see `Bulk.affine_residual`. Collective.
 
-        They are those at w_0, which are found once in a step, and the stiffness times w - w_0.
+        They are the rows at w_0, computed once per step, plus the stiffness times w - w_0.
         """
         f = self.body.affine_load()
         if f is None:
@@ -249,25 +250,25 @@ class MovingBody:
         return self._start[2] + self.times(self.for_products, w - self._origin)
 
     def local_rows(self, w: Array) -> Array:
-        """Rows (n, dim) whose sum over all ranks is that of all. Collective."""
+        """Return rows (n, dim) whose sum over all ranks is that of all rows. Collective."""
         rows = self.affine_residual(w)
         rows = self.residual_at(w) if rows is None else rows
         return rows.reshape(-1, self.displacement.function_space.dofmap.index_map_bs)
 
     def assembled(self, form: fem.Form, w: Array) -> Array:
-        """Owned rows of the derivative of R by a parameter, which occurs in a form. Collective."""
+        """Return owned rows of the derivative of R by a parameter, given as a form. Collective."""
         u = self.step.displacement(w, self._origin)
         return np.asarray(self.step.theta * self.body.assembled(form, u))
 
     def lifting(self, w: Array, bcs: Sequence[fem.DirichletBC], start: Array) -> Array:
-        """The stiffness times (g - start), as `Bulk.lifting`. Collective."""
+        """Return the stiffness times (g - start); see `Bulk.lifting`. Collective."""
         step = start.copy()
         for bc in bcs:
             bc.set(step)
         return self.times(self.stiffness(w), step - start)
 
     def stiffness(self, w: Array) -> PETSc.Mat:
-        """Derivative of the rows at ``w``, without Dirichlet rows, as `Bulk` has. Collective."""
+        """Return the derivative of the rows at ``w``; see `Bulk.stiffness`. Collective."""
         step = self.step
         K = self.body.stiffness(step.displacement(w, self._origin))
         of = self.body.assemblies, step
@@ -292,7 +293,7 @@ class MovingBody:
 
     @property
     def for_products(self) -> PETSc.Mat:
-        """The stiffness assembled last, by half where it stays and is symmetric. Collective."""
+        """Stiffness assembled last, for many products; see `Bulk.for_products`. Collective."""
         assert self._K is not None
         if not self.linear or not self.is_energy or not self._symmetric:
             return self._K
@@ -301,19 +302,19 @@ class MovingBody:
         return self._half
 
     def product(self, w: Array) -> Array | None:
-        """The stiffness times ``w``, as `Bulk.product`. Collective."""
+        """Return the stiffness times ``w``; see `Bulk.product`. Collective."""
         if self.body.product(w) is None:
             return None
         return self.times(self.stiffness(w), w)
 
     @property
     def stiffness_mark(self) -> int:
-        """A checksum, on this rank, of all that the stiffness depends on but the displacement."""
+        """Checksum on this rank of the data of the stiffness without the displacement."""
         return zlib.crc32(repr(self.step).encode(), self.body.stiffness_mark)
 
     @property
     def stiffness_data(self) -> list[Any]:
-        """As `Bulk` has."""
+        """See `Bulk`."""
         return self.body.stiffness_data
 
     def _forget_half(self) -> None:
@@ -322,7 +323,7 @@ class MovingBody:
             self._half = None
 
     def destroy(self) -> None:
-        """Free the matrices that are made here."""
+        """Free the matrices created here."""
         self._forget_half()
         if self._K is not None:
             self._K.destroy()
