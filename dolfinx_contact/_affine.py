@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""How UFL depends on a Function, a Constant or a variable: by what it is made of, not by samples.
+r"""Symbolic classification of the dependence of UFL on a Function, a Constant or a variable.
 
-An expression E is walked from its terminals up, once its algebra is lowered and its derivatives are
-taken. Every node is absent of v, a polynomial in v of some degree, kinked (continuous, as |v|),
-jumping (as the sign of v), or anything else:
+After lowering algebra and expanding derivatives, an expression E is traversed from its terminals
+upwards. Every node is independent of v (absent), a polynomial in v of some degree, kinked
+(continuous, like |v|), jumping (like the sign of v), or other:
 
-    sums                      the worst of their terms
-    products                  degrees add up; a kinked or jumping factor makes them that
-    quotients                 as the numerator where the denominator is absent of v
-    powers                    degrees are multiplied by a whole exponent >= 1
-    abs, max_value, min_value of what holds v are kinked
-    sign, and a conditional   whose condition holds v, whatever its arms, are jumping
-    parts, sums over indices, gradients, restrictions pass through; else it is anything else
+    sums                      worst of their terms
+    products                  degrees add up; a kinked or jumping factor dominates
+    quotients                 as the numerator if the denominator does not contain v
+    powers                    the degree is multiplied by an integer exponent >= 1
+    abs, max_value, min_value kinked if an argument contains v
+    sign, conditional         jumping if the condition contains v
+    components, sums over indices, gradients, restrictions: as their operand
 
-*Affine* is of degree 1 at most. A second derivative that vanishes is not the test: it vanishes on
-both sides of a kink. Nor are samples, between which anything may be.
+*Affine* means of degree 1 at most. A vanishing second derivative is not a valid test, because it
+vanishes on both sides of a kink; neither are samples.
 
-The classification is one of forms: max_value(v, 0)**2 has the derivative 2 max_value(v, 0) c with a
-condition c, which is jumping by its form and continuous by its values.
+The classification is symbolic: max_value(v, 0)**2 has the derivative 2 max_value(v, 0) c with a
+condition c, which is classified as jumping although its values are continuous.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ __all__ = ["Dependence", "Kind", "dependence", "has_branches", "is_affine"]
 
 
 class Kind(IntEnum):
-    """Kinds of dependence, the worse the larger."""
+    """Kinds of dependence, ordered from best to worst."""
 
     ABSENT = 0
     POLYNOMIAL = 1
@@ -50,13 +50,13 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True)
 class Dependence:
-    """How an expression depends on something.
+    """Dependence of an expression on given terminals.
 
     Attributes:
-        kind: of the whole.
-        degree: of a polynomial; 0 of what is absent.
-        node: the first part of it that is of the kind, where it is no polynomial.
-        kinks: all parts that are kinked or jumping by themselves, whatever the whole is.
+        kind: kind of the dependence.
+        degree: degree of a polynomial; 0 if absent.
+        node: first node of that kind, unless it is a polynomial.
+        kinks: all nodes that are kinked or jumping themselves.
     """
 
     kind: Kind
@@ -66,19 +66,19 @@ class Dependence:
 
     @property
     def is_affine(self) -> bool:
-        """Whether it is a polynomial of degree 1 at most."""
+        """Whether the expression is a polynomial of degree 1 at most."""
         return self.kind <= Kind.POLYNOMIAL and self.degree <= 1
 
     @property
     def text(self) -> str:
-        """The node that made it so, for messages."""
+        """Text of the decisive node, for messages."""
         if self.kind == Kind.POLYNOMIAL:
             return "" if self.degree <= 1 else f"degree {self.degree}"
         return "" if self.node is None else _text(self.node)
 
     @property
     def text_of_kinks(self) -> str:
-        """The outermost kinks, for messages; "" if there are none."""
+        """Text of the outermost kinks, for messages; "" if there are none."""
         shown: list[Any] = []
         for node in reversed(self.kinks):
             if not any(node in set(unique_pre_traversal(other)) for other in shown):
@@ -87,11 +87,11 @@ class Dependence:
 
 
 def dependence(e: Any, *terminals: Any) -> Dependence:
-    """How an expression or a form depends on Functions, Constants or variables, taken together.
+    """Return the joint dependence of an expression or a form on terminals.
 
     Args:
         e: UFL expression of any shape, or form.
-        terminals: what may change, or components of it; a ``ufl.variable`` counts as a whole.
+        terminals: Functions, Constants, their components, or ``ufl.variable`` objects.
     """
     labels = {t.ufl_operands[1] for t in terminals if isinstance(t, classes.Variable)}
     wanted = {t for t in terminals if not isinstance(t, classes.Variable)}
@@ -99,7 +99,7 @@ def dependence(e: Any, *terminals: Any) -> Dependence:
     for integrand in _integrands(expand_derivatives(_as_ufl(e))):
         part = _walked(integrand, wanted, labels)
         if part.kinks and not labels:
-            # Of a vector or tensor only some components may be used.
+            # Classify by components, because only some may be used.
             part = Dependence(Kind.ABSENT)
             for component in _components(remove_complex_nodes(integrand)):
                 part = _joined(part, _walked(expand_indices(component), wanted, labels))
@@ -108,11 +108,11 @@ def dependence(e: Any, *terminals: Any) -> Dependence:
 
 
 def is_affine(form: ufl.Form, terminal: Any) -> bool:
-    """Whether a form is affine in one of its Functions or Constants; forms are known again.
+    """Return whether a form is affine in a Function or Constant; results are cached.
 
     Args:
-        form: of any rank.
-        terminal: a Function or a Constant, which need not be in the form.
+        form: form of any rank.
+        terminal: Function or Constant, which need not occur in the form.
     """
     constants = isinstance(terminal, fem.Constant)
     among = form.constants() if constants else form.coefficients()
@@ -126,7 +126,7 @@ def is_affine(form: ufl.Form, terminal: Any) -> bool:
 
 
 def has_branches(form: ufl.Form) -> bool:
-    """Whether anything in a form may have kinks or jump: without that its derivatives have none."""
+    """Return whether a form contains operators that may have kinks or jumps."""
     return any(
         isinstance(node, _BRANCHING)
         for integral in form.integrals()
@@ -135,7 +135,7 @@ def has_branches(form: ufl.Form) -> bool:
 
 
 _BRANCHING = classes.Conditional | classes.Abs | classes.MaxValue | classes.MinValue
-#: By signature, kind of terminal and its place.
+#: Results of `is_affine` by signature, kind of terminal and its place.
 _known: dict[tuple[str, bool, int], bool] = {}
 
 
@@ -148,12 +148,12 @@ def _integrands(e: Any) -> list[Any]:
 
 
 def _components(e: Any) -> list[Any]:
-    """The components of an expression; one that is a scalar itself."""
+    """Return the scalar components of an expression."""
     return [e[index] if index else e for index in np.ndindex(e.ufl_shape)]
 
 
 def _text(node: Any) -> str:
-    """A node as users write it, where that is short."""
+    """Return a node as users write it, shortened."""
     words = str(node)
     if isinstance(node, classes.Conditional) and isinstance(node.ufl_operands[0], classes.EQ):
         of = node.ufl_operands[0].ufl_operands[0]
@@ -162,16 +162,16 @@ def _text(node: Any) -> str:
     return words if len(words) <= _LONGEST else f"{words[:_LONGEST]}..."
 
 
-_SHOWN = 2  # kinks in a message
-_LONGEST = 120  # letters of a node in a message
+_SHOWN = 2  # largest number of kinks in a message
+_LONGEST = 120  # largest number of characters of a node in a message
 
 
-# -- the walk --------------------------------------------------------------------------------------
+# -- traversal -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class _Part:
-    """What is known of a node: kind, degree, and the node that made it so."""
+    """Classification of a node: kind, degree, and decisive node."""
 
     kind: Kind
     degree: int = 0
@@ -199,7 +199,7 @@ _THROUGH = (
 
 
 def _joined(a: Dependence, b: Dependence) -> Dependence:
-    """That of a sum."""
+    """Return the dependence of a sum."""
     worst = max(a, b, key=lambda d: (d.kind, d.degree))
     return Dependence(worst.kind, worst.degree, worst.node, (*a.kinks, *b.kinks))
 
@@ -209,7 +209,7 @@ def _order(part: _Part) -> tuple[int, int]:
 
 
 def _walked(e: Any, terminals: set[Any], labels: set[Any]) -> Dependence:
-    """The dependence of an expression without derivatives but those of terminals."""
+    """Return the dependence of an expression with derivatives of terminals only."""
     known: dict[Any, _Part] = {}
     kinks: list[Any] = []
     for node in unique_post_traversal(e):
@@ -228,7 +228,7 @@ def _walked(e: Any, terminals: set[Any], labels: set[Any]) -> Dependence:
 
 
 def _combined(node: Any, parts: list[_Part]) -> _Part:
-    """What a node is, of what its operands are."""
+    """Classify a node from its operands."""
     if all(p.kind == Kind.ABSENT for p in parts):
         return _ABSENT
     if isinstance(node, _THROUGH):
@@ -249,7 +249,7 @@ def _combined(node: Any, parts: list[_Part]) -> _Part:
             return max(arms, key=_order)
         return _Part(Kind.JUMPING, node=node)
     if isinstance(node, classes.Condition):
-        return max(parts, key=_order)  # its conditional shows what it makes of it
+        return max(parts, key=_order)  # decided by its conditional
     if isinstance(node, classes.Abs | classes.MaxValue | classes.MinValue):
         worst = max(parts, key=_order)
         return worst if worst.kind > Kind.KINKED else _Part(Kind.KINKED, node=node)
@@ -257,7 +257,7 @@ def _combined(node: Any, parts: list[_Part]) -> _Part:
 
 
 def _power(node: Any, base: _Part) -> _Part:
-    """A power of which the base or the exponent hold v."""
+    """Classify a power whose base or exponent contains v."""
     exponent = node.ufl_operands[1]
     if not isinstance(exponent, classes.RealValue):
         return _Part(Kind.OTHER, node=node)

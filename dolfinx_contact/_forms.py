@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled UFL, found again in a time that does not grow with what else was compiled before.
+"""Cache of compiled UFL whose look-up time does not grow with the number of entries.
 
-A look-up in FFCx's cache lists its folder, which on a machine in use holds thousands of files.
-Here the cache has a folder for every first two letters of a signature.
+A look-up in FFCx's cache lists its folder, which may contain thousands of files. This cache has a
+folder for every first two letters of a signature.
 
-Within a process what was compiled is found again by what a form says (`content_of`), before
-anything is derived from it: no signature is computed, and no derivative is written out.
+Within a process, compiled forms are found by the content of the form from which they are derived
+(`content_of`). Then neither a signature nor a derivative is computed.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ _PARTS = {"cell": "cells", "exterior_facet": "boundary", "interior_facet": "face
 
 
 def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
-    """A form, compiled, with what was compiled for another that says the same. Collective.
+    """Compile a form, reusing the result for another form of the same content. Collective.
 
     Args:
-        form: UFL.
-        entity_maps: of submeshes that occur in it.
+        form: UFL form.
+        entity_maps: entity maps of submeshes in the form; default: none.
 
     Raises:
-        ValueError: if something has complex values, integrals of one kind do not have the same
-            tags, which DOLFINx needs, or an integrand is known at the middles of cells alone and
-            taken at other points.
+        ValueError: if values are complex, integrals of one kind have different tags, which DOLFINx
+            does not support, or an integrand that is only defined at the middles of cells is
+            evaluated at other points.
     """
     content = content_of(form)
     arguments = form.arguments() if content is None else content.arguments
@@ -64,7 +64,7 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
 
 
 def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
-    """A form, compiled, by its signature. Collective."""
+    """Compile a form, using the cache by signature. Collective."""
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
     values = [c.value for c in form.constants() if isinstance(c, fem.Constant)]
     values += [f.x.array for f in form.coefficients() if isinstance(f, fem.Function)]
@@ -90,12 +90,12 @@ def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
 
 @dataclass(frozen=True)
 class Part:
-    """What an integral is over, as a measure has it.
+    """Measure of an integral.
 
     Attributes:
-        kind: of the integral, as ``cell``.
-        number: of the part of the mesh.
-        metadata: of the rule.
+        kind: type of the integral, such as ``cell``.
+        number: identifier of the subdomain.
+        metadata: metadata of the quadrature rule.
         domain: UFL mesh.
         tags: subdomain data.
     """
@@ -108,7 +108,7 @@ class Part:
 
     @classmethod
     def of(cls, it: ufl.Integral | ufl.Measure) -> Part:
-        """That of an integral, or of a measure."""
+        """Return the measure of an integral or a UFL measure."""
         return cls(
             it.integral_type(),
             it.subdomain_id(),
@@ -120,21 +120,22 @@ class Part:
 
 @dataclass(frozen=True)
 class Content:
-    """What UFL says, apart from whose Functions, Constants and meshes it says it of.
+    """Content of UFL, independent of the identity of its Functions, Constants and meshes.
 
-    The key has every node of the expressions with its type and the numbers of its operands, in the
-    order in which they are met. A Function is there by its element and its mesh, a Constant by
-    its shape, a mesh by its coordinate element, an index and a label by nothing, and all of these
-    by the number that they get where they are met first. So two keys are equal only if the
-    expressions become each other when these are exchanged, number by number; what was derived and
-    compiled for one is then right for the other with its Functions and Constants at their places.
-    Numbers that are not Constants are in the key, digit by digit.
+    The key lists every node of the expressions with its type and the numbers of its operands, in
+    the order of traversal. A Function is represented by its element and mesh, a Constant by its
+    shape, a mesh by its coordinate element, and all of these, as well as indices and labels, by a
+    number assigned at the first occurrence. Two keys are thus equal only if the expressions become
+    equal when these objects are exchanged number by number. Derived and compiled forms of one are
+    then valid for the other with its Functions and Constants in their places. Numbers that are not
+    Constants are contained in the key with all digits.
 
     Attributes:
-        key: as above.
-        functions, constants: in the order of their numbers.
-        arguments: by their numbers.
-        parts: of the integrals.
+        key: key of the content.
+        functions: Functions in the order of their numbers.
+        constants: Constants in the order of their numbers.
+        arguments: arguments by their numbers.
+        parts: measures of the integrals.
     """
 
     key: Hashable
@@ -144,24 +145,24 @@ class Content:
     parts: tuple[Part, ...]
 
     def with_function(self, old: fem.Function, new: fem.Function) -> Content:
-        """The same with another Function of the same space, which is a key of its own."""
+        """Return the content with another Function of the same space, with its own key."""
         place = _place(self.functions, old)
         functions = [*self.functions[:place], new, *self.functions[place + 1 :]]
         return replace(self, key=(self.key, place), functions=tuple(functions))
 
 
 def content_of(form: ufl.Form) -> Content | None:
-    """What a form says; None if that is not known for sure."""
+    """Return the content of a form; None if it cannot be determined."""
     return content_by(
         [i.integrand() for i in form.integrals()], [Part.of(i) for i in form.integrals()]
     )
 
 
 def content_by(expressions: Sequence[Any], parts: Sequence[Part]) -> Content | None:
-    """What expressions say that are integrated over parts of one mesh; None if that is not known.
+    """Return the content of expressions integrated over parts of one mesh.
 
-    So it is of operators that are not those of UFL or hold more than their operands, of integrals
-    over several meshes, and of metadata that are no words and numbers.
+    It is None for operators that are not UFL's or hold more than their operands, for integrals over
+    several meshes, and for metadata other than strings and numbers.
     """
     if not parts or any(part.domain is not parts[0].domain for part in parts):
         return None
@@ -185,25 +186,25 @@ def content_by(expressions: Sequence[Any], parts: Sequence[Part]) -> Content | N
 
 
 class _UnknownError(Exception):
-    """Of UFL that `_Writer` does not know."""
+    """UFL that `_Writer` does not support."""
 
 
 class _Writer:
-    """Writes expressions down, node by node; see `Content`."""
+    """Writer of the keys of expressions, node by node; see `Content`."""
 
     def __init__(self) -> None:
         self.words: list[Hashable] = []
-        # Of two objects that are the same for UFL, as copies are, the first; with its number.
+        # first of several objects that UFL considers equal, with its number
         self.functions: dict[fem.Function, int] = {}
         self.constants: dict[fem.Constant, int] = {}
         self.arguments: dict[Any, int] = {}
-        self._places: dict[int, int] = {}  # of nodes
+        self._places: dict[int, int] = {}  # numbers of the nodes
         self._domains: dict[int, tuple[Any, int]] = {}
         self._indices: dict[int, int] = {}
         self._labels: dict[int, int] = {}
 
     def write(self, e: Any) -> int:
-        """The number of the word of an expression, after those of its operands."""
+        """Return the number of an expression, after those of its operands."""
         places = self._places
         left = [e]
         while left:
@@ -228,7 +229,7 @@ class _Writer:
         return places[id(e)]
 
     def domain(self, domain: Any) -> Hashable:
-        """What a mesh is in words."""
+        """Return the key of a mesh."""
         if type(domain) is not ufl.Mesh:
             raise _UnknownError
         if id(domain) not in self._domains:
@@ -236,7 +237,7 @@ class _Writer:
         return self._domains[id(domain)][1], domain.ufl_coordinate_element()
 
     def order(self) -> Hashable:
-        """In which order UFL sorts what has numbers here, so that it would derive the same."""
+        """Return UFL's order of the numbered objects, which determines derived forms."""
         indices = list(self._indices)
         return (
             _ranks([f.count() for f in self.functions]),
@@ -306,12 +307,12 @@ def _is_of_ufl(kind: type) -> bool:
 
 
 def _is_plain_operator(kind: type) -> bool:
-    """Whether operators of a type are known by their operands."""
+    """Return whether operators of a type are determined by their operands."""
     return _is_of_ufl(kind) and not issubclass(kind, ufl.classes.BaseFormOperator)
 
 
 def _plain(value: Any) -> Hashable:
-    """Words and numbers, with their types, which do not compare as others do."""
+    """Return strings and numbers with their types, so that 1, 1.0 and True differ."""
     if isinstance(value, dict):
         return "dict", *[(k, _plain(value[k])) for k in sorted(value)]
     if isinstance(value, tuple | list):
@@ -323,11 +324,13 @@ def _plain(value: Any) -> Hashable:
 
 @dataclass(frozen=True)
 class _Compiled:
-    """What FFCx has made, without anything that it was made for.
+    """Compiled form of FFCx, independent of Functions, Constants and meshes.
 
     Attributes:
-        ufcx, module: of FFCx.
-        functions, constants: which of those of `Content` it takes, in its order.
+        ufcx: compiled form.
+        module: compiled module.
+        functions: numbers of the Functions of `Content` that it takes, in its order.
+        constants: numbers of the Constants of `Content` that it takes, in its order.
     """
 
     ufcx: Any
@@ -336,7 +339,7 @@ class _Compiled:
     constants: tuple[int, ...]
 
 
-#: By what is derived, and its content.
+#: Compiled forms by name and content.
 _compiled: dict[Hashable, _Compiled] = {}
 
 
@@ -349,16 +352,16 @@ def derived_form(
     comm: MPI.Comm,
     entity_maps: Any = None,
 ) -> fem.Form:
-    """A form that follows from its content, compiled. Collective.
+    """Compile a form that is derived from UFL of a given content. Collective.
 
     Args:
-        what: is derived, in a word that is used for nothing else.
-        content: of what it is derived; None if that is not known.
-        make: writes the form in UFL, where none was compiled for its content. It must follow from
-            that alone.
-        spaces: of its arguments.
-        comm: of the ranks.
-        entity_maps: of submeshes that occur in it.
+        what: unique name of the derived form.
+        content: content of the UFL; None if it could not be determined.
+        make: function that returns the derived form, called unless it is in the cache; its result
+            must depend on the content only.
+        spaces: function spaces of the arguments.
+        comm: communicator.
+        entity_maps: entity maps of submeshes in the form; default: none.
 
     Raises:
         ValueError: as `compiled_form`.
@@ -390,7 +393,7 @@ def derived_form(
 
 
 def _remember(key: Hashable, content: Content, form: ufl.Form, found: fem.Form) -> None:
-    """Keep what was compiled, if it takes nothing but its content."""
+    """Store a compiled form if it depends on its content only."""
     ufcx = found.ufcx_form
     coefficients = form.coefficients()
     positions = [ufcx.original_coefficient_positions[i] for i in range(ufcx.num_coefficients)]
@@ -405,7 +408,7 @@ def _place(things: Sequence[Any], thing: Any) -> int:
 
 
 def _tags_agree(parts: Sequence[Part]) -> bool:
-    """Whether integrals of one kind have the same tags."""
+    """Return whether integrals of one kind have the same tags."""
     first: dict[str, Any] = {}
     return all(first.setdefault(part.kind, part.tags) is part.tags for part in parts)
 
@@ -413,26 +416,27 @@ def _tags_agree(parts: Sequence[Part]) -> bool:
 def compiled_expression(
     e: Any, points: npt.NDArray[np.float64], comm: MPI.Comm | None = None
 ) -> fem.Expression:
-    """An expression at points of the reference cell, compiled once for all ranks. Collective.
+    """Compile an expression at points of the reference cell. Collective.
 
     Args:
-        e: UFL.
-        points: of the reference cell.
-        comm: of the ranks, by default those of the mesh.
+        e: UFL expression.
+        points: points of the reference cell.
+        comm: communicator; default: that of the mesh.
     """
     with _compiler_named(comm or extract_unique_domain(e).ufl_cargo().comm):
         return fem.Expression(e, points, comm=comm, jit_options=_folder("expressions"))
 
 
 def at_middle(dim: int) -> dict[str, Any]:
-    """Metadata of an integral over quadrilaterals or hexahedra by the middle of each.
+    """Return metadata of a one-point rule at the middle of quadrilaterals or hexahedra.
 
-    A second point, close by, has no weight. FFCx (0.9, 0.11) takes what is the same at all points
-    of one rule, as the Jacobian at a single one, for all rules of an integral: beside another rule,
-    a rule of one point gives both a wrong value where cells are no parallelograms.
+    A second point nearby has zero weight. FFCx (0.9, 0.11) treats quantities that are constant over
+    the points of one rule, such as the Jacobian at a single point, as constant for all rules of an
+    integral. Combined with another rule, a rule of one point makes both values wrong for cells that
+    are not parallelograms.
 
     Args:
-        dim: of the cells.
+        dim: dimension of the cells.
     """
     return {
         "quadrature_rule": "custom",
@@ -442,9 +446,9 @@ def at_middle(dim: int) -> dict[str, Any]:
 
 
 def is_of_cells(e: Any) -> bool:
-    """Whether UFL has changes of the volumes of cells (`_cell_volumes`).
+    """Return whether UFL contains volume changes of cells (`_cell_volumes`).
 
-    These are known at the middles of cells alone.
+    These are only defined at the middles of cells.
     """
     kinds = {ufl.classes.CellVertices, ufl.classes.Grad}
     return any(
@@ -455,7 +459,7 @@ def is_of_cells(e: Any) -> bool:
 
 
 def _at_middle(integral: ufl.Integral) -> bool:
-    """Whether an integral is one over cells, by their middles."""
+    """Return whether an integral is over cells, evaluated at their middles."""
     if integral.integral_type() != "cell":
         return False
     rule = integral.metadata()
@@ -466,11 +470,11 @@ def _at_middle(integral: ufl.Integral) -> bool:
 
 
 def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
-    """The form, with `at_middle` for rules of one point that FFCx would mix with others.
+    """Return the form with `at_middle` in place of one-point rules that FFCx would mix.
 
     Raises:
-        ValueError: where it would mix them and that is no way out: on facets, on which FFCx (0.11)
-            adds up such rules wrongly too, for rules of one's own, and for other cells.
+        ValueError: if FFCx would mix rules and `at_middle` does not help: on facets, where FFCx
+            (0.11) also adds up such rules wrongly, for custom rules, and for other cells.
     """
     mixed = [
         len(form.integrals_by_type(integral.integral_type())) > 1 and _has_one_point(integral)
@@ -497,7 +501,7 @@ def _without_one_point_beside_others(form: ufl.Form) -> ufl.Form:
 
 
 def _has_one_point(integral: ufl.Integral) -> bool:
-    """Whether the rule was given, and is one point of cells that are not affine."""
+    """Return whether a given rule has one point, on cells that are not affine."""
     domain = integral.ufl_domain()
     simplex = domain.ufl_cargo().topology.cell_type.name in ("interval", "triangle", "tetrahedron")
     if simplex and domain.ufl_coordinate_element().degree == 1:
@@ -512,8 +516,8 @@ def _has_one_point(integral: ufl.Integral) -> bool:
 
 @contextmanager
 def _compiler_named(comm: MPI.Comm) -> Iterator[None]:
-    """Say on every rank what FFCx needs where its C is not compiled. Collective."""
-    # Rank 0 compiles, and only there is known what has failed.
+    """Add a hint on the C compiler to errors of FFCx, on every rank. Collective."""
+    # Only rank 0 compiles and receives the error.
     with everywhere(comm, "compiling a form"):
         try:
             yield
