@@ -6,7 +6,7 @@ the Jacobian is an element of the generalised Jacobian of H. The only exception 
 from a body that touches nothing, which uses guessed statuses. Convergence is judged block by block
 (`measures`). Full steps that return to earlier statuses are stopped as a cycle.
 
-SNES asks for residual, Jacobian and convergence in separate calls. They share the evaluation at the
+SNES requests residual, Jacobian and convergence in separate calls. They share the evaluation at the
 unknowns of the call (`Newton._evaluated`), which is repeated only if the unknowns differ.
 """
 
