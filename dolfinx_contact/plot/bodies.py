@@ -58,7 +58,7 @@ class Obstacle:
         x: coordinates of its vertices (m, 3).
         cells: vertices of its facets.
         n: normals at the vertices, into the obstacle (m, 3).
-        is_plane: True if the obstacle is a plane without facets of its own.
+        is_plane: True if the obstacle is a plane that is still to be replaced by a rectangle.
     """
 
     x: Array
@@ -81,7 +81,7 @@ class Obstacle:
         grid = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(axes))
         corners = grid @ axes + (self.x[0] @ n) * n
         cells = np.arange(len(corners))[None]
-        return Obstacle(corners, cells, np.tile(n, (len(corners), 1)), True)
+        return Obstacle(corners, cells, np.tile(n, (len(corners), 1)), False)
 
 
 @dataclass(frozen=True)
@@ -202,12 +202,13 @@ def draw_scene(
     Args:
         scene: bodies and obstacles.
         options: options of the picture.
-        reach: points of the bodies that must be visible (k, 3), default those of the scene.
+        reach: points that must be visible (k, 3), default bodies and obstacles.
         limits: ends of the colours by field, default those of the scene.
         width: approximate width in pixels, default 1600.
     """
-    reach = scene.x if reach is None else reach
-    scene = replace(scene, obstacles=[o.below(reach) for o in scene.obstacles])
+    if reach is None:
+        scene = replace(scene, obstacles=[o.below(scene.x) for o in scene.obstacles])
+        reach = np.concatenate([scene.x, *(o.x for o in scene.obstacles)])
     if scene.x[:, 2].any():
         from dolfinx_contact.plot.in_3d import draw_3d
 

@@ -309,9 +309,9 @@ def _write(scenes: Sequence[Scene], options: Options, file: Path, rate: float) -
     from imageio import v2 as imageio
 
     # the same obstacles, visible box and colours in all frames
-    points = np.concatenate([scene.x for scene in scenes])
-    corners = np.stack([points.min(axis=0), points.max(axis=0)], axis=1)
-    reach = np.array(np.meshgrid(*corners)).reshape(3, -1).T
+    bodies = _corners([scene.x for scene in scenes])
+    scenes = [replace(s, obstacles=[o.below(bodies) for o in s.obstacles]) for s in scenes]
+    reach = _corners([bodies, *(o.x for s in scenes for o in s.obstacles)])
     limits = {}
     for name in scenes[0].coloured:
         limits[name] = finite_range(np.concatenate([s.coloured[name] for s in scenes]))
@@ -321,6 +321,13 @@ def _write(scenes: Sequence[Scene], options: Options, file: Path, rate: float) -
     timing = dict(duration=1000 / rate, loop=0) if is_gif else dict(fps=rate, macro_block_size=2)
     with part_of(file) as part:
         imageio.mimwrite(part, pixels, **timing)
+
+
+def _corners(points: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+    """Corners (8, 3) of the box around points."""
+    every = np.concatenate(points)
+    ends = np.stack([every.min(axis=0), every.max(axis=0)], axis=1)
+    return np.array(np.meshgrid(*ends)).reshape(3, -1).T
 
 
 def _pixels(drawing: Drawing) -> npt.NDArray[np.uint8]:

@@ -55,8 +55,8 @@ def draw_2d(
     from matplotlib.colors import ListedColormap
 
     # obstacles are bands with a depth
-    depth = 0.04 * float(np.linalg.norm(np.ptp(reach, axis=0)))
-    points = np.concatenate([reach, *(o.x + d * o.n for o in scene.obstacles for d in (0, depth))])
+    depth = 0.05 * float(np.sqrt(np.prod(np.ptp(reach[:, :2], axis=0))))
+    points = np.concatenate([reach - depth, reach + depth]) if scene.obstacles else reach
     low, high = framed(scene, options, points[:, :2])
     # panels one above the other, beside each other if the body is tall
     wide, tall = high - low

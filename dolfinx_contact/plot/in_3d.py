@@ -52,10 +52,9 @@ def draw_3d(
     shape = (1, len(names))
     plotter = pv.Plotter(off_screen=True, shape=shape, lighting="light kit", border=False)
     plotter.set_background("white")
-    points = np.concatenate([reach, *(o.x for o in scene.obstacles)])
-    length = 0.2 * float(np.linalg.norm(np.ptp(points, axis=0)))
+    length = 0.2 * float(np.linalg.norm(np.ptp(reach, axis=0)))
     arrows = {name: _scaled(arrow, length) for name, arrow in options.arrows.items()}
-    points = np.concatenate([points, *(p + k * v for p, v in arrows.values() for k in (0, 1))])
+    points = np.concatenate([reach, *(p + k * v for p, v in arrows.values() for k in (0, 1))])
     low, high = framed(scene, options, points)
     if isinstance(options.zoom, float):
         # the outline of the points is smaller than that of their box
@@ -138,7 +137,7 @@ def _draw_parts(
             continue
         is_through = bool(np.any(o.n @ eye > 0.05))
         look: dict[str, Any] = dict(opacity=0.3 if is_through else 0.75, specular=0.0, ambient=0.3)
-        look |= dict(smooth_shading=not o.is_plane, split_sharp_edges=not o.is_plane)
+        look |= dict(smooth_shading=True, split_sharp_edges=True)
         plotter.add_mesh(patch, color=FLOOR, name=f"obstacle {i}", **look)
         edges = patch.extract_feature_edges(30, non_manifold_edges=False, manifold_edges=False)
         if edges.n_points:
