@@ -264,8 +264,9 @@ def test_files_of_a_state(tmp_path):
     after = write_fields(folder / "after", problem, state=state, format="vtk")
     assert same(functions(problem), values)
     if COMM.rank == 0:
-        for a, b in zip(before, after, strict=True):
-            assert a.read_bytes() == b.read_bytes()
+        assert [a.name for a in before] == [b.name for b in after]
+        for a in (folder / "before").glob("*.vtu"):
+            assert a.read_bytes() == (folder / "after" / a.name).read_bytes()
 
 
 def test_a_mesh_that_has_moved():

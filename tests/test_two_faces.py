@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from blocks import box, facets
 from matplotlib.legend import Legend
+from support.vtk_files import read_grid
 from test_doubled_nodes import branched, force, record
 from test_pair import MATERIAL, displacement, held, tagged
 
@@ -288,7 +289,7 @@ def test_files(format, case, folder):
     problem = pressed(*case, friction=0.25)
     problem.solve()
     files = write_fields(folder, problem, format=format)
-    suffix = {"vtx": ".bp", "vtk": ".vtu"}[format]
+    suffix = {"vtx": ".bp", "vtk": ".pvd"}[format]
     names = ["body", "contact", "contact_opposite"]
     assert [f.name for f in files] == [name + suffix for name in names]
     assert all(f.exists() for f in files)
@@ -296,9 +297,7 @@ def test_files(format, case, folder):
     known = {name: gathered(f) for name, f in fields.items()}
     if format == "vtx" or COMM.rank > 0:
         return
-    import pyvista
-
-    grid = pyvista.read(files[2])
+    grid = read_grid(files[2])
     assert set(grid.array_names) == {"displacement", "traction", "pressure", "support"}
     cell, below, _, _, _ = case
     count = {"quad": below, "tet": 2 * below**2, "hex": below**2}[cell]
@@ -356,16 +355,10 @@ def test_series(folder):
     assert [f.name for f in files] == [f"branch_0000_{name}.pvd" for name in names]
     if COMM.rank > 0:
         return
-    import pyvista
-
-    def at_the_end(file):
-        reader = pyvista.get_reader(file)
-        reader.set_active_time_value(reader.time_values[-1])
-        return reader.read()[0]
-
-    slave, master = map(at_the_end, files[1:])
+    slave, master = map(read_grid, files[1:])
     # Two nodes of the slave are at one place, and the displacements of both sides differ.
-    assert (slave.n_points, master.n_points) == (8, 7)
+    if COMM.size == 1:
+        assert (slave.n_points, master.n_points) == (8, 7)
     for grid in (slave, master):
         assert np.ptp(grid["gamma"]) == 0
     ends = [grid["displacement"][np.argmax(grid.points[:, 0])] for grid in (slave, master)]

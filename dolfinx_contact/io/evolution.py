@@ -19,9 +19,8 @@ from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.fields import check_stress, faces, state_fields
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.script import write_script
-from dolfinx_contact.io.several import FieldSeries
 from dolfinx_contact.io.table import GrowingTable
-from dolfinx_contact.io.writers import Format, checked_format
+from dolfinx_contact.io.writers import FieldSeries, Format, checked_format
 
 if TYPE_CHECKING:
     from dolfinx_contact.evolution.history import EvolutionStep
@@ -46,7 +45,7 @@ class EvolutionSeries:
     ``evolution_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of the
     master of a pair, over the time of the evolution; ``evolution_body_stress.bp`` the stresses, if
     they are wanted; ``steps.csv`` is the table of steps. With
-    ``format="vtk"`` it is ``evolution_body.pvd`` and a folder of ``.vtu``, ... ``paraview.py``
+    ``format="vtk"`` it is ``evolution_body.pvd`` with a ``.vtu`` of each time, ... ``paraview.py``
     beside them shows them. Files of before are removed when the first step is accepted, or when the
     context ends without one. Every row of the table is on the disk before the next step is
     computed; fields are in their place when the context ends, also if the evolution ended in an
@@ -107,7 +106,7 @@ class EvolutionSeries:
         self._table = GrowingTable(self._comm, self._folder / _TABLE)
         self._stack = ExitStack()
         self._part = self._stack.enter_context(aside(self._comm, self._folder, "evolution"))
-        self._series = FieldSeries(self._comm, self._part, self._folder, self._format)
+        self._series = FieldSeries(self._part, self._folder, self._format)
         return self
 
     def __call__(self, step: EvolutionStep) -> None:
@@ -152,7 +151,8 @@ def _remove_series(folder: Path) -> None:
     """Remove the files that a series writes, on this rank alone."""
     (folder / _TABLE).unlink(missing_ok=True)
     for path in folder.glob("evolution_*"):
-        if re.fullmatch(r"evolution_(body|body_stress|contact.*)(\.bp|\.pvd)?", path.name):
+        kinds = r"\.bp|\.pvd|(_p\d+_)?\d{6}\.p?vtu"
+        if re.fullmatch(rf"evolution_(body|body_stress|contact.*?)({kinds})", path.name):
             if path.is_dir():
                 shutil.rmtree(path)
             else:

@@ -35,8 +35,7 @@ from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.io.script import write_script
-from dolfinx_contact.io.several import FieldSeries, FieldsOfFile
-from dolfinx_contact.io.writers import Format, checked_format
+from dolfinx_contact.io.writers import FieldSeries, FieldsOfFile, Format, checked_format
 
 if TYPE_CHECKING:
     from dolfinx_contact.equations.state import State
@@ -72,9 +71,9 @@ def write_fields(
     ``body.bp`` holds the displacement, ``body_stress.bp`` the stresses with the displacement of the
     vertices, and ``contact.bp`` (or ``contact_NAME.bp``, if a surface has another name) the fields
     of a contact surface; of a pair of bodies these are on the slave, and ``contact_opposite.bp``
-    (``contact_NAME_opposite.bp``) holds those of the master. With ``format="vtk"`` it is
-    ``body.vtu``, ... ``paraview.py`` beside them shows them: ``paraview
-    --script=FOLDER/paraview.py``.
+    (``contact_NAME_opposite.bp``) holds those of the master. ``format="vtk"`` writes ``body.pvd``,
+    ... instead, with a ``.vtu`` of each rank. The script ``paraview.py`` in the folder shows them:
+    ``paraview --script=FOLDER/paraview.py``.
 
     Args:
         folder: where to, made if need be. Files of an earlier state are replaced when all of the
@@ -85,15 +84,15 @@ def write_fields(
             a bulk of integrals over cell tags, one of each tag: ``{1: steel.full_stress(u), 2:
             rubber.full_stress(u)}``. It is evaluated as given; whether it is the stress of the bulk
             is not checked. Without it no stresses are written.
-        format: "vtx" (``.bp``) or "vtk" (``.vtu``, which PyVista and every ParaView read); by
+        format: "vtx" (``.bp``) or "vtk" (``.pvd`` and ``.vtu``, for PyVista and every ParaView); by
             default "vtx" unless DOLFINx was built without ADIOS2.
 
     Returns:
         The names of the files, on every rank.
 
     Raises:
-        OSError: on every rank, with the path and the reason, if the folder cannot be written to,
-            or has no room. It is then as it was.
+        OSError: on every rank, with the path and the reason, if a file cannot be written. Earlier
+            files then remain.
         ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, or does not have
             the cell tags of the bulk, two surfaces would have one file, the format cannot be
             written, or arguments differ between ranks.
@@ -104,7 +103,7 @@ def write_fields(
     path = output_folder(comm, folder)
     with problem.at(state) as shown, aside(comm, path, "write_fields") as part:
         fields = state_fields(shown, faces(shown), stress, tags)
-        written = FieldSeries(comm, part, path, kind, single=True)
+        written = FieldSeries(part, path, kind)
         try:
             written.write(0.0, fields)
         finally:

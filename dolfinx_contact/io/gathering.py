@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cells of all ranks with what is known at their nodes, on rank 0."""
+"""Gathering of cells with coordinates and values at their nodes on rank 0."""
 
 from __future__ import annotations
 
@@ -27,18 +27,19 @@ def gather_cells(
     values: Mapping[str, Any],
     numbers: npt.NDArray[np.int64] | None = None,
 ) -> Arrays:
-    """Owned cells of all ranks with coordinates and values at their nodes, on rank 0 only.
+    """Gather owned cells with coordinates and values at their nodes on rank 0. Collective.
 
     Args:
-        comm: the ranks.
-        V: scalar space whose nodes they are.
+        comm: communicator.
+        V: scalar space of the nodes.
         cells: local nodes of the cells of this rank, one row each.
-        values: at the local nodes, by name.
-        numbers: of the local nodes, by which they are put in order, the same on every rank that
-            has a node; by default those of V, which are others on other ranks.
+        values: values at the local nodes, by name.
+        numbers: numbers of the local nodes that determine their order, equal on all ranks with the
+            node; by default the global numbers in V, which depend on the number of ranks.
 
     Returns:
-        On rank 0 ``cells``, ``nodes`` (their numbers), ``x`` and the values, else nothing.
+        ``cells``, ``nodes`` (their numbers), ``x`` and the values on rank 0; an empty dictionary on
+        other ranks.
     """
     if numbers is None:
         index_map = V.dofmap.index_map

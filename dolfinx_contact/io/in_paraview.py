@@ -57,7 +57,7 @@ def found(folder: str) -> list[tuple[str, dict[str, str]]]:
     groups: dict[str, dict[str, str]] = {}
     for name in sorted(os.listdir(folder)):
         stem, kind = os.path.splitext(name)
-        if kind not in (".bp", ".vtu", ".pvd"):
+        if kind not in (".bp", ".pvd"):
             continue
         prefix = stem[:12] if stem.startswith("branch_") else ""
         prefix = "evolution_" if stem.startswith("evolution_") else prefix
@@ -75,10 +75,8 @@ def opened(path: str, name: str) -> Any:
     if path.endswith(".bp"):
         parts = simple.ADIOS2VTXReader(registrationName=name + ".bp", FileName=path)
         reader = simple.MergeBlocks(registrationName=name, Input=parts)
-    elif path.endswith(".pvd"):
-        reader = simple.PVDReader(registrationName=name, FileName=path)
     else:
-        reader = simple.XMLUnstructuredGridReader(registrationName=name, FileName=[path])
+        reader = simple.PVDReader(registrationName=name, FileName=path)
     reader.UpdatePipeline()
     return reader
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What is seen of the bodies of a problem: their outer surface, contact faces, and obstacles.
+"""Outer surface, contact faces and obstacles of a problem, for pictures and records.
 
-All of it is on rank 0, at vertices in the order of their numbers in the mesh as it was given to
-DOLFINx: the same on any number of ranks. A displacement of higher degree is that of the vertices,
-so that facets are linear.
+All data are on rank 0, at vertices in the order of their numbers in the input of the mesh, which is
+the same on any number of ranks. Displacements of higher degree are taken at the vertices, so that
+facets are linear.
 """
 
 from __future__ import annotations
@@ -30,27 +30,26 @@ __all__ = ["OuterSurface", "Outside", "SurfaceState", "patch"]
 
 Cells = npt.NDArray[np.int64]
 
-#: Of a `ContactTable`, what is kept of every surface.
+#: Stored columns of a `ContactTable`.
 _COLUMNS = (
     *("x", "area", "un", "ut", "n", "force", "pressure", "shear", "letters", "bound", "support"),
 )
-#: What is kept where a law has it.
+#: Stored columns of laws that have them.
 _OF_LAWS = ("adhesion", "bond", "slid")
 
 
 @dataclass(frozen=True, eq=False)
 class OuterSurface:
-    """The outer surface of bodies before they move.
+    """The undeformed outer surface of the bodies.
 
     Attributes:
-        x: coordinates of its vertices (n, 3).
-        nodes: their numbers in the mesh as it was given to DOLFINx (n,), rising.
-        cells: vertices of the facets of the boundary, one row each; of bodies in 2D those of their
-            cells.
-        contact: by the name of a contact surface, vertices of its facets.
-        opposite: the same of the masters of pairs.
-        obstacles: by the name of a surface without a master, facets of its obstacle, by vertices of
-            their own (`SurfaceState.obstacles`).
+        x: coordinates of its vertices, shape (n, 3).
+        nodes: rising numbers of the vertices in the input of the mesh, shape (n,).
+        cells: vertices of the boundary facets, one row each; in 2D of all cells.
+        contact: vertices of the facets of each contact surface, by name.
+        opposite: vertices of the facets of the master of each pair, by name.
+        obstacles: facets of the obstacle of each other surface, by name, with their own vertices
+            (`SurfaceState.obstacles`).
     """
 
     x: npt.NDArray[np.float64]
@@ -61,7 +60,7 @@ class OuterSurface:
     obstacles: dict[str, Cells]
 
     def arrays(self) -> Arrays:
-        """All of it as arrays by name, for a file."""
+        """Return all data as arrays by name, for a file."""
         found: Arrays = {"x": self.x, "nodes": self.nodes, "cells": self.cells}
         found["surfaces"] = np.array(list(self.contact), dtype=np.str_)
         for i, name in enumerate(self.contact):
@@ -74,92 +73,78 @@ class OuterSurface:
 
     @staticmethod
     def of_arrays(found: Mapping[str, npt.NDArray[Any]]) -> OuterSurface:
-        """What `arrays` made arrays of.
+        """Return the surface stored by `arrays`.
 
         Raises:
-            KeyError: if one is missing.
+            KeyError: if an array is missing.
         """
-        names = [str(name) for name in found["surfaces"]]
-        pairs = {name for i, name in enumerate(names) if f"opposite_{i}" in found}
-        return OuterSurface(
-            found["x"],
-            found["nodes"],
-            found["cells"],
-            {name: found[f"contact_{i}"] for i, name in enumerate(names)},
-            {name: found[f"opposite_{i}"] for i, name in enumerate(names) if name in pairs},
-            {name: found[f"obstacle_{i}"] for i, name in enumerate(names) if name not in pairs},
-        )
+        parts: dict[str, dict[str, Cells]] = {"contact": {}, "opposite": {}, "obstacle": {}}
+        for i, name in enumerate(map(str, found["surfaces"])):
+            other = "opposite" if f"opposite_{i}" in found else "obstacle"
+            for kind in ("contact", other):
+                parts[kind][name] = found[f"{kind}_{i}"]
+        return OuterSurface(found["x"], found["nodes"], found["cells"], *parts.values())
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceState:
-    """Where an outer surface and obstacles are at a state, and what is known of contact points.
+    """Position of the outer surface and of obstacles at a state, with the contact tables.
 
     Attributes:
-        u: displacement of the vertices (n, dim).
-        obstacles: by the name of a surface without a master, the vertices of its obstacle at the
-            contact points, their motion, and the normals there (3, m, dim).
-        tables: by the name of a contact surface, columns of its `ContactTable` by their names, in
-            double precision; None of a file that an earlier version wrote.
-        strain: equivalent strain at the vertices (n,), see `Outside`; None likewise.
+        u: displacement of the vertices, shape (n, dim).
+        obstacles: vertices of the obstacle of each surface that is not a pair, their motion, and
+            the normals there, by name, shape (3, m, dim).
+        tables: columns of the `ContactTable` of each contact surface, by name, in double precision.
+        strain: equivalent strain at the vertices, shape (n,); see `Outside`.
     """
 
     u: npt.NDArray[Any]
     obstacles: dict[str, npt.NDArray[Any]]
-    tables: dict[str, Arrays] | None = None
-    strain: npt.NDArray[Any] | None = None
+    tables: dict[str, Arrays]
+    strain: npt.NDArray[Any]
 
     def arrays(self) -> Arrays:
-        """All of it as arrays by name, for a file; the motion of the body of single precision."""
-        found: Arrays = {"u": self.u.astype(np.float32)}
+        """Return all data as arrays by name, for a file; displacement and strain in float32."""
+        found: Arrays = {"u": self.u.astype(np.float32), "strain": self.strain.astype(np.float32)}
         found["obstacles"] = np.array(list(self.obstacles), dtype=np.str_)
         for i, values in enumerate(self.obstacles.values()):
-            # In double precision: gaps and displacements are small beside its coordinates.
+            # Double precision: gaps and displacements are small compared with its coordinates.
             found[f"obstacle_{i}"] = values
-        if self.strain is not None:
-            found["strain"] = self.strain.astype(np.float32)
-        if self.tables is not None:
-            found["tables"] = np.array(list(self.tables), dtype=np.str_)
-            for i, columns in enumerate(self.tables.values()):
-                found |= {f"table_{i}.{name}": values for name, values in columns.items()}
+        found["tables"] = np.array(list(self.tables), dtype=np.str_)
+        for i, columns in enumerate(self.tables.values()):
+            found |= {f"table_{i}.{name}": values for name, values in columns.items()}
         return found
 
     @staticmethod
     def of_arrays(found: Mapping[str, npt.NDArray[Any]]) -> SurfaceState:
-        """What `arrays` made arrays of.
+        """Return the state stored by `arrays`.
 
         Raises:
-            KeyError: if one is missing.
+            KeyError: if an array is missing.
         """
-        names = [str(name) for name in found["obstacles"]]
-        obstacles = {name: found[f"obstacle_{i}"] for i, name in enumerate(names)}
-        tables: dict[str, Arrays] | None = None
-        if "tables" in found:
-            tables = {}
-            for i, name in enumerate(found["tables"]):
-                prefix = f"table_{i}."
-                columns = {k.removeprefix(prefix): v for k, v in found.items() if prefix in k}
-                missing = set(_COLUMNS) - set(columns)
-                if missing:
-                    raise KeyError(f"{prefix}{min(missing)}")
-                tables[str(name)] = columns
-        return SurfaceState(found["u"], obstacles, tables, found.get("strain"))
+        obstacles = {str(name): found[f"obstacle_{i}"] for i, name in enumerate(found["obstacles"])}
+        tables: dict[str, Arrays] = {}
+        for i, name in enumerate(found["tables"]):
+            prefix = f"table_{i}."
+            columns = {k.removeprefix(prefix): v for k, v in found.items() if k.startswith(prefix)}
+            tables[str(name)] = columns
+        return SurfaceState(found["u"], obstacles, tables, found["strain"])
 
 
 class Outside:
-    """Looks at the bodies of a problem from outside. Collective.
+    """The outer surface of the bodies of a problem and its states. Collective.
 
-    The equivalent strain is sqrt(2/3 e : e), with e the deviator of the Green-Lagrange strain (in
-    2D plane, of a body of revolution with that around the axis): at a vertex its mean over the
-    cells around it, weighted by the function that is 1 there.
+    The equivalent strain is sqrt(2/3 e : e) with the deviator e of the Green-Lagrange strain (plane
+    in 2D, with the circumferential strain for bodies of revolution). Its value at a vertex is the
+    mean over the adjacent cells, weighted by the hat function of the vertex.
 
     Args:
-        problem: whose displacement is shown.
+        problem: contact problem with the displacement.
 
     Attributes:
-        V: linear space of the vertices of the bodies.
-        numbers: of its local nodes, in the mesh as it was given to DOLFINx.
-        cells: local vertices of what is seen: in 2D cells, in 3D facets of the boundary.
+        V: scalar P1 space of the bodies.
+        numbers: numbers of its local nodes in the input of the mesh.
+        cells: local vertices of all cells in 2D, of the boundary facets in 3D.
     """
 
     def __init__(self, problem: ContactProblem):
@@ -173,7 +158,7 @@ class Outside:
         self._strain: tuple[fem.Form, npt.NDArray[np.float64]] | None = None
 
     def strain(self) -> npt.NDArray[np.float64]:
-        """Equivalent strain at the local vertices at the present displacement. Collective."""
+        """Return the equivalent strain at the local vertices. Collective."""
         if self._strain is None:
             w = ufl.TestFunction(self.V)
             dx = ufl.dx(domain=self.V.mesh, metadata={"quadrature_degree": 2})
@@ -185,11 +170,11 @@ class Outside:
         return _assembled(form) / weights
 
     def gather(self, values: Mapping[str, npt.NDArray[Any]]) -> Arrays:
-        """Values at the local vertices, on rank 0 as `gather_cells` has them. Collective."""
+        """Gather values at the local vertices on rank 0, see `gather_cells`. Collective."""
         return gather_cells(self.problem.comm, self.V, self.cells, values, self.numbers)
 
     def inside(self, values: Mapping[str, npt.NDArray[Any]]) -> Arrays:
-        """Values and the displacement ``u`` at the vertices of all cells, likewise. Collective."""
+        """Gather values and the displacement ``u`` at the vertices of all cells. Collective."""
         domain = self.V.mesh
         self._moved.interpolate(self.problem.u)
         u = self._moved.x.array.reshape(-1, domain.topology.dim)
@@ -198,7 +183,7 @@ class Outside:
         return gather_cells(self.problem.comm, self.V, cells, every, self.numbers)
 
     def surface(self) -> OuterSurface | None:
-        """The outer surface, on rank 0. Collective."""
+        """Return the outer surface on rank 0, None on other ranks. Collective."""
         problem = self.problem
         body = self.gather({})
         contact: dict[str, Arrays] = {}
@@ -228,10 +213,10 @@ class Outside:
         )
 
     def state(self, law: ContactProblem | None = None) -> SurfaceState | None:
-        """Where all is at the displacement of the problem, on rank 0. Collective.
+        """Return the state in the Functions on rank 0, None on other ranks. Collective.
 
         Args:
-            law: problem whose law the tables of contact points have; by default the problem.
+            law: problem with the law of the contact tables; by default the problem itself.
         """
         problem = self.problem if law is None else law
         self._moved.interpolate(problem.u)
@@ -245,7 +230,7 @@ class Outside:
         return SurfaceState(seen["u"], obstacles, tables, seen["strain"])
 
     def _face(self, facets: npt.NDArray[np.int32]) -> Arrays:
-        """Facets of the body that this rank owns, of all ranks on rank 0. Collective."""
+        """Gather owned facets of the body on rank 0. Collective."""
         topology = self.V.mesh.topology
         owned = facets[facets < topology.index_map(topology.dim - 1).size_local]
         closures = facet_closures(self.V, owned)
@@ -253,7 +238,7 @@ class Outside:
 
 
 def _columns(table: ContactTable) -> Arrays:
-    """What is kept of a table of contact points, by the names of its columns."""
+    """Return the stored columns of a contact table."""
     found: Arrays = {name: getattr(table, name) for name in _COLUMNS}
     of_law = {name: getattr(table, name) for name in _OF_LAWS}
     found |= {name: values for name, values in of_law.items() if values is not None}
@@ -261,10 +246,7 @@ def _columns(table: ContactTable) -> Arrays:
 
 
 def _obstacle(s: DiscreteSurface) -> Arrays:
-    """What is drawn of an obstacle: its facets, or the points opposite to the surface.
-
-    As of `patch`, on rank 0. Collective.
-    """
+    """Gather the facets of an obstacle, or the points opposite to the surface (see `patch`)."""
     outline = s.obstacle.outline
     if outline is None:
         return patch(s)
@@ -273,7 +255,7 @@ def _obstacle(s: DiscreteSurface) -> Arrays:
 
 
 def patch(s: DiscreteSurface) -> Arrays:
-    """A contact surface and its obstacle, which may move as well, on rank 0. Collective."""
+    """Gather a contact surface and its obstacle on rank 0. Collective."""
     points = s.points
     u, x = (v[points.vertex_trace_dofs] for v in (s.u.x.array.reshape(-1, s.dim), s.node_positions))
     body = s.rigid_body
@@ -294,7 +276,7 @@ def patch(s: DiscreteSurface) -> Arrays:
 
 
 def _assembled(form: fem.Form) -> npt.NDArray[np.float64]:
-    """A linear form at all local nodes. Collective."""
+    """Assemble a linear form; return its values at all local nodes. Collective."""
     b = fem.assemble_vector(form)
     b.scatter_reverse(la.InsertMode.add)
     b.scatter_forward()
@@ -302,7 +284,7 @@ def _assembled(form: fem.Form) -> npt.NDArray[np.float64]:
 
 
 def _equivalent_strain(u: fem.Function, revolves: bool) -> ufl.core.expr.Expr:
-    """sqrt(2/3 e : e) of the deviator e of the Green-Lagrange strain of a displacement."""
+    """Return sqrt(2/3 e : e) with the deviator e of the Green-Lagrange strain."""
     dim = len(u)
     gradient = ufl.grad(u)
     F = ufl.as_matrix(
@@ -320,10 +302,7 @@ def _equivalent_strain(u: fem.Function, revolves: bool) -> ufl.core.expr.Expr:
 
 
 def _outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
-    """Local nodes of a linear space at what is seen of a body. Collective.
-
-    In 2D its cells, in 3D the facets of its boundary, of this rank.
-    """
+    """Return local nodes of the owned cells in 2D, of the boundary facets in 3D. Collective."""
     topology = V.mesh.topology
     if topology.dim == 2:
         return np.asarray(V.dofmap.list[: topology.index_map(2).size_local])

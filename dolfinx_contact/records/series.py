@@ -19,8 +19,7 @@ from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.fields import Face, faces, state_fields
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.script import write_script
-from dolfinx_contact.io.several import FieldSeries, FieldsOfFile
-from dolfinx_contact.io.writers import Format, checked_format
+from dolfinx_contact.io.writers import FieldSeries, FieldsOfFile, Format, checked_format
 from dolfinx_contact.records.branch_record import BranchRecord
 
 __all__ = ["write_series"]
@@ -38,7 +37,7 @@ def write_series(
     ``branch_0000_body.bp`` holds the displacement, ``branch_0000_contact.bp`` (or
     ``branch_0000_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of
     the master of a pair, and gamma, which is the same at all their nodes. With ``format="vtk"`` it
-    is ``branch_0000_body.pvd`` and a folder of ``.vtu``, ... ``paraview.py`` beside them shows
+    is ``branch_0000_body.pvd`` with a ``.vtu`` of each point. ``paraview.py`` in the folder shows
     them: ``paraview --script=FOLDER/paraview.py``. gamma may go back along a branch, so that the
     time of the series is the index of the point in the journal.
 
@@ -69,11 +68,10 @@ def write_series(
     path = output_folder(comm, folder)
     on_faces = faces(problem)
     with aside(comm, path, "write_series") as part:
-        written = FieldSeries(comm, part, path, kind)
+        written = FieldSeries(part, path, kind)
         try:
-            for number, index in enumerate(kept):
-                state = _fields(record, on_faces, branch, index)
-                written.write(float(index), state, left=len(kept) - number)
+            for index in kept:
+                written.write(float(index), _fields(record, on_faces, branch, index))
         finally:
             written.close()
         write_script(comm, part, path)

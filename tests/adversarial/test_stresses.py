@@ -5,7 +5,6 @@ closed forms in each cell, and stresses whose tags do not fit are refused. Nothi
 stress is that of the bulk.
 """
 
-import base64
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -63,20 +62,26 @@ def both_stresses(u):
 
 def array(piece, name):
     data = next(d for d in piece.iter("DataArray") if d.get("Name") == name)
-    kind = {"Float64": np.float64, "Int64": np.int64}[data.get("type")]
-    return np.frombuffer(base64.b64decode(data.text)[8:], dtype=kind)
+    return np.array(
+        data.text.split(), dtype=np.float64 if "Float" in data.get("type") else np.int64
+    )
 
 
 def written(folder, problem, stress):
     """Centres of cells and their stresses at every point, in the file for ParaView."""
     io.write_fields(folder, problem, stress=stress, format="vtk")
     COMM.barrier()
-    piece = ET.parse(folder / "body_stress.vtu").getroot()[0][0]
+    centres, found = [], []
+    for file in sorted(folder.glob("body_stress_p*_000000.vtu")):
+        piece = ET.parse(file).getroot()[0][0]
+        points = next(d for d in piece.find("Points"))
+        x = np.array(points.text.split(), dtype=np.float64).reshape(-1, 3)
+        cells = np.split(array(piece, "connectivity"), array(piece, "offsets")[:-1])
+        stresses = array(piece, "stress").reshape(-1, 3, 3)
+        centres += [x[c].mean(axis=0) for c in cells]
+        found += [stresses[c] for c in cells]
     COMM.barrier()
-    x = array(piece, "Points").reshape(-1, 3)
-    cells = np.split(array(piece, "connectivity"), array(piece, "offsets")[:-1])
-    stresses = array(piece, "stress").reshape(-1, 3, 3)
-    return np.array([x[c].mean(axis=0) for c in cells]), np.array([stresses[c] for c in cells])
+    return np.array(centres), np.array(found)
 
 
 def assert_stresses(folder, problem, stress, left, right, axis=1, middle=0.5):

@@ -1,0 +1,19 @@
+"""Reader of the VTK files that DOLFINx writes."""
+
+import numpy as np
+
+OF_THE_READER = ("vtkGhostType", "vtkOriginalPointIds", "vtkOriginalCellIds")
+
+
+def read_grid(file, time=-1):
+    """The cells of all ranks in a ``.pvd`` at one of its times, without ghosts."""
+    import pyvista
+
+    reader = pyvista.get_reader(file)
+    reader.set_active_time_value(reader.time_values[time])
+    (grid,) = reader.read()
+    grid = grid.extract_cells(np.flatnonzero(grid.cell_data["vtkGhostType"] == 0))
+    for data in (grid.point_data, grid.cell_data):
+        for name in OF_THE_READER:
+            data.pop(name, None)
+    return grid
