@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Files that others read: fields for ParaView, tables, summaries; reports of a script."""
+"""Output files: fields for ParaView, tables, summaries; progress lines of a script."""
 
 from dolfinx_contact.io.evolution import EvolutionSeries
 from dolfinx_contact.io.fields import write_fields

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""An evolution on the disk: its states for ParaView, and a table of its steps."""
+"""Files of an evolution: states for ParaView and a table of steps."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._errors import on_root
+from dolfinx_contact._validate import count, flag
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.fields import check_stress, faces, state_fields
@@ -32,10 +31,8 @@ _TABLE = "steps.csv"
 
 
 def _check(a: Arguments) -> None:
-    if not isinstance(a.every, int | np.integer) or isinstance(a.every, bool) or a.every < 1:
-        raise ValueError(f"every must be a number of steps, got {a.every!r}")
-    if not isinstance(a.start, bool):
-        raise ValueError(f"start must be True or False, got {a.start!r}")
+    count(a.every, "every")
+    flag(a.start, "start")
 
 
 class EvolutionSeries:
@@ -43,33 +40,32 @@ class EvolutionSeries:
 
     ``evolution_body.bp`` holds the displacement, ``evolution_contact.bp`` (or
     ``evolution_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of the
-    master of a pair, over the time of the evolution; ``evolution_body_stress.bp`` the stresses, if
-    they are wanted; ``steps.csv`` is the table of steps. With
+    master of a pair, over the time of the evolution; ``evolution_body_stress.bp`` contains the
+    stresses, if requested; ``steps.csv`` is the table of steps. With
     ``format="vtk"`` it is ``evolution_body.pvd`` with a ``.vtu`` of each time, ... ``paraview.py``
-    beside them shows them. Files of before are removed when the first step is accepted, or when the
-    context ends without one. Every row of the table is on the disk before the next step is
-    computed; fields are in their place when the context ends, also if the evolution ended in an
-    error: then up to there. `EvolutionRecord` has the fields of a run that is killed.
+    in the folder shows them. Files of an earlier series are removed when the first step is
+    accepted, or when the context ends without a step. Each row of the table is on the disk before
+    the next step is computed. Fields are complete when the context ends, also after an error, up to
+    the last accepted step. `EvolutionRecord` keeps the fields of a killed run.
 
     Args:
-        folder: where to, made if need be.
-        problem: whose evolution it is.
-        every: so many steps are written; the table has all of them.
-        stress: 3 x 3 UFL stress, or one of each cell tag, as for `write_fields`, of which every
-            written step has the values; without it no stresses are written.
-        start: whether the table begins with a row of the state where the first step starts: its
-            time, and the energies 0 if it is the first step of the evolution; the rest is blank.
+        folder: output folder, created if necessary.
+        problem: contact problem of the evolution.
+        every: number of steps between two written states, from 1; the table contains all steps.
+        stress: 3 x 3 UFL stress, or one per cell tag, as for `write_fields`; by default no stresses
+            are written.
+        start: whether the table begins with a row for the start of the first step: its time, and
+            zero energies if it is the first step of the evolution; other columns are blank.
         format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
 
     Attributes:
-        files: their names, once the context has ended.
+        files: paths of the files, after the context has ended.
 
     Raises:
-        OSError: on every rank, with the path and the reason, if the folder cannot be written to,
-            or has no room.
-        ValueError: on every rank, if the format cannot be written, the stress is refused as by
-            `write_fields`, or arguments differ; from a run whose observer it is outside of its
-            context.
+        OSError: on every rank, with the path and the reason, if a file cannot be written.
+        ValueError: on every rank, if the format is not available, the stress is refused as by
+            `write_fields`, or arguments differ between ranks; also from a run that uses it outside
+            its context.
 
     Example:
         ::
@@ -143,12 +139,12 @@ class EvolutionSeries:
         self.files = written.files
 
     def _forget(self) -> None:
-        """Remove what a series of before has left in the folder. Collective."""
+        """Remove the files of an earlier series. Collective."""
         on_root(self._comm, lambda: _remove_series(self._folder))
 
 
 def _remove_series(folder: Path) -> None:
-    """Remove the files that a series writes, on this rank alone."""
+    """Remove the files of a series from a folder. Not collective."""
     (folder / _TABLE).unlink(missing_ok=True)
     for path in folder.glob("evolution_*"):
         kinds = r"\.bp|\.pvd|(_p\d+_)?\d{6}\.p?vtu"

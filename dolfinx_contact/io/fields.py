@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Fields on the body and on its contact surfaces, for ParaView.
+"""Fields on the bodies and on their contact surfaces, for ParaView.
 
-On the body: the displacement, the Cauchy stress and the von Mises stress
-(3/2 dev s : dev s)^(1/2), both linear and discontinuous. On each contact surface, a mesh of its own
-so that it opens beside the body, what `ContactProblem.contact_fields` returns. A pair of bodies has
-these on the slave, and what is known of the master (`master`) in another file.
+Files of the body contain the displacement, the Cauchy stress and the von Mises stress
+(3/2 dev s : dev s)^(1/2), both linear and discontinuous. Each contact surface is a mesh of its own,
+with the fields of `ContactProblem.contact_fields`. For a pair these are on the slave, and the
+fields of the master (`master`) are in another file.
 """
 
 from __future__ import annotations
@@ -53,7 +53,8 @@ __all__ = [
     "write_fields",
 ]
 
-# Of the way from a corner of a cell to its middle; FFCx takes 1 - 1e-6 in its tables for 1.
+# Distance of evaluation points from a corner, relative to the way to the middle of the cell. FFCx
+# rounds entries of its tables within 1e-6 of 1 to 1.
 _INSIDE = 1e-5
 
 
@@ -76,19 +77,19 @@ def write_fields(
     ``paraview --script=FOLDER/paraview.py``.
 
     Args:
-        folder: where to, made if need be. Files of an earlier state are replaced when all of the
-            new ones are complete.
+        folder: output folder, created if necessary. Files of an earlier state are replaced when all
+            new files are complete.
         problem: contact problem.
         state: state to write; by default the Functions as they are.
-        stress: 3 x 3 UFL stress, in 2D too: ``material.full_stress(u)``. Of several materials, in
-            a bulk of integrals over cell tags, one of each tag: ``{1: steel.full_stress(u), 2:
-            rubber.full_stress(u)}``. It is evaluated as given; whether it is the stress of the bulk
-            is not checked. Without it no stresses are written.
+        stress: 3 x 3 UFL stress, also in 2D: ``material.full_stress(u)``. For several materials in
+            integrals over cell tags, one stress per tag: ``{1: steel.full_stress(u), 2:
+            rubber.full_stress(u)}``. It is not compared with the stress of the bulk. By default no
+            stresses are written.
         format: "vtx" (``.bp``) or "vtk" (``.pvd`` and ``.vtu``, for PyVista and every ParaView); by
             default "vtx" unless DOLFINx was built without ADIOS2.
 
     Returns:
-        The names of the files, on every rank.
+        Paths of the files, on every rank.
 
     Raises:
         OSError: on every rank, with the path and the reason, if a file cannot be written. Earlier
@@ -119,17 +120,17 @@ def state_fields(
     tags: mesh.MeshTags | None = None,
     prefix: str = "",
 ) -> list[FieldsOfFile]:
-    """What files have of the state in a problem's Functions. Collective.
+    """Return the fields of all files at the state in the Functions. Collective.
 
     Args:
-        problem: the problem.
-        on_faces: its `faces`.
-        stress: see `write_fields`.
-        tags: as `check_stress` returned them.
-        prefix: of the stems.
+        problem: contact problem.
+        on_faces: faces of the problem, see `faces`.
+        stress: stress, see `write_fields`.
+        tags: cell tags returned by `check_stress`.
+        prefix: beginning of the file names.
 
     Returns:
-        The displacement, the stresses if they are wanted, and the fields of every face.
+        Displacement, stresses if requested, and the fields of each face.
     """
     found = [FieldsOfFile(f"{prefix}body", problem.comm, [problem.u])]
     if stress is not None:
@@ -143,7 +144,7 @@ def state_fields(
 
 
 def _at_corners(u: fem.Function) -> fem.Function:
-    """The displacement with the element of the stresses, so that these can be shown deformed."""
+    """Interpolate the displacement into the element of the stresses, to show them deformed."""
     domain = u.function_space.mesh
     f = fem.Function(fem.functionspace(domain, ("DG", 1, u.ufl_shape)), name="displacement")
     f.interpolate(u)
@@ -152,13 +153,13 @@ def _at_corners(u: fem.Function) -> fem.Function:
 
 @dataclass(frozen=True)
 class Face:
-    """A face with a file of its own.
+    """A face with its own file.
 
     Attributes:
-        stem: of the file, without suffix.
-        comm: of its mesh.
-        fields: function of the problem: the fields on the face at the state in the Functions, by
-            name. Collective.
+        stem: name of the file without suffix.
+        comm: communicator of its mesh.
+        fields: function that returns the fields on the face at the state in the Functions of a
+            problem, by name. Collective.
     """
 
     stem: str
@@ -167,10 +168,10 @@ class Face:
 
 
 def faces(problem: ContactProblem) -> list[Face]:
-    """All faces: every surface, and after a pair its master. Collective.
+    """Return all faces: each surface, and the master after its pair. Collective.
 
     Raises:
-        ValueError: if two would have one file.
+        ValueError: if two faces have the same file.
     """
     found = []
     for s in problem.surfaces:
@@ -188,12 +189,12 @@ def faces(problem: ContactProblem) -> list[Face]:
 
 
 def _surface_fields(s: DiscreteSurface, problem: ContactProblem) -> dict[str, fem.Function]:
-    """The fields on a contact surface. Collective."""
+    """Return the fields on a contact surface. Collective."""
     return problem.contact_fields(s)
 
 
 def von_mises(stress: Any) -> Any:
-    """UFL von Mises stress of a 3 x 3 UFL stress.
+    """Return the UFL von Mises stress of a 3 x 3 UFL stress.
 
     Raises:
         ValueError: if the stress is not 3 x 3.
@@ -251,14 +252,15 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
 def body_fields(
     u: fem.Function, stress: Any, tags: mesh.MeshTags | None = None
 ) -> list[fem.Function]:
-    """``stress`` and ``von_mises`` as discontinuous Functions of degree 1. Collective.
+    """Return ``stress`` and ``von_mises`` as discontinuous Functions of degree 1. Collective.
 
-    Where conditions of the place make it jump between cells, each has the values of its own side.
+    If a condition of the position makes the stress jump between cells, each cell has the values of
+    its own side.
 
     Args:
-        u: the displacement.
-        stress: UFL, or UFL by cell tags.
-        tags: of cells, for the latter.
+        u: displacement.
+        stress: UFL stress, or UFL stresses by cell tag.
+        tags: cell tags for stresses by tag.
 
     Raises:
         ValueError: on every rank, if the stress is not a 3 x 3 UFL expression.
@@ -278,15 +280,15 @@ def body_fields(
 
 
 def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -> None:
-    """Put an expression into a discontinuous Function of degree 1, in some cells or all."""
+    """Interpolate an expression into a discontinuous Function of degree 1, in all or some cells."""
     W = f.function_space
     points = interpolation_points(W)
     by_cells = is_of_cells(e)
     if not (by_cells or _jumps_by_place(e)):
         f.interpolate(fem.Expression(e, points), cells0=cells)
         return
-    # At a corner between two cells the condition has one answer for both. A little inside each
-    # cell it has that of the cell.
+    # At a corner the condition has the same value for all adjacent cells; slightly inside a cell it
+    # has the value of the cell.
     share = 1.0 if by_cells else _INSIDE
     inside = points + share * (points.mean(axis=0) - points)
     if cells is None:
@@ -303,13 +305,11 @@ def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -
 
 
 def of_cells(e: Any, domain: mesh.Mesh) -> Any:
-    """What is known at the middles of cells alone, as a Function of these; else the expression.
-
-    Collective.
+    """Return an expression known at cell midpoints only as a DG0 Function. Collective.
 
     Args:
-        e: UFL.
-        domain: its mesh.
+        e: UFL expression; returned unchanged if it is defined everywhere.
+        domain: mesh of the expression.
     """
     if not is_of_cells(e):
         return e
@@ -326,7 +326,7 @@ def of_cells(e: Any, domain: mesh.Mesh) -> Any:
 
 
 def _jumps_by_place(e: Any) -> bool:
-    """Whether a condition of the position is in an expression, as of a modulus of two parts."""
+    """Whether an expression contains a condition of the position, as for two moduli."""
     conditions = (n for n in unique_pre_traversal(e) if isinstance(n, ufl.classes.Condition))
     return any(
         isinstance(node, ufl.classes.SpatialCoordinate)

@@ -27,15 +27,15 @@ _STARTED = time.perf_counter()
 
 
 def agreed_path(comm: MPI.Comm, path: str | os.PathLike[str], what: str) -> Path:
-    """A path that is the same on every rank. Collective.
+    """Return a path that is equal on all ranks. Collective.
 
     Args:
         comm: communicator.
-        path: of the user.
-        what: it is, for the message.
+        path: path given by the user.
+        what: name of the argument, for the message.
 
     Raises:
-        TypeError: on every rank, if it is no path.
+        TypeError: on every rank, if it is not a path.
         ValueError: on every rank, if it differs between ranks.
     """
     with everywhere(comm, what):
@@ -45,7 +45,7 @@ def agreed_path(comm: MPI.Comm, path: str | os.PathLike[str], what: str) -> Path
 
 
 def output_folder(comm: MPI.Comm, path: str | os.PathLike[str]) -> Path:
-    """Make the folder ``path`` if need be and see that it can be written to. Collective.
+    """Create the folder ``path`` if necessary and test that it is writable. Collective.
 
     Raises:
         OSError: on every rank, if the folder cannot be made or written to.
@@ -78,14 +78,14 @@ def _plain(value: Any) -> Any:
 def write_summary(
     comm: MPI.Comm, folder: str | os.PathLike[str], scalars: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Write ``folder/summary.json``: ``scalars`` with ranks, versions and the time since import.
+    """Write ``scalars``, ranks, versions and the time since import to ``folder/summary.json``.
 
     Returns:
-        What was written, on every rank.
+        Content of the file, on every rank.
 
     Raises:
-        OSError: on every rank, with the path, if it cannot be written; it is then as it was.
-        TypeError: on every rank, if something cannot be written as JSON.
+        OSError: on every rank, with the path, if it cannot be written; an earlier file remains.
+        TypeError: on every rank, if a value cannot be written as JSON.
     """
     from dolfinx_contact import __version__
 

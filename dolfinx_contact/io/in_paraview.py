@@ -82,7 +82,7 @@ def opened(path: str, name: str) -> Any:
 
 
 def warped(reader: Any, name: str) -> tuple[Any, str]:
-    """What is read, deformed by its displacement; the name of that."""
+    """Deform a reader by its displacement; return the filter and the name of the array."""
     arrays = {a.GetName(): a.GetNumberOfComponents() for a in reader.PointData.values()}
     vectors = [a for a, components in arrays.items() if components == 3]
     vector = "displacement" if "displacement" in vectors else vectors[0]
@@ -119,7 +119,7 @@ def shown(source: Any, view: Any, array: list[str], title: str) -> None:
 
 
 def open_all(prefix: str, files: dict[str, str]) -> dict[str, tuple[Any, str]]:
-    """What the files of a group hold, deformed, with the names of displacements; bodies first."""
+    """Open and deform the files of a group; bodies come first."""
     bodies = [part for part in ("body_stress", "body") if part in files]
     contacts = [part for part in files if part.startswith("contact")]
     names = {part: prefix + part for part in bodies + contacts}

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The other face of a pair of bodies: fields on the master.
+"""Fields on the master of a pair of bodies.
 
-The contact points of a pair are those of the slave, whose face has all fields. On the master are
-its displacement and support, and the contact forces B^T W t at its nodes over the areas of its own
-vertices. So its traction is minus the slave's where both faces have the same nodes and contact is
-nodal; else it is the same force, as another mesh has it: a vertex of which the slave covers a part
-has the force on that part over its whole area. Gap, slip and status are those of contact points,
-and so of the slave alone.
+The contact points of a pair belong to the slave, whose face has all fields. The master has its
+displacement, its support, and a traction: the contact forces B^T W t at its nodes divided by the
+areas of its own vertices. For matching nodes and nodal contact this is minus the traction of the
+slave. Otherwise it is the same total force on another mesh; at a vertex that the slave covers
+partially, the force is divided by the whole area of the vertex. Gap, slip and status exist at
+contact points, hence on the slave only.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ __all__ = ["MasterFace"]
 
 
 class MasterFace:
-    """The face of a pair that has no contact points. Collective.
+    """The master face of a pair. Collective.
 
     Args:
-        problem: with the pair.
-        pair: one of its surfaces, between bodies.
+        problem: contact problem with the pair.
+        pair: surface between bodies.
 
     Attributes:
-        submesh: of its facets.
+        submesh: mesh of the facets.
         vertices: scalar P1 space on it.
-        areas: of the local vertices, as the slave has them: by the vertex rule where nodes match
-            and contact is nodal, else by hat functions.
-        trace: the nodes of the displacement at the local vertices.
-        normals: outward, at the local vertices (n, dim).
+        areas: areas of the local vertices, integrated like those of the slave: by the vertex rule
+            for matching nodes and nodal contact, otherwise by hat functions.
+        trace: nodes of the displacement at the local vertices.
+        normals: outward unit normals at the local vertices, shape (n, dim).
     """
 
     def __init__(self, problem: ContactProblem, pair: DiscreteSurface):
@@ -76,15 +76,15 @@ class MasterFace:
         self.normals = normals[trace_dofs(W, self.vertices, facets)]
 
     def fields(self, problem: ContactProblem | None = None) -> dict[str, fem.Function]:
-        """The continuous, linear fields at the state in the Functions. Collective.
+        """Return the continuous, linear fields at the state in the Functions. Collective.
 
         Args:
             problem: problem with the law of a step; by default the problem of the face.
 
         Returns:
-            By name: ``displacement``, ``traction`` (of contact, on the master), ``pressure``, its
-            part against the outward normal, and ``support``, the reaction of Dirichlet data on the
-            body over the area of a vertex.
+            Fields by name: ``displacement``, contact ``traction`` on the master, ``pressure`` (its
+            component against the outward normal), and ``support`` (reaction of Dirichlet data
+            divided by the area of a vertex).
         """
         problem = self._problem if problem is None else problem
         eq = problem.equations
@@ -105,6 +105,6 @@ class MasterFace:
         return {name: vertex_function(self.vertices, name, v) for name, v in values.items()}
 
     def _per_area(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Forces at the local nodes of the displacement over the areas of the vertices."""
+        """Divide forces at the local nodes of the displacement by the areas of the vertices."""
         there = forces_at_vertices(self._problem.V, self.submesh, self.trace, forces)
         return np.asarray(there / self.areas[:, None])

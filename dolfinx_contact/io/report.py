@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a script reports on rank 0 while it works."""
+"""Progress lines of a script on rank 0."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Report"]
 
 
 class JournalOfBranches(Protocol):
-    """What a report needs of a journal (`records.Journal`)."""
+    """The part of `records.Journal` that a report uses."""
 
     @property
     def branches(self) -> Sequence[Any]: ...
@@ -27,11 +27,11 @@ class JournalOfBranches(Protocol):
 
 
 class Report:
-    """Lines on rank 0, each flushed, so that a reader sees where the time goes. Not collective.
+    """Write lines on rank 0 and flush each of them. Not collective.
 
     Args:
-        comm: only rank 0 writes.
-        stream: where to, by default the standard output stream of the moment.
+        comm: communicator; only its rank 0 writes.
+        stream: output stream; by default `sys.stdout` at the time of writing.
 
     Example:
         ::
@@ -60,7 +60,7 @@ class Report:
         )
 
     def result(self, result: Result) -> None:
-        """Write how a solve ended: points by status, contact forces, violation of the law."""
+        """Write the end of a solve: points by status, contact forces, violation of the law."""
         self(f"{result.reason}: {result.iterations} Newton iterations, {result.dofs} unknowns")
         self("contact points: " + ", ".join(f"{n} {k}" for k, n in result.counts.items() if n))
         pairs = result.pairs
@@ -73,7 +73,7 @@ class Report:
         self(f"worst violation of the contact law: {result.kkt_violation:.1e} (relative)")
 
     def branch(self, journal: JournalOfBranches, branch: int = 0) -> None:
-        """Write special points of a branch with the statuses at them, and why it ended."""
+        """Write special points of a branch with their statuses, and the reason of its end."""
         rows = journal.rows(branch)
         known = journal.branches[branch]
         for p in known.points:
@@ -83,7 +83,7 @@ class Report:
         self(f"{len(known.points)} points: {known.reason}")
 
     def files(self, files: Iterable[str | os.PathLike[str] | None]) -> None:
-        """Write the names of files; None is one that could not be made."""
+        """Write names of files; None stands for a file that could not be written."""
         self("files:")
         for file in files:
             if file is not None:

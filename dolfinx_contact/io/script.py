@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The script beside results that shows them in ParaView."""
+"""The script that shows results in ParaView."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ SCRIPT_NAME = "paraview.py"
 
 
 def write_script(comm: MPI.Comm, part: Path, folder: Path) -> None:
-    """Write ``paraview.py``, which shows whatever results are in its folder. Collective.
+    """Write ``paraview.py``, which shows the results in its folder. Collective.
 
-    A file of that name which is not one of these scripts is left as it is, with a warning.
+    Another file of that name is kept, with a warning.
 
     Args:
         comm: communicator.
-        part: where it is written.
-        folder: where it will be. It may be moved; ParaView does not always give the path of a
-            script.
+        part: folder in which it is written.
+        folder: final folder, stored in the script because ParaView does not always pass the path of
+            a script. The folder may be moved.
     """
 
     def write() -> None:
         text = Path(__file__).with_name("in_paraview.py").read_text()
         if _is_foreign(folder / SCRIPT_NAME, text):
-            message = "%s is not one of this package, and is left as it is: nothing shows the files"
+            message = "%s is not one of this package, and is left unchanged: no script for ParaView"
             logger.warning(message, folder / SCRIPT_NAME)
             return
         known = text.replace('WRITTEN_TO = ""', f"WRITTEN_TO = {str(folder.resolve())!r}")
@@ -43,6 +43,6 @@ def write_script(comm: MPI.Comm, part: Path, folder: Path) -> None:
 
 
 def _is_foreign(file: Path, text: str) -> bool:
-    """Whether there is a file that does not begin with the two first lines of ``text``."""
+    """Whether there is a file that does not begin with the first two lines of ``text``."""
     head = "".join(text.splitlines(keepends=True)[:2]).encode()
     return file.is_file() and not file.read_bytes().startswith(head)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Tables as CSV: of contact points, and of whatever a script measures."""
+"""Tables as CSV: contact points, and rows of a script."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from typing import Any
 
 from mpi4py import MPI
 
-import numpy.typing as npt
-
 from dolfinx_contact._errors import on_root
 from dolfinx_contact._files import os_error
 from dolfinx_contact.io.disk import write_text
@@ -25,55 +23,41 @@ __all__ = ["GrowingTable", "write_contact_table", "write_rows"]
 def write_contact_table(
     comm: MPI.Comm, folder: str | os.PathLike[str], tables: Iterable[ContactTable]
 ) -> None:
-    """Write ``folder/contact.csv``, a row a contact point, surface by surface. Collective.
+    """Write ``folder/contact.csv`` with one row per contact point. Collective.
 
-    The columns are those of `ContactTable.columns`. Surfaces that have none of adhesion, or no
-    ``slid``, where others have, have blanks there.
-
-    Forces, pressure and shear are those of contact; what Dirichlet data do to the body at a contact
-    node is in the last columns.
+    The columns are those of `ContactTable.columns`; columns that a surface does not have are blank.
+    Forces, pressure and shear are contact forces; the last columns contain the reactions of
+    Dirichlet data at contact nodes.
 
     Raises:
-        OSError: on every rank, with the path, if it cannot be written; it is then as it was.
+        OSError: on every rank, with the path, if it cannot be written; an earlier file remains.
     """
-    given = list(tables)
+    columns = [t.columns() for t in tables]
+    names = dict.fromkeys(name for table in columns for name in table)
+    # columns that not all surfaces have come last
+    last = [name for name in ("bond", "slid") if name in names]
+    head = [*(name for name in names if name not in last), *last]
 
     def text() -> str:
-        known = [t.columns() for t in given]
-        names = _names(known)
-        lines = [",".join(names)]
-        for columns in known:
-            words = [_written(columns[name]) if name in columns else None for name in names]
-            count = len(columns["surface"])
-            every = [[""] * count if column is None else column for column in words]
-            lines += [",".join(row) for row in zip(*every, strict=True)]
-        return "\n".join(lines) + "\n"
+        rows = [
+            dict(zip(table, row, strict=True))
+            for table in columns
+            for row in zip(*(column.tolist() for column in table.values()), strict=True)
+        ]
+        return _csv(head, rows, head=True)
 
     write_text(comm, Path(folder) / "contact.csv", text)
-
-
-def _names(known: Sequence[Mapping[str, npt.NDArray[Any]]]) -> list[str]:
-    """Names of the columns of all tables, the bond after variables of laws, ``slid`` last."""
-    names = dict.fromkeys(name for columns in known for name in columns)
-    last = [name for name in ("bond", "slid") if name in names]
-    return [*(name for name in names if name not in last), *last]
-
-
-def _written(column: npt.NDArray[Any]) -> list[str]:
-    """Numbers with all their digits; words as they are."""
-    numbers = column.dtype.kind == "f"
-    return [repr(float(v)) for v in column] if numbers else [str(v) for v in column]
 
 
 def write_rows(
     comm: MPI.Comm, file: str | os.PathLike[str], rows: Sequence[Mapping[str, Any]]
 ) -> None:
-    """Write rows as CSV, the keys of the first as its head; what is not in that is left out.
+    """Write the rows of rank 0 as CSV. Collective.
 
-    Collective; the rows are those of rank 0.
+    The keys of the first row are the columns; other keys are left out.
 
     Raises:
-        OSError: on every rank, with the path, if it cannot be written; it is then as it was.
+        OSError: on every rank, with the path, if it cannot be written; an earlier file remains.
         ValueError: on every rank, if there is no row.
     """
 
@@ -86,14 +70,14 @@ def write_rows(
 
 
 class GrowingTable:
-    """Rows as CSV, each on the disk before the next one is known. Collective.
+    """A CSV file whose rows are on the disk as soon as they are added. Collective.
 
-    The keys of the first row are the head; what is not in that is left out. A file of before is
-    replaced by the first row.
+    The keys of the first row are the columns; other keys are left out. The first row replaces an
+    earlier file.
 
     Args:
         comm: communicator.
-        file: the table.
+        file: path of the table.
     """
 
     def __init__(self, comm: MPI.Comm, file: str | os.PathLike[str]):
@@ -102,7 +86,7 @@ class GrowingTable:
         self._names: list[str] = []
 
     def add(self, row: Mapping[str, Any]) -> None:
-        """Write a row, that of rank 0.
+        """Write the row of rank 0.
 
         Raises:
             OSError: on every rank, with the path, if it cannot be written.
