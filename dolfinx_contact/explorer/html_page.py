@@ -26,7 +26,7 @@ from dolfinx_contact._validate import count, is_number, number, one_of, positive
 from dolfinx_contact.analysis import Chart, EventCurves, ProvedCount, Regions
 from dolfinx_contact.analysis.chart_regions import chart_scene
 from dolfinx_contact.continuation import Solutions
-from dolfinx_contact.explorer.lines import AnyRecord, Diagram, diagram_of
+from dolfinx_contact.explorer.lines import AnyRecord, DiagramData, diagram_of
 from dolfinx_contact.explorer.packing import Arrays, deflated
 from dolfinx_contact.explorer.surfaces import add_bodies
 from dolfinx_contact.laws import status
@@ -385,7 +385,7 @@ class _Page:
         return re.sub(r"@([A-Z]+)@", lambda found: parts[found[1]], read("page.html"))
 
 
-def _content(arrays: Arrays, diagram: Diagram) -> dict[str, Any]:
+def _content(arrays: Arrays, diagram: DiagramData) -> dict[str, Any]:
     """Add the columns of all lines, one after the other, and describe the lines."""
     counts = [len(line.statuses) for line in diagram.lines]
     firsts = np.cumsum([0, *counts]).tolist()

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.records import EvolutionJournal, Journal, PathJournal
 
-__all__ = ["AnyRecord", "Diagram", "Line", "diagram_of"]
+__all__ = ["AnyRecord", "DiagramData", "Line", "diagram_of"]
 
 Array = npt.NDArray[np.float64]
 AnyRecord = Journal | EvolutionJournal
@@ -47,7 +47,7 @@ class Line:
 
 
 @dataclass
-class Diagram:
+class DiagramData:
     """The lines of a journal.
 
     Attributes:
@@ -79,7 +79,7 @@ class Diagram:
         return across, (first or rest or varying or others or [across])[0]
 
 
-def diagram_of(journal: AnyRecord) -> Diagram:
+def diagram_of(journal: AnyRecord) -> DiagramData:
     """Return the lines of a journal, also of a run in progress.
 
     Raises:
@@ -93,7 +93,7 @@ def diagram_of(journal: AnyRecord) -> Diagram:
     return diagram
 
 
-def _branches(journal: Journal) -> Diagram:
+def _branches(journal: Journal) -> DiagramData:
     # The user may have named a functional "distance".
     distance = "distance"
     while distance in journal.functionals:
@@ -105,7 +105,7 @@ def _branches(journal: Journal) -> Diagram:
         unfinished = unfinished or journal.explored.ending is None
         share = "all" if journal.explored.complete else "not all"
         kind = f"a diagram, {share} of its rays followed"
-    diagram = Diagram(kind, "gamma", names, journal.functionals, unfinished=unfinished)
+    diagram = DiagramData(kind, "gamma", names, journal.functionals, unfinished=unfinished)
     for number, branch in sorted(journal.branches.items()):
         if not branch.points:
             continue
@@ -151,7 +151,7 @@ def _mark(special: Any, index: int, gammas: Array) -> dict[str, Any]:
     }
 
 
-def _steps(journal: EvolutionJournal) -> Diagram:
+def _steps(journal: EvolutionJournal) -> DiagramData:
     is_path = isinstance(journal, PathJournal)
     along = "arc" if is_path else "time"
     # the start has no row in the table of steps
@@ -183,7 +183,7 @@ def _steps(journal: EvolutionJournal) -> Diagram:
     ending = "" if last is None else last.reason
     line = Line(name, 0, columns, statuses, marks, False, ending)
     unfinished = last is None or last.ending is None
-    return Diagram(f"a {name}", along, names, functionals, [line], unfinished)
+    return DiagramData(f"a {name}", along, names, functionals, [line], unfinished)
 
 
 def _span(values: Array) -> float:
