@@ -126,7 +126,8 @@ def main(argv=None):
     plot.picture_of_contact(folder / "contact.png", problem, title=title)
     io.write_contact_table(comm, folder, result.tables.values())
     summary = io.write_summary(comm, folder, result.summary())
-    files += [folder / name for name in ("paraview.py", "contact.csv", "summary.json")]
+    others = ("body.png", "contact.png", "paraview.py", "contact.csv", "summary.json")
+    files += [folder / name for name in others]
     say.files(files)
     return summary
 

@@ -146,6 +146,7 @@ def main(argv=None):
     plot.picture_of_body(folder / "body.png", both, stress=stress, title=title)
     title = f"Contact face, friction coefficient {args.friction:g}"
     plot.picture_of_contact(folder / "contact.png", both, title=title)
+    files += [folder / "body.png", folder / "contact.png"]
     io.write_contact_table(comm, folder, result.tables.values())
     say.files(files)
     return io.write_summary(comm, folder, result.summary())
