@@ -191,16 +191,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         )
         self._use_memory(memory)
         # 3. find the next direction
-        directions: FoundRays[Ray] = FoundRays((), False, "")
-        event: PathEvent = ""
-        if arrival.at == "end":
-            self._leaves = None
-            self.end(Ending.REACHED)
-        else:
-            rates = self._steps.rate_problem(point.y, point.piece)
-            directions = rates.onwards(point.piece, point.tangent, every=self.task.rays)
-            self._leave(point, directions)
-            event = self._event(arrival)
+        event, directions = self._continue_from(arrival)
         self._end_if_idle()
         number = len(directions.rays) if directions.complete else None
         method = directions.method
@@ -222,6 +213,22 @@ class ByArcLength(Rule[PathTask, PathState]):
             corrections=point.corrections,
             state=after.state,
         )
+
+    def _continue_from(self, arrival: Arrival) -> tuple[PathEvent, FoundRays[Ray]]:
+        """Find the directions out of an accepted point and leave it. Collective.
+
+        Returns:
+            The event at the point and the directions; none at the end of the range of gamma.
+        """
+        if arrival.at == "end":
+            self._leaves = None
+            self.end(Ending.REACHED)
+            return "", FoundRays((), False, "")
+        point = arrival.point
+        rates = self._steps.rate_problem(point.y, point.piece)
+        directions = rates.onwards(point.piece, point.tangent, every=self.task.rays)
+        self._leave(point, directions)
+        return self._event(arrival), directions
 
     def _solve(self) -> tuple[Arrival, Result, Evaluation] | None:
         """Solve the next point on the piece of the last one; end the path if that fails.

@@ -47,6 +47,7 @@ from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.evolution.prescribed_motion import PrescribedMotion
 from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
+from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.solvers.strategies import Trial
@@ -256,15 +257,7 @@ class MotionStepper(Stepper):
             at = eq.kinematics(s, reference, q)
             gap = None
             if self._method.level == "velocity":
-                # gap in w with the sign of un'_1 + e un'_0; n . (jump at w) is subtracted
-                n = s.points.data.n
-                risen = s.points.data.gap - a.surfaces[i].obstacle
-                moved = at.operator.rate(eq.relative(s, step.length * a.v, dq))
-                opening = risen - np.sum(moved * n, axis=1)  # h un'_0
-                rebound = self._method.restitution * step.gain * opening
-                gap = np.sum(at.jump * n, axis=1) + step.gain * risen + rebound
-                active = a.surfaces[i].un + 0.5 * opening <= 0
-                gap = np.where(active, gap, gap + _FAR * eq.body_size)
+                gap = self._gap_of_impact(eq, i, at, a, step, dq)
             nodes = reference[: eq.owned_sizes[0]].reshape(-1, eq.dim) if s.slides else None
             memories.append(
                 Memory(
@@ -279,6 +272,29 @@ class MotionStepper(Stepper):
                 )
             )
         return memories
+
+    def _gap_of_impact(
+        self, eq: ContactEquations, i: int, at: Kinematics, a: Motion, step: TimeStep, dq: Array
+    ) -> Array:
+        """Return the gap in w with the sign of un'_1 + e un'_0, large if the forecast is open.
+
+        Args:
+            eq: equations of the step.
+            i: number of the surface.
+            at: kinematics at the reference of friction; the law adds - n . (jump at w - this jump).
+            a: motion at the start of the step.
+            step: time step.
+            dq: increment of the unknowns of the rigid bodies.
+        """
+        s = eq.surfaces[i]
+        n = s.points.data.n
+        risen = s.points.data.gap - a.surfaces[i].obstacle
+        moved = at.operator.rate(eq.relative(s, step.length * a.v, dq))
+        opening = risen - np.sum(moved * n, axis=1)  # h un'_0
+        rebound = self._method.restitution * step.gain * opening
+        gap = np.sum(at.jump * n, axis=1) + step.gain * risen + rebound
+        active = a.surfaces[i].un + 0.5 * opening <= 0
+        return np.where(active, gap, gap + _FAR * eq.body_size)
 
     def _restore(self, accepted: AcceptedState) -> None:
         super()._restore(accepted)
