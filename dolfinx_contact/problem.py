@@ -352,6 +352,8 @@ class ContactProblem(ReadOnly):
         equations = ContactEquations(
             body, self.V, self.surfaces, self.bcs, r=eq.forced_r, options=eq.options
         )
+        # The sides of the obstacles have been tested.
+        equations.moved, equations.wrong_sides = eq.moved, eq.wrong_sides
         return copy_with(self, equations=equations, _linear=LinearSolverChoice(equations))
 
     @collective("a step", _check_step)
