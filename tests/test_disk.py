@@ -2,7 +2,6 @@
 
 import errno
 import faulthandler
-import json
 import os
 import resource
 import signal
@@ -23,7 +22,7 @@ from dolfinx_contact.continuation import Observer, follow
 from dolfinx_contact.io import write_contact_table, write_fields, write_summary
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
-from dolfinx_contact.records import BranchRecord, lock, read_journal, resume, write_series
+from dolfinx_contact.records import BranchRecord, journal_file, read_journal, resume, write_series
 from dolfinx_contact.records.journal import FILE_NAME, FORMAT, Journal
 from dolfinx_contact.records.journal_file import JournalFile
 
@@ -262,10 +261,10 @@ def test_a_record_on_a_full_disk_is_resumed(folder, every, room, name):
 def test_a_record_that_cannot_begin(folder):
     """It leaves nothing that a second attempt would take for a record."""
     system, functionals = moved_block(COMM)
-    with full(100), fails(folder / "new" / FILE_NAME):
+    with full(1000), fails(folder / "new" / FILE_NAME):
         BranchRecord(folder / "new", system, functionals)
     assert contents(folder) == {"new": False}
-    with full(0), fails(folder / "new" / lock.NOTE_NAME):
+    with full(0), fails(folder / "new" / journal_file.NOTE_NAME):
         BranchRecord(folder / "new", system, functionals)
     assert contents(folder) == {"new": False}
     on_root(lambda: (folder / "new/checkpoints").touch())
@@ -321,11 +320,11 @@ def here(tmp_path):
     """A folder with a new journal, and a way to open it."""
 
     def opened():
-        new = not (tmp_path / FILE_NAME).exists()
-        return JournalFile(tmp_path, Journal, new=new, holders={"a-host": [123, 456]})
+        run = "processes 123 456 on a-host"
+        return JournalFile(tmp_path, Journal, resume="if_exists", run=run)
 
     file = opened()
-    file.append({"type": "header", "format": FORMAT, "of": Journal.kind})
+    file.append({"type": "header", "format": FORMAT, "of": Journal.kind, "line": 1})
     file.close()
     return tmp_path, opened
 
@@ -339,42 +338,29 @@ def test_the_lock_says_who_holds_it(folder):
         assert len(set(said)) == 1
         ranks = " ".join(str(pid) for pid in COMM.allgather(os.getpid()))
         assert f"processes {ranks} on {COMM.bcast(os.uname().nodename)}" in said[0]
-        assert (folder / lock.NOTE_NAME).exists()
+        assert (folder / journal_file.NOTE_NAME).exists()
         COMM.barrier()
     COMM.barrier()
-    assert not (folder / lock.NOTE_NAME).exists()
+    assert not (folder / journal_file.NOTE_NAME).exists()
 
 
-def test_what_is_known_of_a_holder(here):
+def test_the_note_of_a_lock(here):
+    """A refused run gets the note; without one, or with an old one, the lock is flock alone."""
     folder, opened = here
     file = opened()
-    note = folder / lock.NOTE_NAME
-    known = json.loads(note.read_text())
-    outside = known | {"launcher": "321", "processes": {"one": [1], "two": [2, 3]}}
-    for content, words in (
-        (known, r"processes 123 456 on a-host.* since .* Their end frees the lock"),
-        (outside, "processes 1 on one, 2 3 on two, in the environment of process 321"),
-        ({"host": "of old"}, "left no word"),
-        ([], "left no word"),
-    ):
-        note.write_text(json.dumps(content))
-        with pytest.raises(BlockingIOError, match=words):
-            opened()
-    note.write_text('{"processes": ')
-    with pytest.raises(BlockingIOError, match="left no word"):
+    note = folder / journal_file.NOTE_NAME
+    with pytest.raises(BlockingIOError, match=r"123 456 on a-host\. Their end frees the lock"):
+        opened()
+    note.unlink()
+    with pytest.raises(BlockingIOError, match="unknown processes"):
         opened()
     file.close()
-    opened().close()  # flock is the truth: whatever a note says
-
-
-def test_a_note_that_is_a_link(here):
-    """What it leads to is somebody's file, which stays as it is."""
-    folder, opened = here
+    note.write_text("of a killed run")
+    opened().close()
     theirs = folder / "theirs.txt"
     theirs.write_text("mine")
-    (folder / lock.NOTE_NAME).symlink_to(theirs)
-    with pytest.raises(OSError, match=lock.NOTE_NAME):
-        opened()
+    note.symlink_to(theirs)
+    opened().close()
     assert theirs.read_text() == "mine"
 
 
@@ -397,8 +383,8 @@ def test_a_file_system_without_flock(here, monkeypatch):
     def refuse(*_):
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr(lock.fcntl, "flock", refuse)
-    note = folder / lock.NOTE_NAME
+    monkeypatch.setattr(journal_file.fcntl, "flock", refuse)
+    note = folder / journal_file.NOTE_NAME
     file = opened()
     with pytest.raises(BlockingIOError, match=f"a-host.* If they are gone, remove {note}"):
         opened()

@@ -197,12 +197,13 @@ def test_numbers_survive(folder):
     """All digits, and numbers that are not finite."""
     values = {"pi": np.pi, "tiny": 5e-324, "nan": float("nan"), "many": [float("inf"), -np.inf]}
     if COMM.rank == 0:
-        file = JournalFile(folder, Journal, new=True, holders={})
+        file = JournalFile(folder, Journal, resume=False, run="")
         file.append(
             {
                 "type": "header",
                 "of": "branches",
                 "format": FORMAT,
+                "line": 1,
                 **values,
                 "text": 'a "crc": "} é\n',
             }

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Records of branches, histories and paths: journals and checkpoints, for resumption."""
+"""Records of branches, histories and paths: journals and checkpoints, for resumption.
+
+`BranchRecord`, `EvolutionRecord` and `PathRecord` write records and resume killed runs;
+`read_journal` reads them in any script, and `journal_of` makes a journal without the disk.
+"""
 
 from dolfinx_contact.records.branch_record import BranchRecord, resume
-from dolfinx_contact.records.evolution_record import EvolutionRecord
 from dolfinx_contact.records.functionals import leftmost, rightmost, total
 from dolfinx_contact.records.journal import (
     EvolutionJournal,
@@ -10,9 +13,9 @@ from dolfinx_contact.records.journal import (
     PathJournal,
     read_journal,
 )
-from dolfinx_contact.records.path_record import PathRecord
+from dolfinx_contact.records.points import journal_of
 from dolfinx_contact.records.series import write_series
-from dolfinx_contact.records.tracing import journal_of
+from dolfinx_contact.records.steps_record import EvolutionRecord, PathRecord
 
 __all__ = [
     "BranchRecord",

@@ -14,8 +14,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from petsc4py import PETSc
-
 import numpy as np
 
 from dolfinx_contact._errors import require, same_everywhere
@@ -36,27 +34,17 @@ from dolfinx_contact.continuation import (
 from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.data import data_within
-from dolfinx_contact.records.columns import (
-    BranchTask,
-    EndEntry,
-    JournalEdge,
-    JournalNode,
-    plain,
-)
+from dolfinx_contact.records.columns import EndEntry, JournalEdge, plain
 from dolfinx_contact.records.functionals import Functional, compiled, functional_forms
 from dolfinx_contact.records.journal import Explored, Journal
 from dolfinx_contact.records.manifest import manifest_of, values_of
-from dolfinx_contact.records.points import entry_of, node_of
+from dolfinx_contact.records.points import Entries
 from dolfinx_contact.records.record import Record, Resume
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
 
 __all__ = ["BranchRecord", "resume"]
-
-
-#: Items of a task that may change when a branch is continued.
-_MAY_CHANGE = ("max_steps", "to_node")
 
 
 class BranchRecord(Record[Journal]):
@@ -75,23 +63,23 @@ class BranchRecord(Record[Journal]):
         system: contact problem with a parameter whose branches are followed.
         functionals: scalar UFL forms in the problem's Functions, or functions of the problem that
             return a real number, by name; functions are called on every rank. A record is resumed
-            with the same functionals; of functions only the names are compared.
+            with the same functionals; only the names of functions are compared.
         every: number of points between two checkpoints; special points and both ends have one as
-            well.
-        surface_displacement: whether the displacement of the outer surface is kept at every
-            point, in single precision, for `plot.draw_record`. A record that is resumed continues
-            as it began.
-        resume: True to continue a record that exists, False to begin one where there is none,
-            "if_exists" for either.
+            well. Default 10.
+        surface_displacement: whether the displacement of the outer surface is recorded at every
+            point, in single precision, for `plot.draw_record`. A resumed record continues as it
+            began.
+        resume: True to continue an existing record, False to begin a new one, "if_exists" for
+            either.
 
     Attributes:
         journal: content of the journal, on every rank.
 
     Raises:
-        OSError: on every rank, if the folder cannot be written to, another run records there,
-            there is a record and it is not to be resumed, or the other way round. Later, from
-            whatever follows a branch, if a point cannot be written: the record then ends with the
-            point before, and can be resumed.
+        OSError: on every rank, if the folder cannot be written to, another run records there, or
+            the existence of a record contradicts ``resume``. Later, from the continuation, if a
+            point cannot be written: the record then ends with the previous point, and can be
+            resumed.
         ValueError: on every rank, if the journal is damaged or that of another problem, or
             arguments differ between ranks. Nothing has been written then.
 
@@ -121,12 +109,12 @@ class BranchRecord(Record[Journal]):
         if not (functionals is None or isinstance(functionals, Mapping)):
             raise ValueError(f"functionals are a dictionary by their names, got {functionals!r}")
         comm = system.comm
-        whole = isinstance(every, int | np.integer) and every >= 1
-        require(comm, whole, f"fields must be kept at every 1 or more points, got {every!r}")
+        valid = isinstance(every, int | np.integer) and every >= 1
+        require(comm, valid, f"fields must be kept at every 1 or more points, got {every!r}")
         same_everywhere(comm, every=int(every))
         self.system = system
         self.every = every
-        self._functionals = compiled(system.problem, functionals or {})
+        values = compiled(system.problem, functionals or {})
         super().__init__(
             folder,
             system.problem,
@@ -135,8 +123,7 @@ class BranchRecord(Record[Journal]):
             resume=resume,
         )
         self._layout = Layout(system)
-        self._x = system.create_vector()
-        self._mx = system.create_vector()
+        self._entries = Entries(system, values)
         self._last: tuple[BranchPoint, Stepping] | None = None
         self._branch = 0
         try:
@@ -153,6 +140,7 @@ class BranchRecord(Record[Journal]):
         now = manifest_of(system.problem, driven=driven)
         now["parts"]["the functionals"] = list(functionals)
         now["forms"] |= functional_forms(system, functionals)
+        # data may depend on gamma: compare them at the gamma of the first session
         gamma = float(header.get("gamma", system.constant.value))
         with system.restored(always=True):
             system._set(gamma)
@@ -168,143 +156,117 @@ class BranchRecord(Record[Journal]):
     def close(self) -> None:
         """Close the journal; the record can then be resumed."""
         super().close()
-        for v in (self._x, self._mx):
-            v.destroy()
+        self._entries.destroy()
 
     # -- Observer --------------------------------------------------------------------------------
 
     def begin(self, task: Task, state: Stepping) -> None:
-        branch = self._branch = task.branch
-        new = BranchTask(
-            gamma_range=[float(g) for g in task.gamma_range],
-            gamma_scale=float(task.gamma_scale),
-            control=task.control,
-            max_steps=task.max_steps,
-            to_node=task.to_node,
-        )
-        known = self.journal.branches.get(branch)
-        if known is None:
-            self._append({"type": "branch", "branch": branch, "task": plain(new)})
+        """Record the beginning of a branch, or compare its task with the recorded one."""
+        self._branch = task.branch
+        fixed = {
+            "gamma_range": [float(g) for g in task.gamma_range],
+            "gamma_scale": float(task.gamma_scale),
+            "control": plain(task.control),
+        }
+        if self._branch in self.journal.branches:
+            recorded = plain(self.journal.branches[self._branch].task)
+            at = f" in the task of branch {self._branch}"
+            self._require_same({"task": {k: recorded[k] for k in fixed}}, {"task": fixed}, at)
             return
-        tasks = [plain(self._task(branch)), plain(new)]
-        recorded, now = ({k: v for k, v in t.items() if k not in _MAY_CHANGE} for t in tasks)
-        self._require_same({"task": recorded}, {"task": now}, f" in the task of branch {branch}")
+        new = {**fixed, "max_steps": task.max_steps, "to_node": task.to_node}
+        self._append({"type": "branch", "branch": self._branch, "task": new})
 
     def step(self, step: BranchStep, state: Stepping) -> None:
-        branch = step.branch
-        index = step.index
+        """Record a point, unless it was recorded before the run was killed."""
         point = step.point
-        recorded = self.journal.branches[branch].points
+        recorded = self.journal.branches[step.branch].points
         self._last = point, state
-        if index < len(recorded):  # recorded before the run was killed
+        if step.index < len(recorded):
             return
-        norm = self._norm(point.y, state)
-        entry = entry_of(self.system, index, point, step.special, norm)
-        follows = index == len(recorded)
-        message = f"point {index} cannot follow the {len(recorded)} recorded of branch {branch}"
+        follows = step.index == len(recorded)
+        message = (
+            f"point {step.index} cannot follow the {len(recorded)} recorded of branch {step.branch}"
+        )
         require(self.comm, follows, message)
+        entry = self._entries.point(step.index, point, step.special, state.x_scale)
+        name = _name(step.branch, step.index)
         ends = state.ending is not None
-        if index % self.every == 0 or step.special or ends:
-            name, check_sum = self._checkpoint(branch, index, point)
-            entry = replace(entry, checkpoint=name, sum=check_sum)
-        values = {}
-        for name, functional in self._functionals.items():
-            self._put(point)  # a functional may have written to the Functions
-            values[name] = functional()
-        self._put(point)
-        surface = self._write_surface(_name(branch, index), self.problem) if self._shows else None
+        keys = self._write_surface(name, self.problem)
+        if step.index % self.every == 0 or step.special or ends:
+            keys |= self._checkpoint(name, point)
         entry = replace(
             entry,
-            functionals=values,
             next_step=state.next_step,
             x_scale=state.x_scale,
             largest_distance=state.largest_distance,
             scales=list(self.system.scales),
             tangent_gamma=self._layout.gamma(point.tangent),
-            surface=_name(branch, index) if self._shows else None,
-            surface_sum=surface,
             ending=state.ending,
             reason=state.reason if ends else None,
         )
-        line = plain(entry)
+        line = plain(entry) | keys
         if recorded and recorded[-1].status == entry.status:
             del line["status"]
-        self._append({"type": "point", "branch": branch, **line})
+        self._append({"type": "point", "branch": step.branch, **line})
 
     def end(self, ended: Ends) -> None:
-        branch = self._branch
-        known = self.journal.branches[branch]
-        if known.ending is ended.ending or self._last is None or ended.ending is None:
+        """Record the end of a branch, with a checkpoint of its last point."""
+        branch = self.journal.branches[self._branch]
+        if branch.ending is ended.ending or self._last is None or ended.ending is None:
             return
         point, stepping = self._last
-        if stepping.index < len(known.points) - 1:
+        if stepping.index < len(branch.points) - 1:
             return  # more was recorded before, after which this is not the end
-        end = EndEntry(ending=ended.ending, reason=ended.reason)
-        if known.points[-1].checkpoint is None:
-            name, check_sum = self._checkpoint(branch, stepping.index, point)
-            end = replace(end, checkpoint=name, sum=check_sum)
-        self._append({"type": "end", "branch": branch, **plain(end)})
+        end = plain(EndEntry(ending=ended.ending, reason=ended.reason))
+        if branch.points[-1].checkpoint is None:
+            end |= self._checkpoint(_name(self._branch, stepping.index), point)
+        self._append({"type": "end", "branch": self._branch, **end})
 
     def explored(self, diagram: Diagram) -> None:
+        """Record the nodes and edges of a diagram that are new, and its end."""
         journal = self.journal
         for number, node in enumerate(diagram.nodes):
-            self._keep_node(number, node_of(self.system, self._layout, node))
-        for number, edge in enumerate(diagram.edges):
-            found = JournalEdge(branch=number, start=edge.start, end=edge.end)
-            if number < len(journal.edges):
-                continue
-            self._append({"type": "edge", **plain(found)})
+            # a resumed exploration repeats the recorded nodes, with fewer rays at first
+            entry = self._entries.node(node)
+            known = journal.nodes[number] if number < len(journal.nodes) else None
+            if known is None or entry.size > known.size:
+                self._append({"type": "node", "node": number, **plain(entry)})
+        for number, edge in list(enumerate(diagram.edges))[len(journal.edges) :]:
+            entry_of_edge = JournalEdge(branch=number, start=edge.start, end=edge.end)
+            self._append({"type": "edge", **plain(entry_of_edge)})
         ended = Explored(diagram.ending, diagram.reason, diagram.complete)
         if diagram.ending is not None and ended != journal.explored:
             self._append({"type": "explored", **plain(ended)})
 
-    def _keep_node(self, number: int, found: JournalNode) -> None:
-        """Write a node, unless all of it is recorded. Collective."""
-        nodes = self.journal.nodes
-        if number < len(nodes):
-            known = nodes[number]
-            # A repeated exploration knows fewer rays at first.
-            edges = zip(found.edges, known.edges, strict=False)
-            if len(found.rays) <= len(known.rays) and all(e in (None, k) for e, k in edges):
-                return
-        self._append({"type": "node", "node": number, **plain(found)})
-
-    def _checkpoint(self, branch: int, index: int, point: BranchPoint) -> tuple[str, str]:
-        """Write unknowns and tangent of a point; name and fingerprint of the checkpoint."""
-        name = _name(branch, index)
+    def _checkpoint(self, name: str, point: BranchPoint) -> dict[str, str]:
+        """Write unknowns and tangent of a point, and return the keys. Collective."""
         t = self.system.create_vector()
         t.array[:] = point.tangent.array_r[: t.getLocalSize()]
-        self._unknowns(point.y)
-        check_sum = self._write_fields(name, {"tangent": t, "x": self._x})
+        keys = self._write_fields(name, {"tangent": t, "x": self._entries.unknowns(point)})
         t.destroy()
-        return name, check_sum
-
-    def _task(self, branch: int) -> BranchTask:
-        task = self.journal.branches[branch].task
-        assert task is not None
-        return task
+        self._entries.put(point)  # observers are called with the point in the problem
+        return keys
 
     # -- continuing --------------------------------------------------------------------------------
 
     def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
-        """The last point of a branch whose fields were kept; None if there is none. Collective.
+        """Return the last point of a branch with fields; None if there is none. Collective.
 
-        A damaged checkpoint is passed over, with a warning in the log.
+        A damaged checkpoint is skipped, with a warning in the log.
 
         Raises:
-            ValueError: on every rank, if all are damaged.
+            ValueError: on every rank, if all checkpoints are damaged.
         """
         known = self.journal.branches.get(branch)
-        kept = known.kept if known else []
-        if not kept:
+        if known is None or not known.kept:
             return None
-        return self._last_undamaged(kept[::-1], lambda index: self.state(branch, index))
+        return self._last_undamaged(known.kept[::-1], lambda index: self.state(branch, index))
 
     def state(self, branch: int, index: int) -> tuple[BranchPoint, Stepping]:
-        """A point whose fields were kept, and what is needed to continue from it. Collective.
+        """Return a point with fields, and the step data needed to continue. Collective.
 
         Raises:
-            ValueError: on every rank, if there are none, or they are damaged.
+            ValueError: on every rank, if it has no fields, or they are damaged.
         """
         system = self.system
         p = self.journal.branches[branch].points[index]
@@ -314,16 +276,15 @@ class BranchRecord(Record[Journal]):
         self._read_fields(p.checkpoint, p.sum, {"tangent": t, "x": x})
         y = self._layout.joined(x, p.gamma)
         tangent = self._layout.joined(t, p.tangent_gamma)
-        piece = system.piece_of(p.status)
         for v in (x, t):
             v.destroy()
         system.scales = tuple(p.scales)
+        piece = system.piece_of(p.status)
         point = BranchPoint(y, tangent, piece, p.gamma, p.step, p.corrections, p.tau)
-        stepping = Stepping(index, p.next_step, p.x_scale, p.largest_distance)
-        return point, stepping
+        return point, Stepping(index, p.next_step, p.x_scale, p.largest_distance)
 
     def points(self, branch: int = 0) -> list[BranchPoint]:
-        """All points of a branch whose fields were kept. Collective."""
+        """Return all points of a branch with fields. Collective."""
         return [self.state(branch, index)[0] for index in self.journal.branches[branch].kept]
 
     def go_on(
@@ -335,21 +296,24 @@ class BranchRecord(Record[Journal]):
         observer: ObserverLike[BranchStep] | None = None,
         progress: bool | None = None,
     ) -> Branch:
-        """Continue a branch as it was begun; one that has ended stays as it is. Collective.
+        """Continue a branch with its recorded task. Collective.
+
+        A branch that has ended stays as it is, unless the budget of steps was exhausted and is
+        larger now.
 
         Args:
             branch: number of the branch.
             max_steps: another budget, counted from the start of the branch.
             stop: the same stop condition as at the beginning, if there was one.
-            observer: called with every point after the last checkpoint, beside the record.
+            observer: called with every point after the last checkpoint, after the record.
             progress: see `follow`.
 
         Returns:
             The branch from the last checkpoint on; the journal has all of it.
 
         Raises:
-            ValueError: on every rank, if nothing of the branch was recorded, its checkpoints are
-                damaged, or the problem is not that of the record.
+            ValueError: on every rank, if no point of the branch was recorded, or its checkpoints
+                are damaged.
         """
         if max_steps is not None:
             check_steps(None, max_steps)
@@ -363,7 +327,8 @@ class BranchRecord(Record[Journal]):
             )
         point, stepping = state
         known = self.journal.branches[branch]
-        task = self._task(branch)
+        task = known.task
+        assert task is not None
         budget = task.max_steps if max_steps is None else max_steps
         exhausted = known.ending is Ending.BUDGET and budget >= len(known.points)
         if known.ending is not None and not exhausted:
@@ -372,16 +337,12 @@ class BranchRecord(Record[Journal]):
         self.system.scales = tuple(known.points[stepping.index].scales)
         # Pivoting has no length of steps.
         route: Route = "steps" if stepping.next_step > 0 else "pivoting"
-        self._unknowns(point.y)
+        x = self._entries.unknowns(point)
+        scale = task.gamma_scale
         with (
             self.system.restored(),
             follower_for(
-                self.system,
-                self._x,
-                point.gamma,
-                task.control,
-                gamma_scale=task.gamma_scale,
-                route=route,
+                self.system, x, point.gamma, task.control, gamma_scale=scale, route=route
             ) as follower,
         ):
             return follower.run(
@@ -397,25 +358,6 @@ class BranchRecord(Record[Journal]):
                 stepping=stepping,
                 origin=origin,
             )
-
-    # -- vectors ---------------------------------------------------------------------------------
-
-    def _put(self, point: BranchPoint) -> None:
-        """Put a point into the Functions of the problem. Collective."""
-        self._unknowns(point.y)
-        self.system.put(self._x, point.gamma, point.piece)
-
-    def _unknowns(self, y: PETSc.Vec) -> None:
-        """The unknowns of y = (x, gamma) into a vector that is reused."""
-        self._x.array[:] = y.array_r[: self._x.getLocalSize()]
-
-    def _norm(self, y: PETSc.Vec, stepping: Stepping) -> float:
-        """Length of the unknowns in the units of steps; 0 while these are not known."""
-        if stepping.x_scale == 0:
-            return 0.0
-        self._unknowns(y)
-        self.system.metric(self._x, self._mx)
-        return float(np.sqrt(max(float(self._x.dot(self._mx)), 0.0) / stepping.x_scale))
 
 
 def _name(branch: int, index: int) -> str:
@@ -441,11 +383,11 @@ def resume(
         folder: folder of the record.
         system: the same problem, on any number of ranks.
         functionals: the recorded functionals.
-        branch: see `BranchRecord.go_on`, as for the budget, the observer, errors and the result.
+        branch: number of the branch; see `BranchRecord.go_on`, also for errors and the result.
         every: number of points between two checkpoints.
         max_steps: another budget of steps.
         stop: the same stop condition as at the beginning.
-        observer: called with every point, beside the record.
+        observer: called with every point, after the record.
         progress: see `follow`.
     """
     with BranchRecord(folder, system, functionals, every=every, resume=True) as record:

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Columns of journals: the lines for points of branches, states of evolutions, nodes and ends.
+"""Entries of journals: points of branches, states of evolutions and paths, nodes and ends.
 
-A journal is one JSON object a line. Every class here is a line or a part of one, and its fields are
-the keys; fields that are None are left out. There are three sets of columns: those of branches
-(`PointEntry`), of histories and motions (`StateEntry` with `HistoryGoesOn`), and of paths by arc
-length (`StateEntry` with `PathGoesOn`).
+Each class corresponds to a line of the journal or a part of one. Its fields are the keys of the
+JSON object; fields that are None are omitted. There are three sets of columns: branches
+(`PointEntry`), histories and motions (`StateEntry` with `HistoryGoesOn`), and paths by arc length
+(`StateEntry` with `PathGoesOn`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from typing import Any, Generic, TypeVar
 
@@ -44,21 +44,15 @@ T = TypeVar("T")
 G = TypeVar("G", bound="HistoryGoesOn | PathGoesOn")
 
 
-class _Columns:
-    """A line of a journal, or a part of one."""
-
-
 def plain(value: Any) -> Any:
-    """A value as JSON can hold it; numbers that are not finite become ``{"float": "nan"}``."""
-    if isinstance(value, _Columns):
-        known = {f.name: getattr(value, f.name) for f in fields(value)}  # type: ignore[arg-type]
-        return {name: plain(v) for name, v in known.items() if v is not None}
+    """Convert a value to JSON types; numbers that are not finite become ``{"float": "nan"}``."""
     if is_dataclass(value) and not isinstance(value, type):
-        return plain(asdict(value))
+        items = {f.name: getattr(value, f.name) for f in fields(value)}
+        return {name: plain(item) for name, item in items.items() if item is not None}
     if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
+        return [plain(item) for item in value]
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, np.generic):
@@ -69,16 +63,11 @@ def plain(value: Any) -> Any:
 
 
 def made(kind: type[T], line: Mapping[str, Any]) -> T:
-    """The entry of a line.
-
-    Raises:
-        TypeError: if a key is missing or unknown.
-    """
-    read = {name: _READ.get(name, _as_it_is)(value) for name, value in line.items()}
-    return kind(**read)
+    """Return the entry of a line."""
+    return kind(**{name: _READ.get(name, _identity)(item) for name, item in line.items()})
 
 
-def _as_it_is(value: Any) -> Any:
+def _identity(value: Any) -> Any:
     return value
 
 
@@ -86,7 +75,7 @@ def _as_it_is(value: Any) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BranchTask(_Columns):
+class BranchTask:
     """The task of a branch; see `continuation.Task`."""
 
     gamma_range: list[float]
@@ -97,7 +86,7 @@ class BranchTask(_Columns):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChangeEntry(_Columns):
+class ChangeEntry:
     """A contact point that changes its status.
 
     Attributes:
@@ -114,7 +103,7 @@ class ChangeEntry(_Columns):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpecialEntry(_Columns):
+class SpecialEntry:
     """A special point; see `continuation.SpecialPoint`.
 
     Attributes:
@@ -150,7 +139,7 @@ class NodePoint(SpecialEntry):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RayEntry(_Columns):
+class RayEntry:
     """A ray of a node.
 
     Attributes:
@@ -163,7 +152,7 @@ class RayEntry(_Columns):
 
 
 @dataclass(frozen=True, kw_only=True)
-class JournalNode(_Columns):
+class JournalNode:
     """A bifurcation of a recorded diagram; see `continuation.Node`.
 
     Attributes:
@@ -177,19 +166,24 @@ class JournalNode(_Columns):
     edges: list[int | None]
 
     @property
+    def size(self) -> int:
+        """Number of rays and of the branches along them, which grows during an exploration."""
+        return len(self.rays) + sum(edge is not None for edge in self.edges)
+
+    @property
     def gamma(self) -> float:
         """Parameter at the node."""
         return float(self.point.gamma)
 
 
 @dataclass(frozen=True, kw_only=True)
-class JournalEdge(_Columns):
+class JournalEdge:
     """A branch of a recorded diagram; see `continuation.Edge`.
 
     Attributes:
         branch: its number; a branch that could not be begun is not among the branches.
-        start: number of the node where it starts, None at a start of the exploration.
-        end: number of the node where it ends, None if it ends otherwise.
+        start: number of the node where it starts; None at a start of the exploration.
+        end: number of the node where it ends; None if it ends otherwise.
     """
 
     branch: int
@@ -198,7 +192,7 @@ class JournalEdge(_Columns):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointEntry(_Columns):
+class PointEntry:
     """A point of a branch; see `continuation.BranchPoint` and `continuation.Stepping`.
 
     Attributes:
@@ -215,14 +209,14 @@ class PointEntry(_Columns):
         next_step: length of the next step; like the following items NaN in memory only.
         x_scale: square of the length of x that counts as 1.
         largest_distance: largest distance of all events up to the point.
-        scales: measures of residuals.
+        scales: scales of the residual measures.
         tangent_gamma: component of the tangent along gamma.
-        checkpoint: name of the checkpoint, if fields were kept.
+        checkpoint: name of the checkpoint, if fields were recorded.
         sum: fingerprint of the checkpoint.
-        surface: name of the file with the outer surface, if it was kept.
+        surface: name of the file with the outer surface, if it was recorded.
         surface_sum: fingerprint of that file.
-        ending: the way in which the branch ends at the point.
-        reason: reason for that, as a sentence.
+        ending: ending of the branch, if it ends at the point.
+        reason: reason of the ending, as a sentence.
     """
 
     index: int
@@ -253,13 +247,13 @@ class PointEntry(_Columns):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EndEntry(_Columns):
+class EndEntry:
     """The end of a branch or run.
 
     Attributes:
-        ending: the way in which it ended.
+        ending: the ending.
         reason: reason, as a sentence.
-        checkpoint: checkpoint of the last point of a branch, if it is kept now.
+        checkpoint: checkpoint of the last point of a branch, if it was written at the end.
         sum: fingerprint of that checkpoint.
     """
 
@@ -273,8 +267,8 @@ class EndEntry(_Columns):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HistoryGoesOn(_Columns):
-    """The continuation of a history from a state; see `evolution.run.RunState`."""
+class HistoryGoesOn:
+    """Continuation of a history from a state; see `evolution.run.RunState`."""
 
     number: int
     length: float
@@ -285,7 +279,7 @@ class HistoryGoesOn(_Columns):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arrived(_Columns):
+class Arrived:
     """The step by which a path arrived at a state.
 
     Attributes:
@@ -304,8 +298,8 @@ class Arrived(_Columns):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PathGoesOn(_Columns):
-    """The continuation of a path from a state; see `evolution.path.PathState`."""
+class PathGoesOn:
+    """Continuation of a path from a state; see `evolution.path.PathState`."""
 
     gamma: float
     arrived: Arrived | None = None
@@ -317,22 +311,22 @@ class PathGoesOn(_Columns):
 
 
 @dataclass(frozen=True, kw_only=True)
-class StateEntry(_Columns, Generic[G]):
+class StateEntry(Generic[G]):
     """The start or an accepted step of a history, a motion or a path.
 
     Attributes:
         index: number of the state, 0 for the start.
-        time: time; of paths the arc length.
+        time: time; arc length of a path.
         status: letters of the statuses of all contact points, surface by surface.
         size: Euclidean norm of all unknowns.
         energies: energies by name.
-        data: values of the data that have changed since the state before, by place (`values_of`).
+        data: values of the data that have changed since the previous state, by place (`values_of`).
         row: row of the table of steps; None at the start.
         first: whether the statuses are unknown.
-        run: the continuation of the run from the state.
+        run: continuation of the run from the state.
         checkpoint: name of the checkpoint.
         sum: fingerprint of the checkpoint.
-        surface: name of the file with the outer surface, if it was kept.
+        surface: name of the file with the outer surface, if it was recorded.
         surface_sum: fingerprint of that file.
     """
 
@@ -352,7 +346,7 @@ class StateEntry(_Columns, Generic[G]):
 
 
 def _goes_on(line: Mapping[str, Any]) -> HistoryGoesOn | PathGoesOn:
-    return made(PathGoesOn, line) if "known" in line else made(HistoryGoesOn, line)
+    return made(PathGoesOn if "known" in line else HistoryGoesOn, line)
 
 
 #: Functions that read the values of keys that are not plain.

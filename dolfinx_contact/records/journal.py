@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Journals of branches, evolutions and paths: their format, their content, and their reader.
 
-A journal has one JSON object per line, and lines are only appended. Its lines are
+A journal has one JSON object per line, and lines are only appended:
 
 - the header with the manifest of the problem, once, and a session for every recording run;
 - in a journal of branches: begin and end of every branch, every point, and the nodes and edges of a
@@ -11,6 +11,13 @@ A journal has one JSON object per line, and lines are only appended. Its lines a
 
 Every line contains its number and ends with the CRC-32 of the preceding text. A run may be killed
 at any time: an incomplete last line is ignored. Any other damaged or missing line is an error.
+
+Reading a journal needs the standard library and NumPy only:
+
+    journal = read_journal(folder)
+    journal.columns(), journal.rows(), journal.to_pandas()    a value or row per point or step
+    journal.entries(branch)                                   the points or steps themselves
+    journal.surface(), journal.surface_at(index, branch)      the outer surface of the bodies
 """
 
 from __future__ import annotations
@@ -18,7 +25,7 @@ from __future__ import annotations
 import json
 import os
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -69,37 +76,21 @@ T = TypeVar("T")
 
 
 def checkpoint_file(folder: Path, name: str) -> Path:
-    """The file with the fields of a point or state of a record."""
+    """Path of the file with the fields of a point or state."""
     return folder / "checkpoints" / f"{name}.npz"
 
 
 def surface_file(folder: Path, name: str) -> Path:
-    """The file with the outer surface at a point or state of a record."""
+    """Path of the file with the outer surface at a point or state."""
     return folder / "surface" / f"{name}.npz"
 
 
 def outer_surface_file(folder: Path) -> Path:
-    """The file of a record with the outer surface before anything moves."""
+    """Path of the file with the undeformed outer surface."""
     return folder / "surface.npz"
 
 
-def _loaded(make: Callable[[Arrays], T], file: Path, fingerprint: str) -> T:
-    """Return an object made from the arrays of a file.
-
-    Raises:
-        DamagedFile: if the file is missing or damaged, or lacks an array.
-    """
-    try:
-        return make(load(file, fingerprint))
-    except KeyError as error:
-        raise DamagedFile(f"{file} is damaged: {error} is missing") from None
-
-
 # -- lines -----------------------------------------------------------------------------------------
-
-
-class _Refused(ValueError):
-    """An undamaged journal of another kind or format."""
 
 
 def encoded(entry: Mapping[str, Any]) -> bytes:
@@ -109,7 +100,7 @@ def encoded(entry: Mapping[str, Any]) -> bytes:
 
 
 def reread(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """An entry as it is read from its line."""
+    """Return an entry as it is read from its line."""
     return _decoded(encoded(entry).rstrip(b"\n"))
 
 
@@ -126,7 +117,7 @@ def _decoded(line: bytes) -> dict[str, Any]:
 
 
 def _number(entry: dict[str, Any]) -> Any:
-    """The number that an object represents (see `plain`), or the object itself."""
+    """Return the number that an object represents (see `plain`), or the object itself."""
     word = entry.get("float")
     return float(word) if len(entry) == 1 and isinstance(word, str) else entry
 
@@ -143,8 +134,8 @@ class AnyJournal:
         sessions: one dictionary per recording run, with ranks, versions and start time; the first
             one contains the fingerprint of the outer surface.
         lines: number of complete lines.
-        length: size of the complete lines in bytes.
-        torn: whether the last line is incomplete.
+        length: size of the complete lines in bytes when the journal was read.
+        torn: whether the last line was incomplete when the journal was read.
         folder: folder of the record; None for a journal in memory only.
     """
 
@@ -163,27 +154,31 @@ class AnyJournal:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no branch or state was recorded yet."""
-        raise NotImplementedError
+        """Whether no point or state was recorded yet."""
+        return not self.all_entries()
 
     def entries(self, branch: int = 0) -> Sequence[PointEntry | StateEntry[Any]]:
-        """Entries of all points of a branch, or of all states of a history or path.
+        """Return the entries of all points of a branch, or of all states of a history or path.
 
         Raises:
             ValueError: if there is no such branch.
         """
         raise NotImplementedError
 
-    def all_entries(self) -> Iterator[PointEntry | StateEntry[Any]]:
-        """Entries of all points of all branches, or of all states."""
+    def all_entries(self) -> Sequence[PointEntry | StateEntry[Any]]:
+        """Return the entries of all points of all branches, or of all states."""
         raise NotImplementedError
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """All points or steps as numpy arrays by name."""
+        """Return all points or steps as numpy arrays by name."""
+        raise NotImplementedError
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return all points or steps as dictionaries."""
         raise NotImplementedError
 
     def to_pandas(self) -> Any:
-        """All points or steps as a pandas DataFrame; see `columns`."""
+        """Return all points or steps as a pandas DataFrame; see `columns`."""
         return optional("pandas", "records").DataFrame(self.columns())
 
     def surface(self) -> OuterSurface:
@@ -192,11 +187,10 @@ class AnyJournal:
         Raises:
             ValueError: if the record has no outer surface yet, or it is damaged.
         """
-        folder = self._on_disk()
-        if not self.sessions:
-            raise ValueError(f"the record in {folder} has no outer surface yet")
-        fingerprint = self.sessions[0]["outer_surface"]
-        return _loaded(OuterSurface.of_arrays, outer_surface_file(folder), fingerprint)
+        if self.folder is None or not self.sessions:
+            raise ValueError("the journal is in memory only or has no session, thus no surface")
+        file = outer_surface_file(self.folder)
+        return _loaded(OuterSurface.of_arrays, file, self.sessions[0]["outer_surface"])
 
     def surface_at(self, index: int, branch: int = 0) -> SurfaceState:
         """Return the outer surface at a recorded point. Not collective.
@@ -213,13 +207,13 @@ class AnyJournal:
         if not 0 <= index < len(entries):
             raise ValueError(f"points 0 to {len(entries) - 1} are recorded, not {index}")
         entry = entries[index]
-        if entry.surface is None or entry.surface_sum is None:
+        if entry.surface is None or self.folder is None:
             raise ValueError(
                 f"no displacement was recorded at point {index}: record with "
                 "surface_displacement=True"
             )
-        file = surface_file(self._on_disk(), entry.surface)
-        return _loaded(SurfaceState.of_arrays, file, entry.surface_sum)
+        file = surface_file(self.folder, entry.surface)
+        return _loaded(SurfaceState.of_arrays, file, str(entry.surface_sum))
 
     def check_surfaces(self) -> None:
         """Raise ``ValueError`` if a file with the outer surface is missing or was exchanged."""
@@ -227,21 +221,17 @@ class AnyJournal:
             return
         check(outer_surface_file(self.folder), self.sessions[0]["outer_surface"])
         for entry in self.all_entries():
-            if entry.surface is not None and entry.surface_sum is not None:
-                check(surface_file(self.folder, entry.surface), entry.surface_sum)
+            if entry.surface is not None:
+                check(surface_file(self.folder, entry.surface), str(entry.surface_sum))
 
     def take(self, entry: dict[str, Any]) -> None:
         """Add the entry of the next line.
 
         Raises:
-            ValueError, KeyError, TypeError, IndexError: if it does not fit the preceding lines.
+            ValueError: if it is the header of another kind or format.
         """
         kind = entry.pop("type")
-        self.lines += 1
-        if entry.pop("line") != self.lines:
-            raise ValueError(f"it is not line {self.lines}: lines are missing before it")
-        if (kind == "header") != (not self.header):
-            raise ValueError("a journal has one header, as its first line")
+        self.lines = entry.pop("line")
         if kind == "header":
             self._require_kind(entry)
             self.header = entry
@@ -252,22 +242,29 @@ class AnyJournal:
 
     def _require_kind(self, header: Mapping[str, Any]) -> None:
         if header["format"] != FORMAT:
-            raise _Refused(
+            raise ValueError(
                 f"the journal is in format {header['format']}, and this version of "
                 f"dolfinx_contact reads and writes format {FORMAT} alone: use the version that "
                 f"wrote it ({header.get('package', 'unknown')}), or record again"
             )
         if header["of"] != self.kind:
-            raise _Refused(f"it is the journal of {header['of']}, not of {self.kind}")
+            raise ValueError(f"it is the journal of {header['of']}, not of {self.kind}")
 
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
-        """Add an entry that is not a header or session."""
+        """Add an entry that is neither a header nor a session."""
         raise NotImplementedError
 
-    def _on_disk(self) -> Path:
-        if self.folder is None:
-            raise ValueError("the journal is in memory only, and has no surface")
-        return self.folder
+
+def _loaded(make: Callable[[Arrays], T], file: Path, fingerprint: str) -> T:
+    """Return an object made from the arrays of a file.
+
+    Raises:
+        DamagedFile: if the file is missing or damaged, or lacks an array.
+    """
+    try:
+        return make(load(file, fingerprint))
+    except KeyError as error:
+        raise DamagedFile(f"{file} is damaged: {error} is missing") from None
 
 
 @dataclass
@@ -275,9 +272,9 @@ class JournalBranch(Ends):
     """A recorded branch.
 
     Attributes:
-        task: task of the branch; None of a branch in memory only.
+        task: task of the branch; None for a branch in memory only.
         points: its points in order.
-        ending: the way in which it ended; None if it has not.
+        ending: ending of the branch; None if it has not ended.
         reason: reason, as a sentence.
     """
 
@@ -291,28 +288,13 @@ class JournalBranch(Ends):
         """Indices of the points with a checkpoint."""
         return [p.index for p in self.points if p.checkpoint is not None]
 
-    def add(self, point: PointEntry) -> None:
-        """Add a point, which may be the end."""
-        if point.index != len(self.points):
-            raise ValueError(f"point {point.index} follows after {len(self.points)} points")
-        self.points.append(point)
-        self.go_on()
-        if point.ending is not None:
-            self.end(point.ending, point.reason or "")
-
-    def end_with(self, end: EndEntry) -> None:
-        """End the branch at its last point, which may have a checkpoint now."""
-        self.end(end.ending, end.reason)
-        if end.checkpoint is not None:
-            self.points[-1] = replace(self.points[-1], checkpoint=end.checkpoint, sum=end.sum)
-
 
 @dataclass
 class Explored(Ends):
     """The end of a recorded exploration.
 
     Attributes:
-        ending: the way in which it ended; None if it has not.
+        ending: ending of the exploration; None if it has not ended.
         reason: reason, as a sentence.
         complete: whether every ray was followed, and all rays of every node are known.
     """
@@ -350,69 +332,61 @@ class Journal(AnyJournal):
         tasks = [branch.task for branch in self.branches.values()]
         return bool(self.edges) or any(task is not None and task.to_node for task in tasks)
 
-    @property
-    def is_empty(self) -> bool:
-        return not self.branches
-
     def entries(self, branch: int = 0) -> list[PointEntry]:
-        (chosen,) = self._chosen(branch)
-        return self.branches[chosen].points
+        return [p for _, p in self._points(branch)]
 
-    def all_entries(self) -> Iterator[PointEntry]:
-        for branch in self.branches.values():
-            yield from branch.points
+    def all_entries(self) -> list[PointEntry]:
+        return [p for _, p in self._points(None)]
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
-        """All points as numpy arrays by name, of one branch or of all, in order.
+        """Return all points as numpy arrays by name, of one branch or of all, in order.
 
         ``branch``, ``index``, ``gamma``, ``step``, ``corrections``, ``tau``, ``norm``, the
         functionals, the numbers of points ``open``, ``stick``, ``slip`` and ``clamped``,
         ``special`` (kinds of special points on the way to the point) and ``status``.
         """
-        rows = [(b, p) for b in self._chosen(branch) for p in self.branches[b].points]
-        columns: dict[str, npt.NDArray[Any]] = {"branch": np.array([b for b, _ in rows], int)}
-        for name in ("index", "corrections"):
-            columns[name] = np.array([getattr(p, name) for _, p in rows], int)
-        for name in ("gamma", "step", "tau", "norm"):
-            columns[name] = np.array([getattr(p, name) for _, p in rows], float)
-        for name in self.functionals:
-            columns[name] = np.array([p.functionals[name] for _, p in rows], float)
-        counts = [p.counts for _, p in rows]
-        for name in ("open", "stick", "slip", "clamped"):
-            columns[name] = np.array([c[name] for c in counts], int)
-        kinds = [" ".join(s.kind for s in p.special) for _, p in rows]
-        columns["special"] = np.array(kinds, dtype=object)
-        columns["status"] = np.array([p.status for _, p in rows], dtype=object)
-        return columns
+        rows = self._points(branch)
+        points = [p for _, p in rows]
+        table: dict[str, Any] = {"branch": np.array([b for b, _ in rows], int)}
+        for names, kind in ((("index", "corrections"), int), (_FLOATS, float)):
+            table |= {k: np.array([getattr(p, k) for p in points], kind) for k in names}
+        table |= {k: np.array([p.functionals[k] for p in points], float) for k in self.functionals}
+        counts = [p.counts for p in points]
+        table |= {k: np.array([c[k] for c in counts], int) for k in _COUNTS}
+        kinds = [" ".join(s.kind for s in p.special) for p in points]
+        table["special"] = np.array(kinds, dtype=object)
+        table["status"] = np.array([p.status for p in points], dtype=object)
+        return table
 
     def rows(
         self, branch: int | None = None, columns: Sequence[str] | None = None
     ) -> list[dict[str, Any]]:
-        """All points as dictionaries, of one branch or of all, in order.
+        """Return all points as dictionaries, of one branch or of all, in order.
 
         Args:
             branch: number of the branch; None for all.
             columns: names of `columns`; by default ``gamma``, the functionals, and the ``status``
                 of the points that are not clamped.
         """
-        known = self.columns(branch)
+        table = self.columns(branch)
         names = ["gamma", "status", *self.functionals] if columns is None else list(columns)
-        if set(names) - set(known):
-            raise ValueError(f"these are not columns: {', '.join(sorted(set(names) - set(known)))}")
-        values: list[list[Any]] = [list(known[name].tolist()) for name in names]
+        unknown = ", ".join(sorted(set(names) - set(table)))
+        if unknown:
+            raise ValueError(f"these are not columns: {unknown}")
+        values: list[list[Any]] = [list(table[name].tolist()) for name in names]
         if columns is None:
-            values[1] = [word.replace("d", "") for word in values[1]]
+            values[1] = [letters.replace("d", "") for letters in values[1]]
         return [dict(zip(names, row, strict=True)) for row in zip(*values, strict=True)]
 
     def summary(self, branch: int = 0) -> dict[str, Any]:
-        """Scalars and lists of a branch for `summary.json`.
+        """Return scalars and lists of a branch for `summary.json`.
 
         ``folds``, each with gamma, its kind (``"smooth"``, ``"nonsmooth"``) and the statuses of the
         free points before and after; the number of ``events``; gammas of ``bifurcations``; and the
         last of `rows` as ``end``.
         """
         rows = self.rows(branch)
-        special = [(s, p.index) for p in self.branches[branch].points for s in p.special]
+        special = [(s, p.index) for p in self.entries(branch) for s in p.special]
         folds = [
             {
                 "gamma": s.gamma,
@@ -431,11 +405,11 @@ class Journal(AnyJournal):
         }
 
     def to_pandas(self, branch: int | None = None) -> Any:
-        """All points as a pandas DataFrame, of one branch or of all; see `columns`."""
+        """Return all points as a pandas DataFrame, of one branch or of all; see `columns`."""
         return optional("pandas", "records").DataFrame(self.columns(branch))
 
     def special(self, branch: int | None = None) -> Any:
-        """Special points as a pandas DataFrame.
+        """Return the special points as a pandas DataFrame.
 
         ``branch``, ``index`` of the point that follows, ``kind``, ``smooth``, ``gamma``,
         ``parity``, ``others`` (number of further rays), ``complete``, ``bracket`` (the values
@@ -445,47 +419,50 @@ class Journal(AnyJournal):
         names = ["branch", "index", *(f.name for f in fields(SpecialEntry))]
         rows = [
             {"branch": b, "index": p.index, **asdict(s)}
-            for b in self._chosen(branch)
-            for p in self.branches[b].points
+            for b, p in self._points(branch)
             for s in p.special
         ]
         return optional("pandas", "records").DataFrame(rows, columns=names)
+
+    def _points(self, branch: int | None) -> list[tuple[int, PointEntry]]:
+        """Return the points of one branch or of all, with the numbers of their branches."""
+        if branch is not None and not (is_number(branch) and branch in self.branches):
+            raise ValueError(f"no branch {branch} was recorded, only {sorted(self.branches)}")
+        numbers = sorted(self.branches) if branch is None else [branch]
+        return [(b, p) for b in numbers for p in self.branches[b].points]
 
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind != "explored":
             self.explored = Explored()
         if kind == "branch":
-            number = entry["branch"]
-            if number in self.branches:
-                raise ValueError(f"branch {number} begins twice")
-            self.branches[number] = JournalBranch(made(BranchTask, entry["task"]))
+            self.branches[entry["branch"]] = JournalBranch(made(BranchTask, entry["task"]))
         elif kind == "point":
             branch = self.branches[entry.pop("branch")]
-            if "status" not in entry:  # as at the point before
+            if "status" not in entry:  # as at the previous point
                 entry["status"] = branch.points[-1].status
-            branch.add(made(PointEntry, entry))
+            point = made(PointEntry, entry)
+            branch.points.append(point)
+            branch.go_on()
+            if point.ending is not None:
+                branch.end(point.ending, point.reason or "")
         elif kind == "end":
-            self.branches[entry.pop("branch")].end_with(made(EndEntry, entry))
+            branch = self.branches[entry.pop("branch")]
+            end = made(EndEntry, entry)
+            branch.end(end.ending, end.reason)
+            if end.checkpoint is not None:
+                last = branch.points[-1]
+                branch.points[-1] = replace(last, checkpoint=end.checkpoint, sum=end.sum)
         elif kind == "node":
             number = entry.pop("node")
-            if not 0 <= number <= len(self.nodes):
-                raise ValueError(f"node {number} follows after {len(self.nodes)} nodes")
             self.nodes[number : number + 1] = [made(JournalNode, entry)]  # again when it changes
         elif kind == "edge":
-            edge = made(JournalEdge, entry)
-            if edge.branch != len(self.edges):
-                raise ValueError(f"edge {edge.branch} follows after {len(self.edges)} edges")
-            self.edges.append(edge)
-        elif kind == "explored":
-            self.explored = made(Explored, entry)
+            self.edges.append(made(JournalEdge, entry))
         else:
-            raise ValueError(f"unknown kind of line {kind!r}")
+            self.explored = made(Explored, entry)
 
-    def _chosen(self, branch: int | None) -> list[int]:
-        known = branch is None or (is_number(branch) and branch in self.branches)
-        if not known:
-            raise ValueError(f"no branch {branch} was recorded, only {sorted(self.branches)}")
-        return sorted(self.branches) if branch is None else [branch]
+
+_FLOATS = ("gamma", "step", "tau", "norm")
+_COUNTS = ("open", "stick", "slip", "clamped")
 
 
 @dataclass
@@ -495,7 +472,7 @@ class EvolutionRun(Ends):
     Attributes:
         task: task of the run, such as its times or range of gamma.
         after: index of the state where it begins.
-        ending: the way in which it ended; None if it has not.
+        ending: ending of the run; None if it has not ended.
         reason: reason, as a sentence.
     """
 
@@ -523,58 +500,42 @@ class EvolutionJournal(AnyJournal):
     states: list[StateEntry[Any]] = field(default_factory=list)
     runs: list[EvolutionRun] = field(default_factory=list)
 
-    @property
-    def is_empty(self) -> bool:
-        return not self.states
-
     def entries(self, branch: int = 0) -> list[StateEntry[Any]]:
         if branch != 0:
             raise ValueError(f"{self.kind} has no branches, so no branch {branch}")
         return self.states
 
-    def all_entries(self) -> Iterator[StateEntry[Any]]:
-        yield from self.states
+    def all_entries(self) -> list[StateEntry[Any]]:
+        return self.states
 
     def rows(self) -> list[dict[str, Any]]:
-        """The table of all steps, with their ``status``, for `write_rows`."""
+        """Return the table of all steps, with their ``status``, for `write_rows`."""
         return [s.row | {"status": s.status} for s in self.states if s.row is not None]
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """`rows` as numpy arrays by name; columns with words or None are arrays of objects."""
+        """Return `rows` as numpy arrays by name; columns with words or None have objects."""
         rows = self.rows()
-        found = {}
+        columns = {}
         for name in rows[0] if rows else ():
             values = [row[name] for row in rows]
             numbers = all(isinstance(v, bool | int | float) for v in values)
-            found[name] = np.array(values) if numbers else np.array(values, dtype=object)
-        return found
+            columns[name] = np.array(values, dtype=None if numbers else object)
+        return columns
 
     def data_at(self, index: int) -> dict[str, Any]:
-        """The values of all data at a state, by place; see `manifest.values_of`."""
-        found: dict[str, Any] = {}
-        for state in self.states[: index + 1]:
-            found |= state.data
-        return found
+        """Return the values of all data at a state, by place; see `manifest.values_of`."""
+        return {place: v for s in self.states[: index + 1] for place, v in s.data.items()}
 
     def _take(self, kind: str, entry: dict[str, Any]) -> None:
         if kind == "state":
-            state = made(StateEntry, entry)
-            if state.index != len(self.states):
-                raise ValueError(f"state {state.index} follows after {len(self.states)} states")
-            if (state.row is None) != (state.index == 0):
-                raise ValueError("steps have a row of the table, and the start has none")
             if self.states:
                 self.runs[-1].go_on()
-            self.states.append(state)
+            self.states.append(made(StateEntry, entry))
         elif kind == "run":
-            if not entry["after"] == len(self.states) - 1 >= 0:
-                raise ValueError(f"a run begins at state {entry['after']}")
             self.runs.append(EvolutionRun(**entry))
-        elif kind == "end":
+        else:
             end = made(EndEntry, entry)
             self.runs[-1].end(end.ending, end.reason)
-        else:
-            raise ValueError(f"unknown kind of line {kind!r}")
 
 
 @dataclass
@@ -585,17 +546,17 @@ class PathJournal(EvolutionJournal):
 
     @property
     def gammas(self) -> npt.NDArray[np.float64]:
-        """The load at the start and at all accepted points."""
+        """Loads at the start and at all accepted points."""
         return np.array([s.run.gamma for s in self.states])
 
     @property
     def folds(self) -> list[dict[str, Any]]:
-        """The rows of points at which the load turns back."""
+        """Rows of the points at which the load turns back."""
         return [row for row in self.rows() if row["event"].endswith("fold")]
 
     @property
     def kinks(self) -> list[dict[str, Any]]:
-        """The rows of points at which statuses change and the load continues."""
+        """Rows of the points at which statuses change and the load continues."""
         return [row for row in self.rows() if row["event"] == "kink"]
 
 
@@ -614,18 +575,18 @@ def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
         folder: folder of the record.
 
     Raises:
-        ValueError: if a line is damaged or does not fit the preceding lines, or the journal has
-            another kind or format.
+        ValueError: if a line is damaged or missing, or the journal has another kind or format.
     """
     *lines, rest = data.split(b"\n")
     journal = kind(length=len(data) - len(rest), torn=bool(rest), folder=folder)
     for number, line in enumerate(lines, 1):
         try:
-            journal.take(_decoded(line))
-        except _Refused:
-            raise
-        except (ValueError, KeyError, TypeError, IndexError) as error:
+            entry = _decoded(line)
+            if entry["line"] != number:
+                raise ValueError(f"it is not line {number}: lines are missing before it")
+        except ValueError as error:
             raise ValueError(f"line {number} of the journal is damaged: {error}") from None
+        journal.take(entry)
     return journal
 
 
@@ -642,9 +603,9 @@ def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal |
     data = (Path(folder) / FILE_NAME).read_bytes()
     try:
         name = str(_decoded(data.partition(b"\n")[0])["of"])
-    except (ValueError, KeyError):  # damaged: `parse` says so
+    except (ValueError, KeyError):  # empty, or damaged: then `parse` raises
         name = Journal.kind
     if name not in _KINDS:
-        known = ", ".join(_KINDS)
-        raise ValueError(f"{folder} has the journal of {name}; known are those of {known}")
+        kinds = ", ".join(_KINDS)
+        raise ValueError(f"{folder} has the journal of {name}; known are those of {kinds}")
     return parse(data, _KINDS[name], Path(folder))

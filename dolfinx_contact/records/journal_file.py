@@ -1,106 +1,161 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The file of a journal: open for appending, and locked against other runs."""
+"""The file of a journal: open for appending, and locked against other runs.
+
+The lock is ``flock`` on the journal. It ends with its holder, however that ends. The note
+``journal.lock`` next to the journal names the processes of the run, because ranks that outlive a
+killed ``mpirun`` keep the lock until somebody ends them.
+
+Between hosts the lock works if the file system supports it: NFS does, Lustre does if mounted with
+``flock``. On a file system without ``flock`` the note itself is the lock, created with ``O_EXCL``;
+a note left by a killed run must then be removed by hand.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import fcntl
 import os
-from collections.abc import Mapping, Sequence
+import socket
+import sys
+import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Generic, TypeVar
 
-from dolfinx_contact._files import os_error, sync
-from dolfinx_contact.records.journal import FILE_NAME, AnyJournal, encoded, parse, reread
-from dolfinx_contact.records.lock import Lock
+from mpi4py import MPI
 
-__all__ = ["JournalFile", "has_journal"]
+from dolfinx_contact._files import os_error, sync
+from dolfinx_contact.records.journal import FILE_NAME, AnyJournal, encoded, parse
+
+__all__ = ["NOTE_NAME", "JournalFile", "run_name"]
 
 J = TypeVar("J", bound=AnyJournal)
 
-
-def has_journal(folder: Path) -> bool:
-    """Whether a folder has a journal with a complete line, or something else in its place."""
-    path = folder / FILE_NAME
-    return path.exists() and not _is_blank(path)
+NOTE_NAME = "journal.lock"
+_NO_FLOCK = (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL)
 
 
-def _is_blank(path: Path) -> bool:
-    """Whether a file has no complete line: a run ended in its first moment."""
-    if not path.is_file():
-        return False
-    with open(path, "rb") as file:
-        return not file.readline().endswith(b"\n")
+def run_name(comm: MPI.Comm) -> str:
+    """Describe the processes of this run by host, command and start time. Collective."""
+    hosts: dict[str, list[str]] = {}
+    for host, number in comm.allgather((socket.gethostname(), os.getpid())):
+        hosts.setdefault(host, []).append(str(number))
+    ranks = ", ".join(f"{' '.join(numbers)} on {host}" for host, numbers in hosts.items())
+    # docker/run gives a run process numbers of its own; this is the number outside.
+    launcher = os.environ.get("DOLFINX_CONTACT_LAUNCHER", "")
+    outside = f", in the environment of process {launcher}" if launcher else ""
+    since = time.strftime("%Y-%m-%d %H:%M:%S")
+    return f"processes {ranks}{outside} ({' '.join(sys.argv[:3])}), since {since}"
 
 
 class JournalFile(Generic[J]):
-    """A journal that is open for appending, locked against other runs. On one rank.
+    """A journal that is open for appending and locked against other runs. On one rank.
 
     Args:
         folder: folder of the record.
         kind: class of the journal.
-        new: whether the journal must not exist yet.
-        holders: numbers of the processes of the run, by host (`lock.processes`).
+        resume: True to require a journal with a line, False to require none, "if_exists" for
+            either.
+        run: description of this run for runs that are refused (`run_name`).
 
     Attributes:
-        journal: content of the file.
+        journal: content of the file when it was opened.
 
     Raises:
-        FileExistsError: if the journal must not exist and something has been recorded.
-        FileNotFoundError: if it must exist and does not, or has no complete line.
-        BlockingIOError: if another run has it open, with its process numbers.
-        OSError: if it cannot be opened.
+        FileExistsError: if the journal must not exist and has a complete line.
+        FileNotFoundError: if the journal must exist and does not, or has no complete line.
+        BlockingIOError: if another run has it open, with the description of that run.
+        OSError: if it cannot be opened, with the path.
         ValueError: if it is damaged, or of another kind. It stays as it is.
     """
 
-    def __init__(
-        self, folder: Path, kind: type[J], *, new: bool, holders: Mapping[str, Sequence[int]]
-    ):
-        path = folder / FILE_NAME
+    def __init__(self, folder: Path, kind: type[J], *, resume: bool | str, run: str):
+        self._path = folder / FILE_NAME
+        self._note = folder / NOTE_NAME
+        self._locked = False
         absent = FileNotFoundError(f"there is no {FILE_NAME} in {folder}")
-        if not new and not path.exists():
+        exists = FileExistsError(
+            f"{self._path} exists: resume it, or record to another folder; nothing is overwritten"
+        )
+        if resume is True and not self._path.exists():
             raise absent
-        message = f"{path} exists: resume it, or record to another folder; nothing is overwritten"
-        if new and has_journal(folder):
-            raise FileExistsError(message)
+        if resume is False and self._path.is_dir():
+            raise exists
         # Append mode: the position cannot be wrong.
-        self._file: BinaryIO = open(path, "a+b", buffering=0)  # noqa: SIM115
-        self._path = path
-        self._new = new
-        self._lock: Lock | None = None
+        self._file: BinaryIO = open(self._path, "a+b", buffering=0)  # noqa: SIM115
+        self._removable = resume is not True
         try:
-            self._lock = Lock(self._file, path, holders)
+            self._lock(run)
             self._file.seek(0)
-            content = self._file.readall()  # type: ignore[attr-defined]
-            self.journal = parse(content, kind, folder)
-            if new and self.journal.length:  # written since
-                raise FileExistsError(message)
-            if not new and not self.journal.length:
+            content = self._file.read()
+            if (resume is False) and b"\n" in content:
+                raise exists
+            if (resume is True) and b"\n" not in content:
                 raise absent
+            self.journal = parse(content, kind, folder)
+            if not self.journal.lines and self._removable:
+                self._file.truncate(0)
             sync(folder)
-        except BaseException as error:
-            # What another process has open is not removed.
-            if new and not isinstance(error, BlockingIOError) and _is_blank(path):
-                path.unlink(missing_ok=True)
-            self._free()
+        except BaseException:
+            self.close()
             raise
 
-    def drop_torn_line(self) -> None:
-        """Cut off a last line that a killed run did not finish, so that lines can follow."""
-        if self.journal.torn:
-            self._file.truncate(self.journal.length)
+    def _lock(self, run: str) -> None:
+        """Lock the journal, and write the note.
+
+        Raises:
+            BlockingIOError: if another run has the lock.
+            OSError: with the path, if the note cannot be written.
+        """
+        flocked = True
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise self._refusal("Their end frees the lock") from None
+        except OSError as error:
+            if error.errno not in _NO_FLOCK:
+                raise
+            flocked = False
+        if flocked:  # a note is left over from a killed run, or a link to another file
+            self._note.unlink(missing_ok=True)
+        try:
+            with open(self._note, "x") as note:
+                self._locked = True
+                note.write(run)
+        except FileExistsError:
+            raise self._refusal(f"If they are gone, remove {self._note}") from None
+        except OSError as error:
+            raise os_error(error, self._note) from None
+
+    def _refusal(self, advice: str) -> BlockingIOError:
+        try:
+            holder = self._note.read_text()
+        except OSError:
+            holder = "unknown processes (fuser and lsof list those with the file open)"
+        self._removable = False
+        message = f"another run records to {self._path}: {holder}. {advice}"
+        return BlockingIOError(errno.EAGAIN, message)
+
+    def drop_torn_line(self, length: int) -> None:
+        """Cut off an incomplete last line of a killed run, so that lines can follow.
+
+        Args:
+            length: size of the complete lines in bytes.
+        """
+        if self._file.seek(0, os.SEEK_END) > length:
+            self._file.truncate(length)
             os.fsync(self._file.fileno())
-            self.journal.torn = False
 
     def append(self, entry: Mapping[str, Any]) -> None:
-        """Write one line and add it to the journal; it is on the disk when this returns.
+        """Write one line. It is on the disk when this returns.
 
         Raises:
             OSError: with the path, if it cannot be written (a partial line is cut off), or the file
                 was removed or replaced since it was opened.
         """
         self._require_in_place()
-        numbered = {**entry, "line": self.journal.lines + 1}
-        line = encoded(numbered)
+        line = encoded(entry)
         length = self._file.seek(0, os.SEEK_END)
         try:
             while line:
@@ -109,26 +164,23 @@ class JournalFile(Generic[J]):
         except OSError as error:
             self._file.truncate(length)
             raise os_error(error, self._path) from None
-        self.journal.take(reread(numbered))
 
     def _require_in_place(self) -> None:
-        """Raise ``FileNotFoundError`` if the path does not lead to the open file any more."""
-        mine = os.fstat(self._file.fileno())
-        try:
-            there = os.stat(self._path)
-        except FileNotFoundError:
-            there = None
-        if there is None or (there.st_dev, there.st_ino) != (mine.st_dev, mine.st_ino):
-            reason = "the journal was removed or replaced while a run recorded to it"
-            raise FileNotFoundError(errno.ENOENT, reason, str(self._path))
+        """Raise ``FileNotFoundError`` if the path no longer leads to the open file."""
+        if self._path.exists() and os.path.samestat(
+            os.stat(self._path), os.fstat(self._file.fileno())
+        ):
+            return
+        reason = "the journal was removed or replaced while a run recorded to it"
+        raise FileNotFoundError(errno.ENOENT, reason, str(self._path))
 
     def close(self) -> None:
-        """Close the file, which frees the lock. A new one without a line is removed."""
-        if self._new and self._file.seek(0, os.SEEK_END) == 0:
+        """Close the file, which frees the lock. A new file without a line is removed."""
+        if self._removable and self._file.seek(0, os.SEEK_END) == 0:
             self._path.unlink(missing_ok=True)
-        self._free()
-
-    def _free(self) -> None:
-        if self._lock is not None:
-            self._lock.free()
+        if self._locked:
+            self._note.unlink(missing_ok=True)
+            # A forked process may have the file open as well.
+            with contextlib.suppress(OSError):
+                fcntl.flock(self._file, fcntl.LOCK_UN)
         self._file.close()

@@ -72,43 +72,46 @@ def manifest_of(
     """
     eq = problem.equations
     domain = problem.V.mesh
-    cells = _numbered(domain)
-    nodes = domain.geometry.x[geometry_dofmap(domain)[: len(cells)]].reshape(len(cells), -1)
-    sizes = [V.dofmap.index_map.size_global * V.dofmap.index_map_bs for V in _spaces(problem)]
+    spaces = [f.function_space for f in problem.fields]
+    sizes = [V.dofmap.index_map.size_global * V.dofmap.index_map_bs for V in spaces]
+    cells = _input_cells(domain)
+    nodes = geometry_dofmap(domain)[: len(cells)]
+    input_nodes = np.asarray(domain.geometry.input_global_indices, np.int64)[nodes]
+    coordinates = domain.geometry.x[nodes].reshape(len(cells), -1)
     parts = {
-        "the mesh": _hash(problem.comm, cells),
-        "the coordinates of the mesh": _projected(domain, nodes),
+        "the mesh": _hash(problem.comm, np.column_stack([cells, input_nodes])),
+        "the coordinates of the mesh": _projected(domain, coordinates),
         "the number of unknowns": sum(sizes),
-        "the elements": [str(V.ufl_element()) for V in _spaces(problem)],
+        "the elements": [str(V.ufl_element()) for V in spaces],
         "the unknowns with Dirichlet conditions": _fixed(problem),
-        "the domains of integration of the body": _domains(eq.bulk.residual, domain),
         "the method": [_rounded(words) for words in method],
     }
-    signatures = {"the form of the body": eq.bulk.residual.signature()}
+    bodies = {"the body": eq.bulk.residual, **(forms or {})}
+    for name, form in bodies.items():
+        parts[f"the domains of integration of {name}"] = _domains(form, domain)
+    signatures = {name: form.signature() for name, form in bodies.items()}
+    signatures["the form of the body"] = signatures.pop("the body")
+    for i, e in enumerate(driven, 1):
+        signatures[f"the expression {i} that drives Dirichlet data"] = _signature(e, domain)
+    for body in problem.rigid_bodies:
+        words = _rounded(f"{body.about.tolist()} {body.fixed.tolist()}")
+        expressions = [_signature(e, domain) for e in body.expressions]
+        signatures[f"the rigid body {body.name!r}"] = "".join([words, *expressions])
     for s in problem.surfaces:
         of = f" of {s.name!r}"
         parts["the contact method" + of] = s.method
-        parts["the facets" + of] = _facets(s, s.submesh.parent_facets)
+        parts["the facets" + of] = _entities(s.domain, s.dim - 1, s.submesh.parent_facets)
         parts["the multipliers" + of] = [*s.degrees, problem.comm.allreduce(s.points.number)]
         parts["the kind of sliding" + of] = _sliding(s)
         opposite = s.obstacle.opposite
         if opposite is not None:
-            parts["the opposite facets" + of] = _facets(s, opposite.master_facets)
-        signatures["the obstacle" + of] = "".join(
-            [s.obstacle.mark, *(_signature(e, domain) for e in s.given.all)]
-        )
-        signatures["the law" + of] = f"{s.law_at_points.compiled.signature} {s.law.averaging!r}"
-        signatures["the law" + of] += " axisymmetric" if s.axisymmetric else ""
-    for body in problem.rigid_bodies:
-        words = _rounded(f"{body.about.tolist()} {body.fixed.tolist()}")
-        signatures[f"the rigid body {body.name!r}"] = "".join(
-            [words, *(_signature(e, domain) for e in body.expressions)]
-        )
-    for name, form in (forms or {}).items():
-        parts[f"the domains of integration of {name}"] = _domains(form, domain)
-        signatures[name] = form.signature()
-    for i, e in enumerate(driven, 1):
-        signatures[f"the expression {i} that drives Dirichlet data"] = _signature(e, domain)
+            facets = _entities(s.domain, s.dim - 1, opposite.master_facets)
+            parts["the opposite facets" + of] = facets
+        expressions = [_signature(e, domain) for e in s.given.all]
+        signatures["the obstacle" + of] = "".join([s.obstacle.mark, *expressions])
+        axisymmetric = " axisymmetric" if s.axisymmetric else ""
+        law = f"{s.law_at_points.compiled.signature} {s.law.averaging!r}{axisymmetric}"
+        signatures["the law" + of] = law
     hashes = {name: _digest(text) for name, text in signatures.items()}
     return {"parts": parts, "forms": {_UFL: ufl.__version__, **hashes}}
 
@@ -180,16 +183,14 @@ def data_restored(problem: ContactProblem) -> Iterator[None]:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Whether two values of a manifest agree: numbers to 1e-9, all others exactly."""
-    if isinstance(a, dict) and isinstance(b, dict) and "projections" in a:
-        scale = max(a["scale"], b["scale"])
-        return _close(a["projections"], b["projections"], _TOLERANCE * scale)
-    if _is_constant(a) and _is_constant(b):
-        if len(a) != len(b):
-            return False
-        sizes = np.maximum(np.abs(a), np.abs(b))
-        largest = np.max(sizes, initial=0.0)
-        return _close(a, b, np.maximum(_TOLERANCE * sizes, _ROUND_OFF * largest))
+    """Return whether two values of a manifest agree: numbers to 1e-9, all others exactly."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        tolerance = _TOLERANCE * max(a["scale"], b["scale"])
+        return np.allclose(a["projections"], b["projections"], 0, tolerance, equal_nan=True)
+    if _is_constant(a) and _is_constant(b) and len(a) == len(b):
+        sizes = np.abs([*a, *b])
+        tolerance = _ROUND_OFF * np.max(sizes[np.isfinite(sizes)], initial=0.0)
+        return np.allclose(a, b, _TOLERANCE, tolerance, equal_nan=True)
     return bool(a == b)
 
 
@@ -197,16 +198,8 @@ def _is_constant(value: Any) -> bool:
     return isinstance(value, list) and all(isinstance(v, float) for v in value)
 
 
-def _close(a: Sequence[float], b: Sequence[float], tolerance: Any) -> bool:
-    """Whether numbers agree; values that are not finite must be of the same kind."""
-    x, y = np.array(a), np.array(b)
-    with np.errstate(invalid="ignore"):
-        near = np.abs(x - y) <= tolerance
-    return bool((near | (x == y) | (np.isnan(x) & np.isnan(y))).all())
-
-
 def _both(recorded: Any, now: Any) -> str:
-    """Both values in brackets; "" for hashes, projections and long values."""
+    """Return both values in brackets; "" for hashes, projections and long values."""
     words = [", ".join(map(repr, v)) if _is_constant(v) else str(v) for v in (recorded, now)]
     hidden = isinstance(recorded, dict) or re.fullmatch("[0-9a-f]{32}", words[0])
     if hidden or max(map(len, words)) > _LONGEST:
@@ -222,7 +215,7 @@ def _array(value: Any) -> npt.NDArray[Any]:
 
 
 def _by_cells(V: fem.FunctionSpace, values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """The coefficients of the owned cells (cells, coefficients of a cell)."""
+    """Return the coefficients of the owned cells, shape (cells, coefficients of a cell)."""
     n = V.mesh.topology.index_map(V.mesh.topology.dim).size_local
     bs = V.dofmap.index_map_bs
     return np.real(values).reshape(-1, bs)[V.dofmap.list[:n]].reshape(n, -1)
@@ -231,15 +224,15 @@ def _by_cells(V: fem.FunctionSpace, values: npt.NDArray[Any]) -> npt.NDArray[np.
 def _projected(
     domain: mesh.Mesh, values: npt.NDArray[np.float64], least: float = 0.0
 ) -> dict[str, Any]:
-    """Two random projections of the coefficients of the owned cells, and their size. Collective.
+    """Return two random projections of coefficients of the owned cells. Collective.
 
     Args:
         domain: the mesh.
-        values: coefficients (cells, coefficients of a cell).
-        least: size below which values are zero.
+        values: coefficients, shape (cells, coefficients of a cell).
+        least: size below which values count as zero.
     """
     cells = _input_cells(domain)
-    sums = np.zeros(4)
+    sums = np.zeros(4)  # both projections, sum of squares, number of values
     sums[3] = values.size
     for j, column in enumerate(values.T):
         bits = _mixed(np.stack([cells, np.full_like(cells, j)], axis=1), 3)
@@ -251,30 +244,8 @@ def _projected(
     return {"projections": sums[:2].tolist(), "scale": max(float(np.sqrt(sums[2])), floor)}
 
 
-def _input_cells(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
-    """Numbers of the owned cells in the input of the mesh.
-
-    Raises:
-        ValueError: if they have none, as in a submesh.
-    """
-    try:
-        original = domain.topology.original_cell_index
-    except RuntimeError as error:
-        message = "a record needs a mesh whose cells have numbers of the input, not a submesh"
-        raise ValueError(message) from error
-    n = domain.topology.index_map(domain.topology.dim).size_local
-    return np.asarray(original[:n], np.int64)
-
-
-def _numbered(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
-    """Numbers of the owned cells and of their nodes in the input (cells, 1 + nodes)."""
-    cells = _input_cells(domain)
-    nodes = np.asarray(domain.geometry.input_global_indices, np.int64)
-    return np.concatenate([cells[:, None], nodes[geometry_dofmap(domain)[: len(cells)]]], axis=1)
-
-
 def _hash(comm: MPI.Comm, rows: npt.NDArray[np.int64]) -> str:
-    """A hash of the rows of all ranks, whatever their order. Collective."""
+    """Return a hash of the rows of all ranks, regardless of their order. Collective."""
     sums = np.array([np.sum(_mixed(rows, seed), dtype=np.uint64) for seed in (1, 2)])
     # Sums modulo 2^64 do not depend on the order.
     comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
@@ -282,7 +253,7 @@ def _hash(comm: MPI.Comm, rows: npt.NDArray[np.int64]) -> str:
 
 
 def _mixed(rows: npt.NDArray[np.int64], seed: int) -> npt.NDArray[np.uint64]:
-    """A hash of every row, using the finaliser of splitmix64."""
+    """Return a hash of every row, using the finaliser of splitmix64."""
     h: npt.NDArray[np.uint64] = np.full(len(rows), seed, dtype=np.uint64)
     for column in np.ascontiguousarray(rows).view(np.uint64).T:
         h = (h ^ column) + np.uint64(0x9E3779B97F4A7C15)
@@ -297,12 +268,12 @@ def _digest(text: str) -> str:
 
 
 def _rounded(text: str) -> str:
-    """Text whose numbers have nine digits: numbers that were integrals depend on the ranks."""
+    """Round the numbers in a text to nine digits: computed ones depend on the ranks."""
     return _NUMBER.sub(lambda number: f"{float(number[0]):.9g}", text)
 
 
 def _signature(e: Any, domain: mesh.Mesh) -> str:
-    """The signature of a UFL expression, which does not depend on the values of its data."""
+    """Return the signature of a UFL expression, which does not depend on the values of its data."""
     e = ufl.as_ufl(e)
     if isinstance(e, ufl.constantvalue.Zero):
         return "0"
@@ -312,14 +283,24 @@ def _signature(e: Any, domain: mesh.Mesh) -> str:
 # -- parts -----------------------------------------------------------------------------------------
 
 
-def _spaces(problem: ContactProblem) -> list[fem.FunctionSpace]:
-    return [f.function_space for f in problem.fields]
+def _input_cells(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
+    """Return the numbers of the owned cells in the input of the mesh.
+
+    Raises:
+        ValueError: if they have none, as in a submesh.
+    """
+    try:
+        original = domain.topology.original_cell_index
+    except RuntimeError as error:
+        message = "a record needs a mesh whose cells have numbers of the input, not a submesh"
+        raise ValueError(message) from error
+    n = domain.topology.index_map(domain.topology.dim).size_local
+    return np.asarray(original[:n], np.int64)
 
 
 def _fixed(problem: ContactProblem) -> str:
-    """A hash of the unknowns with Dirichlet conditions, by cells of the input. Collective."""
-    domain = problem.V.mesh
-    cells = _input_cells(domain)
+    """Return a hash of the unknowns with Dirichlet conditions, by cells of the input. Collective."""
+    cells = _input_cells(problem.V.mesh)
     fixed = problem.equations.constraints.fixed
     in_cells = fixed[problem.V.dofmap.list[: len(cells)]].reshape(len(cells), -1)
     cell, place = np.nonzero(in_cells)
@@ -327,35 +308,18 @@ def _fixed(problem: ContactProblem) -> str:
 
 
 def _entities(domain: mesh.Mesh, dim: int, entities: npt.NDArray[np.int32]) -> str:
-    """A hash of those entities that this rank owns, by nodes of the input. Collective."""
-    mine = entities[entities < domain.topology.index_map(dim).size_local]
+    """Return a hash of the owned ones among entities, by nodes of the input. Collective."""
+    owned = entities[entities < domain.topology.index_map(dim).size_local]
     nodes = np.asarray(domain.geometry.input_global_indices, np.int64)
     # DOLFINx divides by their number.
-    at = mesh.entities_to_geometry(domain, dim, mine) if len(mine) else np.zeros((0, 1), int)
+    at = mesh.entities_to_geometry(domain, dim, owned) if len(owned) else np.zeros((0, 1), int)
     return _hash(domain.comm, np.sort(nodes[at], axis=1))
 
 
-def _facets(s: DiscreteSurface, facets: npt.NDArray[np.int32]) -> str:
-    return _entities(s.domain, s.dim - 1, facets)
-
-
-def _sliding(s: DiscreteSurface) -> list[Any]:
-    """Words and numbers for the kind of sliding of a surface. Collective.
-
-    The numbers are the search distance, planes of symmetry and the removed overlap, and for
-    self-contact the direction by which the slave facets are chosen.
-    """
-    if not s.slides:
-        return ["along its obstacle" if s.displaced is not None else "small", *s.points.choices]
-    direction = s.obstacle.opposite.direction
-    if direction is None:
-        return ["large", *s.points.choices]
-    return ["self-contact", *map(float, direction), *s.points.choices]
-
-
 def _domains(form: ufl.Form, domain: mesh.Mesh) -> str:
-    """A hash of the cells or facets of the integrals of a form. Collective."""
-    found = []
+    """Return a hash of the cells or facets of the integrals of a form. Collective."""
+    cells = _input_cells(domain)
+    texts = []
     for integral in form.integrals():
         data = integral.subdomain_data()
         ids = integral.subdomain_id()
@@ -365,17 +329,24 @@ def _domains(form: ufl.Form, domain: mesh.Mesh) -> str:
         if isinstance(data, mesh.MeshTags):
             marked = data.indices[np.isin(data.values, chosen)] if chosen else data.indices
             entities = _entities(domain, data.dim, marked)
-        else:
-            lists = [np.ravel(part) for tag, part in data if not chosen or tag in chosen]
-            entities = _listed(domain, lists, integral.integral_type())
-        found.append(f"{integral.integral_type()} {ids} {entities}")
-    return _digest("; ".join(sorted(found)))
+        else:  # lists of cells, or of pairs of a cell and a facet
+            parts = [np.ravel(part) for tag, part in data if not chosen or tag in chosen]
+            columns = 1 if integral.integral_type() == "cell" else 2
+            pairs = np.concatenate([np.zeros(0, np.int64), *parts]).reshape(-1, columns)
+            owned = pairs[pairs[:, 0] < len(cells)]
+            entities = _hash(domain.comm, np.column_stack([cells[owned[:, 0]], owned[:, 1:]]))
+        texts.append(f"{integral.integral_type()} {ids} {entities}")
+    return _digest("; ".join(sorted(texts)))
 
 
-def _listed(domain: mesh.Mesh, lists: Sequence[npt.NDArray[Any]], kind: str) -> str:
-    """A hash of lists of cells, or of pairs of a cell and a facet. Collective."""
-    cells = _input_cells(domain)
-    listed = np.concatenate([np.zeros(0, np.int64), *lists])
-    pairs = listed.reshape(-1, 1 if kind == "cell" else 2)
-    mine = pairs[pairs[:, 0] < len(cells)]
-    return _hash(domain.comm, np.column_stack([cells[mine[:, 0]], mine[:, 1:]]))
+def _sliding(s: DiscreteSurface) -> list[Any]:
+    """Return words and numbers for the kind of sliding of a surface. Collective.
+
+    The numbers are the search distance, planes of symmetry and the removed overlap, and for
+    self-contact the direction by which the slave facets are chosen.
+    """
+    kind: list[Any] = ["along its obstacle" if s.displaced is not None else "small"]
+    if s.slides:
+        direction = s.obstacle.opposite.direction
+        kind = ["large"] if direction is None else ["self-contact", *map(float, direction)]
+    return [*kind, *s.points.choices]

@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Entries of journals for points and nodes of branches, the same on any number of ranks."""
+"""Entries of points and nodes of branches, equal on any number of ranks; journals in memory."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact.continuation import BranchPoint, Change, Node, SpecialPoint
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact.continuation import Branch, BranchPoint, Change, Node, SpecialPoint
 from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.continuation.points import require_solutions
 from dolfinx_contact.equations.order import Gathered, by_coordinates
 from dolfinx_contact.laws import status
 from dolfinx_contact.records.columns import (
@@ -20,91 +24,178 @@ from dolfinx_contact.records.columns import (
     RayEntry,
     SpecialEntry,
 )
+from dolfinx_contact.records.functionals import Functional, compiled
+from dolfinx_contact.records.journal import FORMAT, Journal, JournalBranch
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["entry_of", "node_of", "places"]
+__all__ = ["Entries", "journal_of", "places"]
 
 
 def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
-    """Coordinates of the contact points by surface, in the order of `letters`. Collective."""
+    """Return the coordinates of the contact points by surface, in order. Collective."""
     return {
         s.name: Gathered(s.comm, s.positions, s.points.ids).positions.tolist()
         for s in problem.surfaces
     }
 
 
-def entry_of(
-    system: ParametricContact,
-    index: int,
-    point: BranchPoint,
-    special: Sequence[SpecialPoint],
-    norm: float,
-) -> PointEntry:
-    """The entry of the journal for a point, without its functionals. Collective.
+class Entries:
+    """Entries of the journal for points and nodes of branches. Collective.
 
     Args:
         system: contact problem with a parameter.
-        index: number of the point on its branch.
-        point: the point.
-        special: special points on the way to it.
-        norm: norm of the unknowns.
+        functionals: compiled functionals by name (`compiled`).
     """
-    return PointEntry(
-        index=index,
-        gamma=point.gamma,
-        step=point.step,
-        corrections=point.corrections,
-        tau=point.tau,
-        status=system.letters(point.piece),
-        special=[SpecialEntry(**_described(system, s)) for s in special],
-        norm=norm,
-        functionals={},
-    )
 
+    def __init__(
+        self, system: ParametricContact, functionals: Mapping[str, Callable[[], float]]
+    ) -> None:
+        self._system = system
+        self._functionals = functionals
+        self._layout = Layout(system)
+        self._x = system.create_vector()
+        self._mx = system.create_vector()
 
-def node_of(system: ParametricContact, layout: Layout, node: Node) -> JournalNode:
-    """The entry of the journal for a node of a diagram. Collective."""
-    rays = [
-        RayEntry(status=system.letters(ray.piece), gamma=layout.gamma(ray.tangent))
-        for ray in node.rays
-    ]
-    point = NodePoint(**_described(system, node.point), method=node.point.method)
-    return JournalNode(point=point, rays=rays, edges=list(node.edges))
+    def unknowns(self, point: BranchPoint) -> PETSc.Vec:
+        """Return the unknowns of a point, in a vector that is reused. Not collective."""
+        self._x.array[:] = point.y.array_r[: self._x.getLocalSize()]
+        return self._x
 
+    def put(self, point: BranchPoint) -> None:
+        """Put a point into the Functions of the problem. Collective."""
+        self._system.put(self.unknowns(point), point.gamma, point.piece)
 
-def _described(system: ParametricContact, s: SpecialPoint) -> dict[str, Any]:
-    """Fields of the entry of a special point. Collective."""
-    return {
-        "kind": s.kind,
-        "smooth": s.smooth,
-        "gamma": s.gamma,
-        "parity": s.parity,
-        "others": len(s.others),
-        "complete": s.complete,
-        "bracket": list(s.bracket) if s.bracket is not None else None,
-        "changes": _places(system, s.changes),
-    }
+    def point(
+        self, index: int, point: BranchPoint, special: Sequence[SpecialPoint], x_scale: float = 1.0
+    ) -> PointEntry:
+        """Return the entry of a point, which is put into the problem. Collective.
 
-
-def _places(system: ParametricContact, changes: Sequence[Change]) -> list[ChangeEntry]:
-    """Changes of statuses by place, in the order of coordinates. Collective."""
-    if not changes:
-        return []
-    known = list(zip(system.positions, system._ids, strict=True))
-    mine = {i: known[c.point] for i, c in enumerate(changes) if c.rank == system.comm.rank}
-    places = {i: place for part in system.comm.allgather(mine) for i, place in part.items()}
-    x, ids = (np.array(v) for v in zip(*(places[i] for i in range(len(changes))), strict=True))
-    names = [str(letter) for letter in status.letters(x.shape[1])]
-    surfaces = [s.name for s in system.problem.surfaces]
-    return [
-        ChangeEntry(
-            surface=surfaces[ids[i, 0]],
-            x=x[i].tolist(),
-            before=names[changes[i].before],
-            after=names[changes[i].after],
+        Args:
+            index: number of the point on its branch.
+            point: the point.
+            special: special points on the way to it.
+            x_scale: square of the length of the unknowns that counts as 1; 0 if it is unknown.
+        """
+        values = {}
+        for name, functional in self._functionals.items():
+            self.put(point)  # a functional may have written to the Functions
+            values[name] = functional()
+        self.put(point)
+        self._system.metric(self._x, self._mx)
+        square = max(float(self._x.dot(self._mx)), 0.0)
+        return PointEntry(
+            index=index,
+            gamma=point.gamma,
+            step=point.step,
+            corrections=point.corrections,
+            tau=point.tau,
+            status=self._system.letters(point.piece),
+            special=[SpecialEntry(**self._described(s)) for s in special],
+            norm=float(np.sqrt(square / x_scale)) if x_scale else 0.0,
+            functionals=values,
         )
-        for i in by_coordinates(x, ids)
-    ]
+
+    def node(self, node: Node) -> JournalNode:
+        """Return the entry of a node of a diagram. Collective."""
+        rays = [
+            RayEntry(status=self._system.letters(ray.piece), gamma=self._layout.gamma(ray.tangent))
+            for ray in node.rays
+        ]
+        point = NodePoint(**self._described(node.point), method=node.point.method)
+        return JournalNode(point=point, rays=rays, edges=list(node.edges))
+
+    def destroy(self) -> None:
+        """Destroy the vectors."""
+        self._x.destroy()
+        self._mx.destroy()
+
+    def _described(self, s: SpecialPoint) -> dict[str, Any]:
+        """Return the fields of the entry of a special point. Collective."""
+        return {
+            "kind": s.kind,
+            "smooth": s.smooth,
+            "gamma": s.gamma,
+            "parity": s.parity,
+            "others": len(s.others),
+            "complete": s.complete,
+            "bracket": list(s.bracket) if s.bracket is not None else None,
+            "changes": self._changes(s.changes),
+        }
+
+    def _changes(self, changes: Sequence[Change]) -> list[ChangeEntry]:
+        """Return the changes of statuses, in the order of coordinates. Collective."""
+        if not changes:
+            return []
+        # every rank knows the places of its own points only
+        system = self._system
+        own = [(i, c.point) for i, c in enumerate(changes) if c.rank == system.comm.rank]
+        parts = {i: (system.positions[k], system._ids[k]) for i, k in own}
+        known = {i: place for part in system.comm.allgather(parts) for i, place in part.items()}
+        x, ids = (np.array(v) for v in zip(*(known[i] for i in range(len(changes))), strict=True))
+        letters = [str(letter) for letter in status.letters(x.shape[1])]
+        surfaces = [s.name for s in system.problem.surfaces]
+        return [
+            ChangeEntry(
+                surface=surfaces[ids[i, 0]],
+                x=x[i].tolist(),
+                before=letters[changes[i].before],
+                after=letters[changes[i].after],
+            )
+            for i in by_coordinates(x, ids)
+        ]
+
+
+def journal_of(
+    system: ParametricContact,
+    branches: Iterable[Branch],
+    functionals: Mapping[str, Functional] | None = None,
+) -> Journal:
+    """Return the journal of branches in memory, for tables and `draw_diagram`. Collective.
+
+    Nothing can be resumed from it; `BranchRecord` writes one to the disk.
+
+    Args:
+        system: contact problem with a parameter that the branches belong to; it is left as it was.
+        branches: branches, numbered in this order.
+        functionals: functionals by name, as for `BranchRecord`.
+
+    Returns:
+        Journal, on every rank. ``norm`` is that of the metric of the system.
+
+    Raises:
+        ValueError: on every rank, as for `BranchRecord`, if the numbers of branches or points
+            differ between ranks, or a point is not a solution of the system as it is now.
+
+    Example:
+        ::
+
+            branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+            journal = journal_of(system, [branch], {"force": total("rt"), "energy": problem.energy})
+            draw_diagram("branch.png", journal, ["force", "energy"])
+    """
+    with everywhere(system.comm, "journal_of"):
+        branches = list(branches)
+        if not all(isinstance(b, Branch) for b in branches):
+            raise ValueError("branches must be Branches, as `follow` and `explore` return them")
+    same_everywhere(system.comm, points_of_the_branches=[len(b.points) for b in branches])
+    system.equations.require_same_mesh()
+    for branch in branches:
+        require_solutions(system, branch)
+    values = compiled(system.problem, functionals or {})
+    header = {"functionals": list(values), "points": places(system.problem), "format": FORMAT}
+    journal = Journal(header=header)
+    entries = Entries(system, values)
+    with system.restored(always=True):
+        for number, branch in enumerate(branches):
+            points = [
+                entries.point(i, point, [s for s in branch.special if s.index == i])
+                for i, point in enumerate(branch.points)
+            ]
+            journal.branches[number] = JournalBranch(
+                ending=branch.ending, reason=branch.reason, points=points
+            )
+    entries.destroy()
+    return journal

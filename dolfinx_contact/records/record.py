@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The record of one contact problem in a folder: a locked journal and files of arrays.
 
-A point or state is on the disk before the next one is computed: first its files, then the line of
-the journal that names them. A run may therefore be killed at any moment, and is resumed on any
-number of ranks.
+A point or state is on the disk before the next one is computed: first its files of arrays, then
+the line of the journal that names them. This line is the commit: a run may be killed at any moment,
+and is resumed from the complete lines on any number of ranks. Every point has files of its own,
+because a process that is killed while it writes to an HDF5 file may damage what the file contained.
 """
 
 from __future__ import annotations
@@ -32,8 +33,7 @@ from dolfinx_contact.records.journal import (
     reread,
     surface_file,
 )
-from dolfinx_contact.records.journal_file import JournalFile, has_journal
-from dolfinx_contact.records.lock import processes
+from dolfinx_contact.records.journal_file import JournalFile, run_name
 from dolfinx_contact.records.manifest import difference
 from dolfinx_contact.records.points import places
 
@@ -86,23 +86,20 @@ class Record(Observer, Generic[J]):
     ):
         self.problem = problem
         self.comm = problem.comm
-        known = resume in (False, True, "if_exists")
-        require(self.comm, known, f"resume must be True, False or 'if_exists', got {resume!r}")
+        valid = resume in (False, True, "if_exists")
+        require(self.comm, valid, f"resume must be True, False or 'if_exists', got {resume!r}")
         self._shows = bool(surface_displacement)
         same_everywhere(self.comm, surface_displacement=self._shows, resume=str(resume))
         agreed = agreed_path(self.comm, folder, "folder")
         self.folder = agreed if resume is True else output_folder(self.comm, agreed)
-        self._file: JournalFile[J] | None = None
-        holders = processes(self.comm)
+        self._file: JournalFile[J] | None = None  # on rank 0
+        run = run_name(self.comm)
 
         def opened() -> J:
-            new = not (has_journal(self.folder) if resume == "if_exists" else resume)
-            self._file = JournalFile(self.folder, kind, new=new, holders=holders)
+            self._file = JournalFile(self.folder, kind, resume=resume, run=run)
             return self._file.journal
 
         self.journal: J = on_root(self.comm, opened)
-        if self._file is not None:
-            self.journal = self._file.journal  # the object to which written lines are added
         try:
             with everywhere(self.comm, "the fields of a record"):
                 self._fields = FieldArrays(problem)
@@ -143,16 +140,20 @@ class Record(Observer, Generic[J]):
         """
         from dolfinx_contact import __version__
 
+        def prepare() -> None:
+            self.journal.check_surfaces()
+            if self._file is not None:
+                self._file.drop_torn_line(self.journal.length)
+
+        on_root(self.comm, prepare)
+        if not self.journal.header:
+            header = {"of": self.journal.kind, "format": FORMAT, "package": __version__}
+            header |= {"points": places(self.problem), "surface_displacement": self._shows}
+            self._append({"type": "header", **header, **more, **manifest})
         header = self.journal.header
-        if header and header["package"] != __version__ and self.comm.rank == 0:
+        if header["package"] != __version__ and self.comm.rank == 0:
             logger.warning("recorded by %s, resumed by %s", header["package"], __version__)
-        on_root(self.comm, self.journal.check_surfaces)
-        on_root(self.comm, lambda: self._file.drop_torn_line() if self._file else None)
-        if not header:
-            new = {"of": self.journal.kind, "format": FORMAT, "package": __version__}
-            new |= {"points": places(self.problem), "surface_displacement": self._shows}
-            self._append({"type": "header", **new, **more, **manifest})
-        self._shows = self.journal.header["surface_displacement"]
+        self._shows = header["surface_displacement"]
         session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
         if not self.journal.sessions:
             surface = self._outside.surface()
@@ -164,8 +165,8 @@ class Record(Observer, Generic[J]):
 
     def _write_fields(
         self, name: str, vectors: Mapping[str, PETSc.Vec], arrays: Arrays | None = None
-    ) -> str:
-        """Write the checkpoint of a point, and return its fingerprint. Collective.
+    ) -> dict[str, str]:
+        """Write the checkpoint of a point, and return its keys in the journal. Collective.
 
         Args:
             name: name of the point.
@@ -173,23 +174,29 @@ class Record(Observer, Generic[J]):
             arrays: further arrays, on rank 0.
 
         Raises:
-            OSError: on every rank, with the path, if it cannot be written; nothing is left then.
+            OSError: on every rank, with the path, if it cannot be written; nothing of it remains.
         """
-        found = self._fields.gathered(vectors) | (arrays or {})
-        return self._save(checkpoint_file(self.folder, name), found)
+        gathered = self._fields.gathered(vectors) | (arrays or {})
+        return {"checkpoint": name, "sum": self._save(checkpoint_file(self.folder, name), gathered)}
 
-    def _write_surface(self, name: str, law: ContactProblem) -> str:
-        """Write the present outer surface, and return its fingerprint. Collective.
+    def _write_surface(self, name: str, law: ContactProblem) -> dict[str, str]:
+        """Write the present outer surface, and return its keys in the journal. Collective.
 
         Args:
             name: name of the point.
             law: problem under whose law the tables of contact points are evaluated.
 
+        Returns:
+            Keys of the line of the point; empty if the record has no surfaces.
+
         Raises:
-            OSError: on every rank, with the path, if it cannot be written; nothing is left then.
+            OSError: on every rank, with the path, if it cannot be written; nothing of it remains.
         """
+        if not self._shows:
+            return {}
         state = self._outside.state(law)
-        return self._save(surface_file(self.folder, name), {} if state is None else state.arrays())
+        arrays = {} if state is None else state.arrays()
+        return {"surface": name, "surface_sum": self._save(surface_file(self.folder, name), arrays)}
 
     def _save(self, file: Path, arrays: Arrays) -> str:
         """Write the arrays of rank 0 to a file, and return its fingerprint. Collective."""
@@ -212,15 +219,20 @@ class Record(Observer, Generic[J]):
             ValueError: on every rank, if the record is closed.
         """
         self._require_open()
-        try:
-            on_root(self.comm, lambda: self._file.append(entry) if self._file else None)
-        except OSError:
-            for key, file_of in (("checkpoint", checkpoint_file), ("surface", surface_file)):
-                if self.comm.rank == 0 and key in entry:
-                    file_of(self.folder, entry[key]).unlink(missing_ok=True)
-            raise
-        if self.comm.rank:
-            self.journal.take(reread({**entry, "line": self.journal.lines + 1}))
+        entry = {**entry, "line": self.journal.lines + 1}
+
+        def write() -> None:
+            try:
+                if self._file is not None:
+                    self._file.append(entry)
+            except OSError:
+                for key, file_of in (("checkpoint", checkpoint_file), ("surface", surface_file)):
+                    if key in entry:
+                        file_of(self.folder, entry[key]).unlink(missing_ok=True)
+                raise
+
+        on_root(self.comm, write)
+        self.journal.take(reread(entry))
 
     def _require_open(self) -> None:
         """Raise ``ValueError`` on every rank if the journal is closed. Collective."""
@@ -236,11 +248,11 @@ class Record(Observer, Generic[J]):
         Raises:
             DamagedFile: on every rank, if the checkpoint is damaged or missing.
         """
-        found: Arrays = {}
+        arrays: Arrays = {}
         file = checkpoint_file(self.folder, name)
-        on_root(self.comm, lambda: found.update(load(file, fingerprint)))
-        self._fields.fill(vectors, found)
-        at_points = {k: v for k, v in found.items() if k.startswith(("statuses.", "memory."))}
+        on_root(self.comm, lambda: arrays.update(load(file, fingerprint)))
+        self._fields.fill(vectors, arrays)
+        at_points = {k: v for k, v in arrays.items() if k.startswith(("statuses.", "memory."))}
         return self.comm.bcast(at_points)
 
     def _last_undamaged(self, indices: Sequence[int], read: Callable[[int], T]) -> T:

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The common part of the records of histories, motions and paths: states step by step.
+"""The records of histories, motions and paths, from which killed runs are resumed.
 
 A record is a folder with the journal (energies and statuses of every accepted step) and a
-checkpoint of every step (displacement, multipliers, rigid bodies, statuses and memory). A run is
-resumed from the last step that suffices to continue it; later recorded steps are computed again
-and not recorded again.
+checkpoint of every step (displacement, multipliers, rigid bodies, statuses and memory; the velocity
+of a motion, the tangent of a path). A run is resumed from the last step that suffices to continue
+it: steps that were found together, on the way to a jump, do not. Later recorded steps are computed
+again and not recorded again.
 """
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,18 +24,33 @@ import numpy as np
 import ufl
 
 from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact.continuation.ending import Ends
+from dolfinx_contact.continuation.branch import BranchPoint
+from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.continuation.observer import ObserverLike, Stop
+from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.equations.data import Datum
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.evolution import EvolutionStep
-from dolfinx_contact.evolution.run import RunState
+from dolfinx_contact.evolution import (
+    ArcLength,
+    EvolutionStep,
+    History,
+    NoContinuation,
+    PathHistory,
+    PathStep,
+)
+from dolfinx_contact.evolution.evolution import Evolution
+from dolfinx_contact.evolution.path import PathState, PathTask, begun
+from dolfinx_contact.evolution.run import Listeners, RunState
 from dolfinx_contact.evolution.step import AcceptedState
+from dolfinx_contact.evolution.through_times import Accept, HistoryTask
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.table import write_contact_table
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.records.arrays import Arrays
 from dolfinx_contact.records.columns import (
+    Arrived,
     EndEntry,
     HistoryGoesOn,
     PathGoesOn,
@@ -41,14 +58,16 @@ from dolfinx_contact.records.columns import (
     plain,
 )
 from dolfinx_contact.records.fields import PointArrays
-from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun
+from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun, PathJournal
 from dolfinx_contact.records.manifest import data_restored, manifest_of, values_of
 from dolfinx_contact.records.record import Record, Resume
 
-__all__ = ["StepsRecord"]
+__all__ = ["EvolutionRecord", "PathRecord", "StepsRecord"]
 
 J = TypeVar("J", bound=EvolutionJournal)
 S = TypeVar("S", bound=RunState)
+
+_WITHOUT_CONTINUATION = (Ending.NO_SOLUTION, Ending.NOT_FOUND, Ending.NOT_SOLVED)
 
 
 class StepsRecord(Record[J], Generic[J, S]):
@@ -82,9 +101,9 @@ class StepsRecord(Record[J], Generic[J, S]):
         system: ContactProblem | ParametricContact,
         kind: type[J],
         *,
-        method: Sequence[str],
         surface_displacement: bool,
         resume: Resume,
+        method: Sequence[str] = (),
         data: Sequence[Datum] = (),
         forms: Mapping[str, ufl.Form] | None = None,
         driven: Sequence[Any] = (),
@@ -111,18 +130,14 @@ class StepsRecord(Record[J], Generic[J, S]):
             raise
 
     def _require_load(self, state: StateEntry[Any]) -> None:
-        """Refuse other data than the recorded ones under the load of a state. Collective."""
+        """Require the recorded data under the load of a state. Collective."""
         at = f"{self._along} {state.time:.10g}"
         with self.looking():
             with everywhere(self.comm, f"the load at {at}"):
                 self._load(state)
-            now = self._values()
+            now = values_of(self.problem, more=self._more_data)
         recorded = self.journal.data_at(state.index)
         self._require_same({"values": recorded}, {"values": now}, f" at {at}")
-
-    def _values(self) -> dict[str, Any]:
-        """The values of all data as they are now. Collective."""
-        return values_of(self.problem, more=self._more_data)
 
     # -- differences between histories and paths -------------------------------------------------
 
@@ -131,11 +146,11 @@ class StepsRecord(Record[J], Generic[J, S]):
         raise NotImplementedError
 
     def _goes_on(self, run_state: S) -> HistoryGoesOn | PathGoesOn:
-        """The entry for the continuation of a run. Collective."""
+        """Return the entry for the continuation of a run. Collective."""
         raise NotImplementedError
 
     def _names(self) -> Iterable[str]:
-        """Names of the vectors that a state has in addition to the unknowns."""
+        """Return the names of the vectors of a state in addition to the unknowns."""
         raise NotImplementedError
 
     def _fill(self, vectors: Mapping[str, PETSc.Vec], run_state: S) -> None:
@@ -145,7 +160,7 @@ class StepsRecord(Record[J], Generic[J, S]):
     def _recalled(
         self, state: StateEntry[Any], vectors: Mapping[str, PETSc.Vec], arrays: Arrays
     ) -> S:
-        """The state of a run at a recorded state, which is in the problem. Collective.
+        """Return the state of a run at a recorded state, which is in the problem. Collective.
 
         Args:
             state: entry of the state.
@@ -170,7 +185,7 @@ class StepsRecord(Record[J], Generic[J, S]):
         accepted = state.accepted
         if not states:
             tables = [self.problem.table(s) for s in self.problem.surfaces]
-            self._keep(state, "".join(table.status for table in tables))
+            self._write_state(state, "".join(table.status for table in tables))
         elif len(states) == 1 and self._last is None:
             self._index = 0
             self._last = accepted
@@ -190,19 +205,21 @@ class StepsRecord(Record[J], Generic[J, S]):
         self._append({"type": "run", "task": asdict(task), "after": self._index})
 
     def step(self, step: EvolutionStep, state: S) -> None:
-        if self._index + 1 < len(self.journal.states):  # recorded before the run was killed
+        """Record a step, unless it was recorded before the run was killed. Collective."""
+        if self._index + 1 < len(self.journal.states):
             self._index += 1
             self._last = state.accepted
             return
-        self._keep(state, step.status, step.row())
+        self._write_state(state, step.status, step.row())
 
     def end(self, ended: Ends) -> None:
+        """Record the end of a run. Collective."""
         if ended.ending is None or self._index < len(self.journal.states) - 1:
             return  # more was recorded before, after which this is not the end
         end = EndEntry(ending=ended.ending, reason=ended.reason)
         self._append({"type": "end", **plain(end)})
 
-    def _keep(self, run_state: S, letters: str, row: dict[str, Any] | None = None) -> None:
+    def _write_state(self, run_state: S, letters: str, row: dict[str, Any] | None = None) -> None:
         """Record a state, which is in the problem. Collective.
 
         Args:
@@ -213,17 +230,18 @@ class StepsRecord(Record[J], Generic[J, S]):
         accepted = run_state.accepted
         index = self._index + 1
         name = f"state_{index:06d}"
-        values = self._values()
+        values = values_of(self.problem, more=self._more_data)
         before = self.journal.data_at(index - 1)
         square = self.comm.allreduce(float(np.dot(accepted.unknowns, accepted.unknowns)))
         goes_on = self._goes_on(run_state)
+        # files first, then the line that names them
         vectors = self._vectors()
         self._fill(vectors, run_state)
         self.problem.write(vectors["x"])
-        fingerprint = self._write_fields(name, vectors, self._points.gathered(accepted))
+        keys = self._write_fields(name, vectors, self._points.gathered(accepted))
         for x in vectors.values():
             x.destroy()
-        law = self.problem.with_memory(accepted.state.previous)
+        keys |= self._write_surface(name, self.problem.with_memory(accepted.state.previous))
         entry = StateEntry(
             index=index,
             time=accepted.time,
@@ -234,17 +252,14 @@ class StepsRecord(Record[J], Generic[J, S]):
             row=row,
             first=accepted.statuses is None,
             run=goes_on,
-            checkpoint=name,
-            sum=fingerprint,
-            surface=name if self._shows else None,
-            surface_sum=self._write_surface(name, law) if self._shows else None,
+            **keys,
         )
         self._append({"type": "state", **plain(entry)})
         self._index = index
         self._last = accepted
 
     def _vectors(self) -> dict[str, PETSc.Vec]:
-        """New vectors for a state, the unknowns last. Collective."""
+        """Return new vectors for a state, the unknowns last. Collective."""
         return {name: self.problem.create_vector() for name in (*self._names(), "x")}
 
     # -- resuming --------------------------------------------------------------------------------
@@ -263,13 +278,12 @@ class StepsRecord(Record[J], Generic[J, S]):
         Args:
             indices: numbers of the states, from the last one back.
         """
-        index, run_state = self._last_undamaged(indices, lambda i: (i, self._run_state(i)))
-        self._index = index
+        self._index, run_state = self._last_undamaged(indices, lambda i: (i, self._run_state(i)))
         self._last = run_state.accepted
         return run_state
 
     def _run_state(self, index: int) -> S:
-        """The state of a run at a recorded state, which is put into the problem. Collective.
+        """Return the state of a run at a recorded state, put into the problem. Collective.
 
         Raises:
             ValueError: on every rank, if its checkpoint is damaged.
@@ -301,8 +315,8 @@ class StepsRecord(Record[J], Generic[J, S]):
         """
         same_everywhere(self.comm, index=index)
         last = len(self.journal.states) - 1
-        known = isinstance(index, int | np.integer) and 0 <= index <= last
-        require(self.comm, known, f"steps 0 to {last} are recorded, not {index}")
+        valid = isinstance(index, int | np.integer) and 0 <= index <= last
+        require(self.comm, valid, f"steps 0 to {last} are recorded, not {index}")
         if index == 0:
             self._run_state(0)
             return self.problem
@@ -311,7 +325,7 @@ class StepsRecord(Record[J], Generic[J, S]):
         return self.problem.step_from(before.state, step=step)
 
     def state(self, index: int) -> State:
-        """A recorded state, for evaluators with ``state=`` and runs with ``start=``. Collective.
+        """Return a recorded state, for evaluators and ``run(..., start=)``. Collective.
 
         The problem stays as it is.
 
@@ -350,3 +364,342 @@ class StepsRecord(Record[J], Generic[J, S]):
             shown = self.show(index)
             tables = [shown.table(s) for s in self.problem.surfaces]
         write_contact_table(self.comm, output_folder(self.comm, folder), tables)
+
+
+class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
+    """A record of the runs of an evolution in a folder. Collective.
+
+    While the record is open no other process can write to it; ranks that outlive a killed
+    ``mpirun`` hold it until they are ended.
+
+    A record is resumed with the same problem only. It stores a manifest: the mesh, the forms and
+    their domains of integration, Dirichlet conditions, surfaces and laws, and at every state the
+    values of all Constants and Functions. On resumption the manifest is compared once, under the
+    load at the last recorded time, and the error names the first item that differs. Later values
+    of the load cannot be compared.
+
+    Args:
+        folder: folder of the record, created if necessary.
+        evolution: evolution whose runs are recorded.
+        surface_displacement: whether the displacement of the outer surface is recorded at every
+            step, in single precision, for `plot.draw_record`. A resumed record continues as it
+            began.
+        resume: True to continue an existing record, False to begin a new one, "if_exists" for
+            either.
+
+    Attributes:
+        journal: content of the journal, on every rank.
+
+    Raises:
+        OSError: on every rank, if the folder cannot be written to, another run records there, or
+            the existence of a record contradicts ``resume``. Later, from `QuasiStatic.run`, if a
+            step cannot be written: the record then ends with the previous step, and can be resumed.
+        ValueError: on every rank, if the journal is damaged or that of another problem or load, or
+            arguments differ between ranks. Nothing has been written then.
+
+    Example:
+        Record a run, and read it::
+
+            with EvolutionRecord("output/path", evolution) as record:
+                history = evolution.run(times, record=record)
+            rows = read_journal("output/path").rows()
+
+        If it is killed, a script that has made the same evolution continues::
+
+            with EvolutionRecord("output/path", evolution, resume=True) as record:
+                history = record.go_on()
+    """
+
+    _what = "evolution"
+    _along = "the time"
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        evolution: Evolution,
+        *,
+        surface_displacement: bool = False,
+        resume: Resume = False,
+    ):
+        if not isinstance(evolution, Evolution):
+            raise ValueError(f"a QuasiStatic or NSCD is needed, got {type(evolution).__name__}")
+        self.evolution = evolution
+        super().__init__(
+            folder,
+            evolution.problem,
+            EvolutionJournal,
+            surface_displacement=surface_displacement,
+            resume=resume,
+            method=evolution.method,
+            data=evolution.data,
+            forms={f"the form {i} of the motion": f for i, f in enumerate(evolution.forms, 1)},
+        )
+
+    def _load(self, state: StateEntry[HistoryGoesOn]) -> None:
+        self.evolution.load(state.time)
+
+    def _goes_on(self, run_state: RunState) -> HistoryGoesOn:
+        return HistoryGoesOn(
+            number=run_state.number,
+            length=run_state.length,
+            rate=None if run_state.rate is None else [float(r) for r in run_state.rate],
+            settled=run_state.settled,
+            ending=run_state.ending,
+            reason=run_state.reason,
+        )
+
+    def _names(self) -> Iterable[str]:
+        return self.evolution.kept
+
+    def _fill(self, vectors: Mapping[str, PETSc.Vec], run_state: RunState) -> None:
+        n = self.problem.equations.owned_sizes[0]
+        for name, f in self.evolution.kept.items():
+            vectors[name].array[:n] = f.x.array[:n]
+
+    def _recalled(
+        self,
+        state: StateEntry[HistoryGoesOn],
+        vectors: Mapping[str, PETSc.Vec],
+        arrays: Arrays,
+    ) -> RunState:
+        n = self.problem.equations.owned_sizes[0]
+        for name, f in self.evolution.kept.items():
+            f.x.array[:n] = vectors[name].array_r[:n]
+            f.x.scatter_forward()
+        memory = self._points.memory(arrays)
+        energies = self.evolution.account(**state.energies)
+        accepted = self.evolution.recalled(state.time, memory, energies, first=state.first)
+        run = state.run
+        rate = None if run.rate is None else np.array(run.rate)
+        return RunState(
+            accepted, run.length, rate, run.number, ending=run.ending, reason=run.reason
+        )
+
+    def go_on(
+        self,
+        *,
+        accept: Accept | None = None,
+        stop: Stop[EvolutionStep] | None = None,
+        observer: ObserverLike[EvolutionStep] | None = None,
+        progress: bool | None = None,
+    ) -> History:
+        """Continue the last run with its recorded task. Collective.
+
+        A run that has ended stays as it is. The evolution is then at the end of the record, and
+        another ``run`` may continue with ``record=`` this record.
+
+        Args:
+            accept: the same acceptance condition as at the beginning, if there was one.
+            stop: the same stop condition as at the beginning, if there was one.
+            observer: called with the computed steps, after the record.
+            progress: see `QuasiStatic.run`.
+
+        Returns:
+            The computed steps; the journal has all.
+
+        Raises:
+            NoContinuation: as `QuasiStatic.run`.
+            ValueError: on every rank, if no run was recorded, or its checkpoints are damaged.
+        """
+        run = self._last_run()
+        states = self.journal.states
+        if run.ending is not None:
+            run_state = replace(self._stand_at([len(states) - 1]), length=math.inf)
+            self.evolution.put(run_state)
+            history = History(run_state.accepted.time, run_state.accepted.energies)
+            history.end(run.ending, run.reason)
+            if run.ending in _WITHOUT_CONTINUATION and run.task["at_jump"] != "stop":
+                raise NoContinuation(run.reason, history)
+            return history
+        task = HistoryTask(**run.task | {"times": tuple(run.task["times"])})
+        settled = [i for i in range(run.after + 1, len(states)) if states[i].run.settled]
+        run_state = self._stand_at([*reversed(settled), run.after])
+        if self._index == run.after:
+            run_state = replace(run_state, length=task.longest, ending=None, reason="")
+        self._resumed_state = run_state
+        listeners = Listeners(accept, stop, observer, self, progress)
+        return self.evolution.go_on(task, run_state, listeners)
+
+
+class PathRecord(StepsRecord[PathJournal, PathState]):
+    """A record of the runs of a path by arc length in a folder. Collective.
+
+    While the record is open no other process can write to it; ranks that outlive a killed
+    ``mpirun`` hold it until they are ended.
+
+    Args:
+        folder: folder of the record, created if necessary.
+        path: path whose runs are recorded.
+        surface_displacement: see `EvolutionRecord`.
+        resume: True to continue an existing record, False to begin a new one, "if_exists" for
+            either.
+
+    Attributes:
+        journal: content of the journal, on every rank.
+
+    Raises:
+        OSError, ValueError: on every rank, as `EvolutionRecord`.
+
+    Example:
+        Record a path, and read it::
+
+            with PathRecord("output/path", path) as record:
+                history = path.run(gamma_range=(0.0, 1.0), record=record)
+            folds = read_journal("output/path").folds
+
+        If it is killed, a script that has made the same `ArcLength` continues::
+
+            with PathRecord("output/path", path, resume=True) as record:
+                history = record.go_on()
+                back = path.run(gamma_range=(0.0, 1.0), direction="back", record=record)
+    """
+
+    _what = "path"
+    _along = "the arc length"
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        path: ArcLength,
+        *,
+        surface_displacement: bool = False,
+        resume: Resume = False,
+    ):
+        if not isinstance(path, ArcLength):
+            raise ValueError(f"an ArcLength is needed, got {type(path).__name__}")
+        self.path = path
+        self._layout = Layout(path.parametric)
+        super().__init__(
+            folder,
+            path.parametric,
+            PathJournal,
+            surface_displacement=surface_displacement,
+            resume=resume,
+            driven=path.parametric._driven_expressions,
+        )
+
+    def _load(self, state: StateEntry[PathGoesOn]) -> None:
+        self.path.parametric._set(state.run.gamma)
+
+    def _goes_on(self, run_state: PathState) -> PathGoesOn:
+        point = run_state.arrived
+        arrived = None
+        if point is not None:
+            arrived = Arrived(
+                tangent=self._layout.gamma(point.tangent),
+                piece=self.path.parametric.letters(point.piece),
+                step=point.step,
+                corrections=point.corrections,
+                tau=point.tau,
+            )
+        return PathGoesOn(
+            gamma=run_state.gamma,
+            arrived=arrived,
+            number=run_state.number,
+            length=run_state.length,
+            known=run_state.known,
+            ending=run_state.ending,
+            reason=run_state.reason,
+        )
+
+    def _names(self) -> Iterable[str]:
+        return ("tangent",)
+
+    def _fill(self, vectors: Mapping[str, PETSc.Vec], run_state: PathState) -> None:
+        if run_state.arrived is not None:
+            t = vectors["tangent"]
+            t.array[:] = run_state.arrived.tangent.array_r[: t.getLocalSize()]
+
+    def _recalled(
+        self,
+        state: StateEntry[PathGoesOn],
+        vectors: Mapping[str, PETSc.Vec],
+        arrays: Arrays,
+    ) -> PathState:
+        run = state.run
+        energies = self.path.account(**state.energies)
+        memory = self._points.memory(arrays)
+        accepted = self.path.recalled(state.time, run.gamma, memory, energies, first=state.first)
+        arrived = None
+        if (step := run.arrived) is not None:
+            arrived = BranchPoint(
+                self._layout.joined(vectors["x"], run.gamma),
+                self._layout.joined(vectors["tangent"], step.tangent),
+                self.path.parametric.piece_of(step.piece),
+                run.gamma,
+                step.step,
+                step.corrections,
+                step.tau,
+            )
+        return PathState(
+            accepted,
+            run.length,
+            number=run.number,
+            ending=run.ending,
+            reason=run.reason,
+            arrived=arrived,
+            known=run.known,
+            passed=(accepted.time,),
+        )
+
+    def begin(self, task: PathTask, state: PathState) -> None:
+        """Record the beginning of a run; nothing for a run that continues. Collective.
+
+        Raises:
+            ValueError: on every rank, if it does not begin where the record ends, or has another
+                task than the killed run that begins there.
+        """
+        runs = self.journal.runs
+        if runs and runs[-1].ending is None and self._last is None:
+            recorded = plain(_task(runs[-1].task))
+            self._require_same({"task": recorded}, {"task": plain(task)}, " in the task of the run")
+        super().begin(task, state)
+
+    def go_on(
+        self,
+        *,
+        stop: Stop[PathStep] | None = None,
+        observer: ObserverLike[PathStep] | None = None,
+        progress: bool | None = None,
+    ) -> PathHistory:
+        """Continue the last run with its recorded task. Collective.
+
+        A run that has ended stays as it is. The path is then at the end of the record, and another
+        ``run`` may continue with ``record=`` this record.
+
+        Args:
+            stop: the same stop condition as at the beginning, if there was one.
+            observer: called with the computed points, after the record.
+            progress: see `ArcLength.run`.
+
+        Returns:
+            The computed points; the journal has all.
+
+        Raises:
+            ValueError: on every rank, if no run was recorded, or its checkpoints are damaged.
+        """
+        run = self._last_run()
+        states = self.journal.states
+        if run.ending is not None:
+            run_state = self._stand_at([len(states) - 1])
+            self.path.put(run_state)
+            history = PathHistory(run_state.accepted.time, run_state.accepted.energies)
+            history.gamma = run_state.gamma
+            history.end(run.ending, run.reason)
+            return history
+        task = _task(run.task)
+        run_state = self._stand_at(range(len(states) - 1, run.after - 1, -1))
+        passed = tuple(s.time for s in states[run.after : self._index + 1])
+        run_state = replace(run_state, passed=passed)
+        if self._index == run.after:
+            run_state = begun(task, run_state)
+        self._resumed_state = run_state
+        listeners = Listeners(None, stop, observer, self, progress)
+        return self.path.go_on(task, run_state, listeners)
+
+
+def _task(words: Mapping[str, Any]) -> PathTask:
+    """Return the recorded task of a run."""
+    low, high = words["gamma_range"]
+    control = StepControl(**words["control"])
+    return PathTask(**dict(words) | {"gamma_range": (low, high), "control": control})
