@@ -2,6 +2,7 @@
 
 import errno
 import faulthandler
+import fcntl
 import os
 import resource
 import signal
@@ -23,8 +24,7 @@ from dolfinx_contact.io import write_contact_table, write_fields, write_summary
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
 from dolfinx_contact.records import BranchRecord, journal_file, read_journal, resume, write_series
-from dolfinx_contact.records.journal import FILE_NAME, FORMAT, Journal
-from dolfinx_contact.records.journal_file import JournalFile
+from dolfinx_contact.records.journal import FILE_NAME
 
 COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[1]
@@ -316,17 +316,15 @@ def test_a_series_on_a_full_disk(folder, format):
 
 
 @pytest.fixture
-def here(tmp_path):
-    """A folder with a new journal, and a way to open it."""
+def here(folder):
+    """A folder with a new record, and a way to open it."""
+    system, functionals = moved_block(COMM)
 
     def opened():
-        run = "processes 123 456 on a-host"
-        return JournalFile(tmp_path, Journal, resume="if_exists", run=run)
+        return BranchRecord(folder, system, functionals, resume="if_exists")
 
-    file = opened()
-    file.append({"type": "header", "format": FORMAT, "of": Journal.kind, "line": 1})
-    file.close()
-    return tmp_path, opened
+    opened().close()
+    return folder, opened
 
 
 def test_the_lock_says_who_holds_it(folder):
@@ -344,17 +342,17 @@ def test_the_lock_says_who_holds_it(folder):
     assert not (folder / journal_file.NOTE_NAME).exists()
 
 
+@serial
 def test_the_note_of_a_lock(here):
     """A refused run gets the note; without one, or with an old one, the lock is flock alone."""
     folder, opened = here
-    file = opened()
     note = folder / journal_file.NOTE_NAME
-    with pytest.raises(BlockingIOError, match=r"123 456 on a-host\. Their end frees the lock"):
-        opened()
-    note.unlink()
-    with pytest.raises(BlockingIOError, match="unknown processes"):
-        opened()
-    file.close()
+    with opened():
+        with pytest.raises(BlockingIOError, match=r"\d+ on .*since .*\. Their end frees the lock"):
+            opened()
+        note.unlink()
+        with pytest.raises(BlockingIOError, match="unknown processes"):
+            opened()
     note.write_text("of a killed run")
     opened().close()
     theirs = folder / "theirs.txt"
@@ -364,18 +362,24 @@ def test_the_note_of_a_lock(here):
     assert theirs.read_text() == "mine"
 
 
+@serial
 def test_a_process_that_has_the_journal_open_does_not_hold_it(here):
     """As one that was forked while it was recorded to."""
-    _, opened = here
-    file = opened()
-    with subprocess.Popen(["sleep", "60"], pass_fds=[file._file.fileno()]) as child:
-        try:
-            file.close()
-            opened().close()
-        finally:
-            child.kill()
+    folder, opened = here
+    with opened():
+        links = {
+            int(p.name): p.readlink() for p in Path("/proc/self/fd").iterdir() if p.is_symlink()
+        }
+        (number,) = [n for n, path in links.items() if path == folder / FILE_NAME]
+        child = subprocess.Popen(["sleep", "60"], pass_fds=[number])
+    try:
+        opened().close()
+    finally:
+        child.kill()
+        child.wait()
 
 
+@serial
 def test_a_file_system_without_flock(here, monkeypatch):
     """The note is the lock then, until it is removed by hand."""
     folder, opened = here
@@ -383,17 +387,15 @@ def test_a_file_system_without_flock(here, monkeypatch):
     def refuse(*_):
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr(journal_file.fcntl, "flock", refuse)
+    monkeypatch.setattr(fcntl, "flock", refuse)
     note = folder / journal_file.NOTE_NAME
-    file = opened()
-    with pytest.raises(BlockingIOError, match=f"a-host.* If they are gone, remove {note}"):
-        opened()
-    assert note.exists()
-    file.close()
+    with opened():
+        with pytest.raises(BlockingIOError, match=f"If they are gone, remove {note}"):
+            opened()
+        assert note.exists()
     assert not note.exists()
-    opened().close()
     note.write_text("left by a killed run")
-    with pytest.raises(BlockingIOError, match=f"remove {note}"):
+    with pytest.raises(BlockingIOError, match=f"left by a killed run. .*remove {note}"):
         opened()
     note.unlink()
     opened().close()

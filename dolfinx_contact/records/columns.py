@@ -27,6 +27,7 @@ __all__ = [
     "BranchTask",
     "ChangeEntry",
     "EndEntry",
+    "GoesOn",
     "HistoryGoesOn",
     "JournalEdge",
     "JournalNode",
@@ -41,7 +42,7 @@ __all__ = [
 ]
 
 T = TypeVar("T")
-G = TypeVar("G", bound="HistoryGoesOn | PathGoesOn")
+G = TypeVar("G", bound="GoesOn")
 
 
 def plain(value: Any) -> Any:
@@ -267,15 +268,21 @@ class EndEntry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HistoryGoesOn:
-    """Continuation of a history from a state; see `evolution.run.RunState`."""
+class GoesOn:
+    """Continuation of a run from a state; see `evolution.run.RunState`."""
 
     number: int
     length: float
-    rate: list[float] | None = None
-    settled: bool
+    settled: bool = True
     ending: Ending | None = None
     reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryGoesOn(GoesOn):
+    """Continuation of a history from a state; see `evolution.run.RunState`."""
+
+    rate: list[float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -298,16 +305,12 @@ class Arrived:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PathGoesOn:
+class PathGoesOn(GoesOn):
     """Continuation of a path from a state; see `evolution.path.PathState`."""
 
     gamma: float
     arrived: Arrived | None = None
-    number: int
-    length: float
     known: Known
-    ending: Ending | None = None
-    reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -345,10 +348,6 @@ class StateEntry(Generic[G]):
     surface_sum: str | None = None
 
 
-def _goes_on(line: Mapping[str, Any]) -> HistoryGoesOn | PathGoesOn:
-    return made(PathGoesOn if "known" in line else HistoryGoesOn, line)
-
-
 #: Functions that read the values of keys that are not plain.
 _READ: dict[str, Callable[[Any], Any]] = {
     "arrived": lambda line: made(Arrived, line),
@@ -358,6 +357,6 @@ _READ: dict[str, Callable[[Any], Any]] = {
     "known": lambda line: Known(**line),
     "point": lambda line: made(NodePoint, line),
     "rays": lambda lines: [made(RayEntry, line) for line in lines],
-    "run": _goes_on,
+    "run": lambda line: made(PathGoesOn if "known" in line else HistoryGoesOn, line),
     "special": lambda lines: [made(SpecialEntry, line) for line in lines],
 }

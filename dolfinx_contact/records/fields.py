@@ -25,6 +25,7 @@ from dolfinx_contact.records.arrays import Arrays
 
 if TYPE_CHECKING:
     from dolfinx_contact.evolution.step import AcceptedState
+    from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["FieldArrays", "PointArrays"]
@@ -39,66 +40,79 @@ class FieldArrays:
 
     def __init__(self, problem: ContactProblem):
         self.problem = problem
-        self._on_body: list[fem.Function | None] = [None]
-        self._nodes: list[npt.NDArray[np.int32]] = [np.zeros(0, dtype=np.int32)]
-        for s in problem.surfaces:
-            W = fem.functionspace(s.domain, ("Lagrange", s.degrees[1], (s.dim,)))
-            self._on_body.append(fem.Function(W))
-            self._nodes.append(trace_dofs(W, s.points.Q, s.submesh.parent_facets))
+        self._surfaces = [_SurfaceField(s) for s in problem.surfaces]
 
     def gathered(self, vectors: Mapping[str, PETSc.Vec]) -> Arrays:
-        """The arrays of vectors by name, on rank 0. Collective.
+        """Return the arrays of vectors by name, on rank 0. Collective.
 
         The last vector stays in the Functions of the problem.
         """
-        found = {}
+        arrays = {}
         for name, x in vectors.items():
             self.problem.read(x)
-            found[f"{name}.rigid"] = np.array([b.values for b in self.problem.rigid_bodies])
-            for i, f in enumerate(self.problem.fields):
-                found[f"{name}.{i}"] = _to_root(self._extended(i, f))
-        return found
+            arrays[f"{name}.rigid"] = np.array([b.values for b in self.problem.rigid_bodies])
+            u, *multipliers = self.problem.fields
+            arrays[f"{name}.0"] = _to_root(u)
+            for i, (f, field) in enumerate(zip(multipliers, self._surfaces, strict=True), 1):
+                arrays[f"{name}.{i}"] = _to_root(field.extended(f))
+        return arrays
 
     def fill(
-        self, vectors: Mapping[str, PETSc.Vec], arrays: Mapping[str, npt.NDArray[Any]]
+        self, vectors: Mapping[str, PETSc.Vec], arrays: Mapping[str, npt.NDArray[np.float64]]
     ) -> None:
         """Fill vectors from their arrays on rank 0. Collective."""
-        comm = self.problem.comm
         for name, x in vectors.items():
-            for i, f in enumerate(self.problem.fields):
-                whole = self._on_body[i]
-                _from_root(f if whole is None else whole, arrays.get(f"{name}.{i}"))
-                if whole is not None:
-                    bs = f.function_space.dofmap.index_map_bs
-                    f.x.array[:] = whole.x.array.reshape(-1, bs)[self._nodes[i]].reshape(-1)
-                    f.x.scatter_forward()
-            motions = comm.bcast(arrays.get(f"{name}.rigid"))
+            u, *multipliers = self.problem.fields
+            _from_root(u, arrays.get(f"{name}.0"))
+            for i, (f, field) in enumerate(zip(multipliers, self._surfaces, strict=True), 1):
+                _from_root(field.on_body, arrays.get(f"{name}.{i}"))
+                field.restrict(f)
+            motions = self.problem.comm.bcast(arrays.get(f"{name}.rigid"))
             for body, values in zip(self.problem.rigid_bodies, motions, strict=True):
                 body.values = np.array(values)
             self.problem.write(x)
 
-    def _extended(self, i: int, f: fem.Function) -> fem.Function:
-        """Field ``i`` as a Function on the mesh of the body; 0 away from its surface."""
-        whole = self._on_body[i]
-        if whole is None:
-            return f
-        W = whole.function_space
+
+class _SurfaceField:
+    """A Function on the body's mesh with the nodes of a multiplier.
+
+    Args:
+        s: contact surface of the multiplier.
+
+    Attributes:
+        on_body: the Function.
+    """
+
+    def __init__(self, s: DiscreteSurface):
+        W = fem.functionspace(s.domain, ("Lagrange", s.degrees[1], (s.dim,)))
+        self.on_body = fem.Function(W)
+        self._nodes = trace_dofs(W, s.points.Q, s.submesh.parent_facets)
+
+    def restrict(self, f: fem.Function) -> None:
+        """Set a multiplier to the values on the body. Collective."""
+        bs = f.function_space.dofmap.index_map_bs
+        f.x.array[:] = self.on_body.x.array.reshape(-1, bs)[self._nodes].reshape(-1)
+        f.x.scatter_forward()
+
+    def extended(self, f: fem.Function) -> fem.Function:
+        """Return a multiplier on the body; 0 away from its surface. Collective."""
+        W = self.on_body.function_space
         bs = W.dofmap.index_map_bs
         # A rank may own a node of the body without having the facet next to it.
         values = la.vector(W.dofmap.index_map, bs)
         counts = la.vector(W.dofmap.index_map, 1)
         for v in (values, counts):
             v.array[:] = 0.0
-        values.array.reshape(-1, bs)[self._nodes[i]] = f.x.array.reshape(-1, bs)
-        counts.array[self._nodes[i]] = 1.0
+        values.array.reshape(-1, bs)[self._nodes] = f.x.array.reshape(-1, bs)
+        counts.array[self._nodes] = 1.0
         for v in (values, counts):
             v.scatter_reverse(la.InsertMode.add)
         n = W.dofmap.index_map.size_local
         # Every rank with the node has added the same value.
         mean = values.array.reshape(-1, bs)[:n] / np.maximum(counts.array[:n], 1.0)[:, None]
-        whole.x.array[: n * bs] = mean.reshape(-1)
-        whole.x.scatter_forward()
-        return whole
+        self.on_body.x.array[: n * bs] = mean.reshape(-1)
+        self.on_body.x.scatter_forward()
+        return self.on_body
 
 
 class PointArrays:
@@ -115,21 +129,23 @@ class PointArrays:
         self._surfaces = [Gathered(s.comm, s.positions, s.points.ids) for s in problem.surfaces]
 
     def gathered(self, accepted: AcceptedState) -> Arrays:
-        """The arrays at a state, by name, on every rank. Collective."""
-        found: Arrays = {}
-        every = zip(self._surfaces, accepted.shown, accepted.memory, strict=True)
-        for i, (surface, codes, memory) in enumerate(every):
-            found[f"statuses.{i}"] = surface(codes)
-            for name, values in _arrays(memory).items():
-                found[f"memory.{i}.{name}"] = surface(values)
-        return found
+        """Return the arrays at a state, by name, on every rank. Collective."""
+        arrays: Arrays = {}
+        surfaces = zip(self._surfaces, accepted.shown, accepted.memory, strict=True)
+        for i, (surface, codes, memory) in enumerate(surfaces):
+            arrays[f"statuses.{i}"] = surface(codes)
+            if memory is not None:
+                place = {} if memory.place is None else {"place": memory.place}
+                for name, values in {"jump": memory.jump, **place, **memory.fields}.items():
+                    arrays[f"memory.{i}.{name}"] = surface(values)
+        return arrays
 
-    def statuses(self, found: Mapping[str, npt.NDArray[Any]]) -> list[npt.NDArray[np.int8]]:
-        """The statuses of the points of this rank, by surface."""
-        return [found[f"statuses.{i}"][s.mine] for i, s in enumerate(self._surfaces)]
+    def statuses(self, arrays: Mapping[str, npt.NDArray[Any]]) -> list[npt.NDArray[np.int8]]:
+        """Return the statuses of the points of this rank, by surface."""
+        return [arrays[f"statuses.{i}"][s.mine] for i, s in enumerate(self._surfaces)]
 
-    def memory(self, found: Mapping[str, npt.NDArray[Any]]) -> tuple[Memory, ...]:
-        """The memory of the points of this rank, by surface.
+    def memory(self, arrays: Mapping[str, npt.NDArray[Any]]) -> tuple[Memory, ...]:
+        """Return the memory of the points of this rank, by surface.
 
         The memory of sliding faces includes the displacement, and that on a turning rigid body its
         motion; both are those in the problem.
@@ -138,27 +154,23 @@ class PointArrays:
         memories = []
         for i, (surface, s) in enumerate(zip(self._surfaces, self._problem.surfaces, strict=True)):
             start = f"memory.{i}."
-            names = [name for name in found if name.startswith(start)]
-            arrays = {name.removeprefix(start): found[name][surface.mine] for name in names}
-            jump = arrays.pop("jump")
-            place = arrays.pop("place", None)
-            displacement = u[: s.owned_nodes] if s.slides else None
-            body = s.rigid_body
-            motion = body.values if body is not None and s.turns else None
-            memories.append(Memory(jump, arrays, 0.0, None, displacement, place, motion))
+            names = [name for name in arrays if name.startswith(start)]
+            fields = {name.removeprefix(start): arrays[name][surface.mine] for name in names}
+            turning = s.rigid_body is not None and s.turns
+            memories.append(
+                Memory(
+                    fields.pop("jump"),
+                    place=fields.pop("place", None),
+                    fields=fields,
+                    displacement=u[: s.owned_nodes] if s.slides else None,
+                    motion=s.rigid_body.values if turning else None,
+                )
+            )
         return tuple(memories)
 
 
-def _arrays(memory: Memory | None) -> Arrays:
-    """All arrays of a memory."""
-    if memory is None:
-        return {}
-    place = {} if memory.place is None else {"place": memory.place}
-    return {"jump": memory.jump, **place, **memory.fields}
-
-
 def _cells(f: fem.Function, number: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Input numbers of the first local cells, and places of their coefficients in the array."""
+    """Return the input numbers of the first local cells, and the places of their coefficients."""
     V = f.function_space
     bs = V.dofmap.index_map_bs
     nodes = V.dofmap.list[:number].astype(np.int64)
@@ -167,7 +179,7 @@ def _cells(f: fem.Function, number: int) -> tuple[npt.NDArray[np.int64], npt.NDA
 
 
 def _to_root(f: fem.Function) -> npt.NDArray[np.float64]:
-    """The coefficients of all cells in the order of the input, on rank 0. Collective."""
+    """Return the coefficients of all cells in the order of the input, on rank 0. Collective."""
     comm = f.function_space.mesh.comm
     cells = f.function_space.mesh.topology.index_map(f.function_space.mesh.topology.dim)
     numbers, places = _cells(f, cells.size_local)
@@ -175,6 +187,7 @@ def _to_root(f: fem.Function) -> npt.NDArray[np.float64]:
     if comm.rank:
         comm.send((numbers, values), 0)
         return np.zeros((0, 0))
+    # one rank after the other, so that rank 0 holds one copy of the field
     whole = np.empty((cells.size_global, values.shape[1]))
     whole[numbers] = values
     for rank in range(1, comm.size):

@@ -52,11 +52,11 @@ _COLUMNS = ("branch", "index", "gamma", "step", "corrections", "tau", "norm", "s
 
 
 def leftmost(quantity: Quantity, surface: str | None = None) -> OfProblem:
-    """The value at the first contact point in the order of coordinates.
+    """Return the function for the value at the first contact point in the order of coordinates.
 
     Args:
         quantity: ``"un"``, ``"ut"``, ``"rn"`` or ``"rt"``, as in `ContactTable`.
-        surface: its name, by default the first of the problem.
+        surface: name of the surface; by default the first of the problem.
 
     Raises:
         ValueError: if there is no such quantity; when it is evaluated, if there is no such surface.
@@ -65,14 +65,14 @@ def leftmost(quantity: Quantity, surface: str | None = None) -> OfProblem:
 
 
 def rightmost(quantity: Quantity, surface: str | None = None) -> OfProblem:
-    """The value at the last contact point in order of coordinates; see `leftmost`."""
+    """Return the function for the value at the last contact point; see `leftmost`."""
     return _of_table(quantity, surface, lambda values, _: float(values[-1]))
 
 
 def total(quantity: Literal["rn", "rt"], surface: str | None = None) -> OfProblem:
-    """The sum over contact points, of contact alone; in 3D of ``rt`` the size of the resultant.
+    """Return the function for the sum over contact points, without reactions of supports.
 
-    Arguments and errors as in `leftmost`.
+    In 3D, the sum of ``rt`` is the size of the resultant. Arguments and errors as in `leftmost`.
     """
     if quantity not in ("rn", "rt"):
         raise ValueError(f"forces are summed, 'rn' or 'rt', got {quantity!r}")
@@ -85,16 +85,16 @@ def total(quantity: Literal["rn", "rt"], surface: str | None = None) -> OfProble
 
 
 def _of_table(quantity: str, surface: str | None, value: Callable[[Any, Any], float]) -> OfProblem:
-    """A function of a problem: ``value`` of a column of a table, and of the table."""
+    """Return a function of a problem: ``value`` of a column of a table, and of the table."""
     if quantity not in ("un", "ut", "rn", "rt"):
         raise ValueError(f"the quantity must be un, ut, rn or rt, got {quantity!r}")
 
     def functional(problem: ContactProblem) -> float:
-        known = {s.name: s for s in problem.surfaces}
-        if surface is not None and surface not in known:
-            raise ValueError(f"no surface is named {surface!r}; there are: {', '.join(known)}")
-        s = problem.surfaces[0] if surface is None else known[surface]
-        t = problem.table(s)
+        surfaces = {s.name: s for s in problem.surfaces}
+        name = next(iter(surfaces)) if surface is None else surface
+        if name not in surfaces:
+            raise ValueError(f"no surface is named {name!r}; there are: {', '.join(surfaces)}")
+        t = problem.table(surfaces[name])
         column = getattr(t, quantity)
         return value(t.along(column) if quantity in ("ut", "rt") else column, t)
 
@@ -107,24 +107,29 @@ def _of_table(quantity: str, surface: str | None, value: Callable[[Any, Any], fl
 def compiled(
     problem: ContactProblem, functionals: Mapping[str, Functional]
 ) -> dict[str, Callable[[], float]]:
-    """Functions that evaluate functionals at the state in the problem. Collective.
+    """Return functions that evaluate functionals at the state in the problem. Collective.
 
     Raises:
         ValueError: on every rank, if a functional is neither a scalar form nor a function, has no
             name or the name of a column, or the functionals or their order differ between ranks.
     """
     with everywhere(problem.comm, "the functionals"):
-        _check_names(functionals)
-        kinds = {name: _kind(problem, name, f) for name, f in functionals.items()}
-    same_everywhere(problem.comm, functionals=list(kinds))
-    same_everywhere(problem.comm, functionals=kinds)
+        for name in functionals:
+            if not isinstance(name, str) or not name:
+                raise ValueError(f"the name of a functional must be a word, got {name!r}")
+        clash = sorted({*_COLUMNS, *status.KINDS} & set(functionals))
+        if clash:
+            raise ValueError(f"functionals must not have the names of columns: {', '.join(clash)}")
+        contents = {name: _content(problem, name, f) for name, f in functionals.items()}
+    same_everywhere(problem.comm, functionals=list(contents))
+    same_everywhere(problem.comm, functionals=contents)
     return {name: _evaluator(problem, name, f) for name, f in functionals.items()}
 
 
 def functional_forms(
     system: ParametricContact, functionals: Mapping[str, Functional]
 ) -> dict[str, str]:
-    """The section ``forms`` of the manifest for functionals. Not collective.
+    """Return the section ``forms`` of the manifest for functionals. Not collective.
 
     A form is known by the hash of its signature and of the places of its Functions and Constants in
     the problem, a Python function only by its name.
@@ -132,28 +137,19 @@ def functional_forms(
     problem = system.problem
     places = {id(d.value): d.place for d in placed_data(problem.equations)}
     places |= {id(problem.u): "the displacement", id(system.constant): "gamma"}
-    found = {}
+    texts = {}
     for name, f in functionals.items():
         text = "a function"
         if isinstance(f, ufl.Form):
             data = (*f.coefficients(), *f.constants())
             signature = "; ".join([f.signature(), *(places.get(id(d), "another") for d in data)])
             text = hashlib.sha256(signature.encode()).hexdigest()[:32]
-        found[f"the functional {name!r}"] = text
-    return found
+        texts[f"the functional {name!r}"] = text
+    return texts
 
 
-def _check_names(functionals: Mapping[str, Functional]) -> None:
-    for name in functionals:
-        if not isinstance(name, str) or not name:
-            raise ValueError(f"the name of a functional must be a word, got {name!r}")
-    clash = sorted({*_COLUMNS, *status.KINDS} & set(functionals))
-    if clash:
-        raise ValueError(f"functionals must not have the names of columns: {', '.join(clash)}")
-
-
-def _kind(problem: ContactProblem, name: str, f: Functional) -> str:
-    """The content of a functional, equal on ranks that mean the same."""
+def _content(problem: ContactProblem, name: str, f: Functional) -> str:
+    """Return the content of a functional as text, equal on ranks that pass the same one."""
     if isinstance(f, ufl.Form):
         if f.arguments():
             raise ValueError(f"the functional {name!r} must be a scalar form")
@@ -164,6 +160,7 @@ def _kind(problem: ContactProblem, name: str, f: Functional) -> str:
 
 
 def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[], float]:
+    """Return the function that evaluates a functional; it is collective."""
     comm = problem.comm
     if isinstance(f, ufl.Form):
         maps = merge_entity_maps([s.submesh for s in problem.surfaces])
@@ -172,9 +169,9 @@ def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[]
 
     def value() -> float:
         with everywhere(comm, f"the functional {name!r}"):
-            found = f(problem)
+            result = f(problem)
             try:
-                number = complex(found)
+                number = complex(result)
             except (TypeError, ValueError):
                 raise ValueError(f"the functional {name!r} did not return a number") from None
             number = _real(name, number)
@@ -188,7 +185,7 @@ def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[]
 
 
 def _real(name: str, value: complex) -> float:
-    """The value of a functional.
+    """Return the value of a functional as a real number.
 
     Raises:
         ValueError: if it is not real.

@@ -299,7 +299,7 @@ def _input_cells(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
 
 
 def _fixed(problem: ContactProblem) -> str:
-    """Return a hash of the unknowns with Dirichlet conditions, by cells of the input. Collective."""
+    """Return a hash of the unknowns with Dirichlet conditions, by input cells. Collective."""
     cells = _input_cells(problem.V.mesh)
     fixed = problem.equations.constraints.fixed
     in_cells = fixed[problem.V.dofmap.list[: len(cells)]].reshape(len(cells), -1)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from typing import Any, ClassVar, Generic, TypeVar
@@ -20,6 +20,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 import ufl
 
@@ -52,6 +53,7 @@ from dolfinx_contact.records.arrays import Arrays
 from dolfinx_contact.records.columns import (
     Arrived,
     EndEntry,
+    GoesOn,
     HistoryGoesOn,
     PathGoesOn,
     StateEntry,
@@ -145,16 +147,21 @@ class StepsRecord(Record[J], Generic[J, S]):
         """Put the load of a state into the data of the problem. Collective."""
         raise NotImplementedError
 
-    def _goes_on(self, run_state: S) -> HistoryGoesOn | PathGoesOn:
-        """Return the entry for the continuation of a run. Collective."""
+    def _more(self, run_state: S | None) -> Mapping[str, npt.ArrayLike]:
+        """Return the owned values of the vectors of a state in addition to the unknowns.
+
+        Args:
+            run_state: the state; None if only the names are needed.
+        """
         raise NotImplementedError
 
-    def _names(self) -> Iterable[str]:
-        """Return the names of the vectors of a state in addition to the unknowns."""
-        raise NotImplementedError
+    def _goes_on(self, run_state: S, common: dict[str, Any]) -> GoesOn:
+        """Return the entry for the continuation of a run. Collective.
 
-    def _fill(self, vectors: Mapping[str, PETSc.Vec], run_state: S) -> None:
-        """Fill these vectors, which are 0."""
+        Args:
+            run_state: state of the run.
+            common: fields of the entry that all runs have.
+        """
         raise NotImplementedError
 
     def _recalled(
@@ -233,10 +240,10 @@ class StepsRecord(Record[J], Generic[J, S]):
         values = values_of(self.problem, more=self._more_data)
         before = self.journal.data_at(index - 1)
         square = self.comm.allreduce(float(np.dot(accepted.unknowns, accepted.unknowns)))
-        goes_on = self._goes_on(run_state)
+        common = {k: getattr(run_state, k) for k in ("number", "length", "settled")}
+        common |= {"ending": run_state.ending, "reason": run_state.reason}
         # files first, then the line that names them
-        vectors = self._vectors()
-        self._fill(vectors, run_state)
+        vectors = self._vectors(run_state)
         self.problem.write(vectors["x"])
         keys = self._write_fields(name, vectors, self._points.gathered(accepted))
         for x in vectors.values():
@@ -251,16 +258,20 @@ class StepsRecord(Record[J], Generic[J, S]):
             data={place: v for place, v in values.items() if before.get(place) != v},
             row=row,
             first=accepted.statuses is None,
-            run=goes_on,
+            run=self._goes_on(run_state, common),
             **keys,
         )
         self._append({"type": "state", **plain(entry)})
         self._index = index
         self._last = accepted
 
-    def _vectors(self) -> dict[str, PETSc.Vec]:
-        """Return new vectors for a state, the unknowns last. Collective."""
-        return {name: self.problem.create_vector() for name in (*self._names(), "x")}
+    def _vectors(self, run_state: S | None = None) -> dict[str, PETSc.Vec]:
+        """Return new vectors for a state, the unknowns last and 0. Collective."""
+        vectors = {}
+        for name, values in {**self._more(run_state), "x": ()}.items():
+            x = vectors[name] = self.problem.create_vector()
+            x.array[: np.size(values)] = values
+        return vectors
 
     # -- resuming --------------------------------------------------------------------------------
 
@@ -271,6 +282,14 @@ class StepsRecord(Record[J], Generic[J, S]):
                 f"{type(self).__name__}(..., resume=True), or remove the folder"
             )
         return self.journal.runs[-1]
+
+    def _stand_in_run(self, run: EvolutionRun) -> S:
+        """Go to the last state from which a recorded run can continue. Collective."""
+        states = self.journal.states
+        if run.ending is not None:
+            return self._stand_at([len(states) - 1])
+        settled = [i for i in range(run.after + 1, len(states)) if states[i].run.settled]
+        return self._stand_at([*reversed(settled), run.after])
 
     def _stand_at(self, indices: Sequence[int]) -> S:
         """Go to the first of several recorded states that is undamaged. Collective.
@@ -438,23 +457,13 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
     def _load(self, state: StateEntry[HistoryGoesOn]) -> None:
         self.evolution.load(state.time)
 
-    def _goes_on(self, run_state: RunState) -> HistoryGoesOn:
-        return HistoryGoesOn(
-            number=run_state.number,
-            length=run_state.length,
-            rate=None if run_state.rate is None else [float(r) for r in run_state.rate],
-            settled=run_state.settled,
-            ending=run_state.ending,
-            reason=run_state.reason,
-        )
-
-    def _names(self) -> Iterable[str]:
-        return self.evolution.kept
-
-    def _fill(self, vectors: Mapping[str, PETSc.Vec], run_state: RunState) -> None:
+    def _more(self, run_state: RunState | None) -> Mapping[str, npt.ArrayLike]:
         n = self.problem.equations.owned_sizes[0]
-        for name, f in self.evolution.kept.items():
-            vectors[name].array[:n] = f.x.array[:n]
+        return {name: f.x.array[:n] for name, f in self.evolution.kept.items()}
+
+    def _goes_on(self, run_state: RunState, common: dict[str, Any]) -> HistoryGoesOn:
+        rate = None if run_state.rate is None else [float(r) for r in run_state.rate]
+        return HistoryGoesOn(rate=rate, **common)
 
     def _recalled(
         self,
@@ -502,18 +511,15 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
             ValueError: on every rank, if no run was recorded, or its checkpoints are damaged.
         """
         run = self._last_run()
-        states = self.journal.states
+        run_state = self._stand_in_run(run)
         if run.ending is not None:
-            run_state = replace(self._stand_at([len(states) - 1]), length=math.inf)
-            self.evolution.put(run_state)
+            self.evolution.put(replace(run_state, length=math.inf))
             history = History(run_state.accepted.time, run_state.accepted.energies)
             history.end(run.ending, run.reason)
             if run.ending in _WITHOUT_CONTINUATION and run.task["at_jump"] != "stop":
                 raise NoContinuation(run.reason, history)
             return history
         task = HistoryTask(**run.task | {"times": tuple(run.task["times"])})
-        settled = [i for i in range(run.after + 1, len(states)) if states[i].run.settled]
-        run_state = self._stand_at([*reversed(settled), run.after])
         if self._index == run.after:
             run_state = replace(run_state, length=task.longest, ending=None, reason="")
         self._resumed_state = run_state
@@ -581,7 +587,13 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
     def _load(self, state: StateEntry[PathGoesOn]) -> None:
         self.path.parametric._set(state.run.gamma)
 
-    def _goes_on(self, run_state: PathState) -> PathGoesOn:
+    def _more(self, run_state: PathState | None) -> Mapping[str, npt.ArrayLike]:
+        if run_state is None or run_state.arrived is None:
+            return {"tangent": ()}
+        values = run_state.arrived.tangent.array_r
+        return {"tangent": values[: len(values) - int(self._layout.last)]}
+
+    def _goes_on(self, run_state: PathState, common: dict[str, Any]) -> PathGoesOn:
         point = run_state.arrived
         arrived = None
         if point is not None:
@@ -592,23 +604,7 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
                 corrections=point.corrections,
                 tau=point.tau,
             )
-        return PathGoesOn(
-            gamma=run_state.gamma,
-            arrived=arrived,
-            number=run_state.number,
-            length=run_state.length,
-            known=run_state.known,
-            ending=run_state.ending,
-            reason=run_state.reason,
-        )
-
-    def _names(self) -> Iterable[str]:
-        return ("tangent",)
-
-    def _fill(self, vectors: Mapping[str, PETSc.Vec], run_state: PathState) -> None:
-        if run_state.arrived is not None:
-            t = vectors["tangent"]
-            t.array[:] = run_state.arrived.tangent.array_r[: t.getLocalSize()]
+        return PathGoesOn(gamma=run_state.gamma, arrived=arrived, known=run_state.known, **common)
 
     def _recalled(
         self,
@@ -679,17 +675,15 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
             ValueError: on every rank, if no run was recorded, or its checkpoints are damaged.
         """
         run = self._last_run()
-        states = self.journal.states
+        run_state = self._stand_in_run(run)
         if run.ending is not None:
-            run_state = self._stand_at([len(states) - 1])
             self.path.put(run_state)
             history = PathHistory(run_state.accepted.time, run_state.accepted.energies)
             history.gamma = run_state.gamma
             history.end(run.ending, run.reason)
             return history
         task = _task(run.task)
-        run_state = self._stand_at(range(len(states) - 1, run.after - 1, -1))
-        passed = tuple(s.time for s in states[run.after : self._index + 1])
+        passed = tuple(s.time for s in self.journal.states[run.after : self._index + 1])
         run_state = replace(run_state, passed=passed)
         if self._index == run.after:
             run_state = begun(task, run_state)
