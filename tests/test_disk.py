@@ -367,10 +367,9 @@ def test_a_process_that_has_the_journal_open_does_not_hold_it(here):
     """As one that was forked while it was recorded to."""
     folder, opened = here
     with opened():
-        links = {
-            int(p.name): p.readlink() for p in Path("/proc/self/fd").iterdir() if p.is_symlink()
-        }
-        (number,) = [n for n, path in links.items() if path == folder / FILE_NAME]
+        descriptors = Path("/proc/self/fd").iterdir()
+        path = os.path.realpath(folder / FILE_NAME)
+        (number,) = [int(d.name) for d in descriptors if os.path.realpath(d) == path]
         child = subprocess.Popen(["sleep", "60"], pass_fds=[number])
     try:
         opened().close()
