@@ -27,6 +27,7 @@ from dolfinx_contact.continuation import (
     Follower,
     Observer,
     Observers,
+    StepControl,
     Task,
     follow,
 )
@@ -399,8 +400,10 @@ def test_another_task_is_refused(folder):
 
 def task(r, **changes):
     known = r.journal.branches[0].task
-    values = vars(known) | {"gamma_range": tuple(known.gamma_range)} | changes
-    return Task(**values)
+    control = StepControl(**known["control"])
+    return Task(
+        **known | {"gamma_range": tuple(known["gamma_range"]), "control": control} | changes
+    )
 
 
 # -- resuming --------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ from dolfinx_contact.continuation import (
     Ends,
     ObserverLike,
     Route,
+    StepControl,
     Stepping,
     Stop,
     Task,
@@ -169,7 +170,7 @@ class BranchRecord(Record[Journal]):
             "control": plain(task.control),
         }
         if self._branch in self.journal.branches:
-            recorded = plain(self.journal.branches[self._branch].task)
+            recorded = self.journal.branches[self._branch].task
             at = f" in the task of branch {self._branch}"
             self._require_same({"task": {k: recorded[k] for k in fixed}}, {"task": fixed}, at)
             return
@@ -328,8 +329,7 @@ class BranchRecord(Record[Journal]):
         point, stepping = state
         known = self.journal.branches[branch]
         task = known.task
-        assert task is not None
-        budget = task.max_steps if max_steps is None else max_steps
+        budget = task["max_steps"] if max_steps is None else max_steps
         exhausted = known.ending is Ending.BUDGET and budget >= len(known.points)
         if known.ending is not None and not exhausted:
             return Branch([point], ending=known.ending, reason=known.reason)
@@ -338,18 +338,18 @@ class BranchRecord(Record[Journal]):
         # Pivoting has no length of steps.
         route: Route = "steps" if stepping.next_step > 0 else "pivoting"
         x = self._entries.unknowns(point)
-        scale = task.gamma_scale
+        control, scale = StepControl(**task["control"]), task["gamma_scale"]
         with (
             self.system.restored(),
             follower_for(
-                self.system, x, point.gamma, task.control, gamma_scale=scale, route=route
+                self.system, x, point.gamma, control, gamma_scale=scale, route=route
             ) as follower,
         ):
             return follower.run(
                 point,
-                gamma_range=(task.gamma_range[0], task.gamma_range[1]),
+                gamma_range=tuple(task["gamma_range"]),
                 max_steps=budget,
-                to_node=task.to_node,
+                to_node=task["to_node"],
                 stop=stop,
                 observer=observer,
                 record=self,

@@ -18,13 +18,11 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from dolfinx_contact.continuation.ending import Ending
-from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.evolution.path import Known
 from dolfinx_contact.laws import status
 
 __all__ = [
     "Arrived",
-    "BranchTask",
     "ChangeEntry",
     "EndEntry",
     "GoesOn",
@@ -73,17 +71,6 @@ def _identity(value: Any) -> Any:
 
 
 # -- branches and diagrams -------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True)
-class BranchTask:
-    """The task of a branch; see `continuation.Task`."""
-
-    gamma_range: list[float]
-    gamma_scale: float
-    control: StepControl
-    max_steps: int
-    to_node: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -352,7 +339,6 @@ class StateEntry(Generic[G]):
 _READ: dict[str, Callable[[Any], Any]] = {
     "arrived": lambda line: made(Arrived, line),
     "changes": lambda lines: [made(ChangeEntry, line) for line in lines],
-    "control": lambda line: StepControl(**line),
     "ending": lambda name: Ending[name],
     "known": lambda line: Known(**line),
     "point": lambda line: made(NodePoint, line),

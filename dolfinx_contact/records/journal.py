@@ -39,7 +39,6 @@ from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.io.outside import OuterSurface, SurfaceState
 from dolfinx_contact.records.arrays import Arrays, DamagedFile, check, load
 from dolfinx_contact.records.columns import (
-    BranchTask,
     EndEntry,
     JournalEdge,
     JournalNode,
@@ -272,13 +271,13 @@ class JournalBranch(Ends):
     """A recorded branch.
 
     Attributes:
-        task: task of the branch; None for a branch in memory only.
+        task: task of the branch by name (`continuation.Task`); empty in memory only.
         points: its points in order.
         ending: ending of the branch; None if it has not ended.
         reason: reason, as a sentence.
     """
 
-    task: BranchTask | None = None
+    task: dict[str, Any] = field(default_factory=dict)
     points: list[PointEntry] = field(default_factory=list)
     ending: Ending | None = None
     reason: str = ""
@@ -329,8 +328,7 @@ class Journal(AnyJournal):
     @property
     def is_diagram(self) -> bool:
         """Whether the branches are those of an exploration, which end at nodes."""
-        tasks = [branch.task for branch in self.branches.values()]
-        return bool(self.edges) or any(task is not None and task.to_node for task in tasks)
+        return bool(self.edges) or any(b.task.get("to_node") for b in self.branches.values())
 
     def entries(self, branch: int = 0) -> list[PointEntry]:
         return [p for _, p in self._points(branch)]
@@ -435,7 +433,7 @@ class Journal(AnyJournal):
         if kind != "explored":
             self.explored = Explored()
         if kind == "branch":
-            self.branches[entry["branch"]] = JournalBranch(made(BranchTask, entry["task"]))
+            self.branches[entry["branch"]] = JournalBranch(entry["task"])
         elif kind == "point":
             branch = self.branches[entry.pop("branch")]
             if "status" not in entry:  # as at the previous point

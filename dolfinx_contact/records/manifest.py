@@ -184,7 +184,7 @@ def data_restored(problem: ContactProblem) -> Iterator[None]:
 
 def _same(a: Any, b: Any) -> bool:
     """Return whether two values of a manifest agree: numbers to 1e-9, all others exactly."""
-    if isinstance(a, dict) and isinstance(b, dict):
+    if isinstance(a, dict) and isinstance(b, dict) and "projections" in a:
         tolerance = _TOLERANCE * max(a["scale"], b["scale"])
         return np.allclose(a["projections"], b["projections"], 0, tolerance, equal_nan=True)
     if _is_constant(a) and _is_constant(b) and len(a) == len(b):
