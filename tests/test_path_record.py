@@ -12,8 +12,8 @@ from recorded_path import CASES, LONGEST, STARTS, made, record, resume
 from test_evolution_record import Stop, require_same, stopping
 
 from dolfinx_contact.continuation import StepControl
-from dolfinx_contact.records import EvolutionJournal, EvolutionRecord, PathRecord, read_journal
-from dolfinx_contact.records.journal import FILE_NAME, parse
+from dolfinx_contact.records import BranchRecord, EvolutionRecord, PathRecord, read_journal
+from dolfinx_contact.records.journal import FILE_NAME
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
@@ -220,8 +220,8 @@ def test_what_is_refused(whole, folder):
         PathRecord(folder / "nowhere", path, resume=True)
     with pytest.raises(ValueError, match="an ArcLength is needed, got ParametricContact"):
         PathRecord(folder, path.parametric)
-    with pytest.raises(ValueError, match="the journal of a path, not of an evolution"):
-        parse(before, EvolutionJournal)
+    with pytest.raises(ValueError, match="the journal of a path, not of branches"):
+        BranchRecord(known, path.parametric, resume=True)
     with pytest.raises(ValueError, match="a QuasiStatic or NSCD is needed, got ArcLength"):
         EvolutionRecord(folder, path)
     assert (known / FILE_NAME).read_bytes() == before

@@ -156,14 +156,14 @@ class PointArrays:
             start = f"memory.{i}."
             names = [name for name in arrays if name.startswith(start)]
             fields = {name.removeprefix(start): arrays[name][surface.mine] for name in names}
-            turning = s.rigid_body is not None and s.turns
+            body = s.rigid_body
             memories.append(
                 Memory(
                     fields.pop("jump"),
                     place=fields.pop("place", None),
                     fields=fields,
                     displacement=u[: s.owned_nodes] if s.slides else None,
-                    motion=s.rigid_body.values if turning else None,
+                    motion=body.values if body is not None and s.turns else None,
                 )
             )
         return tuple(memories)

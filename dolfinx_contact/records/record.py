@@ -147,9 +147,9 @@ class Record(Observer, Generic[J]):
 
         on_root(self.comm, prepare)
         if not self.journal.header:
-            header = {"of": self.journal.kind, "format": FORMAT, "package": __version__}
-            header |= {"points": places(self.problem), "surface_displacement": self._shows}
-            self._append({"type": "header", **header, **more, **manifest})
+            new = {"of": self.journal.kind, "format": FORMAT, "package": __version__}
+            new |= {"points": places(self.problem), "surface_displacement": self._shows}
+            self._append({"type": "header", **new, **more, **manifest})
         header = self.journal.header
         if header["package"] != __version__ and self.comm.rank == 0:
             logger.warning("recorded by %s, resumed by %s", header["package"], __version__)
