@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Files of arrays in a record: one ``npz`` file of NumPy for every point whose arrays are kept.
+"""Files of arrays in a record: one ``npz`` file of NumPy for every point with arrays.
 
 A file is written under a hidden name and renamed when it is complete and on the disk. The journal
 has the fingerprint of every file, a checksum of the names, sizes and CRCs of its arrays: an
@@ -38,9 +38,9 @@ def save(file: Path, arrays: Arrays) -> str:
     """
     with part_of(file) as part:
         np.savez(part, **arrays)  # type: ignore[arg-type]
-        found = fingerprint(part)
+        checksum = fingerprint(part)
     sync(file.parent)
-    return found
+    return checksum
 
 
 def load(file: Path, recorded: str) -> Arrays:
@@ -55,8 +55,8 @@ def load(file: Path, recorded: str) -> Arrays:
     """
     check(file, recorded)
     try:
-        with np.load(file, allow_pickle=False) as found:
-            return dict(found)
+        with np.load(file, allow_pickle=False) as content:
+            return dict(content)
     except _DAMAGE as error:
         raise DamagedFile(f"{file} is damaged: {error}") from None
 
@@ -74,7 +74,7 @@ def check(file: Path, recorded: str) -> None:
 
 
 def fingerprint(file: Path | str | os.PathLike[str]) -> str:
-    """A checksum of the names, sizes and CRCs of the arrays in a file."""
+    """Return a checksum of the names, sizes and CRCs of the arrays in a file."""
     with zipfile.ZipFile(file) as content:
         parts = [f"{i.filename} {i.file_size} {i.CRC:08x}" for i in content.infolist()]
     return f"{zlib.crc32('; '.join(parts).encode()):08x}"

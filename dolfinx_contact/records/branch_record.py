@@ -81,7 +81,7 @@ class BranchRecord(Record[Journal]):
             the existence of a record contradicts ``resume``. Later, from the continuation, if a
             point cannot be written: the record then ends with the previous point, and can be
             resumed.
-        ValueError: on every rank, if the journal is damaged or that of another problem, or
+        ValueError: on every rank, if the journal is damaged or of another problem, or
             arguments differ between ranks. Nothing has been written then.
 
     Example:
@@ -134,7 +134,7 @@ class BranchRecord(Record[Journal]):
             raise
 
     def _open(self, functionals: Mapping[str, Functional]) -> None:
-        """Compare the manifest with that of the problem, and begin a session. Collective."""
+        """Compare the manifest with the recorded one, and begin a session. Collective."""
         system = self.system
         driven = system._driven_expressions
         header = self.journal.header

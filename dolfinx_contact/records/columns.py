@@ -192,7 +192,7 @@ class PointEntry:
         status: letters of the statuses of all contact points.
         special: special points on the way to the point.
         norm: length of the unknowns in the units of steps, 0 while these are unknown; in memory
-            only (`journal_of`) in those of the metric of the system.
+            only (`journal_of`) in the metric of the system.
         functionals: values of the functionals, by name.
         next_step: length of the next step; like the following items NaN in memory only.
         x_scale: square of the length of x that counts as 1.

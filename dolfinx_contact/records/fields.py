@@ -2,7 +2,7 @@
 """Unknowns, statuses and memory as arrays that do not depend on the number of ranks.
 
 Fields are arrays (cells, coefficients of a cell), with the cells in the order of the input of the
-mesh; those of a contact surface are put into a Function on the body's mesh with the same nodes.
+mesh; multipliers are put into a Function on the body's mesh with the same nodes.
 Statuses and memory are in the order of the contact points in their table.
 """
 

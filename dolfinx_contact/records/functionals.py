@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Functionals of records and journals of branches: UFL forms, and functions of the problem.
 
-The functions `leftmost`, `rightmost` and `total` are those of contact points: in 2D the components
-along the tangent, in 3D norms.
+The functions `leftmost`, `rightmost` and `total` evaluate contact points; `ut` and `rt` are
+components along the tangent in 2D and norms in 3D.
 """
 
 from __future__ import annotations

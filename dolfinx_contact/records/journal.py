@@ -327,7 +327,7 @@ class Journal(AnyJournal):
 
     @property
     def is_diagram(self) -> bool:
-        """Whether the branches are those of an exploration, which end at nodes."""
+        """Whether the branches were explored, so that they end at nodes."""
         return bool(self.edges) or any(b.task.get("to_node") for b in self.branches.values())
 
     def entries(self, branch: int = 0) -> list[PointEntry]:
@@ -605,5 +605,5 @@ def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal |
         name = Journal.kind
     if name not in _KINDS:
         kinds = ", ".join(_KINDS)
-        raise ValueError(f"{folder} has the journal of {name}; known are those of {kinds}")
+        raise ValueError(f"{folder} has the journal of {name}; known kinds: {kinds}")
     return parse(data, _KINDS[name], Path(folder))

@@ -163,7 +163,7 @@ def journal_of(
         functionals: functionals by name, as for `BranchRecord`.
 
     Returns:
-        Journal, on every rank. ``norm`` is that of the metric of the system.
+        Journal, on every rank. ``norm`` uses the metric of the system.
 
     Raises:
         ValueError: on every rank, as for `BranchRecord`, if the numbers of branches or points

@@ -32,30 +32,32 @@ def write_series(
     *,
     format: Format = None,
 ) -> list[Path]:
-    """Write the points of a branch whose fields were kept, for ParaView. Collective.
+    """Write the points of a branch with checkpoints, for ParaView. Collective.
 
-    ``branch_0000_body.bp`` holds the displacement, ``branch_0000_contact.bp`` (or
-    ``branch_0000_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of
-    the master of a pair, and gamma, which is the same at all their nodes. With ``format="vtk"`` it
-    is ``branch_0000_body.pvd`` with a ``.vtu`` of each point. ``paraview.py`` in the folder shows
-    them: ``paraview --script=FOLDER/paraview.py``. gamma may go back along a branch, so that the
-    time of the series is the index of the point in the journal.
+    - ``branch_0000_body.bp``: displacement of the bodies.
+    - ``branch_0000_contact.bp`` or ``branch_0000_contact_NAME.bp``: fields of a contact surface,
+      and gamma, which is equal at all nodes; ``..._opposite.bp``: fields of the master of a pair.
+    - ``paraview.py``: a script that shows them, ``paraview --script=FOLDER/paraview.py``.
+
+    With ``format="vtk"`` the files are ``branch_0000_body.pvd`` with a ``.vtu`` of each point,
+    and so on. The time of the series is the index of the point in the journal, because gamma may
+    turn back along a branch.
 
     Args:
         folder: folder of the files, created if necessary. Older files are replaced when the series
             is complete.
-        record: record of the branch; the Functions of its problem follow the points.
+        record: record of the branch; the Functions of its problem change with the points.
         branch: number of the branch.
         format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
 
     Returns:
-        The names of the files, on every rank.
+        Names of the files, on every rank.
 
     Raises:
         OSError: on every rank, with the path and the reason, if the folder cannot be written to,
-            or has no room. It is then as it was.
-        ValueError: on every rank, if no fields of the branch were kept, they are damaged, the
-            format cannot be written, or arguments differ between ranks.
+            or has no room. The folder is then unchanged.
+        ValueError: on every rank, if the branch has no checkpoints, they are damaged, the format
+            cannot be written, or arguments differ between ranks.
     """
     problem = record.system.problem
     comm = record.comm
@@ -81,7 +83,7 @@ def write_series(
 def _fields(
     record: BranchRecord, on_faces: Sequence[Face], branch: int, index: int
 ) -> list[FieldsOfFile]:
-    """The fields of all files at a recorded point, on faces with gamma. Collective."""
+    """Return the fields of all files at a recorded point, on faces with gamma. Collective."""
     system = record.system
     point, _ = record.state(branch, index)
     x = system.create_vector()

@@ -413,7 +413,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         OSError: on every rank, if the folder cannot be written to, another run records there, or
             the existence of a record contradicts ``resume``. Later, from `QuasiStatic.run`, if a
             step cannot be written: the record then ends with the previous step, and can be resumed.
-        ValueError: on every rank, if the journal is damaged or that of another problem or load, or
+        ValueError: on every rank, if the journal is damaged or of another problem or load, or
             arguments differ between ranks. Nothing has been written then.
 
     Example:
