@@ -77,7 +77,7 @@ ROOMS = {
     "pivoting": (
         [
             *("continuation/pivoting.py", "continuation/rays.py", "continuation/ray_finder.py"),
-            *("continuation/affine.py", "continuation/row_update.py", "continuation/borders.py"),
+            *("continuation/affine.py", "continuation/row_update.py"),
             *("continuation/factorised.py", "continuation/steps.py", "solvers/pivoting.py"),
         ],
         [

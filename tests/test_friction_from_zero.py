@@ -11,7 +11,7 @@ from blocks import block
 
 from dolfinx_contact import RCCM, Coulomb, NormalCompliance, ParametricContact, records
 from dolfinx_contact.continuation import Events, StepControl, follow
-from dolfinx_contact.continuation.borders import reached
+from dolfinx_contact.continuation.system import fractions_to_borders
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
@@ -119,7 +119,7 @@ def statuses_of(problem):
 def test_borders_that_begin_and_end():
     low = Events(np.array([2.0, 3.0]), np.array([0, 2]), np.array([1, 1]))
     high = Events(np.array([-2.0, -1.0, 5.0]), np.array([0, 1, 1]), np.array([1, 2, 1]))
-    np.testing.assert_array_equal(reached(low, high), [0.5, 0.5, np.inf])
-    np.testing.assert_array_equal(reached(low, high, (1.0, 3.0)), [0.25, 0.5, np.inf])
+    np.testing.assert_array_equal(fractions_to_borders(low, high), [0.5, 0.5, np.inf])
+    np.testing.assert_array_equal(fractions_to_borders(low, high, (1.0, 3.0)), [0.25, 0.5, np.inf])
     same = Events(np.array([-6.0, 1.0]), np.array([0, 2]), np.array([3, 3]))
-    np.testing.assert_array_equal(reached(low, same), [0.25, np.inf])
+    np.testing.assert_array_equal(fractions_to_borders(low, same), [0.25, np.inf])

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from textbook import Textbook, one_node
 
-from dolfinx_contact.continuation import Follower, StepControl, borders, follow
+from dolfinx_contact.continuation import Follower, StepControl, follow
 from dolfinx_contact.continuation.factorised import Factorised
-from dolfinx_contact.continuation.system import Events
+from dolfinx_contact.continuation.system import Events, matched_distances
 
 COMM = MPI.COMM_WORLD
 
@@ -283,4 +283,4 @@ def test_events_that_end():
     of = partial(np.array, dtype=np.int32)
     here = Events(np.array([1.0, 2.0, 3.0, 4.0]), of([0, 1, 1, 1]), of([2, 0, 3, 3]))
     there = Events(np.array([7.0, 1.5, 3.5, 4.5]), of([2, 0, 1, 1]), of([0, 2, 3, 3]))
-    np.testing.assert_array_equal(borders.again(here, there), [1.5, 2.0, 3.5, 4.5])
+    np.testing.assert_array_equal(matched_distances(here, there), [1.5, 2.0, 3.5, 4.5])

@@ -8,9 +8,8 @@ from textbook import Textbook, coulomb_system
 
 from dolfinx_contact._factor import Factor
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.borders import reached
 from dolfinx_contact.continuation.row_update import RowUpdate
-from dolfinx_contact.continuation.system import Events
+from dolfinx_contact.continuation.system import Events, fractions_to_borders
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.solvers.pivoting import _by_stick
 
@@ -32,12 +31,14 @@ def test_where_borders_are_reached():
     high = events(
         (-1.0, 0, STICK), (3.0, 1, OPEN), (-2.0, 2, OPEN), (-1.0, 3, PLUS), (-3.0, 4, PLUS)
     )
-    np.testing.assert_allclose(reached(low, high), [0.5, np.inf, 0.0, 0.0, 0.25])
-    np.testing.assert_allclose(reached(low, high, (3.0, 1.0)), [0.75, np.inf, 0.0, 0.0, 0.5])
+    np.testing.assert_allclose(fractions_to_borders(low, high), [0.5, np.inf, 0.0, 0.0, 0.25])
+    np.testing.assert_allclose(
+        fractions_to_borders(low, high, (3.0, 1.0)), [0.75, np.inf, 0.0, 0.0, 0.5]
+    )
     other = events((-1.0, 4, PLUS), (-1.0, 0, MINUS), (1.0, 7, PLUS), (-9.0, 0, STICK))
-    np.testing.assert_allclose(reached(low, other), [0.5, 0.5, np.inf, 0.1])
+    np.testing.assert_allclose(fractions_to_borders(low, other), [0.5, 0.5, np.inf, 0.1])
     at_border = events((0.0, 0, STICK), (0.0, 9, OPEN), (-0.0, 1, OPEN))  # inside still
-    np.testing.assert_array_equal(reached(low, at_border), np.inf)
+    np.testing.assert_array_equal(fractions_to_borders(low, at_border), np.inf)
 
 
 def test_statuses_that_hold_a_state():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Arguments of the continuation, checked before anything is computed with them."""
+"""Validation of arguments of the continuation. The functions are not collective."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ __all__ = [
     "samples_of",
 ]
 
-_SHORTEST = 1e-150  # ranges of gamma whose squares are numbers
+_SHORTEST = 1e-150  # length of ranges of gamma whose squares are normal numbers
 _LONGEST = 1e150
-_SAMPLES = 33  # of a range, at which its data are checked
-_ROUND_OFF = 1e-12  # of gamma: a range below it is a point
+_SAMPLES = 33  # values of a range at which the data are validated
+_ROUND_OFF = 1e-12  # relative length below which a range of gamma is a point
 
 
 def samples_of(low: float, high: float) -> list[float]:
-    """Values of a range at which the data of a problem are checked, both ends included."""
+    """Values of a range at which data are validated, including both ends."""
     return [float(gamma) for gamma in np.linspace(low, high, _SAMPLES)]
 
 
 def check_system(system: Any) -> None:
-    """Validate a system. Not collective."""
+    """Raise ``ValueError`` unless the argument is a system."""
     hint = "such as a ParametricContact of a contact problem and its parameter"
     instance(system, "what is followed", System, hint)
 
 
 def require_smooth(system: System) -> None:
-    """Raise ``ValueError`` if H has kinks within its pieces, which no status shows.
+    """Raise ``ValueError`` if H has kinks within its pieces.
 
-    Folds, events and branch points are looked for as those of a smooth H on every piece.
+    The statuses do not show such kinks, and the methods assume that H is smooth on every piece.
     """
     if system.kinks:
         raise ValueError(
@@ -64,14 +64,14 @@ def require_smooth(system: System) -> None:
 
 
 def checked_gamma(gamma: Any, what: str = "gamma") -> float:
-    """``gamma`` as a finite number, or ``ValueError``. Not collective."""
+    """Return ``gamma`` as a finite number, or raise ``ValueError``."""
     return number(gamma, what)
 
 
 def checked_range(
     ends: Any, starts: Sequence[float], parameter: str = "gamma"
 ) -> tuple[float, float]:
-    """A range of a parameter that contains ``starts``, or ``ValueError``. Not collective."""
+    """Return a range of a parameter that contains ``starts``, or raise ``ValueError``."""
     name = f"{parameter}_range"
     low, high = (float(end) for end in vector(ends, name, 2))
     if not low < high:
@@ -85,14 +85,14 @@ def checked_range(
 
 
 def leads_out(gamma: float, rate: float, gamma_range: tuple[float, float]) -> bool:
-    """Whether gamma is at that end of its range to which its rate leads, but for round-off."""
+    """Whether gamma is, up to round-off, at the end of its range that its rate points to."""
     low, high = gamma_range
     near = max(_ROUND_OFF * (high - low), 4 * float(np.spacing(max(-low, high))))
     return high - gamma <= near if rate > 0 else rate < 0 and gamma - low <= near
 
 
 def check_vectors(states: Sequence[Any], what: str) -> None:
-    """Raise ``ValueError`` if a state is no vector. Not collective."""
+    """Raise ``ValueError`` unless all states are vectors."""
     for x in states:
         instance(x, what, PETSc.Vec, "a PETSc vector of all unknowns, as create_vector() makes it")
 
@@ -127,14 +127,14 @@ def check_listeners(
     stop: Any = None,
     of: str = "a records.BranchRecord",
 ) -> None:
-    """Raise ``ValueError`` for what cannot look on while something is followed. Not collective.
+    """Raise ``ValueError`` for an unsuitable observer, record, progress or stop.
 
     Args:
-        observer: of the user, as for the others.
-        record: keeps every step.
-        progress: whether it is shown.
-        stop: a function.
-        of: what a record has to be, in words.
+        observer: observer or function of a step.
+        record: record of the steps.
+        progress: whether to show a progress bar.
+        stop: function of a step.
+        of: required class of a record, for the message.
     """
     if observer is not None:
         as_observer(observer)
@@ -145,11 +145,11 @@ def check_listeners(
 
 
 def check_functions(of: str, **functions: Any) -> None:
-    """Raise ``ValueError`` for what is neither a function nor None. Not collective.
+    """Raise ``ValueError`` unless arguments are functions or None.
 
     Args:
-        of: what they are called with, for the message.
-        functions: by the names of the arguments.
+        of: description of the argument of the functions, for the message.
+        functions: values by the names of the arguments.
     """
     for name, function in functions.items():
         if function is not None and not callable(function):
@@ -157,32 +157,32 @@ def check_functions(of: str, **functions: Any) -> None:
 
 
 def check_rays(rays: Any) -> None:
-    """Raise ``ValueError`` for what is not True, False or None. Not collective.
+    """Raise ``ValueError`` unless ``rays`` is True, False or None.
 
-    True: wherever statuses meet; False: no more of them than it takes to continue; None: by
-        default.
+    True: compute all rays wherever statuses meet; False: only as many as needed to continue; None:
+    the default of the caller.
     """
     one_of(rays, "rays", (True, False, None))
 
 
 def check_steps(control: Any, max_steps: Any) -> None:
-    """Raise ``ValueError`` for what is no control of step lengths, or no budget. Not collective."""
+    """Raise ``ValueError`` unless the arguments are a `StepControl` or None, and a number."""
     if control is not None:
         instance(control, "control", StepControl)
     count(max_steps, "max_steps")
 
 
 def reason_to_stop(comm: MPI.Comm, what: str, stop: Stop[Any], step: Any) -> str:
-    """What ``stop`` answers to a step, whose end is in the problem; "" if it continues. Collective.
+    """Call the user's ``stop``, and return its reason to end; "" to continue. Collective.
 
     Args:
         comm: communicator.
-        what: ends if it answers with a reason.
-        stop: of the user.
-        step: with which it is called.
+        what: name of the process that may end, for the message.
+        stop: function of the user.
+        step: accepted step, whose state is in the problem.
 
     Raises:
-        ValueError: on every rank, if that is no reason, or not the same on every rank.
+        ValueError: on every rank, if the answer is not a string, or differs between ranks.
     """
     with everywhere(comm, "stop"):
         answer = stop(step)

@@ -1,21 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Scalar conditions that hold at special points of branches, with their gradients.
+r"""Scalar conditions phi = 0 of special points of branches, with their gradients.
 
-- A point changes its status: there the pieces H_0 and H_1 on either side agree, and on H_0 = 0
+- Change of a status: the pieces H_0 and H_1 on either side agree there, so that on H_0 = 0
 
-      phi = w . (H_1 - H_0)(x, gamma) = 0
+      phi = w . (H_1 - H_0)(x, gamma)
 
-  for one fixed w. Its gradient is (J_1 - J_0)^T w.
-- A smooth fold: H_x is singular, and g in
+  vanishes for one fixed w. The gradient is (J_1 - J_0)^T w.
+- Smooth fold: H_x is singular, and phi = g in
 
       [ H_x  b ] [ v ]   [ 0 ]          [ H_x^T  c ] [ psi ]   [ 0 ]
       [ c^T  0 ] [ g ] = [ 1 ],         [ b^T    0 ] [ g   ] = [ 1 ]
 
-  vanishes, with borders b, c held (Govaerts, Numerical Methods for Bifurcations of Dynamical
-  Equilibria, SIAM 2000, ch. 4). Its derivative along anything is - psi . (H_x)' v; that of H_x v by
-  x is the derivative of H_x along v, transposed, which is taken by central differences.
-
-Both need nothing of a system but its pieces.
+  vanishes, with fixed b and c (Govaerts, Numerical Methods for Bifurcations of Dynamical
+  Equilibria, SIAM 2000, ch. 4). The derivative in any direction is - psi . (H_x)' v. The derivative
+  of H_x v by x is the transposed derivative of H_x along v, computed by central differences.
 """
 
 from __future__ import annotations
@@ -35,46 +33,53 @@ from dolfinx_contact.continuation.system import Piece, System
 
 __all__ = ["Condition", "SmoothFold", "StatusChange", "with_status"]
 
-_STEP = 1e-5  # of central differences, relative to the size of x
+_STEP = 1e-5  # step of central differences, relative to the size of x
 
-#: Puts a derivative of H by a parameter at (x, piece) into a vector.
+#: Function (x, piece, out) that writes the derivative of H by a parameter into a vector.
 Derivative = Callable[[PETSc.Vec, Piece, PETSc.Vec], None]
 
 
 class Condition(Protocol):
-    """A number phi(x, gamma) that depends on a second parameter as H does. Collective."""
+    """A condition phi(x, gamma) = 0. Like H, phi may depend on other parameters. Collective."""
 
     def value(self, x: PETSc.Vec, gamma: float, piece: Piece) -> tuple[float, float]:
-        """Phi, and a relative size of it."""
+        """Return phi and its relative size."""
 
     def gradient(self, x: PETSc.Vec, gamma: float, piece: Piece, row: PETSc.Vec) -> None:
-        """The derivative by x into ``row``."""
+        """Write the derivative of phi by x into ``row``."""
 
     def derivative(
         self, x: PETSc.Vec, gamma: float, piece: Piece, by_parameter: Derivative
     ) -> float:
-        """The derivative by a parameter, of which that of H is given."""
+        """Return the derivative of phi by a parameter.
+
+        Args:
+            x: state.
+            gamma: parameter of the branch.
+            piece: piece of H.
+            by_parameter: derivative of H by the parameter.
+        """
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
 
 
 def with_status(comm: MPI.Comm, piece: Piece, change: Change, code: int) -> Piece:
-    """A piece in which the point of a change has the status ``code``. Not collective."""
+    """Return the piece in which the point of a change has the status ``code``. Not collective."""
     if comm.rank != change.rank:
         return piece
     return piece.with_codes(np.array([change.point], dtype=np.int32), [code])
 
 
 class StatusChange:
-    """The border between two statuses of one point.
+    """Condition of the border between two statuses of a point.
 
     Args:
-        system: H.
-        change: the statuses on either side.
-        x: a state with H = 0 on one side, away from the border.
-        gamma: there.
-        piece: of that side.
+        system: system H.
+        change: point and statuses on both sides.
+        x: state with H = 0 on the first side, away from the border.
+        gamma: parameter at the state.
+        piece: piece of the first side.
 
     Raises:
         ValueError: on every rank, if the two pieces do not differ at the state.
@@ -100,11 +105,11 @@ class StatusChange:
         self.w.scale(1.0 / size)
 
     def _other(self, piece: Piece) -> Piece:
-        """The piece beyond."""
+        """Piece beyond the border."""
         return with_status(self.system.comm, piece, self._change, self._change.after)
 
     def _difference(self, x: PETSc.Vec, gamma: float, piece: Piece) -> float:
-        """H_1 - H_0 at a state; the relative size of H_1."""
+        """Compute H_1 - H_0, and return the relative size of H_1."""
         self.system.residual(x, gamma, self._here, piece)
         size = self.system.residual(x, gamma, self._there, self._other(piece))
         self._there.axpy(-1.0, self._here)
@@ -134,13 +139,13 @@ class StatusChange:
 
 
 class SmoothFold:
-    """A fold of one piece.
+    """Condition of a fold of one piece.
 
     Args:
-        system: H.
-        x: a state near the fold.
-        gamma: there.
-        piece: on which it lies.
+        system: system H.
+        x: state near the fold.
+        gamma: parameter at the state.
+        piece: piece that the fold belongs to.
 
     Raises:
         ValueError: on every rank, if the bordered matrix is singular at the state.
@@ -159,7 +164,7 @@ class SmoothFold:
         probe.copy(self._bordered.column)
         for vector in (self._c, self._bordered.column):
             vector.scale(1.0 / vector.norm())
-        # With the kernels as borders the matrix is as regular as it can be.
+        # The kernels are the best borders: they make the matrix as regular as possible.
         self._solve(x, gamma, piece)
         for vector, kernel in ((self._c, self.v), (self._bordered.column, self.psi)):
             kernel.copy(vector)
@@ -169,14 +174,14 @@ class SmoothFold:
         self.gradient(x, gamma, piece, row)
         steep = float(row.norm(PETSc.NormType.NORM_1))
         row.pointwiseMult(row, x)
-        #: What g changes by when all of x does, each entry by as much as itself.
+        #: Change of g if every entry of x changes by its own size.
         self._size = float(row.norm(PETSc.NormType.NORM_1)) or steep
         row.destroy()
         if not self._size > 0:
             raise ValueError("the Jacobian does not depend on x here: this is no smooth fold")
 
     def _solve(self, x: PETSc.Vec, gamma: float, piece: Piece) -> float:
-        """G with v and psi. Collective."""
+        """Compute v and psi, and return g. Collective."""
         self._layout.join(x, gamma, self._y)
         self._layout.join(self._c, 0.0, self._row)
         self._solver.assemble(self._y, self._row, piece)
@@ -194,7 +199,7 @@ class SmoothFold:
 
     def _central(self, x: PETSc.Vec, evaluate: Callable[[PETSc.Vec, PETSc.Vec], None],
                  out: PETSc.Vec) -> None:  # fmt: skip
-        """The derivative along v of what ``evaluate`` puts into a vector."""
+        """Write the derivative of ``evaluate`` along v into ``out``."""
         step = _STEP * (x.norm() or 1.0) / self.v.norm()
         for sign in (-1.0, 1.0):
             x.copy(self._shifted)
@@ -235,7 +240,7 @@ class SmoothFold:
 
 
 class _WithColumn(System):
-    """A system whose derivative by its parameter is a column that is given."""
+    """A system whose parameter derivative is a prescribed column b."""
 
     def __init__(self, system: System):
         self.comm = system.comm

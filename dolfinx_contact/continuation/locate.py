@@ -20,10 +20,9 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.continuation.bifurcation import BifurcationTest
-from dolfinx_contact.continuation.borders import reached
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.system import Events, Piece, System
+from dolfinx_contact.continuation.system import Events, Piece, System, fractions_to_borders
 
 __all__ = ["AT_BORDER", "Locator"]
 
@@ -130,7 +129,9 @@ class Locator:
         y = y_high
         least = np.inf
         for number in range(60):
-            first = self._least(reached(low.value, high.value, (low.weight, high.weight)))
+            first = self._least(
+                fractions_to_borders(low.value, high.value, (low.weight, high.weight))
+            )
             s = low.s + first * (high.s - low.s)
             y = low.y.copy()
             y.axpy(first, high.y - low.y)

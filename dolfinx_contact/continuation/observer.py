@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Who looks on while branches, histories, motions and paths are followed, and who ends them."""
+"""Observers of branches, histories, motions and paths, and conditions to stop."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Task:
-    """How a branch is followed.
+    """Task of following a branch.
 
     Attributes:
-        gamma_range: the branch ends where gamma reaches either end.
-        gamma_scale: size of gamma that counts as 1.
+        gamma_range: range of gamma; the branch ends where gamma reaches one of its ends.
+        gamma_scale: unit of gamma.
         control: step lengths.
-        max_steps: budget of steps from the first point of the branch.
-        to_node: whether it ends at its first bifurcation.
-        branch: its number.
+        max_steps: largest number of steps from the first point of the branch.
+        to_node: whether the branch ends at its first bifurcation.
+        branch: number of the branch.
     """
 
     gamma_range: tuple[float, float]
@@ -55,9 +55,9 @@ class BranchStep:
 
     Attributes:
         branch: number of the branch.
-        index: of the point on it, from 0.
-        point: start and end of the branch included.
-        special: special points on the way to it.
+        index: number of the point on the branch, from 0.
+        point: point of the branch; its start and its end have steps, too.
+        special: special points between the last point and this one.
     """
 
     branch: int
@@ -68,16 +68,16 @@ class BranchStep:
 
 @dataclass(frozen=True)
 class Stepping:
-    """What a follower knows at a point beside the point: with it, it continues as if never stopped.
+    """State of a follower at a point. A branch that is resumed with it continues unchanged.
 
     Attributes:
-        index: of the point on its branch.
+        index: number of the point on its branch.
         next_step: length of the next step.
-        x_scale: square of the length of x that counts as 1; 0 if no tangent has moved x yet.
-        largest_distance: of all events so far.
-        ending: how the branch ends at the point; None if it continues, or ends without another
+        x_scale: square of the unit length of x; 0 if no tangent has moved x yet.
+        largest_distance: largest distance of all events so far.
+        ending: ending of the branch at the point; None if it continues, or ends without another
             point.
-        reason: why, in words.
+        reason: description of the ending.
     """
 
     index: int
@@ -89,74 +89,73 @@ class Stepping:
 
 
 class Observer:
-    """Is called while something is followed; every call is collective. Does nothing by itself.
+    """Base class of observers. Every call is collective; by default nothing happens.
 
-    What is followed, and what the methods are called with:
+    Types of the arguments of the methods:
 
     ================== ============ ================= ===============
-    followed by        task         step              state
+    process            task         step              state
     ================== ============ ================= ===============
     follow, explore    Task         BranchStep        Stepping
     QuasiStatic, NSCD  HistoryTask  EvolutionStep     RunState
     ArcLength          PathTask     PathStep          PathState
     ================== ============ ================= ===============
 
-    When the observer is called, the problem is in the state of the point or step (its start when a
-    branch or run begins, its last state when it ends): displacement, multipliers, statuses, the
-    load parameter and driven data, or the data of the time. So ``problem.table``,
+    During a call the problem is in the state of the point or step (at the beginning of a branch or
+    run its start, at the end its last state): displacement, multipliers, statuses, the load
+    parameter and driven data, or the data of the time. So ``problem.table``,
     ``problem.support_forces`` and assembled forms refer to that state. This costs no assembly.
 
     Observers must be read-only. The accepted state is put into the problem again before the record
     is written and before the next step, so that values written to the Functions are lost. Changed
     data, such as a friction coefficient, are not monitored: they enter all later steps.
 
-    An exception that it raises on any rank ends the run on every rank.
+    An exception of an observer on any rank ends the run on every rank.
     """
 
     def begin(self, task: Any, state: Any) -> None:
-        """A branch or run begins, from its start or from a state reached before.
+        """A branch or run begins or is resumed.
 
         Args:
-            task: how it is followed.
-            state: what is known where it begins.
+            task: task of the process.
+            state: state of the process.
         """
 
     def step(self, step: Any, state: Any) -> None:
-        """A step has been accepted; of a branch its start, too.
+        """A step, or the start of a branch, has been accepted.
 
         Args:
-            step: as the user sees it.
-            state: what is needed to continue from it.
+            step: accepted step.
+            state: state of the process, with which it can be resumed.
         """
 
     def end(self, ended: Ends) -> None:
-        """It has ended, how and why is in ``ended``; with its budget it may continue later."""
+        """The process has ended; ``ended`` has the ending and the reason."""
 
     def explored(self, diagram: Diagram) -> None:
-        """A branch of `explore` has ended, or all have: the diagram as far as it is known."""
+        """One or all branches of `explore` have ended; ``diagram`` has the results so far."""
 
 
 _METHODS = ("begin", "step", "end", "explored")
 S = TypeVar("S")
 #: Called with every accepted step; returns the reason to end the branch or run there, or "".
 Stop: TypeAlias = Callable[[S], str]
-#: An observer, or a function that is called with every accepted step, of a branch with its start
-#: too: with what `Stop` is called with.
+#: An observer, or a function that is called with every accepted step and the start of a branch.
 ObserverLike: TypeAlias = Observer | Callable[[S], object]
 
 
 def is_observer(given: Any) -> bool:
-    """Whether something has the methods of an observer; a class has them for what it makes."""
+    """Whether an object has the methods of an observer; classes do not count."""
     return not isinstance(given, type) and all(
         callable(getattr(given, name, None)) for name in _METHODS
     )
 
 
 def as_observer(given: Any) -> Observer:
-    """An observer as it is, or one that calls a function with every step.
+    """Return an observer unchanged, and wrap a function of a step.
 
     Raises:
-        ValueError: if it is neither.
+        ValueError: if the argument is neither.
     """
     if is_observer(given):
         found: Observer = given
@@ -182,7 +181,7 @@ class _FunctionObserver(Observer):
 
 
 class Observers(Observer):
-    """Several observers as one, called in this order."""
+    """Several observers, called in this order."""
 
     def __init__(self, *observers: ObserverLike[Any]):
         self._observers = [as_observer(o) for o in observers]

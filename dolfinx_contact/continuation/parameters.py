@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Parameters of a continuation, validated when made."""
+"""Parameters of a continuation."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from dolfinx_contact._validate import is_number
 
 __all__ = ["Direction", "Kinks", "StepControl", "sign_of"]
 
-#: How kinks are passed.
+#: Method of passing kinks.
 Kinks: TypeAlias = Literal["exact", "batched", "stepping"]
 
-#: How the parameter changes where a branch starts.
+#: Change of the parameter at the start of a branch.
 Direction: TypeAlias = Literal["increasing", "decreasing"]
 
 
 def sign_of(direction: Direction) -> float:
-    """1 where the parameter increases at the start, -1 where it decreases.
+    """Return 1 for an increasing and -1 for a decreasing parameter.
 
     Raises:
         ValueError: for another direction.
@@ -32,25 +32,24 @@ def sign_of(direction: Direction) -> float:
 
 @dataclass(frozen=True)
 class StepControl:
-    """How long steps are, in units in which the first tangent and the range of gamma have size 1.
+    """Step lengths, in units in which the first tangent and the range of gamma have size 1.
 
     Attributes:
-        initial: first step.
-        minimum: a step that would have to be shorter fails.
+        initial: length of the first step.
+        minimum: shortest step.
         maximum: longest step.
-        increase: factor after a step that took at most ``easy`` corrections.
-        decrease: factor after a step that was rejected.
-        easy: number of corrections.
-        cosine: least cosine between the tangents of two points of one piece.
-        corrections: most corrections of a step.
-        tolerance: relative residual at which a point is accepted.
-        kinks: how a branch passes them: ``"exact"`` every event is located, and a step ends there
-            (`ExactSteps`); ``"batched"`` a step may pass many events along which the branch
-            continues without turning or branching, the others are located (`BatchedSteps`), but for
-            two turns within one step, which are passed: shorter steps show whether there are any;
-            ``"stepping"`` the step shrinks to its minimum before a kink and is then tried along
-            the tangents beyond (`SteppingSteps`). None: batched where the system has many pieces
-            (`System.has_many_pieces`), else exact.
+        increase: factor after a step with at most ``easy`` corrections.
+        decrease: factor after a rejected step.
+        easy: number of corrections of an easy step.
+        cosine: smallest cosine between the tangents of two successive points of one piece.
+        corrections: largest number of corrections of a step.
+        tolerance: largest relative residual of an accepted point.
+        kinks: method of passing kinks. ``"exact"``: every event is located, and a step ends there.
+            ``"batched"``: a step may pass many events at which the branch neither turns nor
+            branches; other events are located, except for two turns within one step, which only
+            shorter steps show. ``"stepping"``: the step shrinks to its minimum before a kink, and
+            the tangents beyond are then tried. None: batched if the system has many pieces
+            (`System.has_many_pieces`), otherwise exact.
     """
 
     initial: float = 0.02

@@ -30,11 +30,10 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.continuation.borders import again
 from dolfinx_contact.continuation.branch import Change, FoundRays, Ray, is_same_piece
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.rays import distinct, outgoing
-from dolfinx_contact.continuation.system import Events, Piece
+from dolfinx_contact.continuation.system import Events, Piece, matched_distances
 
 __all__ = [
     "Crossing",
@@ -448,7 +447,9 @@ def _slopes(
     ahead.axpy(_PROBE, t)
     beyond = b.system.events(*b.split(ahead), piece)
     ahead.destroy()
-    return events, np.asarray((again(events, beyond) - events.distance) / _PROBE, dtype=np.float64)
+    return events, np.asarray(
+        (matched_distances(events, beyond) - events.distance) / _PROBE, dtype=np.float64
+    )
 
 
 def _largest(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> float:

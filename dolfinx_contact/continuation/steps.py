@@ -35,7 +35,6 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact.continuation.borders import again, reached
 from dolfinx_contact.continuation.branch import (
     BranchPoint,
     Change,
@@ -47,7 +46,7 @@ from dolfinx_contact.continuation.branch import (
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.locate import AT_BORDER, Locator
 from dolfinx_contact.continuation.ray_finder import KinkRays
-from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.continuation.system import Piece, fractions_to_borders, matched_distances
 
 __all__ = ["BatchedSteps", "ExactSteps", "Locate", "SteppingSteps"]
 
@@ -226,8 +225,8 @@ class ExactSteps(Locator):
         probe = point.y.copy()
         probe.axpy(_PROBE, point.tangent)
         low, high = (self.events(y, point.piece) for y in (point.y, y_high))
-        before = again(high, low, np.full_like(high.distance, np.inf))
-        ahead = again(high, self.events(probe, point.piece), before)
+        before = matched_distances(high, low, np.full_like(high.distance, np.inf))
+        ahead = matched_distances(high, self.events(probe, point.piece), before)
         probe.destroy()
         exists = np.isfinite(before)
         slope = np.subtract(ahead, before, out=np.zeros_like(before), where=exists) / _PROBE
@@ -528,7 +527,7 @@ def _changes(
     old = point.piece
     low, high = (steps.system.events(*steps.bordered.split(state), old) for state in (point.y, y))
     first = np.full(len(old.codes), np.inf)
-    np.minimum.at(first, high.point, reached(low, high))
+    np.minimum.at(first, high.point, fractions_to_borders(low, high))
     own = [
         (
             min(float(first[i]), 1.0),

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What can be followed: H(x, gamma) = 0 with H piecewise smooth.
+"""The contract of a system that can be followed: H(x, gamma) = 0 with H piecewise smooth.
 
-A piece is H with the status of every point held; it is smooth beyond its own borders. Statuses are
-small integers, one a point of this rank. The events of a piece are numbers that are positive inside
-it and vanish where a point is about to change its status.
+A piece is H with the statuses of all points fixed; it is smooth beyond its borders, too. Statuses
+are small integers, one for each point of this rank. The events of a piece are distances to its
+borders: positive inside, zero where a point is about to change its status.
 """
 
 from __future__ import annotations
@@ -27,19 +27,26 @@ __all__ = [
     "Piece",
     "Preconditioner",
     "System",
+    "fractions_to_borders",
+    "matched_distances",
 ]
+
+Array = npt.NDArray[np.float64]
+Codes = npt.NDArray[np.int8]
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One smooth piece of H: the status of every point of this rank."""
+    """One smooth piece of H.
 
-    codes: npt.NDArray[np.int8]
+    Attributes:
+        codes: statuses of the points of this rank, shape (n,).
+    """
 
-    def with_codes(
-        self, points: npt.NDArray[np.int32], codes: npt.NDArray[np.int8] | Sequence[int]
-    ) -> Piece:
-        """The piece in which the local ``points`` have the status ``codes``."""
+    codes: Codes
+
+    def with_codes(self, points: npt.NDArray[np.int32], codes: Codes | Sequence[int]) -> Piece:
+        """Return the piece in which the local ``points`` have the statuses ``codes``."""
         changed = self.codes.copy()
         changed[points] = np.asarray(codes, dtype=np.int8)
         return Piece(changed)
@@ -50,89 +57,144 @@ class Events:
     """Distances of a state to the borders of a piece, on this rank.
 
     Attributes:
-        distance: positive inside the piece, in one unit for all events.
-        point: local point that each event belongs to.
-        target: status that the point takes when the distance vanishes.
+        distance: distances, positive inside the piece, all in one unit, shape (n,).
+        point: local point of each event.
+        target: status of the point beyond the border.
     """
 
-    distance: npt.NDArray[np.float64]
+    distance: Array
     point: npt.NDArray[np.int32]
-    target: npt.NDArray[np.int8]
+    target: Codes
+
+
+def matched_distances(here: Events, there: Events, missing: Array | None = None) -> Array:
+    """Return the distances at another state to the borders ``here``. Not collective.
+
+    Borders of some laws exist in some states only, such as those of stick where there is friction.
+    If the same points have events, these correspond to one another in order, even if one of them
+    leads to another status at the other state.
+
+    Args:
+        here: events of a piece at one state, n of them.
+        there: events of the same piece at another state.
+        missing: values for borders that do not exist there, shape (n,); default: distances here.
+    """
+    if np.array_equal(here.point, there.point):
+        return there.distance
+    distances: dict[tuple[int, int], list[float]] = {}
+    for point, target, distance in zip(there.point, there.target, there.distance, strict=True):
+        distances.setdefault((int(point), int(target)), []).append(float(distance))
+    matched = np.array(here.distance if missing is None else missing)
+    for i, (point, target) in enumerate(zip(here.point, here.target, strict=True)):
+        if distances.get(key := (int(point), int(target))):
+            matched[i] = distances[key].pop(0)
+    return matched
+
+
+def fractions_to_borders(
+    low: Events, high: Events, weights: tuple[float, float] = (1.0, 1.0)
+) -> Array:
+    """Return where events vanish between two states if distances are linear. Not collective.
+
+    Args:
+        low: events of a piece at a state inside it.
+        high: events of the same piece at another state, n of them.
+        weights: factors of the distances at the two states.
+
+    Returns:
+        Fractions of the way to the borders ``high``, shape (n,): inf where the other state is
+        inside, 1/2 where it is outside and the border does not exist at the first state.
+    """
+    distance = weights[1] * high.distance
+    outside = distance < 0
+    before = matched_distances(high, low, np.full_like(distance, np.inf))
+    begins = outside & np.isinf(before)
+    above = np.where(outside & ~begins, weights[0] * np.maximum(before, 0.0), 0.0)
+    fraction = np.where(outside, above / np.where(outside, above - distance, 1.0), np.inf)
+    return np.where(begins, 0.5, fraction)
 
 
 class System:
-    """H(x, gamma) = 0 in PETSc, with pieces: a base class. Every method is collective.
+    """H(x, gamma) = 0 in PETSc: the base class of systems. Every method is collective.
 
-    ``piece=None`` means H itself, with the statuses that (x, gamma) determines. Nothing is
-    remembered between two calls, but for `scales` and for `matrix`, which `jacobian` fills. Methods
-    whose description names no default must be defined.
+    ``piece=None`` means H itself, with the statuses that (x, gamma) determines. A system has no
+    state between two calls, except for `scales` and for `matrix`, which `jacobian` assembles.
+    A smooth system defines `comm`, `matrix`, `create_vector`, `residual`, `jacobian`,
+    `parameter_derivative`, `metric` and `probe`.
     """
 
     comm: MPI.Comm
-    #: N x N, which `jacobian` fills: AIJ, but where there is a `preconditioner`.
+    #: H_x, of size N x N: AIJ unless there is a `preconditioner`.
     matrix: PETSc.Mat
-    #: Measures that residuals are judged by; they may grow along a branch.
+    #: Measures of residuals; they may grow along a branch.
     scales: tuple[float, ...] = ()
-    #: Whether kinks are passed in batches unless `StepControl.kinks` is given: where branches
-    #: pass so many that not all need be located. By default not.
+    #: Whether kinks are passed in batches unless `StepControl.kinks` is set, because branches have
+    #: too many of them to locate each.
     has_many_pieces: bool = False
-    #: Why H is not smooth on a piece, in words; "" if it is.
+    #: Reason why H is not smooth on a piece; "" if it is.
     kinks: str = ""
-    #: Where H is not smooth in gamma alone, in words; "" if it is.
+    #: Reason why H is not smooth in gamma; "" if it is.
     kinks_in_gamma: str = ""
     #: Whether every piece is affine in (x, gamma), so that `condensed` is the whole problem.
     is_piecewise_affine: bool = False
-    #: Of the Jacobian; None, the default, where that is to be factorised.
+    #: Preconditioner of H_x; None if H_x is to be factorised.
     preconditioner: Preconditioner | None = None
 
+    # -- H and its derivatives -------------------------------------------------------------------
+
     def create_vector(self) -> PETSc.Vec:
-        """A vector for x."""
+        """Create a vector for x."""
         raise NotImplementedError
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
-        """H(x, gamma) into ``b``; its relative size."""
+        """Write H(x, gamma) into ``b``, and return its relative size."""
         raise NotImplementedError
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
-        """The derivative of H by x into `matrix`.
+        """Assemble H_x(x, gamma) into `matrix`.
 
         Raises:
-            ArithmeticError: on all ranks, if the system is preconditioned and that cannot be done.
+            ArithmeticError: on all ranks, if the preconditioner cannot be set up.
         """
         raise NotImplementedError
 
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
-        """The derivative of H by gamma into ``c``."""
+        """Write H_gamma(x, gamma) into ``c``."""
         raise NotImplementedError
 
     def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        """M x into ``out``, M symmetric and semi-definite: lengths in the space of x."""
+        """Write M x into ``out``; M, symmetric and semi-definite, defines lengths of x."""
         raise NotImplementedError
 
+    def probe(self, seed: int) -> PETSc.Vec:
+        """Create a vector of pseudo-random entries that do not depend on the number of ranks."""
+        raise NotImplementedError
+
+    # -- pieces ----------------------------------------------------------------------------------
+
     def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
-        """The piece that (x, gamma) determines; by default the only one there is."""
+        """Return the piece that (x, gamma) determines; default: the only one."""
         return Piece(np.zeros(0, dtype=np.int8))
 
     def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
-        """Distances to the borders of ``piece``; by default it has none."""
+        """Return the distances to the borders of ``piece``; default: no borders."""
         return Events(np.zeros(0), np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int8))
 
-    def probe(self, seed: int) -> PETSc.Vec:
-        """A new vector with entries like random numbers, the same on any number of ranks."""
-        raise NotImplementedError
-
     def statuses(self, point: int) -> Sequence[int]:
-        """All statuses that the local ``point`` can have; by default none."""
+        """Return all statuses that a local point can have; default: none."""
         return ()
 
     def order(self) -> npt.NDArray[np.intp]:
-        """Place of each local point in an order of all that no numbering decides, nor ranks (n,).
+        """Return the position of each local point in a global order, shape (n,).
 
-        It is used where one of several points is to be chosen on a path with memory.
+        The order must not depend on numberings or ranks. A path with memory uses it to choose one
+        of several points.
         """
         raise NotImplementedError
+
+    # -- optional help for iterative solves ------------------------------------------------------
 
     def correct(
         self,
@@ -142,220 +204,220 @@ class System:
         correction: PETSc.Vec,
         piece: Piece | None,
     ) -> bool:
-        """What to subtract from x to solve a few rows of H for their own unknowns.
+        """Solve a few rows of H for their own unknowns.
 
         Args:
-            x: the state.
-            gamma: there.
+            x: state.
+            gamma: parameter.
             residual: H(x, gamma).
-            correction: receives the solution.
-            piece: on which H is taken.
+            correction: receives the vector to subtract from x.
+            piece: piece of H.
 
         Returns:
-            Whether there is anything to correct; by default not.
+            Whether there is a correction; default: no.
 
         Raises:
             ArithmeticError: on all ranks, if the rows are singular.
         """
         return False
 
-    def contact_rows(
-        self, x: PETSc.Vec, gamma: float, piece: Piece | None
-    ) -> npt.NDArray[np.float64] | None:
-        """Rows of H on this rank at which its linear model errs, where they cost next to nothing.
+    def contact_rows(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Array | None:
+        """Return the rows of H on this rank in which its linear model errs, if they are cheap.
 
-        None, the default, if there are none: the same on every rank.
+        Default: None on every rank, there are no such rows.
         """
         return None
 
-    def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Condensed | None:
-        """The points at (x, gamma) with all else eliminated.
+    # -- optional condensation and proofs --------------------------------------------------------
 
-        None, the default, if their pieces are no polyhedral cones.
+    def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Condensed | None:
+        """Return the points at (x, gamma) with all other unknowns eliminated.
+
+        Default: None, the pieces at the points are not polyhedral cones.
 
         Args:
-            x: the state.
-            gamma: there.
-            conic: whether they must be; what `prove` takes may be affine pieces of another kind.
+            x: state.
+            gamma: parameter.
+            conic: whether cones are required; `prove` accepts other affine pieces.
         """
         return None
 
     def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
-        """All solutions at gamma, with a proof; None, the default, where none is possible.
+        """Compute all solutions at gamma, with a proof; default: None, no proof is available.
 
         Args:
-            condensed: the points at any state, exact.
+            condensed: exact condensation onto the points, at any state.
             gamma: parameter.
-            seconds: to give up after.
+            seconds: time limit.
         """
         return None
 
     def obstacle_to_proof(self) -> str:
-        """Why `prove` is not tried, human-readable; "", the default, if that is not known."""
+        """Return the reason why `prove` is not available; default: "", unknown."""
         return ""
 
     def prove_rays(
-        self,
-        condensed: Condensed,
-        cone: AffineSystem,
-        known: Sequence[tuple[npt.NDArray[np.int8], float]],
+        self, condensed: Condensed, cone: AffineSystem, known: Sequence[tuple[Codes, float]]
     ) -> RayProof | None:
-        """All rays of a tangent cone, with a proof; None, the default, where none is possible.
+        """Compute all rays of a tangent cone, with a proof; default: None, no proof is available.
 
         Args:
-            condensed: the points at the state whose cone it is.
-            cone: its tangent cone.
-            known: statuses (m,) and dgamma of rays that are known.
+            condensed: condensation onto the points at the apex of the cone.
+            cone: tangent cone.
+            known: statuses, shape (m,), and dgamma of the rays that have been computed.
         """
         return None
 
-    def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
-        """A solution at gamma by the system's own solver, and what it tried, human-readable.
-
-        The solution is a new vector, or None if none was found. By default there is no solver, and
-        nothing is tried: None and "".
-
-        Args:
-            x: start, which is left as it is.
-            gamma: parameter.
-        """
-        return None, ""
-
     def validity_warning(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
-        """Reason why the model is not valid for a solution; by default "".
+        """Return the reason why H does not describe a solution; default: "", it does.
+
+        Nothing is proved about invalid solutions.
 
         Args:
-            x: a solution.
-            gamma: there.
-            piece: its statuses.
+            x: solution.
+            gamma: parameter.
+            piece: piece of the solution.
         """
         return ""
 
-    def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
-        """Show a state to the user; by default nowhere.
+    # -- optional connection to the user's problem -----------------------------------------------
 
-        So is every point shown that an observer is called with, and the last one of a branch.
+    def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
+        """Solve at gamma by the solver of the system; default: there is none.
+
+        Args:
+            x: initial guess, not changed.
+            gamma: parameter.
+
+        Returns:
+            Solution, a new vector, or None; description of the attempts, "" if there is no solver.
+        """
+        return None, ""
+
+    def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
+        """Write a state into the user's data, such as Functions; default: there are none.
+
+        Called before observers, and with the last point of a branch.
         """
 
     def undisturbed(self) -> AbstractContextManager[None]:
-        """A context in which nobody changes the data; by default it does nothing. Collective.
+        """Return a context in which nobody changes the data, so that values may be cached.
 
-        A step of a branch runs in it: what depends on the data may be kept there. It raises
-        ``ValueError`` if the mesh has been moved before.
+        Every step of a branch runs in it. It raises ``ValueError`` if the mesh has moved.
         """
         return nullcontext()
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
-        """Raise ``ValueError`` if there is no problem at one of these, in order."""
+        """Raise ``ValueError`` if the data are not valid at one of these increasing values."""
 
     def restored(self, *, always: bool = False) -> AbstractContextManager[None]:
-        """Restores what evaluations write to if the context raises; by default nothing.
+        """Return a context that restores the user's data if it raises; default: there are none.
 
         Args:
-            always: also if the context does not raise.
+            always: whether to restore the data in any case.
         """
         return nullcontext()
 
 
-class FoundState(Protocol):
-    """A solution of the points that `Condensed` has."""
-
-    @property
-    def codes(self) -> npt.NDArray[np.int8]:
-        """Statuses (m,)."""
-
-    @property
-    def state(self) -> npt.NDArray[np.float64]:
-        """Numbers w of the points (m, k)."""
-
-
-class Proof(Protocol):
-    """What is proved of the solutions at one gamma."""
-
-    @property
-    def verdict(self) -> str:
-        """Whether there are no others: then "complete"."""
-
-    @property
-    def solutions(self) -> Sequence[FoundState]:
-        """Those that are certain."""
-
-    @property
-    def method(self) -> str:
-        """How it was proved, human-readable."""
-
-
-class RayProof(Protocol):
-    """What is proved of the rays of a point."""
-
-    @property
-    def verdict(self) -> str:
-        """Whether there are no others: then "complete"."""
-
-    @property
-    def rays(self) -> Sequence[tuple[npt.NDArray[np.int8], float]]:
-        """Statuses (m,) and dgamma, 1 or -1, of those that are certain."""
-
-    @property
-    def method(self) -> str:
-        """How it was proved, human-readable."""
-
-
 class Preconditioner(Protocol):
-    """An approximate inverse P^-1 of `System.matrix` as `System.jacobian` left it. Linear."""
+    """Linear approximate inverse P^-1 of `System.matrix`, updated by `System.jacobian`."""
 
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """P^-1 r into ``z``. Collective."""
+        """Write P^-1 r into ``z``. Collective."""
 
     def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """Into ``z`` the unknowns that P^-1 finds exactly, for their rows of r; 0 elsewhere.
+        """Write the unknowns that P^-1 determines exactly into ``z``, and 0 elsewhere. Collective.
 
-        Where r vanishes in these rows P^-1 needs no solve for them before its cycle. Collective.
+        If r vanishes in the corresponding rows, P^-1 needs no solve for them before its cycle.
         """
 
     def determinant_sign(self) -> float:
-        """Sign of det P, up to a factor that is always the same. Collective."""
+        """Return the sign of det P up to a constant factor. Collective."""
 
     def age(self, iterations: int, digits: float) -> None:
-        """Take notice of the iterations of a solve and the decimal digits gained. Collective."""
+        """Record the iterations of a solve and the decimal digits gained. Collective."""
 
 
 class Condensed(Protocol):
-    """The kinked points of a system, everything else eliminated: the same on every rank.
+    """The points of a system with all other unknowns eliminated: the same on every rank.
 
-    Every method is collective, but `piece`.
+    Every method except `piece` is collective.
     """
 
-    #: The pieces at the points.
+    #: Pieces at the points.
     system: AffineSystem
-    #: Whether they are those of H everywhere, not only its linearisation at a state.
+    #: Whether the pieces are those of H everywhere, not only of its linearisation at a state.
     exact: bool
 
     @property
     def guided(self) -> bool:
-        """Whether points have other statuses in H, since what they do is prescribed in part."""
+        """Whether points have other statuses in H, because their motion is partly prescribed."""
 
     def require_finite(self) -> None:
         """Raise ``ValueError`` if a number is not finite."""
 
-    def codes(self, piece: Piece) -> npt.NDArray[np.int8]:
-        """Statuses of all points."""
+    def codes(self, piece: Piece) -> Codes:
+        """Return the statuses of all points, shape (m,)."""
 
-    def piece(self, codes: npt.NDArray[np.int8]) -> Piece:
-        """The piece in which the points have these statuses."""
+    def piece(self, codes: Codes) -> Piece:
+        """Return the piece with these statuses."""
 
     def point(self, i: int) -> tuple[int, int]:
-        """The rank that owns point ``i``, and its local number there."""
+        """Return the rank that owns point ``i``, and its local number there."""
 
     @property
     def always_solvable(self) -> bool:
-        """Whether it is known that there is a solution at every gamma; needs no communication."""
+        """Whether a theorem guarantees a solution at every gamma. Not collective."""
 
-    def contract(self, x: PETSc.Vec) -> npt.NDArray[np.float64]:
-        """The numbers w of all points, (m, k)."""
+    def contract(self, x: PETSc.Vec) -> Array:
+        """Return the numbers w of all points, shape (m, k)."""
 
-    def expand(self, w: npt.NDArray[np.float64], gamma: float, x: PETSc.Vec) -> None:
-        """The state in which the points have the numbers ``w`` into ``x``."""
+    def expand(self, w: Array, gamma: float, x: PETSc.Vec) -> None:
+        """Write the state in which the points have the numbers ``w`` into ``x``."""
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
+
+
+class FoundState(Protocol):
+    """A solution at the points of a `Condensed` system."""
+
+    @property
+    def codes(self) -> Codes:
+        """Statuses, shape (m,)."""
+
+    @property
+    def state(self) -> Array:
+        """Numbers w of the points, shape (m, k)."""
+
+
+class Proof(Protocol):
+    """Result of a proof about the solutions at one gamma."""
+
+    @property
+    def verdict(self) -> str:
+        """The string "complete" if there are no other solutions."""
+
+    @property
+    def solutions(self) -> Sequence[FoundState]:
+        """Certain solutions."""
+
+    @property
+    def method(self) -> str:
+        """Description of the method."""
+
+
+class RayProof(Protocol):
+    """Result of a proof about the rays of a point."""
+
+    @property
+    def verdict(self) -> str:
+        """The string "complete" if there are no other rays."""
+
+    @property
+    def rays(self) -> Sequence[tuple[Codes, float]]:
+        """Statuses, shape (m,), and dgamma, 1 or -1, of the certain rays."""
+
+    @property
+    def method(self) -> str:
+        """Description of the method."""

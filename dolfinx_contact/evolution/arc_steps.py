@@ -31,10 +31,9 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.continuation.borders import again
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.steps import ExactSteps
-from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.continuation.system import Piece, matched_distances
 from dolfinx_contact.evolution.path import Known
 from dolfinx_contact.evolution.rate_problem import RateProblem
 
@@ -202,7 +201,7 @@ class ArcSteps(ExactSteps):
         def distances(p: BranchPoint, shift: float) -> Array:
             y = p.y.copy()
             y.axpy(shift, p.tangent)
-            shifted = again(events, self.events(y, p.piece))
+            shifted = matched_distances(events, self.events(y, p.piece))
             y.destroy()
             return shifted
 

@@ -33,11 +33,10 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.continuation.borders import again
 from dolfinx_contact.continuation.branch import FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, parity
-from dolfinx_contact.continuation.system import Events, Piece
+from dolfinx_contact.continuation.system import Events, Piece, matched_distances
 
 __all__ = ["RateProblem"]
 
@@ -262,7 +261,7 @@ def _slopes(present: Events, ahead: Events, behind: Events) -> npt.NDArray[np.fl
         behind: events at that distance against it.
     """
     missing = np.full_like(present.distance, np.nan)
-    after, before = (again(present, events, missing) for events in (ahead, behind))
+    after, before = (matched_distances(present, events, missing) for events in (ahead, behind))
     sides = np.isfinite(after).astype(float) + np.isfinite(before)
     after = np.where(np.isfinite(after), after, present.distance)
     before = np.where(np.isfinite(before), before, present.distance)
