@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -28,14 +28,13 @@ from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
 from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState
 from dolfinx_contact.plot.figures import Drawing, drawn_on_root, save
 from dolfinx_contact.plot.look import Look, Options, options_of
+from dolfinx_contact.plot.scene import DrawnObstacle, Scene
 
 if TYPE_CHECKING:
     from dolfinx_contact.equations.state import State
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = [
-    "Obstacle",
-    "Scene",
     "body_scene",
     "check_look",
     "draw_scene",
@@ -44,76 +43,10 @@ __all__ = [
     "title_of",
 ]
 
-Array: TypeAlias = npt.NDArray[np.float64]
-Cells: TypeAlias = npt.NDArray[np.int64]
+Array = npt.NDArray[np.float64]
+Cells = npt.NDArray[np.int64]
 
 _PLANE = 1e-9  # difference of the normals of an obstacle up to which it is a plane
-
-
-@dataclass(frozen=True)
-class Obstacle:
-    """An obstacle, as it is drawn.
-
-    Attributes:
-        x: coordinates of its vertices (m, 3).
-        cells: vertices of its facets.
-        n: normals at the vertices, into the obstacle (m, 3).
-        is_plane: True if the obstacle is a plane that is still to be replaced by a rectangle.
-    """
-
-    x: Array
-    cells: Cells
-    n: Array
-    is_plane: bool
-
-    def below(self, points: Array) -> Obstacle:
-        """Replace a plane by a rectangle, in 2D a segment, below points (n, 3)."""
-        if not self.is_plane:
-            return self
-        n = self.n[0]
-        is_flat = not points[:, 2].any()
-        first = np.eye(3)[2] if is_flat else np.eye(3)[np.argmin(np.abs(n))]
-        first = unit(np.cross(n, first))
-        axes = np.array([first] if is_flat else [first, np.cross(n, first)])
-        along = points @ axes.T
-        rim = 0.1 * float(np.ptp(along, axis=0).max())
-        ends = np.stack([along.min(axis=0) - rim, along.max(axis=0) + rim], axis=1)
-        grid = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(axes))
-        corners = grid @ axes + (self.x[0] @ n) * n
-        cells = np.arange(len(corners))[None]
-        return Obstacle(corners, cells, np.tile(n, (len(corners), 1)), False)
-
-
-@dataclass(frozen=True)
-class Scene:
-    """Bodies and obstacles in one state, as they are drawn.
-
-    Attributes:
-        rest: coordinates of the vertices of the outer surface without displacement (n, 3).
-        x: coordinates of the displaced vertices (n, 3).
-        cells: vertices of the cells of a body in 2D, of the facets of the boundary in 3D.
-        slaves: vertices of the facets of each contact surface.
-        masters: vertices of the facets of each opposite surface of a pair.
-        obstacles: rigid obstacles.
-        values: fields at the vertices by name.
-        inside: coordinates, cells, and fields by name of the whole body, for a section.
-        title: title of the picture.
-    """
-
-    rest: Array
-    x: Array
-    cells: Cells
-    slaves: list[Cells]
-    masters: list[Cells]
-    obstacles: list[Obstacle]
-    values: dict[str, Array] = field(default_factory=dict)
-    inside: tuple[Array, Cells, dict[str, Array]] | None = None
-    title: str = ""
-
-    @property
-    def coloured(self) -> dict[str, Array]:
-        """Fields of the drawn part, the interior in a section."""
-        return self.values if self.inside is None else self.inside[2]
 
 
 def _check_body(a: Arguments) -> None:
@@ -289,7 +222,7 @@ def scene_of_surface(surface: OuterSurface, state: SurfaceState, scale: float) -
         # an obstacle with facets of its own (a rigid surface) is drawn with these
         at_points = 0 < len(n) == len(np.unique(surface.contact[name]))
         is_plane = at_points and bool(np.ptp(n, axis=0).max() < _PLANE)
-        obstacles.append(Obstacle(floor + scale * motion, cells, unit(n), is_plane))
+        obstacles.append(DrawnObstacle(floor + scale * motion, cells, unit(n), is_plane))
     return Scene(
         rest=surface.x,
         x=surface.x + scale * _in_space(state.u),

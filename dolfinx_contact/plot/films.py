@@ -24,7 +24,6 @@ from dolfinx_contact._files import part_of
 from dolfinx_contact._optional import optional
 from dolfinx_contact._validate import is_number, number
 from dolfinx_contact.plot.bodies import (
-    Scene,
     body_scene,
     check_look,
     draw_scene,
@@ -34,6 +33,7 @@ from dolfinx_contact.plot.bodies import (
 from dolfinx_contact.plot.figures import Drawing, save
 from dolfinx_contact.plot.in_2d import finite_range
 from dolfinx_contact.plot.look import Look, Options, options_of
+from dolfinx_contact.plot.scene import Scene
 from dolfinx_contact.records.columns import StateEntry
 from dolfinx_contact.records.journal import AnyJournal
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = ["animate", "draw_record", "film"]
 
-_WRITERS = {".gif": "imageio", ".mp4": "imageio_ffmpeg"}
+_SUFFIXES = (".gif", ".mp4")
 _PICTURES = (".png", ".pdf", ".svg")
 _WIDTH = 900  # of a frame in 3D, in pixels
 _FILM_DPI = 130
@@ -58,13 +58,14 @@ def _check_film(a: Arguments) -> None:
 def _checked_file(file: str | os.PathLike[str], rate: Any) -> tuple[Path, float]:
     """Return the path and the rate of a film, or raise an error. Not collective."""
     path = Path(file)
-    if path.suffix not in _WRITERS:
+    if path.suffix not in _SUFFIXES:
         raise ValueError(f"animations are .gif or .mp4, not {path.name}")
     if not (is_number(rate) and _RATES[0] <= rate <= _RATES[1]):
         low, high = _RATES
         raise ValueError(f"the rate must be a number from {low} to {high} a second, got {rate!r}")
-    for package in ("imageio", _WRITERS[path.suffix]):
-        optional(package, "pictures", in_debian=package == "imageio")
+    optional("imageio", "pictures")
+    if path.suffix == ".mp4":
+        optional("imageio_ffmpeg", "pictures", in_debian=False)
     return path, float(rate)
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +13,11 @@ from scipy.sparse.csgraph import connected_components
 
 from dolfinx_contact.plot.figures import INK, LINES, new_figure, with_unit
 from dolfinx_contact.plot.look import Options
+from dolfinx_contact.plot.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from dolfinx_contact.plot.bodies import Scene
 
 __all__ = [
     "FLOOR",
@@ -34,8 +33,8 @@ __all__ = [
     "triangles",
 ]
 
-Array: TypeAlias = npt.NDArray[np.float64]
-Cells: TypeAlias = npt.NDArray[np.int64]
+Array = npt.NDArray[np.float64]
+Cells = npt.NDArray[np.int64]
 
 FLOOR = "#c9ced4"
 TINTS = ["#c3d0dc", "#e3d3b4", "#c9dcc3", "#d9cbdf"]  # colours of bodies without a field

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,16 +23,15 @@ from dolfinx_contact.plot.in_2d import (
     framed,
 )
 from dolfinx_contact.plot.look import Options
+from dolfinx_contact.plot.scene import Scene
 
 if TYPE_CHECKING:
     import pyvista
 
-    from dolfinx_contact.plot.bodies import Scene
-
 __all__ = ["draw_3d"]
 
-Array: TypeAlias = npt.NDArray[np.float64]
-Cells: TypeAlias = npt.NDArray[np.int64]
+Array = npt.NDArray[np.float64]
+Cells = npt.NDArray[np.int64]
 
 _MANY = 20000  # number of facets from which on their edges would hide the colours
 _RIM = dict(feature_edges=False, non_manifold_edges=False, manifold_edges=False)

@@ -16,9 +16,9 @@ from dolfinx_contact._validate import is_number, listed, one_of, positive, vecto
 
 __all__ = ["Look", "Options", "checked_units", "options_of"]
 
-Array: TypeAlias = npt.NDArray[np.float64]
+Array = npt.NDArray[np.float64]
 #: An axis by its name, with a sign, or a vector.
-Direction: TypeAlias = str | Sequence[float]
+ViewDirection: TypeAlias = str | Sequence[float]
 
 _AXES: dict[str, Array] = {
     sign + name: np.asarray(factor * axis)
@@ -56,9 +56,9 @@ class Look(TypedDict, total=False):
     """
 
     fields: str | Sequence[str] | Mapping[str, Any] | None
-    view: Direction | None
-    up: Direction
-    clip: Direction | tuple[Sequence[float], Direction] | None
+    view: ViewDirection | None
+    up: ViewDirection
+    clip: ViewDirection | tuple[Sequence[float], ViewDirection] | None
     zoom: float | str | Sequence[Sequence[float]]
     cmap: str
     units: tuple[str, str]

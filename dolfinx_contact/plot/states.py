@@ -16,10 +16,11 @@ from dolfinx_contact._validate import number
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import COLOURS, NAMES
-from dolfinx_contact.plot.bodies import Scene, body_scene
+from dolfinx_contact.plot.bodies import body_scene
 from dolfinx_contact.plot.figures import drawn_on_root, new_figure, save
 from dolfinx_contact.plot.in_2d import around, draw_field
 from dolfinx_contact.plot.look import options_of
+from dolfinx_contact.plot.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

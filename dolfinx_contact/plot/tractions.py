@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 __all__ = ["picture_of_contact"]
 
-Array: TypeAlias = npt.NDArray[np.float64]
-Cells: TypeAlias = npt.NDArray[np.int64]
-Marks: TypeAlias = npt.NDArray[np.bool_]
+Array = npt.NDArray[np.float64]
+Cells = npt.NDArray[np.int64]
+Marks = npt.NDArray[np.bool_]
 
 #: Statuses in addition to `STATUS_CODES`: slip in 2D with u_t < 0, and slip without a sense.
 _BACKWARD, _NO_SENSE = 4, 5
