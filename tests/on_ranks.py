@@ -106,8 +106,6 @@ ON_TWO = {
         "a_record_that_nothing_is_in",
         "a_series_on_a_full_disk",
         "the_lock_says_who_holds_it",
-        "what_is_known_of_a_holder",
-        "a_note_that_is_a_link",
         "a_process_that_has_the_journal_open_does_not_hold_it",
         "a_file_system_without_flock",
     ),

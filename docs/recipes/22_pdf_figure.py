@@ -16,20 +16,16 @@ from dolfinx_contact.plot import draw_curves, picture_of_body
 
 table = Block(n=24).problem().solve().tables["contact"]
 x = table.x[:, 0]
-bound = np.divide(table.bound, table.area)
-shear = np.abs(table.along(table.shear))
-curves = {"pressure": (x, table.pressure), "shear": (x, shear)}
+bound = table.bound / table.area
+curves = {"pressure": (x, table.pressure), "shear": (x, np.abs(table.along(table.shear)))}
 for file in ("figure.pdf", "figure.png"):
-    axes = draw_curves(
-        None, curves, dotted={"friction bound": (x, bound)}, labels=("x", "traction")
-    )
+    axes = draw_curves(None, curves, dotted={"bound": (x, bound)}, labels=("x", "traction"))
     axes.set_xlim(0.0, 1.0)
     axes.figure.savefig(file)
 cube = Block(n=6, cell="hexahedron")
 problem = cube.problem()
-stress = cube.steel.full_stress(cube.u)
 problem.solve()
 look = dict(view="front", clip="-y", zoom=1.1, cmap="viridis", fields="von Mises stress")
 for file in ("inside.pdf", "inside.png"):
-    picture_of_body(file, problem, stress=stress, scale=5.0, **look)
+    picture_of_body(file, problem, stress=cube.steel.full_stress(cube.u), scale=5.0, **look)
     assert Path(file).stat().st_size > 1000

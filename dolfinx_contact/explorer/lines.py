@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.records import EvolutionJournal, Journal, PathJournal
 
-__all__ = ["AnyRecord", "DiagramData", "Line", "diagram_of"]
+__all__ = ["AnyRecord", "BranchLine", "DiagramData", "diagram_of"]
 
 Array = npt.NDArray[np.float64]
 AnyRecord = Journal | EvolutionJournal
@@ -23,7 +23,7 @@ _WORDS = ("strategy", "event", "before", "after", "status")
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class BranchLine:
     """A branch, a history or a path.
 
     Attributes:
@@ -63,7 +63,7 @@ class DiagramData:
     along: str
     columns: list[str]
     functionals: list[str]
-    lines: list[Line] = field(default_factory=list)
+    lines: list[BranchLine] = field(default_factory=list)
     unfinished: bool = False
 
     @property
@@ -117,7 +117,9 @@ def _branches(journal: Journal) -> DiagramData:
         linear = all(point.next_step == 0 for point in branch.points)
         statuses = [str(word) for word in table["status"]]
         name = f"branch {number}"
-        diagram.lines.append(Line(name, number, columns, statuses, marks, linear, branch.reason))
+        diagram.lines.append(
+            BranchLine(name, number, columns, statuses, marks, linear, branch.reason)
+        )
     return diagram
 
 
@@ -181,7 +183,7 @@ def _steps(journal: EvolutionJournal) -> DiagramData:
     last = journal.runs[-1] if journal.runs else None
     statuses = [state.status for state in journal.states]
     ending = "" if last is None else last.reason
-    line = Line(name, 0, columns, statuses, marks, False, ending)
+    line = BranchLine(name, 0, columns, statuses, marks, False, ending)
     unfinished = last is None or last.ending is None
     return DiagramData(f"a {name}", along, names, functionals, [line], unfinished)
 

@@ -39,7 +39,7 @@ from dolfinx_contact.records.columns import EndEntry, JournalEdge, plain
 from dolfinx_contact.records.functionals import Functional, compiled, functional_forms
 from dolfinx_contact.records.journal import Explored, Journal
 from dolfinx_contact.records.manifest import manifest_of, values_of
-from dolfinx_contact.records.points import Entries
+from dolfinx_contact.records.points import JournalEntries
 from dolfinx_contact.records.record import Record, Resume
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ class BranchRecord(Record[Journal]):
             resume=resume,
         )
         self._layout = Layout(system)
-        self._entries = Entries(system, values)
+        self._entries = JournalEntries(system, values)
         self._last: tuple[BranchPoint, Stepping] | None = None
         self._branch = 0
         try:

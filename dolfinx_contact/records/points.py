@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Entries", "journal_of", "places"]
+__all__ = ["JournalEntries", "journal_of", "places"]
 
 
 def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
@@ -42,7 +42,7 @@ def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
     }
 
 
-class Entries:
+class JournalEntries:
     """Entries of the journal for points and nodes of branches. Collective.
 
     Args:
@@ -187,7 +187,7 @@ def journal_of(
     values = compiled(system.problem, functionals or {})
     header = {"functionals": list(values), "points": places(system.problem), "format": FORMAT}
     journal = Journal(header=header)
-    entries = Entries(system, values)
+    entries = JournalEntries(system, values)
     with system.restored(always=True):
         for number, branch in enumerate(branches):
             points = [
