@@ -543,7 +543,7 @@ def test_a_resumed_run_that_ends_before_the_recorded_end(folder):
     assert len(journal.branches[0].points) == 7
     whole = resume(folder / "r", system, functionals, max_steps=1000)
     assert whole.ending is Ending.REACHED
-    with pytest.raises(ValueError, match="budget of steps"):
+    with pytest.raises(ValueError, match="max_steps must be a whole number >= 1, got -5"):
         resume(folder / "r", system, functionals, max_steps=-5)
     with pytest.raises(ValueError, match="stop must be a function"):
         resume(folder / "r", system, functionals, stop=3)
