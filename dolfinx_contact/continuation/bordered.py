@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""The bordered system: H(x, gamma) = 0 with one more row, regular where gamma turns back.
 
-    [ H_x  H_gamma ] [ dx     ]
-    [ w^T  w_gamma ] [ dgamma ]
+Its matrix J (`layout`) is factorised (`factorised`), or, if the system has a preconditioner of H_x,
+used in a Krylov method (`krylov`). Lengths are those of the inner product
 
-Its matrix is assembled and factorised (`Factorised`), or, where the system brings a preconditioner
-of H_x, solved with by a Krylov method (`Krylov`).
+    <y, z> = x_y . M x_z / (2 x_scale) + gamma_y gamma_z / (2 gamma_scale^2),
+
+with the metric M of the system.
 """
 
 from __future__ import annotations
@@ -16,8 +17,7 @@ from petsc4py import PETSc
 
 from dolfinx_contact.continuation.factorised import Factorised
 from dolfinx_contact.continuation.krylov import Krylov
-from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.linear import BorderedSolver
+from dolfinx_contact.continuation.layout import BorderedSolver, Layout
 from dolfinx_contact.continuation.system import System
 
 __all__ = ["Bordered"]
@@ -26,18 +26,18 @@ _STILL = 1e-13  # of the size of x, by which it moves where it does not
 
 
 class Bordered(Layout):
-    """Vectors, inner product and linear algebra of y = (x, gamma).
+    """Vectors, inner product and linear solver of y = (x, gamma).
 
     Args:
-        system: what is followed.
-        gamma_scale: size of gamma that counts as 1.
-        prefix: of PETSc options.
+        system: system to follow.
+        gamma_scale: unit of gamma.
+        prefix: prefix of PETSc options.
 
     Attributes:
-        x_scale: square of the length of x that counts as 1; 0 until a tangent moves x.
-        x_scale_is_new: set when `x_scale` is; whoever notices resets it.
-        sense: sign by which the determinant of the matrix differs from that with the tangent as its
-            last row: exchanging rows multiplies it by their inner product.
+        x_scale: square of the unit length of x; 0 until a tangent moves x.
+        x_scale_is_new: set together with `x_scale`; the reader resets it.
+        sense: ratio of the signs of det J with the tangent as its last row and with the actual one.
+            Exchanging the rows multiplies the determinant by their inner product.
     """
 
     def __init__(self, system: System, *, gamma_scale: float, prefix: str = "continuation_"):
@@ -51,18 +51,18 @@ class Bordered(Layout):
 
     @cached_property
     def solver(self) -> BorderedSolver:
-        """Of the matrix; made when it is first needed. Collective."""
+        """Solver for J, created when it is first used. Collective."""
         P = self.system.preconditioner
         return Factorised(self, self.prefix) if P is None else Krylov(self, self.prefix, P)
 
     @property
     def work(self) -> tuple[int, int]:
-        """Matrices factorised and right-hand sides solved for so far; none without a solver."""
+        """Numbers of factorised matrices and of solves so far."""
         solver = vars(self).get("solver")
         return (0, 0) if solver is None else (solver.factorisations, solver.solves)
 
     def dual(self, y: PETSc.Vec, out: PETSc.Vec) -> None:
-        """The row vector of the inner product with ``y`` into ``out``."""
+        """Write the row vector <y, .> into ``out``."""
         x, gamma = self.split(y)
         self.system.metric(x, self._w)
         if self.x_scale > 0:
@@ -72,7 +72,7 @@ class Bordered(Layout):
         self.join(self._w, 0.5 * gamma / self.gamma_scale**2, out)
 
     def inner(self, y: PETSc.Vec, z: PETSc.Vec) -> float:
-        """Inner product: half from x, half from gamma, each over its scale."""
+        """Return <y, z>."""
         w = y.duplicate()
         self.dual(y, w)
         value = float(w.dot(z))
@@ -80,11 +80,10 @@ class Bordered(Layout):
         return value
 
     def set_scale(self, t: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Take the scale of x from the first tangent ``t`` that moves it, at ``y``. Collective.
+        """Set `x_scale` by the first tangent ``t`` at ``y`` that moves x. Collective.
 
-        Then x and gamma have equal shares in the length of ``t``, and neither units nor the
-        numbers of unknowns and ranks matter for the lengths of steps. A motion that is round-off of
-        x over the whole scale of gamma is none: lengths would be those of round-off.
+        x and gamma then contribute equally to the length of ``t``. A motion that is round-off of x
+        over the whole scale of gamma does not count.
         """
         if self.x_scale > 0.0:
             return
@@ -101,7 +100,7 @@ class Bordered(Layout):
             self.x_scale_is_new = True
 
     def require_scale(self) -> None:
-        """See that x has a scale: 1 in the metric of the system if no tangent has moved it yet."""
+        """Set `x_scale` to 1 if no tangent has moved x yet."""
         if self.x_scale == 0.0:
             self.x_scale = 1.0
             self.x_scale_is_new = True

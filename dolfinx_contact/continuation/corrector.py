@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Correctors: from a predicted point to a point of the branch, and tangents.
+r"""Correctors: from a predicted point to a point of the branch, and tangents.
 
-All are a SNES on the bordered system; they differ in its last row. Moore-Penrose (Ligursky and
-Renard, Comput. Mech. 56, 2015, after Dhooge, Govaerts and Kuznetsov) moves orthogonally to a
-tangent that is improved with the same factorisation; pseudo-arclength holds the distance along a
-fixed tangent; natural holds gamma.
+All correctors are a SNES for H = 0 and one more row:
 
-Where a factorisation makes further solves cheap, a correction keeps the matrix of the one before
-where few more of these lead to the tolerance (`chords`). Residuals are always those of H.
+- *Moore-Penrose* (Ligursky and Renard, Comput. Mech. 56, 2015, after Dhooge, Govaerts and
+  Kuznetsov) moves orthogonally to a tangent that is improved with the same factorisation;
+- *pseudo-arclength* prescribes the distance along a fixed tangent;
+- *natural* prescribes gamma.
+
+If further solves with a matrix are cheap, a correction may use the matrix of the last one (a
+*chord*). Convergence is always tested with the residual of H.
 """
 
 from __future__ import annotations
@@ -25,7 +27,6 @@ from dolfinx_contact._forcing import Forcing
 from dolfinx_contact._petsc import as_raised, options_in_database
 from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.chords import Chords
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import Piece
 
@@ -35,6 +36,7 @@ Array = npt.NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
+_MOST_CHORDS = 5  # in a row
 #: Length of a solution of J t = (0, 1) beyond which the row determines the tangent too poorly.
 _NEARLY_SINGULAR = 1e8
 #: Relative residual of the linear solve for one more correction within the tolerance, where
@@ -47,6 +49,56 @@ _MOST_TESTS = 10  # over the number of corrections, for PETSc
 _ROUND_OFF = 4 * float(np.finfo(np.float64).eps)  # of gamma
 #: Relative residual of a tangent that is no more than a direction to step along.
 _TO_STEP_ALONG = 1e-4
+
+
+class _Chords:
+    """Matrices and chords of a run.
+
+    Chords replace the last Newton step: where it would reach the tolerance, and a few chords do as
+    well (C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM 1995, section
+    5.4). The point is the one that the step would have reached, and steps are as long.
+
+    Attributes:
+        number: number of chords since the last matrix.
+    """
+
+    def __init__(self) -> None:
+        self.begin(kept=False)
+
+    def begin(self, *, kept: bool) -> None:
+        """Begin a run; ``kept``: whether it begins with the matrix of the last one."""
+        self._kept = self._serves = kept
+        self._matrices = 0
+        self.number = 0
+
+    def new_matrix(self, *, serves: bool) -> None:
+        """Count a new matrix; ``serves``: whether further corrections may use it."""
+        self._kept = False
+        self._serves = serves
+        self._matrices += 1
+        self.number = 0
+
+    @property
+    def iterations(self) -> int:
+        """Number of corrections; chords in a row count as one."""
+        return self._matrices + int(self.number > 0)
+
+    def lead_on(self, error: float, before: float, tolerance: float) -> bool:
+        """Whether the next correction uses the matrix again.
+
+        Args:
+            error: relative residual.
+            before: relative residual before the last correction; 0 if there was none.
+            tolerance: relative residual to reach.
+        """
+        if not self._serves or self.number >= _MOST_CHORDS:
+            return False
+        if before == 0:
+            return True
+        rate = error / before
+        # A Newton step would square the rate of convergence, which chords keep.
+        steps = _MOST_CHORDS - self.number if self._kept or self.number else 2
+        return bool(error * rate**steps <= tolerance)
 
 
 class _ModelTest:
@@ -115,7 +167,7 @@ class Corrector:
         self._T: PETSc.Vec | None = None
         self._along: PETSc.Vec | None = None  # whose dual vector the last row is
         self._error = self._residual = 0.0
-        self._chords = Chords()
+        self._chords = _Chords()
         self._rule = Forcing()
         self._model = _ModelTest(self._rule, self._remainder)
         self._keeps = self._polished = False

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The bordered matrix assembled and factorised, by default by MUMPS.
+"""The bordered matrix, assembled and factorised, by default by MUMPS.
 
-One factorisation serves every right-hand side, and the matrices that come after it as well. Those
-that differ from it in a few rows, of the points that change their status and of the border, are
-solved with by a formula (`row_update`); where factorising takes many times as long as solving, so
-are those that differ a little everywhere, from one state to the next. Either way GMRES brings the
-solution to round-off, in an iteration or a few. When it needs many, or the matrix differs by more,
-it is factorised anew.
+One factorisation also serves later matrices: those that differ in a few rows, of the points that
+change their status and of the border, by a low-rank update (`row_update`), and, if there are many
+unknowns, those that differ a little everywhere. GMRES then brings the solution to round-off in one
+or a few iterations. If it needs many, or the matrix differs too much, the matrix is factorised.
 """
 
 from __future__ import annotations
@@ -17,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._factor import Factor
-from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.linear import BorderedSolver, Enough
+from dolfinx_contact.continuation.layout import BorderedSolver, Enough, Layout
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.system import Piece
 
@@ -34,7 +31,7 @@ _DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 
 class _Updated:
-    """The factorised matrix, brought up to date, as a preconditioner for PETSc."""
+    """The updated factorisation as a preconditioner for PETSc."""
 
     def __init__(self, update: RowUpdate):
         self._update = update
@@ -45,13 +42,13 @@ class _Updated:
 
 
 class Factorised(BorderedSolver):
-    """See the module.
+    """Solves with J by a factorisation.
 
     Args:
-        layout: of vectors y.
-        prefix: of PETSc options.
-        reuse: whether a factorisation also serves the matrices after it; by default those that
-            differ in a few rows, and all where factorising takes many times as long as solving.
+        layout: layout of vectors y.
+        prefix: prefix of PETSc options.
+        reuse: whether a factorisation also serves later matrices; default: those that differ in a
+            few rows, and, if there are many unknowns, all.
     """
 
     precision = 1e-12
@@ -198,11 +195,10 @@ class Factorised(BorderedSolver):
         before: tuple[PETSc.Vec, Piece | None],
         after: tuple[PETSc.Vec, Piece | None],
     ) -> int:
-        """By the low-rank identity.
+        """See `BorderedSolver`.
 
-        With D = J_1 - J_0, which is not zero in a few rows E, and W = J_0^{-1} E the quotient is
-        det(I + D W) over those rows: a determinant of their number. (Leaving the border row out
-        turns folds into false bifurcations.)
+        With D = J_1 - J_0 in the rows E in which they differ, and W = J_0^{-1} E, the quotient is
+        det(I + D W). Without the border row folds would look like bifurcations.
         """
         self.assemble(y, *after)
         difference = self.matrix.copy()

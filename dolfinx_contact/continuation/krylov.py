@@ -1,27 +1,25 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Solves with the bordered matrix by a Krylov method, for systems too large to factorise.
+r"""A Krylov method for the bordered matrix, for systems that are too large to factorise.
 
-With P^-1 an approximate inverse of A = H_x, c = H_gamma, v near A^-1 c and s = w_gamma - w^T v the
-block elimination
+Let P^-1 be an approximate inverse of A = H_x, c = H_gamma, v an approximation of A^-1 c, and
+s = w_gamma - w^T v. For a right-hand side (f, g) the block elimination
 
     x_0 = P^-1 f,   gamma = (g - w^T x_0) / s,   x = x_0 - gamma v
 
-is the exact inverse of [P P v; w^T w_gamma] and preconditions J. It costs one P^-1 for each vector.
-After its first application the last row is satisfied, exactly; it is left out of all that follows.
+is the exact inverse of [P P v; w^T w_gamma] and preconditions J. Each application costs one P^-1.
+The first one satisfies the last row exactly; the iterations leave that row out.
 
-Where (t_x, t_gamma) is near the tangent of the branch, -t_x / t_gamma is near A^-1 c, and serves
-as v if A v - c is small, once it is put right in the rows in which P is exact. Else v = P^-1 c, at
-the cost of one more P^-1: so near folds, where the elimination stays regular and A does not.
+If (t_x, t_gamma) approximates the tangent of the branch, v = -t_x / t_gamma is used if A v - c is
+small, corrected in the rows in which P is exact. Otherwise, as near folds, v = P^-1 c costs one
+more P^-1. At folds the elimination is regular although A is not.
 
-The sign of det J comes with a solve whose right-hand side has a part along every eigenvector. Its
-Krylov space knows the eigenvalues of J times the preconditioner that are far from the others: those
-that are real and negative among its Ritz values are counted, and
+The sign of det J comes with a solve whose right-hand side has components along all eigenvectors.
+With the number n of negative real Ritz values of the preconditioned matrix
 
-    sign det J = sign det P  sign s  (-1)^(their number).
+    sign det J = sign det P  sign s  (-1)^n.
 
-An eigenvalue that a converged solve has not seen is as near to the others as the tolerance cannot
-tell; near zero it would keep the solve from converging. That J is singular is noticed where the
-right-hand side does not lie in its range.
+An eigenvalue that a converged solve has missed is close to the others; a missed one near zero would
+prevent convergence. A singular J is noticed if the right-hand side is outside its range.
 """
 
 from __future__ import annotations
@@ -33,8 +31,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._petsc import logged
-from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.linear import BorderedSolver, Enough
+from dolfinx_contact.continuation.layout import BorderedSolver, Enough, Layout
 from dolfinx_contact.continuation.system import Piece, Preconditioner
 
 __all__ = ["Krylov"]
@@ -50,12 +47,12 @@ _NEAR = 0.5  # |A v - c| / |c| of a tangent that gives v; P^-1 c comes to 0.15 (
 
 
 class Krylov(BorderedSolver):
-    """See the module.
+    """Solves with J by a preconditioned Krylov method.
 
     Args:
-        layout: of vectors y.
-        prefix: of PETSc options.
-        preconditioner: of the derivative of the system by x.
+        layout: layout of vectors y.
+        prefix: prefix of PETSc options.
+        preconditioner: preconditioner of H_x.
     """
 
     precision = 1e-8
@@ -115,7 +112,7 @@ class Krylov(BorderedSolver):
         self._regular = bool(np.isfinite(self._s) and self._s != 0)
 
     def _takes_from(self, tangent: PETSc.Vec) -> bool:
-        """Take v from a direction that may be near the tangent; whether it is. Collective."""
+        """Compute v from an approximate tangent; False if v is not accurate. Collective."""
         x, gamma = self.layout.split(tangent)
         if gamma == 0:
             return False
@@ -125,7 +122,7 @@ class Krylov(BorderedSolver):
         self._f.axpy(-1.0, self._c)
         if not self._f.norm() <= _NEAR * self._c.norm():
             return False
-        # As P^-1 c does, v leaves no residual where P is exact: then eliminations leave none.
+        # Like P^-1 c, v leaves no residual in the rows in which P is exact, nor do eliminations.
         self._P.apply_exact(self._f, self._x)
         self._v.axpy(-1.0, self._x)
         return True
@@ -135,7 +132,7 @@ class Krylov(BorderedSolver):
         self.solves += 1
 
     def eliminate(self, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Y = (x, gamma) of the module for the right-hand side b = (f, g)."""
+        """Apply the block elimination to b = (f, g). Collective."""
         f, g = self.layout.split(b)
         self._apply(f, self._x)
         gamma = (g - float(self._w.dot(self._x))) / self._s
@@ -143,7 +140,7 @@ class Krylov(BorderedSolver):
         self.layout.join(self._x, gamma, y)
 
     def multiply(self, y: PETSc.Vec, b: PETSc.Vec) -> None:
-        """B = J y but for the last row, which is 0."""
+        """Multiply by J with its last row set to 0. Collective."""
         x, gamma = self.layout.split(y)
         self.system.matrix.mult(x, self._f)
         self._f.axpy(gamma, self._c)
@@ -171,7 +168,7 @@ class Krylov(BorderedSolver):
         if near is None:
             self.eliminate(rhs, out)
         else:
-            # What is near satisfies the last row as well once r_g is 0 in all that follows.
+            # The elimination satisfies the last row, which the iterations leave out.
             self.multiply(near, r)
             r.aypx(-1.0, rhs)
             before = r.norm()
@@ -185,7 +182,7 @@ class Krylov(BorderedSolver):
         r.aypx(-1.0, rhs)
         if layout.last:
             r.array[-1] = 0.0
-        # Both parts of the equation f = A x + gamma c count: of tangents f is zero.
+        # The residual is relative to f and gamma c: f is zero for tangents.
         size = max(layout.split(rhs)[0].norm(), abs(layout.gamma(out)) * self._c.norm())
         start = r.norm()
         before = size if near is None else before
@@ -209,7 +206,7 @@ class Krylov(BorderedSolver):
         return bool(np.isfinite(out.norm()))
 
     def _test(self, ksp: PETSc.KSP, _iteration: int, norm: float) -> int:
-        """End a solve whose solution is enough as it is, for PETSc. Collective."""
+        """End a solve whose solution suffices, called by PETSc. Collective."""
         if self._asked is None:
             return 0
         enough, size, start = self._asked
@@ -260,7 +257,7 @@ class Krylov(BorderedSolver):
 
 
 class _Product:
-    """J, for PETSc."""
+    """Matrix J for PETSc."""
 
     def __init__(self, solver: Krylov):
         self._solver = solver
@@ -270,7 +267,7 @@ class _Product:
 
 
 class _Elimination:
-    """The block elimination, for PETSc."""
+    """Preconditioner of block elimination for PETSc."""
 
     def __init__(self, solver: Krylov):
         self._solver = solver

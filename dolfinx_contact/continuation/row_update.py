@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Solves with a matrix that differs from a factorised one in a few rows, and in its last column.
+r"""Solves with a matrix that differs from a factorised one in a few rows and its last column.
 
-Where a point changes its status, or the border row is another one, A_1 = A_0 + E D, with D the
-differences of the rows E. Where the derivative by gamma is another one, that of its column comes
-beside, with the unit vector e of gamma. With U = (E, c), V^T = (D, e^T) and W = A_0^{-1} U, by the
-formula of Sherman, Morrison and Woodbury
+Where a point changes its status, or the border row changes, A_1 = A_0 + E D with the differences D
+of the rows E. From one state to the next, the column of gamma differs by c outside of these rows.
+With U = (E, c), V^T = (D, e^T), e the unit vector of gamma, and W = A_0^{-1} U,
 
     A_1^{-1} = A_0^{-1} - W (I + V^T W)^{-1} V^T A_0^{-1},    det A_1 = det A_0 det(I + V^T W)
 
-(W. W. Hager, Updating the inverse of a matrix, SIAM Rev. 31, 1989). A column of W costs a solve
-with A_0; those of E serve every other matrix as well that differs from A_0 in these rows.
+(Sherman, Morrison and Woodbury; W. W. Hager, SIAM Rev. 31, 1989). A column of W costs one solve
+with A_0; those of E serve every matrix that differs in these rows.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ class _Entries:
 
 
 class RowUpdate:
-    """Solves with the matrix that was taken last, by the factorisation of another.
+    """Solves with the last matrix A_1 by the factorisation of A_0.
 
     Its methods are collective.
 
@@ -92,10 +91,7 @@ class RowUpdate:
         self._forget()
 
     def take(self, matrix: PETSc.Mat, most: int) -> bool:
-        """Solve with ``matrix`` from now on; False if it differs in more than ``most`` rows.
-
-        So it is where it is singular, or too near to that for the formula.
-        """
+        """Use ``matrix`` as A_1; False if more than ``most`` rows differ or it is near singular."""
         self._forget()
         base = self._base
         assert base is not None
@@ -168,7 +164,7 @@ class RowUpdate:
         return np.concatenate(V.comm.tompi4py().allgather(mine))
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve A_1 x = b, or A_0 x = b where no matrix was taken; whether that worked."""
+        """Solve with A_1, or with A_0 if there is no A_1; False if that fails."""
         solved = self._factor.solve(b, x)
         if solved and self._W:
             parts = np.linalg.solve(self._S, self._products([x])[:, 0])
