@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Correctors: from a predicted point to a point of the branch, and tangents.
+r"""Correctors and tangents.
 
-All correctors are a SNES for H = 0 and one more row:
+A corrector computes a point of the branch from a predicted point. All correctors use a SNES for
+H = 0 with one additional row:
 
 - *Moore-Penrose* (Ligursky and Renard, Comput. Mech. 56, 2015, after Dhooge, Govaerts and
-  Kuznetsov) moves orthogonally to a tangent that is improved with the same factorisation;
+  Kuznetsov) corrects orthogonally to a tangent, which is updated using the same factorisation;
 - *pseudo-arclength* prescribes the distance along a fixed tangent;
 - *natural* prescribes gamma.
 
-If further solves with a matrix are cheap, a correction may use the matrix of the last one (a
-*chord*). Convergence is always tested with the residual of H.
+If further solves with a matrix are cheap, a correction may reuse the matrix of the previous one
+(a *chord* step). Convergence is always tested with the residual of H.
 """
 
 from __future__ import annotations
@@ -36,43 +37,50 @@ Array = npt.NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
-_MOST_CHORDS = 5  # in a row
+_MOST_CHORDS = 5  # largest number of consecutive chord steps
 #: Length of a solution of J t = (0, 1) beyond which the row determines the tangent too poorly.
 _NEARLY_SINGULAR = 1e8
-#: Relative residual of the linear solve for one more correction within the tolerance, where
-#: exactness has a price.
+#: Relative residual of an iterative linear solve for an additional correction within the tolerance.
 _POLISHED = 1e-4
-#: Of the tolerance, down to which a point that a chord leads to is corrected once more: a step of
-#: Newton's method would have led further.
+#: Fraction of the tolerance. After a chord step, a larger residual is corrected once more, because
+#: a Newton step would have reduced it further.
 _SHARP = 3e-2
-_MOST_TESTS = 10  # over the number of corrections, for PETSc
-_ROUND_OFF = 4 * float(np.finfo(np.float64).eps)  # of gamma
-#: Relative residual of a tangent that is no more than a direction to step along.
+_MOST_TESTS = 10  # largest number of SNES iterations per allowed correction
+_ROUND_OFF = 4 * float(np.finfo(np.float64).eps)  # relative round-off of gamma
+#: Relative residual of a tangent that only serves as the direction of the next step.
 _TO_STEP_ALONG = 1e-4
 
 
 class _Chords:
-    """Matrices and chords of a run.
+    """Count of the matrices and chord steps of a run, and the decision between them.
 
-    Chords replace the last Newton step: where it would reach the tolerance, and a few chords do as
-    well (C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM 1995, section
-    5.4). The point is the one that the step would have reached, and steps are as long.
+    Chord steps replace the last Newton step if a few of them reach the tolerance as well
+    (C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM 1995, section 5.4).
+    The corrected point and the step lengths stay the same.
 
     Attributes:
-        number: number of chords since the last matrix.
+        number: number of chord steps since the last matrix.
     """
 
     def __init__(self) -> None:
         self.begin(kept=False)
 
     def begin(self, *, kept: bool) -> None:
-        """Begin a run; ``kept``: whether it begins with the matrix of the last one."""
+        """Begin a run.
+
+        Args:
+            kept: whether the run begins with the matrix of the previous run.
+        """
         self._kept = self._serves = kept
         self._matrices = 0
         self.number = 0
 
     def new_matrix(self, *, serves: bool) -> None:
-        """Count a new matrix; ``serves``: whether further corrections may use it."""
+        """Count a new matrix.
+
+        Args:
+            serves: whether further corrections may use the matrix.
+        """
         self._kept = False
         self._serves = serves
         self._matrices += 1
@@ -80,11 +88,11 @@ class _Chords:
 
     @property
     def iterations(self) -> int:
-        """Number of corrections; chords in a row count as one."""
+        """Number of corrections; consecutive chord steps count as one."""
         return self._matrices + int(self.number > 0)
 
     def lead_on(self, error: float, before: float, tolerance: float) -> bool:
-        """Whether the next correction uses the matrix again.
+        """Return True if the next correction uses the matrix again.
 
         Args:
             error: relative residual.
@@ -96,17 +104,18 @@ class _Chords:
         if before == 0:
             return True
         rate = error / before
-        # A Newton step would square the rate of convergence, which chords keep.
+        # a Newton step would square the convergence rate; chord steps keep it
         steps = _MOST_CHORDS - self.number if self._kept or self.number else 2
         return bool(error * rate**steps <= tolerance)
 
 
 class _ModelTest:
-    """Ends a linear solve below the remainder of the linear model, as `Forcing` says.
+    """Criterion to end a linear solve below the remainder of the linear model, see `Forcing`.
 
     Args:
-        forcing: the rule.
-        remainder: the norm of H after a correction, in the rows where the linear model errs.
+        forcing: rule for the relative tolerance of linear solves.
+        remainder: function that returns the norm of H after a correction, in the rows in which the
+            linear model is inexact.
     """
 
     def __init__(self, forcing: Forcing, remainder: Callable[[PETSc.Vec], float]):
@@ -119,7 +128,7 @@ class _ModelTest:
 
 
 class _BorderedSolve:
-    """The linear solve of a correction, for PETSc."""
+    """Linear solve of a correction, as a PETSc preconditioner."""
 
     def __init__(self, corrector: Corrector):
         self._corrector = corrector
@@ -136,8 +145,8 @@ class Corrector:
     Args:
         bordered: vectors and linear algebra.
         control: tolerance and number of corrections.
-        chords: whether corrections may keep the matrix of the one before. A path with memory, along
-            which round-off decides what comes first, has Newton's method to its end.
+        chords: whether corrections may use chord steps. A path with memory needs pure Newton steps,
+            because round-off decides the order of its events.
     """
 
     def __init__(self, bordered: Bordered, control: StepControl, *, chords: bool = True):
@@ -165,7 +174,7 @@ class Corrector:
         self._distance = 0.0
         self._polish = False
         self._T: PETSc.Vec | None = None
-        self._along: PETSc.Vec | None = None  # whose dual vector the last row is
+        self._along: PETSc.Vec | None = None  # vector whose dual is the last row
         self._error = self._residual = 0.0
         self._chords = _Chords()
         self._rule = Forcing()
@@ -174,21 +183,21 @@ class Corrector:
         self._codes: npt.NDArray[np.int8] | None = None
         self._last_codes: npt.NDArray[np.int8] | None = None
         self._scales: tuple[float, ...] = ()  # at the start of the run
-        self._predicted: tuple[float, ...] | None = None  # with the state it started from
-        #: The y after a step, and the size of H and H there.
+        self._predicted: tuple[float, ...] | None = None  # scales at the predicted state
+        #: Last evaluation of H: y, relative size of H, and H.
         self._known: tuple[Array, float, Array] | None = None
-        #: Relative residual to which a correction is worth solving.
+        #: Relative tolerance of the linear solve of the next correction.
         self.forcing = 0.0
 
     @property
     def iterations(self) -> int:
-        """Corrections of the last run, in steps of Newton's method."""
+        """Number of corrections of the last run, counted as Newton steps."""
         return self._chords.iterations
 
     # -- the three correctors --------------------------------------------------------------------
 
     def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
-        """Correct ``y`` in place, orthogonally to ``t``, which is improved in place."""
+        """Correct ``y`` in place, orthogonally to ``t``, and update ``t`` in place."""
         self._reference = None
         self._polish = False
         self._T = t
@@ -207,8 +216,15 @@ class Corrector:
     ) -> bool:
         """Correct ``y`` in place to the point at ``distance`` from ``start`` along ``t``.
 
-        With ``polish`` it is corrected once more when it is within the tolerance. With ``keep`` the
-        matrix of the last run, with the same ``t`` and piece, serves as far as it leads.
+        Args:
+            y: predicted point, corrected in place.
+            start: point from which the distance is measured.
+            t: unit tangent along which the distance is measured.
+            distance: prescribed distance.
+            piece: piece of H; None for H itself.
+            polish: whether to add a correction after the tolerance has been reached.
+            keep: whether to begin with the matrix of the previous run, which must have had the same
+                ``t`` and piece.
         """
         self._reference = start
         self._T = None
@@ -217,16 +233,16 @@ class Corrector:
         return self._run(y, t, piece, keep=keep)
 
     def natural(self, y: PETSc.Vec, gamma: float, piece: Piece | None) -> bool:
-        """Correct ``y`` in place at fixed gamma, which it then has to the last bit."""
+        """Correct ``y`` in place at fixed gamma; the result has exactly this gamma."""
         b = self.bordered
         start = b.vector()
         t = b.last_unit()
-        t.scale(2 * b.gamma_scale**2)  # whose dual vector is the unit vector of gamma
+        t.scale(2 * b.gamma_scale**2)  # its dual vector is the unit vector of gamma
         start.set(0.0)
         ok = self.pseudo_arclength(y, start, t, gamma, piece)
         for v in (start, t):
             v.destroy()
-        if ok:  # no more than round-off is taken away here
+        if ok:  # remove the round-off of gamma
             b.join(b.split(y)[0], gamma, y)
         return ok
 
@@ -240,21 +256,30 @@ class Corrector:
         factorise: bool = False,
         precise: bool = True,
     ) -> PETSc.Vec | None:
-        """Unit tangent of ``piece`` at ``y``, on the side of ``towards``; None if there is no one.
+        """Return the unit tangent of ``piece`` at ``y``; None if it is not unique.
 
-        The matrix stays behind for other right-hand sides, with ``factorise`` factorised. Where
-        exactness has a price, a tangent to step along need not be ``precise``, and is looked for
-        near that of the parabola to ``y`` from ``start``, where ``towards`` is tangent.
+        The solver keeps the matrix at ``y`` for further right-hand sides.
+
+        Args:
+            y: point of the branch.
+            towards: direction with which the tangent encloses an angle of at most 90 degrees.
+            piece: piece of H; None for H itself.
+            start: previous point of the branch, at which ``towards`` is the tangent. The parabola
+                through both points provides the initial guess of an iterative solve; default: the
+                guess is ``towards``.
+            factorise: whether to factorise the matrix in any case.
+            precise: False if an iterative solve may be inaccurate, because the tangent only serves
+                as the direction of the next step.
         """
         b = self.bordered
         solver = self.bordered.solver
-        # Beyond a kink the tangent may be orthogonal to the one before; then another row will do.
+        # beyond a kink the tangent may be orthogonal to the previous one: try other last rows
         axis = b.last_unit()
         axis.scale(b.gamma_scale)
-        both = towards + axis
-        rows = (towards, axis, both)
+        diagonal = towards + axis
+        rows = (towards, axis, diagonal)
         rtol = 0.0 if precise or b.x_scale == 0 else _TO_STEP_ALONG
-        found = None
+        tangent = None
         for row in rows:
             b.dual(row, self._row)
             near = None
@@ -267,21 +292,21 @@ class Corrector:
             ):
                 size = np.sqrt(b.inner(t, t))
                 if np.isfinite(size) and 0 < size < _NEARLY_SINGULAR:
-                    along = float(self._row.dot(t))  # of the row
+                    along = float(self._row.dot(t))  # component along the row
                     ahead = along if row is towards else b.inner(t, towards)
                     sense = 1.0 if ahead >= 0 else -1.0
                     t.scale(sense / size)
-                    found = t
+                    tangent = t
                     b.sense = sense * float(np.sign(along))
                     break
             t.destroy()
-        axis.destroy(), both.destroy()
-        return found
+        axis.destroy(), diagonal.destroy()
+        return tangent
 
     def _extrapolated(self, t: PETSc.Vec, start: PETSc.Vec | None, y: PETSc.Vec) -> PETSc.Vec:
-        """The tangent at ``y`` of a parabola from ``start``, where it is ``t``. Collective.
+        """Return the tangent at ``y`` of the parabola from ``start`` along ``t``. Collective.
 
-        Its part along ``t`` is 1, by the row as it is; without a start it is ``t``.
+        It is scaled so that its product with the last row is 1. Without a start it is ``t``.
         """
         if start is None or self.bordered.solver.many_sides:
             return t
@@ -294,9 +319,9 @@ class Corrector:
         return self._away
 
     def orientation(self) -> float:
-        """Sign of det [grad H; t^T] at the `tangent` t that was computed last.
+        """Return the sign of det [grad H; t^T] for the last computed `tangent` t.
 
-        It is the same all along a branch but beyond bifurcations.
+        Along a branch the sign changes at bifurcations only.
         """
         return self.bordered.solver.determinant_sign() * self.bordered.sense
 
@@ -321,7 +346,7 @@ class Corrector:
         return ok
 
     def reject(self) -> None:
-        """Judge what follows as if the last run had not been: where it went is no size of H."""
+        """Restore the scales of the residual, which a diverging run may have enlarged."""
         self.bordered.system.scales = self._scales
 
     def _matrix(self, y: PETSc.Vec) -> PETSc.Mat:
@@ -333,7 +358,6 @@ class Corrector:
     def _function(self, _snes: PETSc.SNES, y: PETSc.Vec, out: PETSc.Vec) -> None:
         b = self.bordered
         x, gamma = b.split(y)
-        # Beside a wild iterate every other one would be a solution.
         if self._is_known(y):
             assert self._known is not None
             self._residual = self._known[1]
@@ -348,8 +372,9 @@ class Corrector:
         b.join(self._hx, last, out)
 
     def _evaluate(self, x: PETSc.Vec, gamma: float, hx: PETSc.Vec) -> float:
-        """H into ``hx``, and its size in the scales that it has at the prediction. Collective."""
+        """Write H into ``hx``, and return its size relative to the predicted state. Collective."""
         system = self.bordered.system
+        # with the scales of a diverging iterate every other state would look like a solution
         if self._predicted is not None:
             system.scales = self._predicted
         size = system.residual(x, gamma, hx, self._piece)
@@ -358,7 +383,7 @@ class Corrector:
         return size
 
     def _is_known(self, y: PETSc.Vec) -> bool:
-        """Whether H at ``y`` is what was evaluated last on the way there. Collective."""
+        """Return True if the last evaluation of H was at ``y``. Collective."""
         known = self._known
         if known is None:
             return False
@@ -374,12 +399,12 @@ class Corrector:
         self._codes = self._codes_at(y) if self._serves else None
 
     def _codes_at(self, y: PETSc.Vec) -> npt.NDArray[np.int8] | None:
-        """The statuses on this rank by which H is linearised at ``y``; None if they are held."""
+        """Return the local statuses determined by ``y``; None if the piece is prescribed."""
         system = self.bordered.system
         return None if self._piece is not None else system.piece_at(*self.bordered.split(y)).codes
 
     def _leads_on(self, y: PETSc.Vec, error: float) -> bool:
-        """Whether the next correction from ``y`` keeps the matrix. Collective."""
+        """Return True if the next correction from ``y`` is a chord step. Collective."""
         if not self._chords.lead_on(error, self._error, self.control.tolerance):
             return False
         codes = self._codes_at(y)
@@ -389,16 +414,16 @@ class Corrector:
         return bool(self.bordered.comm.allreduce(same, op=MPI.LAND))
 
     def solve(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
-        """Solve for a correction, whose last row is that of the tangent as it is; for PETSc."""
+        """Solve for a correction that satisfies the current last row; called by PETSc."""
         enough = None if self._polished else self._model
         ok = self.bordered.solver.solve(rhs, out, rtol=self.forcing, enough=enough)
         if ok and self._keeps and self._T is not None:
-            # The tangent spans what the other rows leave free.
+            # the kept matrix has an old last row; the tangent spans the kernel of the other rows
             out.axpy(self.bordered.gamma(rhs) - self._row.dot(out), self._T)
         return ok
 
     def _remainder(self, step: PETSc.Vec) -> float:
-        """Norm of H after a full step, in the rows where its linear model errs. Collective."""
+        """Return the norm of H after a full step, in its cheap nonlinear rows. Collective."""
         self._away.waxpy(-1.0, step, self.snes.getSolution())
         x, gamma = self.bordered.split(self._away)
         rows = self.bordered.system.contact_rows(x, gamma, self._piece)
@@ -407,7 +432,7 @@ class Corrector:
         return float(np.sqrt(self.bordered.comm.allreduce(float(rows @ rows))))
 
     def _settle(self, y: PETSc.Vec, step: PETSc.Vec) -> None:
-        """Put right after the step y - step what is cheap to solve on its own; see `settle`."""
+        """Extend a step by corrections of a few cheap rows, see `settle`; called by PETSc."""
         b = self.bordered
         if not b.solver.corrects:
             return
@@ -416,12 +441,12 @@ class Corrector:
         x.copy(self._x)
 
         size = 0.0
-        there = np.zeros(0)
+        evaluated = np.zeros(0)  # state of the last evaluation of H
 
         def evaluate(x: PETSc.Vec, hx: PETSc.Vec) -> None:
-            nonlocal size, there
+            nonlocal size, evaluated
             size = self._evaluate(x, gamma, hx)
-            there = x.array_r.copy()
+            evaluated = x.array_r.copy()
 
         def correct(x: PETSc.Vec, hx: PETSc.Vec, d: PETSc.Vec) -> bool:
             try:
@@ -434,9 +459,9 @@ class Corrector:
         if settle(evaluate, correct, self._x, self._hx, self._d, ROUNDS):
             b.join(self._x, gamma, self._away)
             step.waxpy(-1.0, self._away, y)
-        same = bool(np.array_equal(self._x.array_r, there))
+        same = bool(np.array_equal(self._x.array_r, evaluated))
         if b.comm.allreduce(same, op=MPI.LAND):  # no correction was refused
-            self._away.waxpy(-1.0, step, y)  # as PETSc will
+            self._away.waxpy(-1.0, step, y)  # the same operation as in PETSc, to the last bit
             self._known = self._away.array_r.copy(), size, self._hx.array_r.copy()
 
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
@@ -459,7 +484,7 @@ class Corrector:
         return 0
 
     def _is_there(self, y: PETSc.Vec, last: float) -> bool:
-        """Whether the last row, here ``last``, holds up to the round-off of gamma. Collective."""
+        """Return True if the residual ``last`` of the last row is round-off. Collective."""
         scale = max(abs(self._distance), 1e-6) if self._reference is not None else 1.0
         if abs(last) <= 1e-10 * scale:
             return True
@@ -467,9 +492,9 @@ class Corrector:
         return abs(last) <= _ROUND_OFF * abs(b.gamma(self._row) * b.gamma(y))
 
     def _changed(self, y: PETSc.Vec, it: int) -> float:
-        """The share of the kinked points whose status the last correction changed. Collective.
+        """Return the fraction of points whose status the last correction changed. Collective.
 
-        Where exactness has a price; before the first correction all.
+        It is 1 before the first correction, and 0 if the solver is direct, which does not need it.
         """
         if self.bordered.solver.many_sides:
             return 0.0
@@ -479,12 +504,12 @@ class Corrector:
             return 0.0
         if it == 0 or before is None:
             return 1.0
-        mine = np.array([np.sum(codes != before), len(before)])
-        changed, number = self.bordered.comm.allreduce(mine)
+        numbers = np.array([np.sum(codes != before), len(before)])
+        changed, number = self.bordered.comm.allreduce(numbers)
         return float(changed / max(number, 1))
 
     def _forcing(self, error: float, changed: float) -> float:
-        """To what part the residual is worth reducing. Collective."""
+        """Return the relative tolerance of the next linear solve. Collective."""
         if error <= self.control.tolerance:
             return _POLISHED
         if self._error == 0.0:
@@ -492,9 +517,9 @@ class Corrector:
         return self._rule.tolerance(error, self.control.tolerance, changed)
 
     def _improve(self, _snes: PETSc.SNES, it: int, _norm: float) -> None:
-        """Moore-Penrose: a better tangent from the factorisation of the step just taken.
+        """Update the Moore-Penrose tangent with the factorisation of the last step.
 
-        Where another right-hand side costs another solve the tangent stays as it is.
+        With an iterative solver the tangent is kept, because every right-hand side costs a solve.
         """
         b = self.bordered
         if it == 0 or self._T is None or not b.solver.many_sides or self._chords.number:
@@ -510,6 +535,6 @@ class Corrector:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        mine = (self._b, self._row, self._away, self._e, self._hx, self._x, self._d)
-        for thing in (self.snes, *mine):
-            thing.destroy()
+        vectors = (self._b, self._row, self._away, self._e, self._hx, self._x, self._d)
+        for item in (self.snes, *vectors):
+            item.destroy()

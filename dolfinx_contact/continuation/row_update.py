@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Solves with a matrix that differs from a factorised one in a few rows and its last column.
+r"""Low-rank update of a factorisation, for a matrix with a few changed rows and last column.
 
-Where a point changes its status, or the border row changes, A_1 = A_0 + E D with the differences D
-of the rows E. From one state to the next, the column of gamma differs by c outside of these rows.
-With U = (E, c), V^T = (D, e^T), e the unit vector of gamma, and W = A_0^{-1} U,
+If points change their status, or the border row changes, A_1 = A_0 + E D with the changes D of the
+rows E. If the state changes as well, the column of gamma changes by c outside of these rows. With
+U = (E, c), V^T = (D, e^T), the unit vector e of gamma, and W = A_0^{-1} U,
 
     A_1^{-1} = A_0^{-1} - W (I + V^T W)^{-1} V^T A_0^{-1},    det A_1 = det A_0 det(I + V^T W)
 
-(Sherman, Morrison and Woodbury; W. W. Hager, SIAM Rev. 31, 1989). A column of W costs one solve
-with A_0; those of E serve every matrix that differs in these rows.
+(Sherman, Morrison and Woodbury; W. W. Hager, SIAM Rev. 31, 1989). Each column of W costs one solve
+with A_0. The columns A_0^{-1} E are kept and reused for later matrices.
 """
 
 from __future__ import annotations
@@ -29,14 +29,21 @@ __all__ = ["RowUpdate"]
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[Any]
 
-_ROUND_OFF = 1e-12  # of the size of a row, by which it counts as the same
-_MOST_COLUMNS = 100  # of W that are kept
-_SINGULAR = 1e-13  # reciprocal condition of I + V^T W, below which the formula does not serve
+_ROUND_OFF = 1e-12  # relative change of a row that is ignored
+_MOST_COLUMNS = 100  # largest number of stored columns of W
+_SINGULAR = 1e-13  # reciprocal condition number of I + V^T W below which the update is rejected
 
 
 @dataclass(frozen=True)
 class _Entries:
-    """Entries of the rows of this rank: row (local) and column (global) of each, and the values."""
+    """Matrix entries of this rank in coordinate format.
+
+    Attributes:
+        number: number of local rows.
+        rows: local row of each entry.
+        columns: global column of each entry.
+        values: values.
+    """
 
     number: int
     rows: Indices
@@ -45,31 +52,29 @@ class _Entries:
 
     @classmethod
     def of(cls, A: PETSc.Mat) -> _Entries:
-        """Those of a matrix, copied."""
+        """Copy the entries of a matrix."""
         ends, columns, values = A.getValuesCSR()
         number = len(ends) - 1
         return cls(number, np.repeat(np.arange(number), np.diff(ends)), columns, values)
 
     def changed(self, change: Array) -> Indices:
-        """Rows in which a change of the values is more than round-off; NaN is."""
-        size, of_change = (
+        """Return the local rows in which ``change`` is more than round-off, or NaN."""
+        size, size_of_change = (
             np.bincount(self.rows, weights=np.abs(v), minlength=self.number)
             for v in (self.values, change)
         )
-        return np.flatnonzero(~(of_change <= _ROUND_OFF * (size + of_change)))
+        return np.flatnonzero(~(size_of_change <= _ROUND_OFF * (size + size_of_change)))
 
 
 class RowUpdate:
-    """Solves with the last matrix A_1 by the factorisation of A_0.
-
-    Its methods are collective.
+    """Solver for A_1 that uses the factorisation of A_0. All methods are collective.
 
     Args:
-        factor: the factorisation.
+        factor: factorisation of A_0.
 
     Attributes:
-        solves: with A_0, for columns of W.
-        changed: rows in which the matrix that was taken last differs.
+        solves: number of solves with A_0 for columns of W.
+        changed: number of rows in which the last matrix passed to `take` differs from A_0.
     """
 
     def __init__(self, factor: Factor):
@@ -83,7 +88,7 @@ class RowUpdate:
         self.solves = self.changed = 0
 
     def begin(self, matrix: PETSc.Mat) -> None:
-        """``matrix`` has been factorised: it is A_0 from now on."""
+        """Use ``matrix``, which has just been factorised, as A_0."""
         self._base = _Entries.of(matrix)
         for w in self._columns.values():
             w.destroy()
@@ -97,20 +102,21 @@ class RowUpdate:
         assert base is not None
         change = matrix.getValuesCSR()[2] - base.values
         at_border = base.columns == matrix.getSize()[1] - 1
-        mine = base.changed(np.where(at_border, 0.0, change))
+        changed = base.changed(np.where(at_border, 0.0, change))
         comm = matrix.comm.tompi4py()
-        self.changed = comm.allreduce(len(mine))
+        self.changed = comm.allreduce(len(changed))
         if self.changed > most:
             return False
         start, _ = matrix.getOwnershipRange()
-        rows = [int(r) for part in comm.allgather(mine + start) for r in part]
+        rows = [int(r) for part in comm.allgather(changed + start) for r in part]
         self._W = [self._column(matrix, r) for r in rows]
         self._keep(rows)
-        others = at_border & ~np.isin(base.rows, mine)
+        # change of the column of gamma in the other rows
+        others = at_border & ~np.isin(base.rows, changed)
         bordered = bool(comm.allreduce(len(base.changed(np.where(others, change, 0.0)))))
         if bordered:
             self._W.append(self._border_column(matrix, base.rows[others], change[others]))
-        self._V = _rows_of_change(matrix, base, change, mine, bordered=bordered)
+        self._V = _rows_of_change(matrix, base, change, changed, bordered=bordered)
         self._S = np.eye(len(self._W)) + self._products(self._W)
         regular = self._is_regular()
         if not regular:
@@ -124,11 +130,11 @@ class RowUpdate:
         return bool(values.min(initial=1.0) > _SINGULAR * values.max(initial=1.0))
 
     def _column(self, like: PETSc.Mat, row: int) -> PETSc.Vec:
-        """A_0^{-1} times the unit vector of a row."""
+        """Return A_0^{-1} times the unit vector of a row."""
         if row not in self._columns:
             start, end = like.getOwnershipRange()
-            here = [row - start] if start <= row < end else []
-            self._columns[row] = self._solved(like, here, 1.0)
+            local = [row - start] if start <= row < end else []
+            self._columns[row] = self._solved(like, local, 1.0)
         return self._columns[row]
 
     def _keep(self, rows: Sequence[int]) -> None:
@@ -138,12 +144,12 @@ class RowUpdate:
                 self._columns.pop(row).destroy()
 
     def _border_column(self, like: PETSc.Mat, rows: Indices, values: Array) -> PETSc.Vec:
-        """A_0^{-1} c, of the entries of c on this rank."""
+        """Return A_0^{-1} c, given the entries of c on this rank."""
         self._border = self._solved(like, rows, values)
         return self._border
 
     def _solved(self, like: PETSc.Mat, rows: Any, values: Any) -> PETSc.Vec:
-        """A_0^{-1} times the vector with these entries."""
+        """Return A_0^{-1} times the vector with these local entries."""
         load, w = like.createVecs()
         load.array[rows] = values
         self._factor.solve(load, w)
@@ -152,16 +158,16 @@ class RowUpdate:
         return w
 
     def _products(self, vectors: list[PETSc.Vec]) -> Array:
-        """V^T times vectors, on every rank (k, number of vectors)."""
+        """Return V^T times the vectors, shape (k, number of vectors), on every rank."""
         V = self._V
         assert V is not None
         out = V.createVecLeft()
-        mine = np.empty((out.getLocalSize(), len(vectors)))
+        local = np.empty((out.getLocalSize(), len(vectors)))
         for j, v in enumerate(vectors):
             V.mult(v, out)
-            mine[:, j] = out.array_r
+            local[:, j] = out.array_r
         out.destroy()
-        return np.concatenate(V.comm.tompi4py().allgather(mine))
+        return np.concatenate(V.comm.tompi4py().allgather(local))
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
         """Solve with A_1, or with A_0 if there is no A_1; False if that fails."""
@@ -177,9 +183,9 @@ class RowUpdate:
         return self._factor.determinant_sign * float(np.sign(np.linalg.det(self._S)))
 
     def _forget(self) -> None:
-        for thing in (self._V, self._border):
-            if thing is not None:
-                thing.destroy()
+        for item in (self._V, self._border):
+            if item is not None:
+                item.destroy()
         self._V = self._border = None
         self._W = []
         self._S = np.eye(0)
@@ -194,7 +200,7 @@ class RowUpdate:
 def _rows_of_change(
     like: PETSc.Mat, entries: _Entries, change: Array, rows: Indices, *, bordered: bool
 ) -> PETSc.Mat:
-    """V^T: the change of some rows of this rank and, on the last one, that of gamma's column."""
+    """Create V^T: changes of the local ``rows``, and the unit vector of gamma on the last rank."""
     chosen = np.isin(entries.rows, rows)
     ends = np.insert(np.searchsorted(entries.rows[chosen], rows, side="right"), 0, 0)
     columns = entries.columns[chosen]
