@@ -41,7 +41,7 @@ _ROUND_OFF = 1e-12  # relative length below which a range of gamma is a point
 
 
 def samples_of(low: float, high: float) -> list[float]:
-    """Values of a range at which data are validated, including both ends."""
+    """Return the values of a range at which data are validated, including both ends."""
     return [float(gamma) for gamma in np.linspace(low, high, _SAMPLES)]
 
 
@@ -58,8 +58,8 @@ def require_smooth(system: System) -> None:
     """
     if system.kinks:
         raise ValueError(
-            f"{system.kinks}; branches are followed where H is smooth as long as no status "
-            "changes: solve at single values, or take a bulk without kinks"
+            f"{system.kinks}; branches are followed only if H is smooth as long as no status "
+            "changes: solve at single values of gamma, or use a bulk without kinks"
         )
 
 
@@ -85,7 +85,7 @@ def checked_range(
 
 
 def leads_out(gamma: float, rate: float, gamma_range: tuple[float, float]) -> bool:
-    """Whether gamma is, up to round-off, at the end of its range that its rate points to."""
+    """Return True if gamma is, up to round-off, at the end of its range in its direction."""
     low, high = gamma_range
     near = max(_ROUND_OFF * (high - low), 4 * float(np.spacing(max(-low, high))))
     return high - gamma <= near if rate > 0 else rate < 0 and gamma - low <= near
@@ -101,9 +101,9 @@ def check_states(system: System, states: Sequence[PETSc.Vec], what: str) -> None
     """Raise ``ValueError`` on every rank if a state does not fit the system. Collective.
 
     Args:
-        system: whose unknowns they are.
+        system: system that the states belong to.
         states: vectors.
-        what: they are, for the message.
+        what: description of a state, for the message.
     """
     same_everywhere(system.comm, number_of_states=len(states))
     one = system.create_vector()
@@ -166,7 +166,7 @@ def check_rays(rays: Any) -> None:
 
 
 def check_steps(control: Any, max_steps: Any) -> None:
-    """Raise ``ValueError`` unless the arguments are a `StepControl` or None, and a number."""
+    """Raise ``ValueError`` for an unsuitable ``control`` or ``max_steps`` of `follow`."""
     if control is not None:
         instance(control, "control", StepControl)
     count(max_steps, "max_steps")

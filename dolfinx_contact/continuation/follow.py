@@ -64,11 +64,11 @@ Route: TypeAlias = Literal["auto", "pivoting", "steps"]
 
 logger = logging.getLogger(__name__)
 
-_HAIR = 1e-9  # distance from a gamma at which borders begin, over the scale of gamma
-_HOP = 1e-6  # length of a hop over a kink of the data, over the scale of gamma
-_BESIDE = 0.1  # largest distance from the start at which a branch closes, over the step length
+_HAIR = 1e-9  # shift of gamma to detect borders that begin at gamma, relative to its scale
+_HOP = 1e-6  # change of gamma across a kink of the data, relative to the scale of gamma
+_BESIDE = 0.1  # largest distance from the start of a closed branch, relative to the step length
 _ASIDE = 1e-3  # length of the first step along a ray out of a bifurcation
-_FURTHER = 4.0  # largest distance across a kink of the data, over that by the slopes on its sides
+_FURTHER = 4.0  # largest distance across a kink of the data, relative to its prediction by slopes
 
 
 def _check(a: Arguments) -> None:
@@ -181,7 +181,7 @@ def follower_for(
         if condensed is not None:
             return Pivoting(system, condensed, gamma_scale=gamma_scale)
     if route == "pivoting":
-        raise ValueError("the pieces of this system are not affine: pivoting cannot follow it")
+        raise ValueError("the pieces of this system are not affine: pivoting is not applicable")
     return Follower(system, control or StepControl(), gamma_scale=gamma_scale)
 
 
@@ -252,10 +252,10 @@ class Follower(Walker):
         return self._steps.rescaled(BranchPoint(y, tangent, piece, b.gamma(y), 0.0, 0))
 
     def _piece_from(self, y: PETSc.Vec, sign: float) -> Piece:
-        """The piece on which a branch leaves ``y``.
+        """Return the piece on which a branch leaves ``y``.
 
-        Where borders begin at this very gamma (friction that grows from zero) several pieces meet
-        without an event. The piece just beyond is taken then.
+        If borders begin to exist exactly at this gamma, as with friction that grows from zero,
+        several pieces meet without an event. Then the piece just beyond this gamma is used.
         """
         x, gamma = self.bordered.split(y)
         piece = self.system.piece_at(x, gamma)
@@ -306,16 +306,16 @@ class Follower(Walker):
         return FoundRays(tuple(map(self._steps.rescaled, points)), found.complete, found.method)
 
     def _finder(self, point: BranchPoint) -> KinkRays:
-        """The finder of rays at the start or end of a branch."""
+        """Return the search for rays at the start or end of a branch."""
         y, piece = point.y, point.piece
         tolerance = AT_BORDER * reach_of_events(self.corrector, y, piece, point.tangent)
         return KinkRays(self.corrector, y, piece, tolerance, idle=True)
 
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
-        """A point from which to trace one of the other rays of a special point.
+        """Return a point from which to trace one of the other rays of a special point.
 
-        It lies at a small distance along the ray. Where the piece of the ray ends before that, it
-        is the nonsmooth point itself, at which the tangent of the ray is exact.
+        The point lies at a small distance along the ray. If the piece of the ray ends before, it is
+        the nonsmooth point itself, at which the tangent of the ray is exact.
 
         Raises:
             ValueError: if no solution is found there.
@@ -338,7 +338,7 @@ class Follower(Walker):
             raise ValueError("no solution was found along the ray")
         tangent = self.corrector.tangent(y, ray.tangent, ray.piece)
         if tangent is None:
-            raise ValueError("the branch is singular beside the bifurcation")
+            raise ValueError("the branch is singular next to the bifurcation")
         gamma = self.bordered.gamma(y)
         return self._steps.rescaled(BranchPoint(y, tangent, ray.piece, gamma, _ASIDE, 0))
 
@@ -386,9 +386,10 @@ class Follower(Walker):
     def _beyond_kink(
         self, point: BranchPoint, gamma_range: tuple[float, float]
     ) -> BranchPoint | None:
-        """The branch just beyond a kink of the data in gamma; None if it does not continue there.
+        """Return the point just beyond a kink of the data in gamma; None without continuation.
 
-        It continues if the statuses are the same and its distance is that of a continuous branch.
+        The branch continues if the statuses are the same and the distance is not larger than
+        expected from the tangents on both sides.
         """
         b = self.bordered
         slope = b.gamma(point.tangent)
@@ -405,7 +406,7 @@ class Follower(Walker):
             direction: Direction = "increasing" if slope > 0 else "decreasing"
             new = self.start(b.split(point.y)[0], gamma, direction=direction)
         except ValueError as error:
-            logger.info("no way beyond gamma = %g: %s", point.gamma, error)
+            logger.info("no continuation beyond gamma = %g: %s", point.gamma, error)
             return None
         moved = new.y - point.y
         onwards = b.gamma(new.tangent)
@@ -418,7 +419,7 @@ class Follower(Walker):
         return None
 
     def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
-        """Return True if the step from ``point`` to ``new`` passes the start in its own sense."""
+        """Return True if a step from ``point`` to ``new`` passes ``start`` along its tangent."""
         b = self.bordered
         if point is start or not is_same_piece(b.comm, start.piece, point.piece):
             return False
@@ -441,7 +442,7 @@ class Follower(Walker):
     def _between(self, a: BranchPoint, c: BranchPoint, gamma: float) -> BranchPoint | None:
         b = self.bordered
         piece = self._steps.piece_between(a, c)
-        # along the secant: the stored tangent of a point may be that of the piece before
+        # along the secant, because the stored tangent of a point may belong to the previous piece
         secant = c.y - a.y
         secant.scale(1.0 / math.sqrt(b.inner(secant, secant)))
         located = self._steps.locate(

@@ -50,13 +50,20 @@ class _End(Generic[V]):
     stayed: bool = False
 
     def stay(self) -> _End[V]:
-        """The end after it has stayed once more."""
+        """Return the end after another step in which it stayed."""
         weight = self.weight / 2 if self.stayed else self.weight
         return replace(self, weight=weight, stayed=True)
 
 
 def _shrunk(low: _End[V], high: _End[V], new: _End[V], *, beyond: bool) -> tuple[_End[V], _End[V]]:
-    """The bracket after a trial that lies beyond the zero, or before it."""
+    """Return the bracket after a trial.
+
+    Args:
+        low: lower end.
+        high: upper end.
+        new: trial point, which replaces one end.
+        beyond: whether the trial lies beyond the zero.
+    """
     return (low.stay(), new) if beyond else (new, high.stay())
 
 
@@ -90,7 +97,7 @@ class Locator:
     # -- events ----------------------------------------------------------------------------------
 
     def events(self, y: PETSc.Vec, piece: Piece) -> Events:
-        """Events of a piece, with distances of their own."""
+        """Return the events of a piece, with a copy of the distances."""
         events = self.system.events(*self.bordered.split(y), piece)
         return replace(events, distance=np.array(events.distance))
 
@@ -99,7 +106,7 @@ class Locator:
         return self.system.events(*self.bordered.split(y), piece).distance
 
     def unit(self, y: PETSc.Vec, piece: Piece) -> float:
-        """The largest distance so far: all distances vanish at a degenerate point."""
+        """Return the largest distance so far, since all distances vanish at a degenerate point."""
         largest = float(np.max(np.abs(self.distances(y, piece)), initial=self.largest_distance))
         self.largest_distance = float(self.bordered.comm.allreduce(largest, op=max))
         return self.largest_distance or 1.0
@@ -142,7 +149,7 @@ class Locator:
             if abs(least) <= 1e-13 * self.unit(y, piece) or high.s - low.s <= 1e-15 * end:
                 break
             low, high = _shrunk(low, high, _End(s, y, events), beyond=least < 0)
-        # a distance may jump over zero where two solutions of the piece are close
+        # a distance may jump over zero if two solutions of the piece are close to each other
         return (s, y) if abs(least) <= AT_BORDER * self.unit(y, piece) else None
 
     # -- functions of the state and the tangent ----------------------------------------------------
@@ -179,7 +186,7 @@ class Locator:
             fraction = -f_low / (high.value * high.weight - f_low)
             s = low.s + fraction * (high.s - low.s)
             trial = low.y.copy()
-            if number == 0:  # the tangent at the start is known: a parabola
+            if number == 0:  # a parabola, since the tangent at the start is available
                 trial.axpy(s - end * fraction**2, point.tangent)
                 trial.axpy(fraction**2, high.y - low.y)
             else:
@@ -210,7 +217,17 @@ class Locator:
         polish: bool = False,
         keep: bool = False,
     ) -> bool:
-        """Correct ``y`` at the distance ``s``; False if it ends further off than ``reach``."""
+        """Correct ``y`` at the distance ``s``; False if it fails or leaves the neighbourhood.
+
+        Args:
+            point: point where the bracket begins.
+            y: trial state, corrected in place.
+            s: distance from the point along its tangent.
+            piece: piece of the branch; None for H itself.
+            reach: largest distance of the result from the tangent.
+            polish: see `Corrector.pseudo_arclength`.
+            keep: see `Corrector.pseudo_arclength`.
+        """
         if not self.corrector.pseudo_arclength(
             y, point.y, point.tangent, s, piece, polish=polish, keep=keep
         ):
@@ -267,7 +284,7 @@ class Locator:
         return [s for _, s in sorted(special, key=lambda pair: pair[0])]
 
     def lacks_fold(self, point: BranchPoint, new: BranchPoint, special: list[SpecialPoint]) -> bool:
-        """Return True if gamma turns back between two points of a piece without a located fold.
+        """Return True if gamma turns back between two points of a piece and no fold was located.
 
         Args:
             point: point where a step begins.

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Branches with affine pieces, from vertex to vertex by ratio tests (parametric pivoting).
+"""Parametric pivoting: branches with affine pieces, traced from vertex to vertex by ratio tests.
 
-On a piece the state is affine in gamma. The first status to change is that of the least ratio, and
-the change is a low-rank update of the inverse of a dense matrix of the size of the kinked points.
-There is no predictor, no Newton's method and no step length. Where several points change at once,
-the outgoing rays are those of the tangent cone (`rays.py`).
+On a piece the state is affine in gamma. The smallest ratio determines the first point that changes
+its status, and a change of status is a low-rank update of the inverse of a dense matrix of the size
+of the condensed points. There is no predictor, no Newton iteration and no step length. If several
+points change simultaneously, the branch continues along a ray of the tangent cone (`rays.py`).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ __all__ = ["Pivoting"]
 
 logger = logging.getLogger(__name__)
 
-_CONSTANT = 1e-9  # rate of gamma along a unit tangent, over its scale, that counts as zero
+_CONSTANT = 1e-9  # rate of gamma along a unit tangent, relative to its scale, that counts as zero
 
 
 class Pivoting(Walker):
@@ -54,7 +54,7 @@ class Pivoting(Walker):
 
     Args:
         system: system H.
-        condensed: kinked points of the system, with exact pieces.
+        condensed: condensation of the system onto its points, with exact pieces.
         gamma_scale: size of gamma that counts as 1.
     """
 
@@ -109,9 +109,9 @@ class Pivoting(Walker):
         return FoundRays(points, found.complete, found.method)
 
     def _cone_at(self, w: Array, ray: AffineRay) -> AffineSystem | None:
-        """The tangent cone at a state; None where no pieces meet.
+        """Return the tangent cone at a state; None unless pieces meet there.
 
-        At a state without load all numbers vanish; the change along the ray gives their size.
+        In a state without load all numbers vanish; then the change along the ray is their scale.
         """
         change = self.bordered.gamma_scale * largest(ray.direction)
         tolerance = TOLERANCE * max(self.largest_distance, change)
@@ -157,16 +157,17 @@ class Pivoting(Walker):
             w = self._moved(w, gamma, length, ray)
             point, vertex, onwards = self._cross(w, gamma, ray, length)
             if onwards is None:
-                branch.end(Ending.NOT_FOUND, f"no way on was found from gamma = {gamma:.10g}")
+                reason = f"no continuation was found from gamma = {gamma:.10g}"
+                branch.end(Ending.NOT_FOUND, reason)
             else:
                 ray = onwards
             yield point, [vertex]
 
     def _moved(self, w: Array, gamma: float, length: float, ray: AffineRay) -> Array:
-        """The state at ``gamma`` on a ray.
+        """Return the state at ``gamma`` on a ray.
 
-        It is evaluated on the piece, so that round-off does not accumulate over the steps, unless
-        the piece is nearly singular and the sum along the ray is more accurate.
+        The state is evaluated on the piece, so that round-off does not accumulate over the steps.
+        On a nearly singular piece the sum along the ray is used, which is more accurate.
         """
         piece = self._piece(ray.codes) if ray.rate != 0 else None
         moved = w + length * ray.direction
@@ -187,9 +188,10 @@ class Pivoting(Walker):
     def _cross(
         self, w: Array, gamma: float, ray: AffineRay, length: float
     ) -> tuple[BranchPoint, SpecialPoint, AffineRay | None]:
-        """The vertex (w, gamma) as a point, as a special point, and the ray that continues.
+        """Cross the vertex (w, gamma); return its point, its special point, and the next ray.
 
-        The straightest ray along which gamma keeps its sense continues, otherwise the straightest.
+        The branch continues along the straightest of the rays along which gamma keeps its sense,
+        or, if there are none, along the straightest ray.
         """
         before = self._piece(ray.codes) if ray.rate != 0 else None
         found = self._rays_onwards(w, gamma, ray, before)
@@ -229,19 +231,19 @@ class Pivoting(Walker):
     def _rays_onwards(
         self, w: Array, gamma: float, ray: AffineRay, before: AffinePiece | None
     ) -> Rays:
-        """The rays that lead out of a vertex, without the one that leads back.
+        """Return the rays that lead out of a vertex, without the one that leads back.
 
-        If one point changes its status and the parity shows that no other branch meets, there is
-        one ray, on the piece beyond. Otherwise the rays of the tangent cone are searched.
+        If one point changes its status and the parity is positive, no other branch meets there, and
+        the only ray is on the piece beyond. Otherwise the rays of the tangent cone are computed.
         """
         affine = self.condensed.system
         tolerance = TOLERANCE * self.largest_distance
-        held = affine.statuses_at(w, tolerance)
-        kinked = np.flatnonzero(held.sum(axis=1) > 1)
+        possible = affine.statuses_at(w, tolerance)
+        kinked = np.flatnonzero(possible.sum(axis=1) > 1)
         self.largest_distance = max(self.largest_distance, largest(w))
         if len(kinked) == 1 and before is not None:
             i = int(kinked[0])
-            beyond = neighbours(before, w, i, held[i], tolerance)
+            beyond = neighbours(before, w, i, possible[i], tolerance)
             if len(beyond) == 1 and self._parity(before, ray, *beyond[0]) > 0:
                 piece, sense = beyond[0]
                 return Rays((AffineRay(piece.codes, sense * piece.coefficients[1], sense),), False)
@@ -253,11 +255,17 @@ class Pivoting(Walker):
 
     @staticmethod
     def _parity(before: AffinePiece, ray: AffineRay, after: AffinePiece, rate: float) -> int:
-        """Sign of the ratio of the bordered determinants, det A over gamma' on either side."""
+        """Return the sign of the ratio of the bordered determinants after and before a vertex.
+
+        On each side the bordered determinant has the sign of det A times the rate of gamma.
+        """
         return int(before.sign * ray.rate * after.sign * rate)
 
     def _piece(self, codes: Codes) -> AffinePiece | None:
-        """A piece; the last two are stored with their factorisations."""
+        """Return the piece with these statuses; None if it is singular.
+
+        The last two pieces are cached with their inverses.
+        """
         for piece in self._recent:
             if np.array_equal(piece.codes, codes):
                 return piece
@@ -274,7 +282,7 @@ class Pivoting(Walker):
     # -- numbers and points ----------------------------------------------------------------------
 
     def _point(self, w: Array, gamma: float, ray: AffineRay, length: float) -> BranchPoint:
-        """The point of a branch with the numbers ``w`` that it leaves along a ray."""
+        """Return the point of a branch with the numbers ``w``, left along a ray."""
         self.largest_distance = max(self.largest_distance, largest(w))
         y = self._joined(w, gamma)
         unit = self._unit_tangent(w, gamma, ray, y)
@@ -308,7 +316,7 @@ class Pivoting(Walker):
         return t
 
     def state(self, point: BranchPoint) -> tuple[Array, AffineRay]:
-        """The numbers of a point of a branch, and the ray along which it continues."""
+        """Return the numbers of a point of a branch, and the ray along which it continues."""
         b = self.bordered
         codes: Codes = self.condensed.codes(point.piece)
         w = self.condensed.contract(b.split(point.y)[0])

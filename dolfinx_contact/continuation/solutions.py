@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""All or many solutions at one gamma, connected with each other or not.
+r"""Several solutions at one gamma, on the same branch or not.
 
-1. Where the pieces are affine cones, a solution at gamma is a ray of the cones under the whole
-   load. `rays.py` finds these by enumeration, which proves that there are no others, or by
+1. If the pieces are affine cones, a solution at gamma is a ray of the cones under the total load.
+   `rays.py` computes the rays by enumeration, which proves that there are no others, or by
    unfolding.
-2. Where there are too many pieces, or affine pieces that are not cones, the system may have a proof
-   of its own (`System.prove`).
+2. If there are too many pieces, or affine pieces that are not cones, the system may provide a proof
+   (`System.prove`).
 3. Otherwise known solutions x_k are deflated (Farrell, Birkisson and Funke, SIAM J. Sci. Comput.
    37, 2015): Newton's method is applied to m(x) H(x) with
 
        m(x) = prod_k (1 / |x - x_k|^2 + 1),
 
-   which does not vanish at the x_k. Its step is the step for H times 1 / (1 - grad log m . dx), so
-   that only its length and sense change. The distance at which a solution repels determines where
-   the steps lead; several fractions of its distance from the guess are tried, and first steps on
-   pieces on which all points have one status. H is taken with the statuses determined by x: the
-   method is semismooth and may miss solutions.
+   which does not vanish at the x_k. The Newton step of m H is the step of H times
+   1 / (1 - grad log m . dx): only its length and sense change. The result depends on the distance
+   at which a solution repels the iteration and on the first step. Therefore several distances are
+   tried, and first steps on pieces on which all points have the same status. The statuses in H are
+   recomputed from x in each iteration; this semismooth method may miss solutions.
 """
 
 from __future__ import annotations
@@ -91,12 +91,12 @@ class Solutions:
 
     Attributes:
         gamma: parameter.
-        found: solutions, the known ones first.
-        complete: True if there are provably no others.
+        found: solutions; solutions passed as known come first.
+        complete: True if there are provably no other solutions.
         method: description of the search.
-        proof: proof by the system, if there is one. In 3D the forces of its states have a unit of
-            their own; the tables of the solutions have the forces of the body.
         continua: continua found by enumeration; their ends are in `found` as well.
+        proof: proof provided by the system; None without one. In 3D the forces of its states are
+            scaled; the tables of the solutions contain the unscaled forces.
     """
 
     gamma: float
@@ -120,8 +120,8 @@ class Solutions:
         """Solutions as points without a tangent, for pictures and tables. Collective.
 
         Args:
-            system: system that they solve.
-            found: selected solutions, by default all.
+            system: system that the solutions belong to.
+            found: selected solutions; default: all.
         """
         layout = Layout(system)
         points = []
@@ -165,25 +165,28 @@ def find_solutions(
     deflation: bool = False,
     proof_seconds: float = 60.0,
 ) -> Solutions:
-    """Find solutions at ``gamma``, all of them where that is possible. Collective.
+    """Compute solutions at ``gamma``, if possible all of them. Collective.
 
-    The data of the system (Functions, statuses and gamma of a contact problem) are restored. Where
-    pieces are not affine, the first solution is found by the system's own solver from a guess (by
-    `ContactProblem.solve` for a contact problem). Nothing is proved if the model is not valid for a
-    solution: between bodies and on curved obstacles, where the sliding is not small.
+    The data of the system (Functions, statuses and gamma of a contact problem) are restored. If the
+    pieces are not affine, the first solution is computed from a guess by the solver of the system
+    (`ContactProblem.solve` for a contact problem). There is no proof if the model is not valid for
+    a solution, for example if small sliding is assumed between bodies or on curved obstacles and
+    the sliding is not small.
 
     Args:
         system: H with its pieces.
-        guesses: initial states, at least one; they are tried until nothing new is found, and so are
-            states next to the solutions.
+        guesses: initial states, at least one. Newton's method starts from them, and from states
+            next to the solutions, until there is no new solution.
         gamma: parameter.
-        known: solutions that need not be found again.
-        lengths: distances at which a solution repels, relative to its distance from the guess.
+        known: solutions that are already known; the search excludes them. Default: none.
+        lengths: distances at which a solution repels the iteration, relative to its distance from
+            the guess.
         max_iterations: largest number of iterations of a run of Newton's method.
         tolerance: relative residual of a solution.
-        deflation: True to use deflation even where the pieces are affine.
-        proof_seconds: time for a proof that there are no others, where there are too many affine
-            pieces to enumerate, or friction with a given bound; 0 for none.
+        deflation: True to use deflation even if the pieces are affine.
+        proof_seconds: time limit of a proof that there are no other solutions; 0 for no proof. The
+            proof is tried if there are too many affine pieces to enumerate, or if friction has a
+            prescribed bound.
 
     Raises:
         ValueError: on every rank, if an argument is invalid or differs between ranks, or the loads
@@ -222,7 +225,7 @@ def find_solutions(
 
 
 def _validated(system: System, solutions: Solutions) -> Solutions:
-    """The solutions without a proof if the model is not valid for one of them. Collective."""
+    """Return the solutions, without their proof if the model is not valid for one. Collective."""
     if not solutions.complete and solutions.proof is None:
         return solutions
     with system.restored(always=True):
@@ -235,7 +238,7 @@ def _validated(system: System, solutions: Solutions) -> Solutions:
 
 
 def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
-    """Solutions by a proof of the system; None where there is none. Collective."""
+    """Return the solutions of a proof of the system; None without a proof. Collective."""
     condensed = system.condensed(x, gamma, conic=False) if seconds > 0 else None
     if condensed is None:
         return None
@@ -253,7 +256,7 @@ def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
 
 
 def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
-    """Solutions as rays under the whole load; None without a condensed system. Collective."""
+    """Return solutions as rays under the total load; None without condensation. Collective."""
     condensed = system.condensed(x, gamma)
     if condensed is None:
         return None
@@ -288,7 +291,7 @@ def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
         if x.comm.rank == 0:
             logger.error(
                 "gamma = %.10g: a solution exists, since the stiffness at the contact points is "
-                "positive definite, and none was found by %s: round-off or overflow",
+                "positive definite, but none was found by %s, due to round-off or overflow",
                 gamma,
                 rays.method,
             )
@@ -334,7 +337,7 @@ class _Deflated:
         proved: Solutions | None,
         lengths: Sequence[float],
     ) -> tuple[list[PETSc.Vec], str]:
-        """All solutions found, the known ones first, and a description of the search."""
+        """Return all solutions, known ones first, and a description of the search."""
         solutions = [x.copy() for x in known]
         for s in () if proved is None else proved.found:
             if not self._is_known(s.x, solutions):
@@ -358,7 +361,7 @@ class _Deflated:
     def _first(
         self, guesses: Sequence[PETSc.Vec], known: Sequence[PETSc.Vec]
     ) -> tuple[PETSc.Vec | None, str]:
-        """A new solution by the system's own solver, and the beginning of the description."""
+        """Return a new solution by the solver of the system, and the start of the description."""
         tried = ""
         for guess in guesses:
             x, how = self.system.solution_from(guess, self.gamma)
@@ -376,7 +379,7 @@ class _Deflated:
         return None, tried
 
     def _beside(self, solutions: Sequence[PETSc.Vec], guess: PETSc.Vec) -> Iterator[PETSc.Vec]:
-        """States on either side of the solutions, on the lines from the guess."""
+        """Yield two states next to each solution, on the line through the guess."""
         for x in solutions:
             for part in (-0.1, 0.1):
                 y = x.copy()
@@ -384,7 +387,7 @@ class _Deflated:
                 yield y
 
     def _pieces(self, guess: PETSc.Vec) -> list[Piece | None]:
-        """Pieces of the first step: None for H itself, and those with one status of all points."""
+        """Return pieces for the first step: None for H itself, and the uniform pieces."""
         own = self.system.piece_at(guess, self.gamma)
         free = [int(p) for p in np.unique(self.system.events(guess, self.gamma, own).point)]
         statuses = {p: {int(s) for s in self.system.statuses(p)} for p in free}
@@ -398,13 +401,14 @@ class _Deflated:
     def _solve(
         self, guess: PETSc.Vec, piece: Piece | None, known: Sequence[PETSc.Vec], length: float
     ) -> PETSc.Vec | None:
-        """A solution that is not among ``known``; None if none is found.
+        """Return a solution that is not among ``known``; None if the iteration fails.
 
         Args:
             guess: initial state.
             piece: piece of the first step, which is not deflated; None for H itself.
             known: deflated solutions.
-            length: distance at which they repel, relative to their distance from the guess.
+            length: distance at which the deflated solutions repel the iteration, relative to their
+                distance from the guess.
         """
         b = self.bordered
         x = guess.copy()
@@ -438,7 +442,7 @@ class _Deflated:
     def _factor(
         self, x: PETSc.Vec, dx: PETSc.Vec, known: Sequence[PETSc.Vec], squares: Sequence[float]
     ) -> float:
-        """1 / (1 - grad log m . dx)."""
+        """Return the factor 1 / (1 - grad log m . dx) of the Newton step of H."""
         slope = 0.0
         for other, square in zip(known, squares, strict=True):
             # log(1/d + 1) with d = |x - x_k|^2 changes by -2 (x - x_k) . dx / (d (1 + d))
@@ -450,7 +454,7 @@ class _Deflated:
     def _product(
         self, x: PETSc.Vec, other: PETSc.Vec, dx: PETSc.Vec | None = None
     ) -> tuple[float, float]:
-        """|x - x_k|^2 and (x - x_k) . dx in the metric of the system."""
+        """Return |x - x_k|^2 and (x - x_k) . dx in the metric of the system."""
         self._away.waxpy(-1.0, other, x)
         self.system.metric(self._away, self._w)
         along = 0.0 if dx is None else float(self._w.dot(dx))

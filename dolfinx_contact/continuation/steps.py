@@ -1,27 +1,28 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Steps along a branch, with three policies for kinks (`StepControl.kinks`).
+"""Predictor-corrector steps along a branch, with three policies for kinks (`StepControl.kinks`).
 
-A step predicts along the tangent and corrects; a step that fails is shortened. The policies differ
-in the equation that is corrected, and in the treatment of kinks:
+A step predicts along the tangent and corrects; a failed step is shortened. The policies differ in
+the equation of the corrector and in the treatment of kinks:
 
 - *Exact* (`ExactSteps`): a step is corrected on one piece. If an event has become negative, the
   first event is located to round-off, and the branch continues on the piece beyond
   (`KinkRays.cross`). An event that is zero at the start, grows along the tangent and is negative at
-  the end vanishes a second time on the way, as where a point sticks for a moment; then the step is
-  shortened.
+  the end must vanish a second time in between, for example if a point sticks for a moment; then the
+  step is shortened.
 - *Batched* (`BatchedSteps`): a step is corrected on H itself and may pass any number of kinks. In
-  3D hundreds of points change their status one by one, and locating each costs more than it is
-  worth. The step is accepted if the branch is monotone: gamma continues by as much as its rates
-  predict, tangents and chord satisfy the bound on their angles, and det [grad H; t^T] keeps its
-  sign. Otherwise it is shortened until it contains few changes, which are crossed exactly. A point
-  that changes its status twice within a step, or two folds, are not noticed.
+  3D hundreds of points change their status one by one, so locating each is too expensive. The step
+  is accepted if the branch is monotone: gamma changes by as much as its rates predict, tangents and
+  chord satisfy the bound on their angles, and det [grad H; t^T] keeps its sign. Otherwise the step
+  is shortened until it contains few changes, which are crossed exactly. Two changes of one point
+  within a step, or two folds, are not detected.
 - *Stepping* (`SteppingSteps`; T. Ligursky and Y. Renard, Comput. Mech. 56, 2015): as batched, but
-  where no step of at least h_min succeeds, the tangent of the piece at y + h_1 t, with h_1 a little
-  larger than h_min, is tried in both senses. Kinks are known to h_min; other rays are not searched.
+  if no step of at least h_min succeeds, the tangent of the piece at y + h_1 t is tried in both
+  senses, with h_1 slightly larger than h_min. Kinks are located up to h_min; other rays are not
+  searched.
 
-A corrector may end elsewhere on the solutions. A point is refused if its advance along the tangent
-differs too much from the length of the step, if it lies aside of one of the tangents, or if it is
-further from the prediction than the step is long.
+The corrector may converge to another part of the solution set. Therefore a point is rejected if its
+advance along the tangent differs too much from the step length, if the angle between the chord and
+one of the tangents is too large, or if its distance from the prediction exceeds the step length.
 """
 
 from __future__ import annotations
@@ -62,10 +63,10 @@ _IDLE = 1e-7  # negligible rate of an event, relative to the largest rate
 _NO_STEP = 1e-9  # length of a step that is round-off
 _SHARE = 0.5  # largest relative deviation of the advance from the length of a step
 _FEW = 3  # number of changes that are crossed exactly instead of shortening the step
-_SHORT_OF = 0.9  # part of the way to a change to be located, if others precede it
-_MOST_ATTEMPTS = 6  # lengths of a batched step before kinks are crossed exactly
-_BEYOND = (2.0, 4.0, 8.0)  # h_1 over h_min
-_LONGER = (2.0, 8.0, 32.0)  # steps along the tangent beyond a kink, over h_1
+_SHORT_OF = 0.9  # fraction of the way to a change to be located, if other changes precede it
+_MOST_ATTEMPTS = 6  # number of trial lengths of a batched step before kinks are crossed exactly
+_BEYOND = (2.0, 4.0, 8.0)  # ratios h_1 / h_min
+_LONGER = (2.0, 8.0, 32.0)  # steps along the tangent beyond a kink, relative to h_1
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class _Trial:
         new: its end; None if it failed.
         changes: changes of status, with the fraction of the step at which each occurs if its event
             is linear; in order.
-        monotone: True if the branch over the changes shows neither a turn nor a change of parity.
+        monotone: True if gamma does not turn back over the changes and the parity is positive.
         parity: product of the parities of the changes; 0 if unknown.
     """
 
@@ -87,7 +88,7 @@ class _Trial:
 
 
 class ExactSteps(Locator):
-    """Steps that end at every event, and the loop of all steps.
+    """Steps that end at every event; base class of the other policies.
 
     Args:
         corrector: corrector on the bordered system.
@@ -99,7 +100,7 @@ class ExactSteps(Locator):
     def __init__(self, corrector: Corrector):
         super().__init__(corrector)
         self.dead_end = ""
-        #: The kink that was crossed last, and the ray by which the branch reached it.
+        #: State of the last kink that was crossed, and the incoming ray there.
         self._incoming: tuple[PETSc.Vec, Ray] | None = None
 
     def step(self, point: BranchPoint, h: float) -> Advance | None:
@@ -127,7 +128,7 @@ class ExactSteps(Locator):
         return self._to_the_border(point, h, new.y) or shorter
 
     def _over_kink(self, point: BranchPoint) -> Advance | None:
-        """Continue where no step succeeds."""
+        """Continue beyond a kink if no step succeeds; None if that is impossible."""
         return None
 
     def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
@@ -155,15 +156,15 @@ class ExactSteps(Locator):
         factorise: bool = False,
         precise: bool = False,
     ) -> BranchPoint | None:
-        """The end of a step with its tangent; None if the corrector has ended elsewhere.
+        """Return the end of a step with its tangent; None if the corrected state is rejected.
 
         Args:
             point: start of the step.
             h: length of the step.
-            y: end of the corrector.
-            piece: piece there.
+            y: corrected state.
+            piece: piece of the corrected state.
             factorise: see `Corrector.tangent`.
-            precise: False if the tangent is a direction to step along only.
+            precise: False if the tangent only serves as the direction of the next step.
         """
         corrections = self.corrector.iterations
         start = None if precise else point.y
@@ -177,13 +178,13 @@ class ExactSteps(Locator):
         return BranchPoint(y, tangent, piece, self.bordered.gamma(y), h, corrections, tau)
 
     def lands(self, point: BranchPoint, h: float, y: PETSc.Vec, tangent: PETSc.Vec) -> bool:
-        """Return True if a corrector has ended where the step leads.
+        """Return True if a corrected state continues the branch, see the top of the module.
 
         Args:
             point: start of the step.
             h: length of the step.
-            y: end of the corrector.
-            tangent: unit tangent there.
+            y: corrected state.
+            tangent: unit tangent at the corrected state.
         """
         b = self.bordered
         away = y - point.y
@@ -220,7 +221,7 @@ class ExactSteps(Locator):
     # -- kinks -----------------------------------------------------------------------------------
 
     def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
-        """Return True if an event that is zero at ``point`` grows, and is negative at the end."""
+        """Return True if an event is zero at ``point``, grows, and is negative at ``y_high``."""
         border = AT_BORDER * self.unit(point.y, point.piece)
         probe = point.y.copy()
         probe.axpy(_PROBE, point.tangent)
@@ -253,14 +254,14 @@ class ExactSteps(Locator):
         tolerance = AT_BORDER * self.unit(y, point.piece)
         crossing = KinkRays(self.corrector, y, point.piece, tolerance).cross(tangent)
         onwards, *others = crossing.rays or (None,)
-        # A ray on the old piece after no step at all leads nowhere: where a piece is singular the
-        # direction need not be a tangent of its own.
+        # A ray on the old piece directly after the start leads nowhere: on a singular piece the
+        # computed direction is not necessarily a tangent.
         stays = onwards is not None and is_same_piece(comm, onwards.piece, point.piece)
         if onwards is None or (stays and s < self.control.minimum):
             tried = "all pieces were tried" if crossing.complete else "too many pieces to try"
             self.dead_end = (
-                f"no way on was found from gamma = {gamma:.10g}, where {crossing.kinks} points "
-                f"are at a kink at once ({tried})"
+                f"no continuation was found from gamma = {gamma:.10g}, where {crossing.kinks} "
+                f"points are at a kink at once ({tried})"
             )
             special.append(SpecialPoint("end", False, gamma, y, 0, complete=crossing.complete))
             return kink, special, h
@@ -303,7 +304,7 @@ class ExactSteps(Locator):
         special: Sequence[SpecialPoint],
         gamma_range: tuple[float, float],
     ) -> tuple[BranchPoint, list[SpecialPoint]]:
-        """The point between two points where gamma leaves its range, and special points before it.
+        """Return the point at which gamma leaves its range, and the special points before it.
 
         Args:
             point: last point inside the range.
@@ -323,7 +324,7 @@ class ExactSteps(Locator):
         tangent = new.tangent
         own = self.system.piece_at(*self.bordered.split(y)) if piece is None else piece
         if not is_same_piece(self.bordered.comm, point.piece, new.piece):
-            # at a kink within round-off keep the ray by which the branch came
+            # at a kink within round-off keep the incoming ray
             tangent = self.corrector.tangent(y, point.tangent, own) or tangent
         last = BranchPoint(y, tangent, own, end, new.step, new.corrections)
         if piece is None:
@@ -453,7 +454,7 @@ class BatchedSteps(_StepsOnH):
 
 
 class SteppingSteps(_StepsOnH):
-    """Steps that shrink before kinks that turn the branch, and pass these by trial.
+    """Steps that shrink before a kink that turns the branch, and cross it by trial.
 
     Args:
         corrector: corrector on the bordered system.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contract of a system that can be followed: H(x, gamma) = 0 with H piecewise smooth.
+"""Interface of the systems whose branches are traced: H(x, gamma) = 0 with H piecewise smooth.
 
-A piece is H with the statuses of all points fixed; it is smooth beyond its borders, too. Statuses
-are small integers, one for each point of this rank. The events of a piece are distances to its
+A piece is H with fixed statuses of all points; it is smooth beyond its borders, too. Statuses are
+small integers, one for each point of this rank. The events of a piece are the distances to its
 borders: positive inside, zero where a point is about to change its status.
 """
 
@@ -70,14 +70,15 @@ class Events:
 def matched_distances(here: Events, there: Events, missing: Array | None = None) -> Array:
     """Return the distances at another state to the borders ``here``. Not collective.
 
-    Borders of some laws exist in some states only, such as those of stick where there is friction.
-    If the same points have events, these correspond to one another in order, even if one of them
-    leads to another status at the other state.
+    Borders of some laws exist in some states only; for example, the border of stick exists only
+    where there is friction. If both states have events of the same points, the events correspond in
+    order, even if one of them leads to another status at the other state.
 
     Args:
-        here: events of a piece at one state, n of them.
-        there: events of the same piece at another state.
-        missing: values for borders that do not exist there, shape (n,); default: distances here.
+        here: n events of a piece at the first state.
+        there: events of the same piece at the other state.
+        missing: values for borders that do not exist at the other state, shape (n,); default:
+            distances at the first state.
     """
     if np.array_equal(here.point, there.point):
         return there.distance
@@ -94,7 +95,9 @@ def matched_distances(here: Events, there: Events, missing: Array | None = None)
 def fractions_to_borders(
     low: Events, high: Events, weights: tuple[float, float] = (1.0, 1.0)
 ) -> Array:
-    """Return where events vanish between two states if distances are linear. Not collective.
+    """Return the fractions of the way between two states at which events vanish. Not collective.
+
+    The distances are assumed to be linear.
 
     Args:
         low: events of a piece at a state inside it.
@@ -102,8 +105,8 @@ def fractions_to_borders(
         weights: factors of the distances at the two states.
 
     Returns:
-        Fractions of the way to the borders ``high``, shape (n,): inf where the other state is
-        inside, 1/2 where it is outside and the border does not exist at the first state.
+        Fractions for the events ``high``, shape (n,): inf where the second state is inside, 1/2
+        where it is outside and the border does not exist at the first state.
     """
     distance = weights[1] * high.distance
     outside = distance < 0
@@ -222,9 +225,9 @@ class System:
         return False
 
     def contact_rows(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Array | None:
-        """Return the rows of H on this rank in which its linear model errs, if they are cheap.
+        """Return the local rows of H in which its linear model is inexact, if they are cheap.
 
-        Default: None on every rank, there are no such rows.
+        Default: None on every rank, for no such rows.
         """
         return None
 
@@ -283,7 +286,7 @@ class System:
     # -- optional connection to the user's problem -----------------------------------------------
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
-        """Solve at gamma by the solver of the system; default: there is none.
+        """Solve at gamma using the solver of the system; default: the system has no solver.
 
         Args:
             x: initial guess, not changed.
@@ -295,13 +298,13 @@ class System:
         return None, ""
 
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
-        """Write a state into the user's data, such as Functions; default: there are none.
+        """Write a state into the user's data, such as Functions; default: do nothing.
 
         Called before observers, and with the last point of a branch.
         """
 
     def undisturbed(self) -> AbstractContextManager[None]:
-        """Return a context in which nobody changes the data, so that values may be cached.
+        """Return a context in which the data do not change, so that values may be cached.
 
         Every step of a branch runs in it. It raises ``ValueError`` if the mesh has moved.
         """
@@ -311,7 +314,7 @@ class System:
         """Raise ``ValueError`` if the data are not valid at one of these increasing values."""
 
     def restored(self, *, always: bool = False) -> AbstractContextManager[None]:
-        """Return a context that restores the user's data if it raises; default: there are none.
+        """Return a context that restores the user's data after an error; default: do nothing.
 
         Args:
             always: whether to restore the data in any case.
@@ -396,11 +399,11 @@ class Proof(Protocol):
 
     @property
     def verdict(self) -> str:
-        """The string "complete" if there are no other solutions."""
+        """Verdict of the proof; "complete" if there are no other solutions."""
 
     @property
     def solutions(self) -> Sequence[FoundState]:
-        """Certain solutions."""
+        """Solutions whose existence is proved."""
 
     @property
     def method(self) -> str:
@@ -412,11 +415,11 @@ class RayProof(Protocol):
 
     @property
     def verdict(self) -> str:
-        """The string "complete" if there are no other rays."""
+        """Verdict of the proof; "complete" if there are no other rays."""
 
     @property
     def rays(self) -> Sequence[tuple[Codes, float]]:
-        """Statuses, shape (m,), and dgamma, 1 or -1, of the certain rays."""
+        """Statuses, shape (m,), and dgamma, 1 or -1, of the rays whose existence is proved."""
 
     @property
     def method(self) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The loop along a branch, from point to point, for every method that finds the next point."""
+"""The loop over the points of a branch, common to predictor-corrector steps and pivoting."""
 
 from __future__ import annotations
 
@@ -41,24 +41,24 @@ logger = logging.getLogger(__name__)
 #: A point, and the special points on the way to it.
 Next: TypeAlias = tuple[BranchPoint, list[SpecialPoint]]
 
-_CONSTANT = 1e-9  # rate of gamma along a unit tangent, over its scale, that counts as zero
-_ALONG = 1e-6  # the same at the end of the range of gamma
+_CONSTANT = 1e-9  # rate of gamma along a unit tangent, relative to its scale, that counts as zero
+_ALONG = 1e-6  # such a rate at the end of the range of gamma
 
 
 def leaves_range(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float, float]) -> bool:
-    """Return True if gamma leaves its range at once on a branch from ``start``. Collective."""
+    """Return True if gamma leaves its range immediately on a branch from ``start``. Collective."""
     rate = bordered.gamma(start.tangent)
     moves = abs(rate) > _ALONG * bordered.gamma_scale
     return moves and leads_out(start.gamma, rate, gamma_range)
 
 
 def require_way(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float, float]) -> None:
-    """Raise ``ValueError`` if a branch leaves the range of gamma at once. Collective."""
+    """Raise ``ValueError`` if a branch leaves the range of gamma immediately. Collective."""
     if leaves_range(bordered, start, gamma_range):
         low, high = gamma_range
         raise ValueError(
-            f"gamma leaves its range [{low:g}, {high:g}] at once where the branch starts, at "
-            f"gamma = {start.gamma:.10g}: take the other direction, or a wider range"
+            f"gamma leaves its range [{low:g}, {high:g}] at once at the start of the branch, "
+            f"gamma = {start.gamma:.10g}: reverse the direction or widen the range"
         )
 
 
@@ -84,12 +84,14 @@ class Walker(ABC):
     def start(
         self, x: PETSc.Vec, gamma: float, *, direction: Direction = "increasing"
     ) -> BranchPoint:
-        """The point of the branch near (x, gamma), with its tangent.
+        """Return the point of the branch near (x, gamma), with its tangent.
 
-        Where pieces meet, the tangent of the piece of the state is taken if it is an outgoing ray.
-        Otherwise it is, of the rays along which gamma changes in the direction, the one closest to
-        that tangent; if there are none, of those along which gamma is constant. If there is
-        neither but rays may be missing, the tangent stays, and the first step searches a way.
+        Where pieces meet, the tangent is the first that exists of
+
+        1. the tangent t of the piece determined by the state, if it is an outgoing ray;
+        2. the ray closest to t along which gamma changes in the requested direction;
+        3. the ray closest to t along which gamma is constant;
+        4. t, if rays may be missing. The first step then searches for the continuation.
 
         Args:
             x: approximate solution.
@@ -122,7 +124,7 @@ class Walker(ABC):
         )
 
     def departures(self, x: PETSc.Vec, gamma: float) -> FoundRays[BranchPoint]:
-        """Rays out of the solution near (x, gamma), in both senses of gamma.
+        """Return the rays out of the solution near (x, gamma), in both senses of gamma.
 
         Raises:
             ValueError: on every rank, if there is no solution, gamma does not appear in H, or the
@@ -140,26 +142,26 @@ class Walker(ABC):
         return FoundRays(tuple(passing), complete=smooth)
 
     def correction(self, x: PETSc.Vec, point: BranchPoint) -> float:
-        """Largest change of an unknown from an approximate start to the corrected one."""
+        """Return the largest change of an unknown by the correction of a start."""
         change = point.y.array_r[: x.getLocalSize()] - x.array_r
         size = float(np.max(np.abs(change), initial=0.0))
         return float(self.bordered.comm.allreduce(size, op=MPI.MAX))
 
     @abstractmethod
     def _point_at(self, x: PETSc.Vec, gamma: float, sign: float) -> BranchPoint:
-        """The solution near (x, gamma), with its tangent in the sense ``sign`` of gamma."""
+        """Return the solution near (x, gamma), with its tangent in the sense ``sign`` of gamma."""
 
     @abstractmethod
     def _leads_out(self, point: BranchPoint) -> bool:
-        """Return True if the tangent of a point leads over no border of its piece there."""
+        """Return True if the tangent of a point stays inside the piece of the point."""
 
     @abstractmethod
     def rays_at(self, point: BranchPoint) -> FoundRays[BranchPoint] | None:
-        """Outgoing rays of a point of a branch at which pieces meet; None elsewhere."""
+        """Return the outgoing rays of a point of a branch; None unless pieces meet there."""
 
     @abstractmethod
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
-        """A point from which to trace one of the other rays of a special point.
+        """Return a point from which to trace one of the other rays of a special point.
 
         Raises:
             ValueError: if no solution is found there.
@@ -171,16 +173,16 @@ class Walker(ABC):
     def _walk(
         self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]
     ) -> Iterator[Next]:
-        """Trace a branch from its point; ends it with its reason where it ends by itself.
+        """Trace a branch, yielding its points. Record the ending of the branch where it ends.
 
         Args:
-            branch: branch with its start.
-            origin: first point of the whole branch, at which it may close.
+            branch: branch that contains its start.
+            origin: first point of the whole branch, at which a closed branch ends.
             gamma_range: range of gamma.
         """
 
     def _stepping(self, index: int) -> Stepping:
-        """The data from which a branch continues at the point of this number."""
+        """Return the data with which a branch can be resumed at point number ``index``."""
         return Stepping(index, self.next_step, self.bordered.x_scale, self.largest_distance)
 
     @staged("Continuation")
@@ -201,26 +203,27 @@ class Walker(ABC):
     ) -> Branch:
         """Trace a branch from ``start`` along its tangent; see `follow`.
 
-        The system is left at the end of the branch.
+        The user's data are left at the end of the branch.
 
         Args:
-            start: a point of the branch.
-            gamma_range: the branch ends where gamma reaches either end.
+            start: first point of this trace.
+            gamma_range: range of gamma; the branch ends at either end.
             max_steps: largest number of steps from the first point of the branch.
-            to_node: True to end at the first bifurcation, as branches of a diagram do.
+            to_node: True to end at the first bifurcation, as in a diagram.
             stop: see `follow`.
-            observer: called with every accepted point, ``start`` included, after ``stop``.
+            observer: observer of every accepted point, ``start`` included; called after ``stop``.
             record: see `follow`.
-            progress: see `follow`; by default none is shown.
+            progress: see `follow`; default: no progress is shown.
             branch_id: number of the branch, for the observer.
-            stepping: data at ``start`` of a branch that was traced to it before.
-            origin: first point of that branch, at which it may close; by default ``start``.
+            stepping: data with which a branch is resumed at ``start``; default: a new branch.
+            origin: first point of a resumed branch, at which a closed branch ends; default:
+                ``start``.
 
         Returns:
             The branch from ``start`` on.
 
         Raises:
-            ValueError: on every rank, if gamma leaves its range at once.
+            ValueError: on every rank, if gamma leaves its range immediately.
         """
         b = self.bordered
         require_way(b, start, gamma_range)
@@ -257,7 +260,8 @@ class Walker(ABC):
             branch.special += special
             if to_node and branch.bifurcations:
                 point = _at_node(point, branch.bifurcations[-1])
-                branch.end(Ending.STOPPED, "a bifurcation")  # also on the way to another end
+                # a bifurcation before another end of the branch takes precedence
+                branch.end(Ending.STOPPED, "a bifurcation")
             branch.points.append(point)
             step = BranchStep(branch_id, index, point, special)
             if stop is not None and branch.ending is None:
@@ -283,10 +287,9 @@ class Walker(ABC):
         return branch
 
     def at(self, branch: Branch, gamma: float, *, skip_missing: bool = False) -> list[BranchPoint]:
-        """The points of a branch at which its parameter is ``gamma``, in order.
+        """Return the points of a branch at which its parameter is ``gamma``, in order.
 
-        Between two points of the branch, or a point and a smooth fold, gamma is assumed to pass a
-        value once.
+        Gamma is assumed to be monotone between neighbouring points of the branch and smooth folds.
 
         Args:
             branch: branch of the system.
@@ -314,11 +317,11 @@ class Walker(ABC):
 
     @abstractmethod
     def _between(self, a: BranchPoint, c: BranchPoint, gamma: float) -> BranchPoint | None:
-        """The point with this gamma between two successive points; None if it is not found."""
+        """Return the point at ``gamma`` between two successive points; None if not found."""
 
 
 def _with_folds(branch: Branch) -> list[BranchPoint]:
-    """The points of a branch and its smooth folds, which lie between two of them."""
+    """Return the points of a branch, with its smooth folds inserted between them."""
     folds = [s for s in branch.special if s.kind == "fold" and s.smooth]
     points: list[BranchPoint] = []
     for number, point in enumerate(branch.points):
@@ -330,7 +333,12 @@ def _with_folds(branch: Branch) -> list[BranchPoint]:
 
 
 def _at_node(point: BranchPoint, node: SpecialPoint) -> BranchPoint:
-    """The end of a branch at a bifurcation, on its own piece, in place of the point beyond."""
+    """Return the end of a branch at a bifurcation, on the incoming piece.
+
+    Args:
+        point: point of the branch beyond the bifurcation, which the result replaces.
+        node: bifurcation.
+    """
     if node.incoming is None:
         return point
     incoming = node.incoming
@@ -340,14 +348,15 @@ def _at_node(point: BranchPoint, node: SpecialPoint) -> BranchPoint:
 
 
 class BranchProgress(Observer):
-    """Progress line: branch, point, gamma, length of the step, number of special points.
+    """Observer that shows the progress of a branch on one line.
 
-    Folds and bifurcations get a line of their own.
+    The line has the branch, point, gamma, step length and number of special points. Each fold and
+    bifurcation is printed on a separate line.
 
     Args:
         comm: communicator; rank 0 writes.
-        wanted: see `follow`.
-        stream: output stream, by default the standard error stream.
+        wanted: whether to show the progress, see ``progress`` of `follow`.
+        stream: output stream; default: the standard error stream.
     """
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
