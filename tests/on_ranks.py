@@ -205,7 +205,6 @@ ON_TWO = {
     "test_motion_solver": (
         *("residual_by_one_product", "static_problems_keep_their_hierarchy"),
         *("forcing_in_motion", "krylov_vectors_vanish_on_the_surface"),
-        *("what_was_evaluated_is_not_evaluated_again",),
     ),
     "test_motion_stability": ("what_does_not_jump",),
     "test_multigrid": (

@@ -595,7 +595,7 @@ def test_surfaces_that_cannot_be():
         body = RigidBody(FLOOR, about=(0.0, 0.0), **words)
         refused("hold x and rz", lambda body=body: surface(domain, bottom, obstacle=body))
     given = dict(method="integral", quadrature_degree=2)
-    refused("must be at least 3", lambda: surface(domain, bottom, **given))
+    refused("must be a whole number >= 3, got 2", lambda: surface(domain, bottom, **given))
     shifted = section(3)
     shifted.geometry.x[:, 0] -= 0.5
     refused("the mesh reaches to x = -0.5", lambda: surface(shifted, facets(shifted, 1, 0.0)))

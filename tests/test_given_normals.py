@@ -130,7 +130,7 @@ def test_without_it_the_slave_says_where():
         ("down", "must be 2 finite numbers"),
         ((np.nan, -1.0), "must be 2 finite numbers"),
         ((0.0, 1.0), "more than 60 degrees off that of 6 facets of the slave"),
-        ((ufl.as_ufl(0.0), -1.0), "is copied, and must be numbers"),
+        ((ufl.as_ufl(0.0), -1.0), "the normal must be numbers, got"),
         ((2.0, -1.0), "more than 60 degrees off"),
     ],
 )

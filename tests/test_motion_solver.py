@@ -15,7 +15,6 @@ from dolfinx_contact._forcing import Forcing
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.solvers.hierarchy import condition
-from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 
 COMM = MPI.COMM_WORLD
@@ -159,25 +158,3 @@ def test_krylov_vectors_vanish_on_the_surface(monkeypatch):
     assert len(shares) == krylov + result.iterations
     assert np.count_nonzero(np.array(shares) > 1e-8) <= result.iterations
     assert krylov > result.iterations
-
-
-def test_what_was_evaluated_is_not_evaluated_again(monkeypatch):
-    """The start is that with which data were checked, and after the surface was put right the line
-    search has its residual; nothing else changes.
-    """
-    found = []
-    for known in (True, False):
-        if not known:
-            none = property(lambda _: None, lambda *_: None)
-            monkeypatch.setattr(Newton, "_known", none, raising=False)
-        problem = static_block(cell="hex", n=5, options={"linear_solver": "amg"})
-        result = problem.solve()
-        found.append(
-            (result, problem.u.x.array.copy(), sum(a.evaluations for a in result.attempts))
-        )
-    (a, u, fewer), (b, v, more) = found
-    assert a.iterations == b.iterations
-    assert more - fewer == a.iterations + 1
-    assert [s.flips for s in a.history] == [s.flips for s in b.history]
-    assert [s.krylov for s in a.history] == [s.krylov for s in b.history]
-    assert largest(u - v) < 1e-13 * largest(v)

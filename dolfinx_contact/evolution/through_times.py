@@ -142,7 +142,7 @@ def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tup
         times: times of a run, at least two.
         accepted: state at the first time; None: any time.
     """
-    values = np.array(times, dtype=np.float64).reshape(-1)
+    values = np.array(list(times), dtype=np.float64).reshape(-1)
     if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values) > 0).all():
         raise ValueError(f"times must be two or more increasing numbers, got {times!r}")
     if accepted is not None:

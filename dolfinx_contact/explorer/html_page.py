@@ -185,7 +185,7 @@ def watch(
         labels: displayed names of columns.
         units: units of quantities.
         error: largest relative error of a displacement.
-        seconds: time between two looks at the journal, and between two reloads of the page.
+        seconds: time between two readings of the journal, and between two reloads of the page.
         report: function called with a sentence when a page was written, or there is no point yet.
 
     Returns:

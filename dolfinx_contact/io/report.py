@@ -83,7 +83,7 @@ class Report:
         self(f"{len(known.points)} points: {known.reason}")
 
     def files(self, files: Iterable[str | os.PathLike[str] | None]) -> None:
-        """Write names of files; None stands for a file that could not be written."""
+        """Write names of files; None is a file that could not be written."""
         self("files:")
         for file in files:
             if file is not None:

@@ -94,11 +94,11 @@ class DiscreteSurface:
         self.owned_nodes = int(u.function_space.dofmap.index_map.size_local)
         self.degrees = (displacement_degree(u), contact.multiplier_degree)
         self.axisymmetric = contact.axisymmetric
-        self.law: Law = contact.law
-        self.obstacle: Obstacle = contact.obstacle
+        self._law: Law = contact.law
+        self._obstacle: Obstacle = contact.obstacle
         assert contact.method is not None
-        self.method: ContactMethod = contact.method
-        self.sliding: SlidingKind | None = contact.sliding
+        self._method: ContactMethod = contact.method
+        self._sliding: SlidingKind | None = contact.sliding
         #: Obstacle that is a rigid body which moves; None otherwise.
         self.rigid_body = contact.obstacle if isinstance(contact.obstacle, RigidBody) else None
         #: Whether the obstacle is a face of a deformable body.
@@ -173,6 +173,28 @@ class DiscreteSurface:
             else LawAmongPoints(self.law, self.points, self.name)
         )
         self.multiplier = fem.Function(self.points.Q, name=f"{self.name}_traction")
+
+    # What users would assign in vain is read-only.
+
+    @property
+    def law(self) -> Law:
+        """Law of the description."""
+        return self._law
+
+    @property
+    def obstacle(self) -> Obstacle:
+        """Obstacle of the description."""
+        return self._obstacle
+
+    @property
+    def method(self) -> ContactMethod:
+        """Discretisation of contact."""
+        return self._method
+
+    @property
+    def sliding(self) -> SlidingKind | None:
+        """Kind of sliding."""
+        return self._sliding
 
     def _settle_overlap(
         self, gaps: Array, vertex_gaps: Array, normals: Array, where: str = ""
