@@ -38,7 +38,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._errors import everywhere, require
-from dolfinx_contact._validate import one_of, positive
+from dolfinx_contact._validate import listed, one_of, positive
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation.arguments import check_rays
 from dolfinx_contact.continuation.ending import Ending
@@ -142,7 +142,7 @@ def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tup
         times: times of a run, at least two.
         accepted: state at the first time; None: any time.
     """
-    values = np.array(list(times), dtype=np.float64).reshape(-1)
+    values = np.array(listed(times, "times"), dtype=np.float64).reshape(-1)
     if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values) > 0).all():
         raise ValueError(f"times must be two or more increasing numbers, got {times!r}")
     if accepted is not None:
