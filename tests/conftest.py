@@ -9,7 +9,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import pytest
-from on_ranks import EVERY_CASE, LONG_ON_RANKS, ON_ANY, ON_THREE, ON_TWO
 
 # With more threads SCOTCH parts the same mesh otherwise every time; it looks at its first call.
 os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
@@ -25,6 +24,11 @@ NOT_ON_WHEEL = {
 
 #: Standard error as it was before pytest captured it, for reports of hangs.
 STDERR = os.fdopen(os.dup(2), "w")
+#: The regression record runs in every case on one rank, in every second on two, every third on three.
+RECORD = "test_golden"
+#: Cases of the record that take several times as long on ranks, for hundreds of small linear
+#: systems; other tests cover their mechanisms on ranks.
+LONG_ON_RANKS = ("path with a record", "path that snaps back", "Uzawa", "history of a crack")
 #: Folder of the adversarial tests, of which a sample runs by default.
 ADVERSARIAL = Path(__file__).parent / "adversarial"
 
@@ -45,19 +49,21 @@ def pytest_addoption(parser):
 
 
 def pytest_ignore_collect(collection_path, config):
-    """Files of which several ranks run nothing are not read there."""
+    """Skip files of which several ranks run nothing, without importing them."""
     if ADVERSARIAL in collection_path.parents:
         return None if COMM.size <= 2 else True
-    if config.getoption("--long") or collection_path.suffix != ".py":
+    if COMM.size == 1 or config.getoption("--long") or collection_path.suffix != ".py":
         return None
-    return None if _on_ranks(collection_path.stem) else True
+    if collection_path.stem == RECORD or not collection_path.stem.startswith("test_"):
+        return None
+    return None if "mark.ranks(" in collection_path.read_text() else True
 
 
 def pytest_collection_modifyitems(config, items):
     """Leave out what takes long, and on several ranks what is seen serially (all run with --long).
 
     Of cases that are a product, `each_value` leaves so few that every value is in one of them. On
-    several ranks only what `on_ranks` names is run, and what sends many messages is not. There a
+    several ranks only tests marked `ranks` run, and those that send many messages do not. There a
     test with several cases runs in one, the last on two ranks and the first on more, but for tests
     of what ranks do to each other and the golden record, of which two ranks run half and three a
     third, without what takes long there.
@@ -81,16 +87,16 @@ def pytest_collection_modifyitems(config, items):
                 pytest.mark.skip(reason="its values are in other cases: --long runs it")
             )
             continue
-        if item.path.stem in ON_ANY:
+        if item.path.stem == RECORD:
             golden.append(item)
             continue
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
         elif COMM.size > 1 and item.get_closest_marker("chatty"):
             item.add_marker(pytest.mark.skip(reason="sends many messages"))
-        elif not _on_ranks(item.path.stem, item.originalname.removeprefix("test_")):
+        elif not _on_ranks(item):
             item.add_marker(pytest.mark.skip(reason="runs on fewer ranks"))
-        elif COMM.size > 1 and (COMM.size > 2 or item.path.stem not in EVERY_CASE):
+        elif COMM.size > 1 and (COMM.size > 2 or not _every_case(item)):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
     for number, item in enumerate(golden):
         name = item.callspec.params["name"] if hasattr(item, "callspec") else None
@@ -137,14 +143,15 @@ def _beside_each_value(items):
     return left_out
 
 
-def _on_ranks(stem, name=None):
-    """Whether a test, or any of its file, is among those that so many ranks run."""
-    if COMM.size == 1 or stem in ON_ANY:
+def _on_ranks(item):
+    """Return whether so many ranks run a test; more than three run those of three."""
+    if COMM.size == 1:
         return True
-    if COMM.size == 2 and stem in EVERY_CASE:
-        return True
-    names = (*(ON_TWO.get(stem, ()) if COMM.size == 2 else ()), *ON_THREE.get(stem, ()))
-    return name in names if name else bool(names)
+    return any(min(COMM.size, 3) in mark.args for mark in item.iter_markers("ranks"))
+
+
+def _every_case(item):
+    return any(mark.kwargs.get("every_case") for mark in item.iter_markers("ranks"))
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -192,6 +192,7 @@ def test_opening(cell, pair):
     assert t.rn.min() > 0
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("m", [pytest.param(2.0, marks=pytest.mark.long), 1.0])
 @pytest.mark.verifies(
     "RCCM adhesion",
@@ -245,6 +246,7 @@ def test_residue_falls_with_the_steps():
     assert residues[1] < 0.5 * residues[0] < 0.05 * W
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("speed", "wanted"),
     [
@@ -289,6 +291,7 @@ def test_viscosity(speed, wanted):
         np.testing.assert_allclose(np.log2(errors[:-1]) - np.log2(errors[1:]), 1.0, atol=0.1)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("cell", "method"), [("quad", None), ("tet", None), ("tri", "integral")])
 @pytest.mark.parametrize("viscosity", [0.0, 0.3])
 @pytest.mark.verifies(
@@ -343,6 +346,7 @@ def test_rejected_steps_leave_nothing():
     np.testing.assert_allclose(found, beta, rtol=1e-14)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 @pytest.mark.parametrize("cell", ["tri", "tet"])
 @pytest.mark.verifies(
@@ -529,6 +533,7 @@ def test_what_is_written(folder):
     assert set(broken.bond) == {"b"}
 
 
+@pytest.mark.ranks(2)
 def test_a_field_of_bonds():
     """Bonded on the right half alone; a static solve begins with that."""
     domain = box(COMM, 4, "quad")
@@ -540,6 +545,7 @@ def test_a_field_of_bonds():
     np.testing.assert_allclose(t.pressure, -C * t.beta**2 * t.un, rtol=1e-8, atol=1e-12)
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     for wrong, message in [
         ({"beta": 1.1}, "beta of RCCM must be between 0 and 1, got 1.1"),

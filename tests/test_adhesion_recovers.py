@@ -207,6 +207,7 @@ def test_energies(given):
     assert left[0] < 0.1 * history.energies.external
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("cell", "given"),
     [
@@ -265,6 +266,7 @@ def test_records_have_what_recovers(folder):
         np.testing.assert_array_equal(values, memory.fields[name])
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     law = RCCM(C, C, W, recovers=True)
     for wrong, message in [

@@ -84,6 +84,7 @@ JUMPS = {
 }
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("name", JUMPS)
 def test_a_bulk_that_jumps_is_not_solved(name):
     """The error names the possibility; the displacement is as it was."""
@@ -336,6 +337,7 @@ def test_damping_that_is_not_affine(damping, words):
         _motion(damping)
 
 
+@pytest.mark.ranks(2)
 def test_a_density_that_moves():
     with pytest.raises(ValueError, match="the density depends on the displacement"):
         _motion(lambda v, w, t, u: ufl.inner(v, t) * ufl.dx, density=lambda u, v: 1 + u[0] ** 2)

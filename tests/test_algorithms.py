@@ -126,6 +126,7 @@ def test_penalty_extrapolates(dim):
     assert off < 0.1 * outcome.series["penetration"][-1] / np.abs(exact.a).max()
 
 
+@pytest.mark.ranks(2)
 def test_energies_fall():
     rng = np.random.default_rng(2)
     for dim in (2, 3):
@@ -415,6 +416,7 @@ def test_options_are_checked():
     )
 
 
+@pytest.mark.ranks(2)
 def test_data_that_are_refused():
     good = (NODE, np.array([0.0, -1.0]), np.array([0.3]))
     for S, p, F in (

@@ -84,6 +84,7 @@ def test_a_block_of_the_demo(friction, folder):
     assert 0 < one["sum_rn"] < 0.5
 
 
+@pytest.mark.ranks(2)
 def test_words_that_do_not_fit():
     with pytest.raises(SystemExit):
         demo_proofs_3d.arguments(["--shape", "block", "--cells", "2", "2"])
@@ -130,6 +131,7 @@ PROVED = {
 }
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("case", PROVED)
 @pytest.mark.verifies(
     "all solutions",
@@ -159,6 +161,7 @@ def hyperelastic(u):
     return ufl.inner(strain, strain) / 2 + ufl.inner(strain, strain) ** 2
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
@@ -206,6 +209,7 @@ def test_a_proof_that_has_no_time():
     assert max(system.residual(s.x, 1.0, b, s.piece) for s in found.found) < 1e-10
 
 
+@pytest.mark.ranks(2)
 def test_a_step_of_a_history():
     """With the memory of a load before the only solution is what the step solves, and another."""
     system = cube(Coulomb(0.3))

@@ -17,6 +17,7 @@ def test_a_material_that_is_symmetric_holds_any_friction(fibres, degrees):
     assert demo.threshold(demo.elasticity(fibres, degrees)) == np.inf
 
 
+@pytest.mark.ranks(2)
 def test_mirrored_fibres_hold_slip_to_the_left():
     assert demo.threshold(demo.elasticity(20.0, -45.0)) == np.inf
 

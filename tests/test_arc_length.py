@@ -260,6 +260,7 @@ def test_ways_on(free, ways):
     assert fold.method == "all statuses that meet"
 
 
+@pytest.mark.ranks(2)
 def test_of_two_that_are_alike():
     """Where the corners would take turns one of them damages: the left one, whatever the ranks."""
     history = ArcLength(bar(1.0, 16, free=True)).run(
@@ -373,6 +374,7 @@ def test_what_is_written(folder):
     assert [s.event for s in onwards.folds] == ["nonsmooth fold", "smooth fold"]
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     with pytest.raises(ValueError, match="a ParametricContact is needed, got int"):
         ArcLength(3)

@@ -10,7 +10,6 @@ from pathlib import Path
 from mpi4py import MPI
 
 import pytest
-from on_ranks import EVERY_CASE, ON_THREE, ON_TWO
 
 from dolfinx_contact.points.surface import DiscreteSurface
 
@@ -83,6 +82,7 @@ def test_every_module_has_a_layer():
         layer(name)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("name", sorted(n for n in MODULES if layer(n) is not None))
 def test_layers(name):
     """No module imports from a higher layer, and tools import only tools."""
@@ -160,18 +160,15 @@ def test_the_checker_stands_alone():
     assert found <= {"numpy", *sys.stdlib_module_names}
 
 
-def test_what_ranks_run_is_there():
-    """By names that are there; and what a single rank cannot run is run on two."""
+def test_what_one_rank_skips_runs_on_several():
+    """A test that needs several ranks is marked `ranks`, or is in a file of which all are."""
     folder = Path(__file__).parent
-    for stem, names in [*ON_TWO.items(), *ON_THREE.items()]:
-        text = (folder / f"{stem}.py").read_text()
-        missing = [name for name in names if f"\ndef test_{name}(" not in text]
-        assert not missing, f"{stem}: {missing}"
-    of_several = r"^@pytest\.mark\.skipif\(COMM\.size == 1,.*\n(?:@.*\n)*def test_(\w+)\("
+    several = r"^((?:@.*\n)*@pytest\.mark\.skipif\(COMM\.size == 1,.*\n(?:@.*\n)*)def test_"
     for path in folder.glob("test_*.py"):
-        needed = set(re.findall(of_several, path.read_text(), flags=re.MULTILINE))
-        named = {*ON_TWO.get(path.stem, ()), *ON_THREE.get(path.stem, ())}
-        assert path.stem in EVERY_CASE or needed <= named, path.stem
+        text = path.read_text()
+        marked = "pytestmark = pytest.mark.ranks(" in text
+        for decorators in re.findall(several, text, flags=re.MULTILINE):
+            assert marked or "mark.ranks(" in decorators, path.stem
 
 
 def test_page_on_the_architecture_names_existing_files():

@@ -106,6 +106,7 @@ def test_a_given_bound():
         check(*one_row(law=Tresca(1e3)), algorithm)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_without_a_load(algorithm):
     problem, _ = one_row(push=(0.0, 0.0))
@@ -114,6 +115,7 @@ def test_without_a_load(algorithm):
     np.testing.assert_array_equal(result.tables["contact"].force, 0.0)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "algorithm", [Lemke(), InteriorPoint(), ProjectedGradient(), Uzawa(on="points")]
 )

@@ -83,6 +83,7 @@ def disc(
     return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("cell", "degree", "method"), KINDS)
 @pytest.mark.verifies(
     "bodies of revolution",
@@ -110,6 +111,7 @@ def test_uniform_pressure_on_a_disc(cell, degree, method):
     np.testing.assert_allclose(u[:, 0], 0.003 * x[:, 0], atol=1e-11)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "bodies of revolution", "units", reference="itself: other units", aspects=("2D",)
 )
@@ -312,6 +314,7 @@ def fitted(n, ratio, method, degree=1, twist=None):
     return ContactProblem(energy, u, [pair], bcs=bcs)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("ratio", "method", "degree"),
     [(1.0, "nodal", 1), (1.5, "nodal", 1), (1.0, "mixed", 1), (1.5, "integral", 2)],
@@ -415,6 +418,7 @@ def test_a_loose_disc():
         lying(10.0).solve()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["tri", "quad"])
 @pytest.mark.verifies(
     "multigrid",
@@ -462,6 +466,7 @@ def test_the_only_solution():
 # -- materials and output ------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("kind", [LinearElastic, StVenantKirchhoff, NeoHookean, CiarletGeymonat])
 def test_uniform_strain(kind):
     """Energy and stress of a uniform stretch in space, on the axis too."""
@@ -563,6 +568,7 @@ def refused(reason, make):
         make()
 
 
+@pytest.mark.ranks(2)
 def test_surfaces_that_disagree():
     domain = section(3)
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
@@ -618,6 +624,7 @@ def test_materials_that_cannot_be():
         refused("is a 2D mesh", make)
 
 
+@pytest.mark.ranks(2)
 def test_the_axis_is_held(caplog):
     """u_r = 0 there needs no condition of the user, and wins over one that says otherwise."""
     domain = section(3)
@@ -638,6 +645,7 @@ def test_the_axis_is_held(caplog):
     assert table.letters[0] == "k"
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("method", "degree"), [("nodal", 1), ("integral", 2)])
 @pytest.mark.verifies(
     "bodies of revolution",
@@ -666,6 +674,7 @@ def test_large_sliding(method, degree):
     assert result.support[1] == pytest.approx(4.0, abs=0.1)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "bodies of revolution",
     "friction as parameter",

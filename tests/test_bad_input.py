@@ -52,6 +52,9 @@ from dolfinx_contact.problem import discretise
 from dolfinx_contact.records import journal_of
 from dolfinx_contact.solvers.history import FloatingBodyError
 
+#: What ranks do to each other is tested in all cases on two of them.
+pytestmark = pytest.mark.ranks(2, every_case=True)
+
 COMM = MPI.COMM_WORLD
 FLOOR = HalfSpace((0.0, 0.0), (0.0, 1.0))
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
@@ -524,6 +527,7 @@ def test_surfaces_that_meet(caplog):
     assert warned == (COMM.rank == 0)
 
 
+@pytest.mark.ranks(2, 3)
 def test_bad_numbers_on_one_rank_only():
     """What one rank objects to every rank raises."""
     _, u = square()
@@ -867,6 +871,7 @@ def test_young_of_constants_and_functions():
             np.testing.assert_allclose(of_function(), of_numbers())
 
 
+@pytest.mark.ranks(2, 3)
 def test_a_rank_without_any_cell():
     """One cell: on several ranks all but one have nothing."""
     result = block(n=1, cell="quad").solve()

@@ -74,6 +74,7 @@ def test_conjugate_gradients_are_tightened_until_the_true_residual_is_small(monk
     assert asked[3:] == asked[2:3]  # it need not be found again
 
 
+@pytest.mark.ranks(2)
 def test_settings_by_name():
     names = [s.name for s in elastic_solve.SETTINGS]
     assert len(set(names)) == len(names)
@@ -112,6 +113,7 @@ def test_ratio_of_contact_to_elasticity(folder, cell):
     assert record["elasticity_ratio"] == record["contact_seconds"] / record["elasticity_seconds"]
 
 
+@pytest.mark.ranks(2)
 def test_elastic_solution_is_in_equilibrium(monkeypatch):
     """The displacement that the yardstick ends with, by forms and conditions of its own."""
     args = elasticity_ratio.arguments(["--n", "4", "--settings", "gamg0-sor1-half"])
@@ -181,6 +183,7 @@ def test_bodies_that_are_tied(folder, monkeypatch):
         assert COMM.allreduce(apart, op=max) < 1e-9 * args.press
 
 
+@pytest.mark.ranks(2)
 def test_seconds_of_the_surface():
     args = elasticity_ratio.arguments(["--n", "3"])
     assert scaling.surface_seconds(args, 3, COMM) > 0

@@ -105,6 +105,7 @@ def test_a_later_run_starts_where_the_last_one_has_ended(kind):
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("kind", EVOLUTIONS)
 def test_another_evolution_of_a_problem_needs_a_start(kind):
     """From the state of the last step it continues; from a snapshot it has virgin memory."""
@@ -165,6 +166,7 @@ def test_a_path_starts_from_the_state_of_a_history():
     assert peaks[0] < 0.1 * peaks[1]
 
 
+@pytest.mark.ranks(2)
 def test_an_unloaded_start_is_a_solution(caplog):
     """Data that differ by round-off from those of the start carry no load."""
     problem, top = dragged(n=2)
@@ -184,6 +186,7 @@ def test_an_unloaded_start_is_a_solution(caplog):
 # -- states ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("kind", EVOLUTIONS)
 def test_steps_have_their_states(kind):
     """Evaluators have the tables of a step from its state, and leave the Functions as they are."""
@@ -338,6 +341,7 @@ def test_mass_and_damping_are_assembled_when_a_run_starts():
     np.testing.assert_allclose(ends[1], ends[0], rtol=1e-10)
 
 
+@pytest.mark.ranks(2)
 def test_data_that_are_changed_between_two_runs_of_a_record(folder):
     """The second run has the new data; a later resumption needs them as well."""
     block = Rubbing()

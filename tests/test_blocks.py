@@ -32,6 +32,7 @@ ORACLE = json.loads((Path(__file__).parent / "data" / "blocks.json").read_text()
 CASES = [k for k in ORACLE if k != "source"]
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.each_value
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.verifies(
@@ -76,6 +77,7 @@ def test_oracle_forces(case, accuracy, folder):
     np.testing.assert_allclose(summary["sum_rn"], rn.sum(), rtol=0.1 * accuracy)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.verifies(
@@ -130,6 +132,7 @@ PROBLEMS = {
 }
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("ghosts", list(mesh.GhostMode)[:2] if COMM.size > 1 else [None], ids=str)
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.verifies(
@@ -233,6 +236,7 @@ def interpolated(domain, table):
     return f
 
 
+@pytest.mark.ranks(2)
 def test_friction_as_number_constant_and_field():
     domain = box(COMM, 6, "tri")
     field = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
@@ -250,6 +254,7 @@ def test_friction_as_number_constant_and_field():
     same_tables(problem.solve().tables["contact"], tables[0])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "level sets", "spheres", reference="itself: the obstacle in the other way", aspects=("3D",)
 )
@@ -263,6 +268,7 @@ def test_level_set_is_the_sphere():
     assert 0 < a.counts["open"] < 25
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "several laws at once", reference="itself: each face has the shear of its law", aspects=("2D",)
 )
@@ -319,6 +325,7 @@ def test_symmetry_plane_halves_the_block():
     np.testing.assert_allclose(half.rt[1:, 0], whole.rt[5:, 0], atol=1e-9 * whole.rn.max())
 
 
+@pytest.mark.ranks(2)
 def test_no_contact_at_all():
     result = block(cell="tet", n=3, obstacle=HalfSpace((0, 0, -1.0), (0, 0, 1.0))).solve()
     assert result.counts["open"] == 16
@@ -377,6 +384,7 @@ def test_methods_converge_to_one_another(method, cell, levels):
     assert errors[1] < 0.01 * reference
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies("mixed contact", reference="closed form: uniform pressure", aspects=("3D",))
 def test_mixed_contact_on_facets_that_are_no_parallelograms():
     """Averages reproduce constants, and forces are those of the body: uniform to round-off."""

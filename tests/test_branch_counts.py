@@ -85,6 +85,7 @@ def test_one_solution_and_three(folder):
     assert picture.count("<!-- 1, proved -->") == 2
 
 
+@pytest.mark.ranks(2)
 def test_the_page(folder):
     system, diagram = explored(2, 3.0)
     counts = prove_counts(system, diagram, gammas=[0.5])
@@ -129,6 +130,7 @@ def test_the_unit_of_gamma():
     assert counts.missed == 1
 
 
+@pytest.mark.ranks(2)
 def test_where_branches_meet():
     """Unloaded: all branches begin in the one solution, whose size is no measure of it."""
     system, diagram = explored(2, 3.0)
@@ -219,6 +221,7 @@ def test_several_in_space():
     assert missed == [0, 2]
 
 
+@pytest.mark.ranks(2)
 def test_middles_and_bad_input():
     system, diagram = explored(2, 3.0)
     every = default_gammas(diagram.branches, 20)

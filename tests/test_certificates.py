@@ -373,6 +373,7 @@ def test_starts_within_regions():
     assert len(few) == 3
 
 
+@pytest.mark.ranks(2)
 def test_the_progress_of_a_proof(capsys):
     rng = np.random.default_rng(11)
     G = rng.standard_normal((24, 24))
@@ -399,6 +400,7 @@ def proof():
             return found
 
 
+@pytest.mark.ranks(2)
 def test_certificates_are_stored(proof, tmp_path):
     proof.certificate.save(tmp_path / "proof.npz")
     again = Certificate.load(tmp_path / "proof.npz")
@@ -470,6 +472,7 @@ def test_a_proof_of_another_problem_is_none(proof):
             check(moved)
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     S = np.eye(2)
     p = np.zeros(2)

@@ -97,6 +97,7 @@ def test_sliding_on_a_disc_is_measured(method, slide, log):
         assert "use sliding='large'" in result.warnings["misfit of 'contact'"]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "misfit and det F",
     reference="itself: other ways to the same obstacle",
@@ -172,6 +173,7 @@ def test_obstacles_of_users(log):
 # -- det F ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.verifies(
@@ -280,6 +282,7 @@ def strip(order):
     return mesh.create_mesh(COMM, cells=cells, x=x, e=ufl.Mesh(element))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("order", [[0, 1, 2, 3], [2, 3, 1, 0], [3, 0, 1, 2]])
 def test_an_empty_cell_is_named(order):
     """By its number in the input, on every rank, when a problem is made."""
@@ -362,6 +365,7 @@ RIGHT = {
 }
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("name", WRONG)
 def test_obstacle_on_the_wrong_side(name, log):
     cell, options, place = WRONG[name]

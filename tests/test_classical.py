@@ -103,6 +103,7 @@ def check_stored(case, algorithm, accuracy=1e-8):
     return found
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("algorithm", [*ON_BODY, *ON_POINTS], ids=named)
 @pytest.mark.verifies(
     "Tresca's fixed point",
@@ -119,6 +120,7 @@ def test_in_the_plane(algorithm):
     check_stored("b2d_n8", algorithm)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(
     "algorithm",
     [*("gauss-seidel", "sor", "interior-point"), TrescaFixedPoint(on="points"), *ON_BODY],
@@ -150,6 +152,7 @@ def test_greco():
         check(greco(8), algorithm)
 
 
+@pytest.mark.ranks(2)
 def test_uzawa_without_augmentation():
     """Every iteration is a solve with the stiffness alone; first order, and so many of them."""
     PETSc.Options()["contact_snes_rtol"] = 1e-5
@@ -187,6 +190,7 @@ def test_uzawa_with_a_hierarchy(kind):
     check(block(n=2, cell="hex"), Uzawa(augmented=True), 1e-4)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("on", ["points", "body"])
 @pytest.mark.verifies(
@@ -221,12 +225,14 @@ def test_laws(law, algorithm):
     check(block(n=3, cell="tri", law=law), algorithm)
 
 
+@pytest.mark.ranks(2)
 def test_a_symmetry_plane():
     """A contact node whose tangential displacement is prescribed."""
     for algorithm in ("gauss-seidel", "interior-point", "lemke", "tresca"):
         check(half_block(), algorithm)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("algorithm", [Uzawa(augmented=True), Penalty(), "tresca"], ids=named)
 def test_a_body_that_slides_away(algorithm):
     """Sheared by more than friction holds a block on another has no equilibrium.
@@ -278,6 +284,7 @@ def test_a_fixed_point_that_seems_to_stand_still(on):
     assert residuals[2] == pytest.approx(residuals[3], rel=1e-9)
 
 
+@pytest.mark.ranks(2)
 def test_what_fails_is_told_and_leaves_the_functions():
     """Too few sweeps, and a cycle of the fixed point at large friction, each as it is."""
     problem = greco(8)
@@ -296,6 +303,7 @@ def test_what_fails_is_told_and_leaves_the_functions():
     np.testing.assert_array_equal(problem.u.x.array, before)
 
 
+@pytest.mark.ranks(2)
 def test_monitor_and_history():
     seen = []
     problem = block(n=3, cell="quad")
@@ -306,6 +314,7 @@ def test_monitor_and_history():
     assert result.reason == "gauss-seidel"
 
 
+@pytest.mark.ranks(2)
 def test_what_is_refused():
     problem = block(n=2)
     for wrong in ("magic", None, 3, GaussSeidel):

@@ -45,6 +45,7 @@ def found(problem, u, forces=None):
     return {name for name, v in values.items() if v >= 1e-3}
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "Coulomb", reference="independent code: the judge of benchmarks/codes", aspects=("2D", "3D")
 )
@@ -120,6 +121,7 @@ def test_a_motion_is_judged():
     assert through["penetration"] > 1e-3
 
 
+@pytest.mark.ranks(2)
 def test_what_is_no_answer_is_refused():
     problem = problems.wedge(6)
     u, forces = answer(problem)

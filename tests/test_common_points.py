@@ -134,6 +134,7 @@ def solved_patch(
     return table
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.each_value
 @pytest.mark.parametrize("degrees", DEGREES)
 @pytest.mark.parametrize(
@@ -182,6 +183,7 @@ def test_patch_in_space(case, sides, cells, degrees):
     solved_patch(both, TILT, base, SIDES[sides], degrees, (4, 5, 6, 7, 8))
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(
     ("case", "sides", "degrees"),
     [
@@ -240,6 +242,7 @@ def pressed(comm, dim, degrees, *, law=Coulomb(0.2), unit=1.0):  # noqa: B008
     return ContactProblem(steel.energy(u) * ufl.dx, u, [pair], bcs=ends)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("dim", "degrees"), [(3, (2, 1)), (2, (2, 2)), (2, (1, 1)), (2, (2, 1))])
 @pytest.mark.verifies(
     "points in common",
@@ -300,6 +303,7 @@ def test_more_elements_converge_to_one_body(degrees):
     assert errors[1] < 0.5 * errors[0] < 0.005
 
 
+@pytest.mark.ranks(2)
 def test_fields_of_the_law():
     """What is given is evaluated at the points themselves, and anew when it changes."""
     both = stacked(5, 7, (-0.3, 1.3), (0.0, 1.0), "tri", angle=0.3)
@@ -358,6 +362,7 @@ def refused(match, u, both, **options):
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
     domain = both.mesh

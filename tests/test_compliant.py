@@ -62,6 +62,7 @@ def rollers(u, *axes_and_values):
     ]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("exponent", [1, 1.5])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.verifies(
@@ -191,6 +192,7 @@ LAWS = [
 ]
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize(
     ("cell", "degree", "method"),
@@ -278,6 +280,7 @@ def test_forces_and_statuses_as_the_width_falls(shape):
     assert wrong.any() == (shape in ("tanh", "sqrt"))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("solver", ["direct", "amg"])
 @pytest.mark.verifies(
     "normal compliance",
@@ -420,6 +423,7 @@ def test_a_history_warns_once(caplog):
     assert (in_run, in_all) == ((1, 2) if COMM.rank == 0 else (0, 0))
 
 
+@pytest.mark.ranks(2)
 def test_warning_and_bad_laws(caplog):
     with caplog.at_level(logging.WARNING):
         block(law=NormalCompliance(50.0), top=(0.0, -0.3)).solve()

@@ -88,6 +88,7 @@ def test_the_end_of_the_range_to_the_last_bit(end):
     assert branch.points[-1].gamma == values(system, branch.points[-1])[1] == end
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("route", ["auto", "steps"])
 @pytest.mark.parametrize("gamma", [-1.0, 1.0, 1.0 - 1e-15])
@@ -119,6 +120,7 @@ def test_a_start_next_to_an_end_of_the_range(route):
     assert sorted(b.points[-1].gamma for b in diagram.branches) == [-1.0, 1.0]
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.verifies(
     "branches",
     reference="closed form: one node, folds at 3 and 2",
@@ -157,6 +159,7 @@ def test_the_path_does_not_depend_on_steps_and_units(factor, units, algebra):
     np.testing.assert_allclose([s.gamma for s in branch.special], [3.0, 2.0], atol=1e-10)
 
 
+@pytest.mark.ranks(2)
 def test_slip_that_goes_on():
     """Below the critical coefficient: stick, then slip to the left, no fold."""
     system = one_node(2.0, 2.0, 1.0, 1.0, (0.0, -1.0), (-1.0, 0.0))
@@ -295,6 +298,7 @@ def test_points_beside_smooth_folds(kinks):
         np.testing.assert_allclose(found, real, atol=1e-7)
 
 
+@pytest.mark.ranks(2)
 def test_correctors_agree():
     """Moore-Penrose, pseudo-arclength and natural end on the same curve."""
     system = smooth(
@@ -488,6 +492,7 @@ class bratu(System):
         return ()
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.verifies(
     "branches",
     reference="independent code: the sign of the determinant by MUMPS",
@@ -549,6 +554,7 @@ def test_bad_input():
         follow(nowhere, start(nowhere, [1.0]), 0.0, gamma_range=(-1.0, 1.0))
 
 
+@pytest.mark.ranks(2)
 def test_an_exhausted_budget_keeps_what_was_found():
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
     x = start(system, [0, 0, 0, 1.0])
@@ -595,6 +601,7 @@ def test_a_point_with_too_many_kinks_is_said():
     np.testing.assert_allclose(x, 1.0, atol=1e-9)
 
 
+@pytest.mark.ranks(2)
 def test_a_branch_that_ends(algebra):
     """x - g = 0 for g < 0, and twelve more rows that have no solution beyond: said, and kept."""
     if algebra == "krylov":

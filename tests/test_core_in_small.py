@@ -299,6 +299,7 @@ def test_the_pattern_of_blocks_has_every_entry_once():
     assert len(found) == len(expected)
 
 
+@pytest.mark.ranks(2, 3)
 def test_places_of_columns_that_other_ranks_have():
     """In any order, as of each dof by itself."""
     eq = block(n=4).equations
@@ -312,6 +313,7 @@ def test_places_of_columns_that_other_ranks_have():
     assert (found < 0).sum() == fixed > 0
 
 
+@pytest.mark.ranks(2, 3)
 def test_points_of_all_ranks_in_one_order():
     """By x, then y, then what distinguishes them, however they are numbered and rounded off."""
     x = np.array([[0.0, 0.0], [0.0, 1.0], [0.5, -1.0], [0.5, 2.0], [0.5, 2.0], [1.0, 0.0]])
@@ -463,6 +465,7 @@ def test_what_is_saved_is_at_a_parameter(tmp_path):
         assert (reduction.problem(0.0).p != reduction.problem(2.0).p).all()
 
 
+@pytest.mark.ranks(2)
 def test_the_stiffness_of_points_of_two_surfaces():
     """That of the body on the nodes of both, as numpy condenses it, in the frames of the points."""
     eq = on_two_sides(2, beyond=0.4, n=4).equations
@@ -569,6 +572,7 @@ def test_a_law_turns_with_its_normal(dim):
     np.testing.assert_allclose(np.einsum("nij,nj->ni", _turning(n, v), dn), crossed, atol=1e-13)
 
 
+@pytest.mark.ranks(2)
 def test_lengths_of_states_in_closed_form():
     """Root mean squares over the size of the body; motions of rigid bodies over it as well."""
     domain = box(COMM, 3, "tri", size=2.0)
@@ -714,6 +718,7 @@ def test_which_stiffness_is_positive_definite():
     assert not is_positive_definite(eq, K)
 
 
+@pytest.mark.ranks(2)
 def test_the_block_of_a_surface_is_inverted():
     """As it stands and condensed, which multipliers at nodes are, removed ones too."""
     eq = half_block(n=2, method="nodal").equations
@@ -744,6 +749,7 @@ def test_the_block_of_a_surface_is_inverted():
     assert not any(known)  # all are destroyed
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["tri", "tet"])
 def test_dofs_of_what_is_in_contact(cell):
     """Those of the nodes of its facets and no others; of nodes, too, whose facets others own."""

@@ -70,6 +70,7 @@ def dragged(problem, force, way, times, **given):
     return QuasiStatic(problem, load).run(times, **given)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("cell", "shape", "method"),
     [
@@ -149,6 +150,7 @@ def test_jacobian_by_taylor(cell, shape):
     np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
 
 
+@pytest.mark.ranks(2)
 def test_what_is_lacking_is_said():
     """A history knows no width, a static problem no speed; nothing is made of either."""
     with pytest.raises(ValueError, match="needs a width, or a speed"):

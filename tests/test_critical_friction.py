@@ -101,6 +101,7 @@ def by_hand(problem, xi=None):
     return values, vectors
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("lame", LAME)
 @pytest.mark.verifies(
     "critical friction",
@@ -205,6 +206,7 @@ def in_plane(V):
     return [fem.dirichletbc(0.0, dofs, V.sub(1))]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "critical friction", reference="itself: the body in plane strain", aspects=("3D",)
 )
@@ -244,6 +246,7 @@ def test_any_direction_in_3d():
 # -- of a solution, pairs, other discretisations, bad input --------------------------------------
 
 
+@pytest.mark.ranks(2, 3)
 def test_of_a_solution():
     """Of a solution in full slip to the right: the uniform field, and F of the other sign."""
     problem = leaning(4)
@@ -331,6 +334,7 @@ def beside_by_hand(where):
     return scipy.linalg.eig(S_tt, S_nt)[0]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("where", "law"), [("wall", Frictionless()), ("floor", Frictionless()), ("floor", Tresca(0.1))]
 )
@@ -380,6 +384,7 @@ def corner(*laws):
     return ContactProblem(energy, u, surfaces, bcs=[clamped])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("solver", ["direct", "amg"])
 def test_nodes_that_two_surfaces_hold(solver):
     """A corner that one of two obstacles rubs at is refused, and one that both let slip is not."""
@@ -391,6 +396,7 @@ def test_nodes_that_two_surfaces_hold(solver):
     assert len(found.others) + len(found.one_signed) == len(found.positions)
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     problem = leaning(2)
     for direction, words in (
@@ -415,6 +421,7 @@ def test_bad_input():
         critical_friction(on_box(domain, method="mixed"), solver="amg")
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "options", [["--lower", "1e9", "0.3"], ["--lower", "1e9", "0.3", "--ratio=2"]]
 )
@@ -495,6 +502,7 @@ def side_by_side(number):
     return on_box(domain)
 
 
+@pytest.mark.ranks(2)
 def test_double_coefficients():
     """Two like bodies side by side have every coefficient twice, and a search may see one alone."""
     problem = side_by_side(2)
@@ -506,6 +514,7 @@ def test_double_coefficients():
         assert (listed < found.known_up_to).sum() == (every < found.known_up_to).sum()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("solver", ["direct", "amg"])
 @pytest.mark.verifies("critical friction", reference="itself: one of four like bodies")
 def test_slips_of_one_sign_among_equal_coefficients(solver):
@@ -530,6 +539,7 @@ def unlike(leaning, young):
     return on_box(domain, material=LinearElastic.from_young(moduli, 0.3))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("solver", "young"),
     [
@@ -632,6 +642,7 @@ LARGE = {
 }
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("body", LARGE)
 @pytest.mark.verifies(
     "critical friction",
@@ -671,6 +682,7 @@ CLOSE = {
 }
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("body", CLOSE)
 @pytest.mark.verifies(
     "critical friction",

@@ -161,6 +161,7 @@ def test_closed_arms_carry_uniform_compression(groups, caplog):
         assert table.count("d") == 2
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.each_value
 @pytest.mark.parametrize("friction", [0.5, 0.0])
 @pytest.mark.parametrize(
@@ -190,6 +191,7 @@ def test_blocks_under_unequal_pressures(groups, options, friction):
     check_pressures(problem.solve(), (1.0, 3.0))
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(
     ("groups", "options"),
     [
@@ -278,6 +280,7 @@ def test_the_order_of_the_pairs_and_their_sides_do_not_matter():
             np.testing.assert_allclose(other[name], found, atol=1e-9 * np.max(found[0]))
 
 
+@pytest.mark.ranks(2)
 def test_pairs_without_a_loop_keep_their_multipliers():
     """A stem that is open and no pair: the jumps of the two others are independent."""
     body = crossing(TEE, reach=1.0, cells=4)
@@ -289,6 +292,7 @@ def test_pairs_without_a_loop_keep_their_multipliers():
     assert [table.count("d") for table in tables.values()] == [1, 1]
 
 
+@pytest.mark.ranks(2)
 def test_what_nobody_can_take():
     """Arms of one facet from the crossing to where they end in the body."""
     body = crossing(CROSS, reach=0.5, cells=4)

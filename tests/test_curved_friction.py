@@ -92,6 +92,7 @@ def test_circle(step):
     np.testing.assert_allclose(found[1][2], whole, rtol=0, atol=1e-12)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("kind", ["sphere", "cylinder"])
 @pytest.mark.verifies(
     "spheres",
@@ -201,6 +202,7 @@ def errors_of_differences(problem, x, v, sizes):
     return errors
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("remembers", [False, True])
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize(
@@ -784,6 +786,7 @@ def test_motion():
     assert rests[1] < 0.85 * rests[0]
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 @pytest.mark.verifies(
     "Coulomb",
@@ -865,6 +868,7 @@ class Stopped(Exception):
 # -- what is not there -----------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.refuses("rigid bodies", aspects=("2D", "large sliding"))
 def test_half_a_turn_in_a_step_is_refused():
     """A rotation by a whole turn leaves every place as it was, and no slip could be seen."""
@@ -898,6 +902,7 @@ def test_half_a_turn_in_a_step_is_refused():
     assert history.energies.dissipated > 0
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.refuses(
     "mixed contact", "RCCM adhesion", "nonlocal friction", "NSCD motion", aspects=("large sliding",)
 )
@@ -924,6 +929,7 @@ def test_refused():
         OnBody(2, turned, adhesive, sliding="large")
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("component", [0, 1])
 def test_held_in_part(component):
     """A node on a plane of symmetry of a drum; one that is held elsewhere is refused."""

@@ -105,6 +105,7 @@ def test_mesh_from_a_file(folder):
     np.testing.assert_allclose(forces, [2.2373435698, -0.4858718934, -0.0112057788], rtol=1e-7)
 
 
+@pytest.mark.ranks(2)
 def test_mesh_without_the_top(folder):
     file = folder / "barrel.msh"
     if COMM.rank == 0:
@@ -116,6 +117,7 @@ def test_mesh_without_the_top(folder):
         demo_dragged_body.main([f"--mesh={folder / 'no.msh'}", f"--output={folder}"])
 
 
+@pytest.mark.ranks(2)
 def test_unwritable_output(folder):
     """Said at once, on every rank, before the mesh is made."""
     blocked = folder / "file"
@@ -127,6 +129,7 @@ def test_unwritable_output(folder):
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("option", ["--size=0", "--size=nan", "--degree=3", "--size=9"])
 def test_bad_option(option, capsys):
     with pytest.raises(SystemExit):

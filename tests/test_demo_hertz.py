@@ -51,6 +51,7 @@ def test_line_contact_converges(folder):
         assert all((folder / name).stat().st_size > 0 for name in names)
 
 
+@pytest.mark.ranks(2)
 def test_line_contact_numbers(folder):
     """The mesh is the same on any number of ranks, so the numbers are."""
     summary = run(folder, "--levels", 5, 10)
@@ -117,6 +118,7 @@ def test_point_contact_with_friction(folder):
     assert 0.3 < summary["stick_radius"] / summary["touching_radius"] < 0.8
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.skipif(COMM.size == 1, reason="compares one rank with several")
 @pytest.mark.parametrize("options", [["--friction", "0.3"], ["--dim", "3"]])
 @pytest.mark.verifies(
@@ -141,6 +143,7 @@ def test_numbers_do_not_depend_on_ranks(options):
     assert many.pressure == pytest.approx(one.pressure, rel=1e-9, abs=1e-9 * one.pressure.max())
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "options",
     [

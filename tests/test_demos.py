@@ -74,6 +74,7 @@ def test_hild_triangle_all_solutions(friction):
                 assert abs(mine[key] - other[key]) < 1e-10
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "all solutions", reference="closed form: three solutions of Hild's element", aspects=("2D",)
 )

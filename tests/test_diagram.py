@@ -139,6 +139,7 @@ def test_a_node_in_the_step_that_reaches_the_end(end):
     assert len(diagram.edges) > 1
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("end", [0.01, 1.0])
 def test_observers_see_the_branches_of_the_diagram(end):
     """How they end, and the last point: that of the node where a branch comes to one."""
@@ -245,6 +246,7 @@ def test_a_loop_of_two_nodes_is_followed_once():
     assert diagram.open_rays() == []
 
 
+@pytest.mark.ranks(2)
 def test_three_pieces_that_meet_are_a_node():
     """x = |g| beside a third branch (see the follower's test): rays each once, set complete."""
 
@@ -277,6 +279,7 @@ def test_two_starts_on_one_branch():
     assert gammas(diagram.branches[0]) == (0.0, pytest.approx(5.0, abs=1e-12))
 
 
+@pytest.mark.ranks(2)
 def test_budgets_and_bad_input():
     system = smooth(
         1,

@@ -82,6 +82,7 @@ def test_a_leaning_prism():
     assert "smallest of 12 directions; all were computed" in str(found)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("solver", ["direct", "amg"])
 @pytest.mark.verifies(
     "critical friction",
@@ -106,6 +107,7 @@ def test_one_body_serves_all_directions(solver, monkeypatch):
     assert np.isfinite(found.friction).any()
 
 
+@pytest.mark.ranks(2)
 def test_few_eigenvalues():
     """What SLEPc finds is what was computed whole, as far as it is known."""
     problem = leaning()
@@ -116,6 +118,7 @@ def test_few_eigenvalues():
     np.testing.assert_allclose(few.friction[known], whole.friction[known], rtol=1e-7)
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     with pytest.raises(ValueError, match="3D"):
         critical_friction_by_direction(block(n=1))

@@ -84,6 +84,7 @@ def on_root(do):
 FORMATS = ["vtx", "vtk"] if COMM.size == 1 else ["vtk"]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("format", FORMATS)
 def test_fields_on_a_full_disk(folder, format):
     """The state of before is still there, whole, and nothing else."""
@@ -105,6 +106,7 @@ def test_fields_on_a_full_disk(folder, format):
     assert after != before
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("format", "name", "make", "number"),
     [
@@ -122,12 +124,14 @@ def test_something_is_in_the_way_of_fields(folder, format, name, make, number):
     assert contents(folder) == before
 
 
+@pytest.mark.ranks(2)
 def test_what_a_killed_run_left_is_removed(folder):
     on_root(lambda: (folder / ".write_fields.part/body.bp").mkdir(parents=True))
     files = write_fields(folder, block(cell="tri"))
     assert {p.split("/")[0] for p in contents(folder)} == {*(f.name for f in files), "paraview.py"}
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("theirs", [b"print(1)\n", b"", None])
 def test_a_script_of_the_users_own_stays(folder, caplog, theirs):
     """It is left with a warning; one of ours is replaced without."""
@@ -148,6 +152,7 @@ def test_a_script_of_the_users_own_stays(folder, caplog, theirs):
 # -- tables, summaries, pictures -------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 def test_table_and_summary(folder):
     result = block(cell="tri").solve()
     writers = {
@@ -170,6 +175,7 @@ def test_table_and_summary(folder):
         on_root((folder / name).rmdir)
 
 
+@pytest.mark.ranks(2)
 def test_pictures(folder):
     system, _ = moved_block(COMM)
     branch = record(system, {}, folder / "record", max_steps=2)
@@ -229,6 +235,7 @@ def run_until_full(folder, every, size):
         )
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("every", "room", "name"),
     [
@@ -258,6 +265,7 @@ def test_a_record_on_a_full_disk_is_resumed(folder, every, room, name):
     assert a["status"].tolist() == b["status"].tolist()
 
 
+@pytest.mark.ranks(2)
 def test_a_record_that_cannot_begin(folder):
     """It leaves nothing that a second attempt would take for a record."""
     system, functionals = moved_block(COMM)
@@ -279,6 +287,7 @@ def test_a_record_that_cannot_begin(folder):
         BranchRecord(folder / "new", system, functionals, resume=True)
 
 
+@pytest.mark.ranks(2)
 def test_a_record_that_nothing_is_in(folder):
     """What an earlier run left of a journal on a full disk is none, and the next one begins."""
     system, functionals = moved_block(COMM)
@@ -297,6 +306,7 @@ def test_a_record_that_nothing_is_in(folder):
     assert len(read_journal(folder).branches[0].points) == 2
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("format", FORMATS)
 def test_a_series_on_a_full_disk(folder, format):
     system, functionals = moved_block(COMM)
@@ -327,6 +337,7 @@ def here(folder):
     return folder, opened
 
 
+@pytest.mark.ranks(2)
 def test_the_lock_says_who_holds_it(folder):
     system, functionals = moved_block(COMM)
     with BranchRecord(folder, system, functionals):
@@ -362,6 +373,7 @@ def test_the_note_of_a_lock(here):
     assert theirs.read_text() == "mine"
 
 
+@pytest.mark.ranks(2)
 @serial
 def test_a_process_that_has_the_journal_open_does_not_hold_it(here):
     """As one that was forked while it was recorded to."""
@@ -378,6 +390,7 @@ def test_a_process_that_has_the_journal_open_does_not_hold_it(here):
         child.wait()
 
 
+@pytest.mark.ranks(2)
 @serial
 def test_a_file_system_without_flock(here, monkeypatch):
     """The note is the lock then, until it is removed by hand."""

@@ -64,6 +64,7 @@ def code_of(page):
     return "\n".join(blocks)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("page", [p for p in [*THEORY, TOUR] if code_of(p)], ids=name_of)
 def test_theory(page, tmp_path, monkeypatch):
     """The formulas that a page checks are those of the package, on any number of ranks."""

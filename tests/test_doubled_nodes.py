@@ -107,6 +107,7 @@ def test_order():
     assert by_coordinates(x, ids).tolist() == [3, 2, 1, 0]
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("method", ["nodal", "integral"])
 @pytest.mark.verifies(
     "cracks",
@@ -141,6 +142,7 @@ def test_tables_do_not_depend_on_ranks(method, folder):
     assert len(several["x"]) == (8 if method == "nodal" else 2 * 6)
 
 
+@pytest.mark.ranks(2)
 def test_two_points_at_one_place_differ():
     system = branched(COMM)
     system.set_parameter(1.0)
@@ -151,6 +153,7 @@ def test_two_points_at_one_place_differ():
     assert np.linalg.norm(table.ut[a] - table.ut[b]) > 1e-3
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("route", "first"),
     [

@@ -64,6 +64,7 @@ def test_the_next_collective_does_not_wait_for_ever(launcher):
     assert done.stdout.count("done") == max(len(launcher) - 1, 1)
 
 
+@pytest.mark.ranks(2)
 def test_garbage_that_is_collected_while_meshes_are_freed(monkeypatch):
     """Both free the same meshes, which left one of them with places that were gone."""
 

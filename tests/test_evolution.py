@@ -115,6 +115,7 @@ def test_the_path_of_two_blocks(case):
         assert abs(off) < 1e-9 * path[-1]["dissipation"]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("cell", "given"),
     [
@@ -266,6 +267,7 @@ def test_rejected_steps_leave_nothing():
     assert [s.energies for s in rejecting.steps] == [s.energies for s in other.steps]
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.chatty
 @pytest.mark.verifies(
     "energies of histories", "quasi-static", reference="itself: shorter steps", aspects=("2D",)
@@ -319,6 +321,7 @@ def test_work_of_a_disc_that_moves(sliding):
     assert residues[1] < 0.005 < 0.1 < residues[0]
 
 
+@pytest.mark.ranks(2)
 def test_a_start_that_is_no_solution(caplog):
     problem, top = dragged(n=2)
     problem.u.x.array[:] = 0.1
@@ -382,6 +385,7 @@ def test_a_load_that_depends_on_earlier_calls_is_refused(way):
         evolution.run([0.0, 0.1, 0.2])
 
 
+@pytest.mark.ranks(2)
 def test_a_proof_is_of_the_step_that_was_taken():
     """A state knows the memory of its step; under the data of another one it is not a solution."""
     problem, top = dragged()
@@ -474,6 +478,7 @@ def klarbring():
     return system.problem, system.constant
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("at_jump", ["raise", pytest.param("stop", marks=pytest.mark.long), "jump"])
 @pytest.mark.verifies(
     "jumps",
@@ -638,6 +643,7 @@ def test_large_deformation():
     assert rows[1][1] == pytest.approx(rows[0][1], rel=1e-6)
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     problem, top = dragged(n=2)
     evolution = QuasiStatic(problem, cycle(top))
@@ -712,6 +718,7 @@ def test_lengths_of_steps():
     assert [s.rejected for s in history.steps] == [3, 0, 0, 0]
 
 
+@pytest.mark.ranks(2, 3)
 def test_a_load_that_fails_on_one_rank():
     """Its error is raised on all, and the evolution is where it was."""
     problem, top = dragged(n=2)

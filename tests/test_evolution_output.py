@@ -40,6 +40,7 @@ def names(folder):
     return found
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("format", [None, "vtk"])
 def test_a_series_step_by_step(folder, format):
     """Rows are on the disk at once; other runs go on with the numbers; nothing old is left."""
@@ -162,6 +163,7 @@ def test_a_series_outside_of_its_context(folder):
     assert names(folder) == []
 
 
+@pytest.mark.ranks(2)
 def test_numbers_in_a_record(folder):
     """A second run goes on with them, also from a record that was closed."""
     evolution = pair(COMM, n=2)
@@ -176,6 +178,7 @@ def test_numbers_in_a_record(folder):
     assert np.all(np.diff([s.time for s in history.steps]) > 0)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "records of histories",
     reference="itself: the tables of the steps",

@@ -137,6 +137,7 @@ def test_the_journal_says_what_was_run(folder):
     assert [r.after for r in read_journal(folder).runs] == [0, len(history.steps)]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("case", ["crack", pytest.param("motion", marks=pytest.mark.long), "pair"])
 @pytest.mark.verifies(
     "records of histories",
@@ -193,6 +194,7 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
         np.testing.assert_allclose(*values, rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.ranks(2)
 def test_what_is_refused(whole, folder):
     """Records of other problems and loads, damaged ones, and those that would be overwritten."""
     known = whole("pair")
@@ -244,6 +246,7 @@ def test_another_run_from_a_recorded_state(folder):
     same_tables(found["contact"], wanted["contact"], 1e-9)
 
 
+@pytest.mark.ranks(2)
 def test_a_submesh_is_refused(folder):
     """Its cells have no numbers by which they could be found again."""
     square = box(COMM, 2, "tri")

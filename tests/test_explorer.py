@@ -341,6 +341,7 @@ def test_between_two_points_of_a_piecewise_linear_branch(folder):
     COMM.barrier()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("kind", ["pair", "moving", "cracked"])
 @pytest.mark.verifies(
     "explorer",
@@ -593,6 +594,7 @@ def test_arguments_that_do_not_fit(branch, folder):
     COMM.barrier()
 
 
+@pytest.mark.ranks(2)
 def test_records_that_are_damaged(folder):
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "branch", max_steps=3, **KEPT)
@@ -682,6 +684,7 @@ def test_a_record_that_grows(folder):
     COMM.barrier()
 
 
+@pytest.mark.ranks(2)
 def test_the_command(branch, folder, capsys):
     file = folder / "page.html"
     words = ["explore", str(branch), "-o", str(file), "--title", "Block", "--label", "gamma=load"]

@@ -426,6 +426,7 @@ def test_overlaps_that_are_allowed():
         Overlap().require(COMM, -2e-3, 1e-3, "s", "else")
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_places_that_other_ranks_know(dim):
     """The nearest of all, and how many lie around."""

@@ -51,6 +51,7 @@ def test_pivots_that_take_more_room_than_expected():
     factor.destroy()
 
 
+@pytest.mark.ranks(2)
 def test_matrices_without_their_zeros():
     """Products are the same, entries those that are not zero, on each rank its own."""
     n = 5 + COMM.rank

@@ -18,6 +18,7 @@ def only_following(monkeypatch):
     monkeypatch.setattr(ladder, "strategies", lambda *a: whole(*a)[-1:])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("dim", "cell"),
     [pytest.param(*k, marks=pytest.mark.long) if k == (2, "tri") else k for k in KINDS],

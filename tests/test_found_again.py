@@ -149,6 +149,7 @@ def check(world, form):
     body.destroy()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "name", ["b, a", "g / f", "tag 2", "elastic, f", "hyperelastic", "a residual", "a side"]
 )
@@ -219,6 +220,7 @@ def test_what_is_not_known_is_compiled_by_its_signature():
         assert _forms.content_of(form) is None
 
 
+@pytest.mark.ranks(2)
 def test_a_form_that_one_rank_alone_knows():
     """All ranks find a form or none does: compiling is collective."""
     w = World(7)

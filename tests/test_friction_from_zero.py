@@ -37,6 +37,7 @@ def pushed(law, push, cell, friction, n=2):
     return problem
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("law", "push", "cell", "kinks"),
     [

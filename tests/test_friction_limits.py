@@ -6,6 +6,7 @@
 from mpi4py import MPI
 
 import numpy as np
+import pytest
 from demo_block import arguments
 from demo_block import problem as block
 
@@ -46,6 +47,7 @@ def test_no_friction():
     np.testing.assert_allclose(problem.u.x.array, smooth.u.x.array, atol=1e-9)
 
 
+@pytest.mark.ranks(2)
 def test_infinite_friction():
     """Nothing slips in the end, and then nothing changes; but the body still lifts off."""
     problem, rows = end_of_branch(0.5, 20.0)

@@ -97,6 +97,7 @@ def test_mirrored_bulges(dim, cell):
     np.testing.assert_allclose(table.un, 2 * alone.un, atol=1e-9)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("dim", "cell"), [(2, "quad"), (3, "tet")])
 def test_different_bulges(dim, cell):
     """Of different meshes, each as the slave: forces that are as near as those of either mesh."""
@@ -122,6 +123,7 @@ def test_without_it_the_slave_says_where():
     assert np.abs(table.force[:, 0]).max() > 1e-3 * np.abs(table.force).max()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("normal", "reason"),
     [

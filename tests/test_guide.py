@@ -77,6 +77,7 @@ def write_tools(folder):
     COMM.barrier()
 
 
+@pytest.mark.ranks(2)
 def test_an_indenter(folder, monkeypatch):
     """On a cube that is held below; the force that the page gives arrives."""
     write_tools(folder)
@@ -100,6 +101,7 @@ def test_an_indenter(folder, monkeypatch):
     assert names["die"].closed
 
 
+@pytest.mark.ranks(2)
 def test_a_motion():
     """A cube that falls onto a floor, and keeps its energy."""
     cube = mesh.create_unit_cube(COMM, 2, 2, 2)

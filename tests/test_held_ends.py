@@ -14,6 +14,7 @@ from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
 REACH = (0.0, 1.0)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(
     ("cells", "sides", "fixed", "clamped"),
     [
@@ -40,6 +41,7 @@ def test_patch(cells, sides, fixed, clamped):
     assert table.count("d") == clamped
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("cell", "counts", "sides", "fixed", "clamped"),
     [
@@ -109,6 +111,7 @@ def test_an_end_opposite_to_what_moves():
         assert "d" not in table.status
 
 
+@pytest.mark.ranks(2)
 def test_one_pair_in_several_problems():
     """What one problem gives away the next one has again."""
     energy, u, pair, ends = parts(16, 15, Coulomb(0.4))

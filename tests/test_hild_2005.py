@@ -88,6 +88,7 @@ def body(xc, n, friction, **kind):
     return ContactProblem(energy, u, [s], bcs=[bc]), stick, grazing, pressed
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("xc", [0.5, 0.8, 0.3])
 @pytest.mark.parametrize(("n", "uneven"), [(1, 0.0), (3, 0.4), (8, 0.0), (12, 0.4)])

@@ -50,6 +50,9 @@ from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of
 from dolfinx_contact.problem import discretise
 from dolfinx_contact.records import BranchRecord, resume, write_series
 
+#: What ranks do to each other is tested in all cases on two of them.
+pytestmark = pytest.mark.ranks(2, every_case=True)
+
 COMM = MPI.COMM_WORLD
 LAST = COMM.rank == COMM.size - 1
 FLOOR = HalfSpace((0.0, 0.0), (0.0, 1.0))

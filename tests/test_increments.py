@@ -54,6 +54,7 @@ def increments_alone(monkeypatch, problem):
     return result.tables["contact"]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("law", [Coulomb(0.3), Coulomb(1.5)])
 @pytest.mark.verifies("loads in increments", reference="itself: Newton's method", aspects=("2D",))
 def test_increments_find_what_newton_finds(law, monkeypatch):
@@ -72,6 +73,7 @@ def test_increments_find_what_newton_finds(law, monkeypatch):
         np.testing.assert_allclose(table.force, known.force, atol=1e-9 * np.abs(known.force).max())
 
 
+@pytest.mark.ranks(2)
 def test_the_load_is_what_it_was_after_a_failure(monkeypatch):
     problem = block(n=8, material=RUBBER, top=(0.3, -0.7), options={"snes_max_it": 2})
     x = problem.create_vector()
@@ -124,6 +126,7 @@ def test_a_seal(depth):
     assert result.counts["open"] > 0
 
 
+@pytest.mark.ranks(2)
 def test_budgets():
     """A strategy gives up when its cost is used up; residuals alone cost as well."""
     attempt = Attempt("line search", limit=3.0)

@@ -133,6 +133,7 @@ def senses(table):
     )
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("cell", "given"),
     [
@@ -680,6 +681,7 @@ def test_jacobian_by_taylor(cell):
     np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("internal", "more", "message"),
     [
@@ -720,6 +722,7 @@ def test_interfaces_that_are_none(internal, more, message):
         block(n=1, law=Own()).solve()
 
 
+@pytest.mark.ranks(2)
 def test_law_that_is_not_finite():
     """What has a kink at rest says so, and which law it is."""
 

@@ -120,6 +120,7 @@ def test_a_step_in_which_the_state_may_jump_gives_a_warning(caplog):
     assert not any("jump" in s.result.warnings for s in located.steps)
 
 
+@pytest.mark.ranks(2)
 def test_what_is_proved_of_a_coarse_step():
     """The load turns back in the step, not where it begins; shorter steps lead nearer."""
     evolution = pulled([1.0])

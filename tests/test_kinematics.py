@@ -178,6 +178,7 @@ def largest(values):
     return COMM.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.verifies(
     "matching meshes",
@@ -220,6 +221,7 @@ def test_derivatives_by_taylor(name):
     assert largest(found - change) < 1e-12 * largest(at.operator.transpose(tractions))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("name", CASES)
 def test_forces_do_the_work_of_pressure_and_shear(name):
     """B^T is the transpose of the derivatives of gap and slip; rigid bodies get the reaction."""
@@ -251,6 +253,7 @@ def test_forces_do_the_work_of_pressure_and_shear(name):
     assert size > 0.01
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_slips_since_the_last_step(dim):
     """Laws see the increment; gap and its rate are those without a memory."""
@@ -300,6 +303,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("what", REFUSED)
 def test_what_needs_a_constant_operator(what):
     """It is refused in words, on every rank, and nowhere computed with another B."""
@@ -328,6 +332,7 @@ OPPOSITE = {
 }
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("what", OPPOSITE)
 def test_what_needs_the_nodes_opposite_to_stay(what):
     """The stencil of the nodes is that of the reference configuration, and of B that stays."""

@@ -161,6 +161,7 @@ def test_the_range_ends_where_branches_meet(route):
     assert len(ends(system, from_there, END)) == 3
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 @pytest.mark.parametrize("direction", ["increasing", "decreasing"])
 def test_a_branch_from_a_state_without_load(direction, route):

@@ -59,6 +59,7 @@ def in_one_cell(column):
     return 20.0 * chosen * abs(column.u[0]) * ufl.dx
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "more",
     [

@@ -104,6 +104,7 @@ def many_corners(n, slopes):
     )
 
 
+@pytest.mark.ranks(2)
 def test_a_batch_brackets_its_events():
     """Many corners on a nearly straight line: few steps, every event in its bracket."""
     n = 40
@@ -270,6 +271,7 @@ def test_which_way_is_the_default():
             assert type(follower._steps).__name__ == kinks
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     with pytest.raises(ValueError, match="kinks are passed"):
         StepControl(kinks="somehow")

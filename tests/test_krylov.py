@@ -24,6 +24,7 @@ from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 COMM = MPI.COMM_WORLD
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "Krylov branches", reference="independent code: determinants of numpy", aspects=("branches",)
 )
@@ -238,6 +239,7 @@ def steps_of_the_foot():
         return follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0), max_steps=4)
 
 
+@pytest.mark.ranks(2)
 def test_work_of_a_step(monkeypatch):
     """Nothing is evaluated twice, and no linear solve goes below what its model misses.
 

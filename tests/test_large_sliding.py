@@ -101,6 +101,7 @@ def quadratic(history):
     return len(small) >= 2 and all(b < 20 * a**2 + 1e-12 for a, b in small)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("solid", [False, True])
 @pytest.mark.verifies(
     "Signorini",
@@ -184,6 +185,7 @@ def shaken(problem, size, seed):
     return x
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(
     ("obstacle", "cell", "law", "given"),
     [
@@ -291,6 +293,7 @@ def test_which_sliding():
             block(disc, material=material, sliding=sliding, law=Coulomb(0.3))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -385,6 +388,7 @@ def powered(power):
     return LevelSet(lambda x: (ufl.sqrt((x[0] - 0.4) ** 2 + (x[1] + 1.0) ** 2) - 1.0) ** power)
 
 
+@pytest.mark.ranks(2)
 def test_a_gradient_that_vanishes():
     """Where a point touches, where one is at the start, and where the normal has no end."""
     result = block(powered(1)).solve()
@@ -496,6 +500,7 @@ def test_an_obstacle_that_comes_and_turns():
         np.testing.assert_allclose(force, solved.force, rtol=0, atol=1e-8 * size)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.verifies(
     "rigid bodies",
@@ -552,6 +557,7 @@ def test_a_rigid_body(dim):
         problem(turning, "large")
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("solid", [False, True])
 @pytest.mark.verifies(
     "multigrid",

@@ -44,6 +44,7 @@ def project(vectors, radius):
     return vectors * np.minimum(1.0, radius / np.where(size > 0, size, 1.0))[:, None]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.verifies(
@@ -137,6 +138,7 @@ def test_a_piece_of_a_linear_bulk_in_2d_is_affine(cell, method, degree, multipli
     assert remainders(problem, x, 2).max() < 1e-12
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(
     ("cell", "degree", "material"),
     [
@@ -176,6 +178,7 @@ def asked(law, dim, p, s):
     return "".join(status.letters(dim)[found.required])
 
 
+@pytest.mark.ranks(2)
 def test_classification():
     p = np.array([-1.0, 0.0, 2.0, 2.0, 2.0])
     s = np.array([0.1, 0.0, 0.5, 0.7, -0.7])

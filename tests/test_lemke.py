@@ -117,6 +117,7 @@ def test_no_load_and_open_loads():
         np.testing.assert_allclose(w, [*np.linalg.solve(S, p), 0, 0], atol=1e-14)
 
 
+@pytest.mark.ranks(2)
 def test_data_that_it_does_not_take():
     S = np.eye(2)
     p = np.array([0.0, -1.0])
@@ -142,6 +143,7 @@ def only_lemke(monkeypatch):
     )
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("law", [Coulomb(0.3), Coulomb(2.0), Frictionless()])
 @pytest.mark.parametrize("cell", ["tri", "quad"])
 @pytest.mark.verifies(

@@ -28,6 +28,7 @@ def start_of(system):
     return x
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "Coulomb", "Newton's method", reference="independent code: GetFEM, and numpy", aspects=("2D",)
 )
@@ -220,6 +221,7 @@ def test_steps_and_pivoting_find_the_same(folder):
     assert points[0] > 2 * points[-1]
 
 
+@pytest.mark.ranks(2)
 def test_bad_input(capsys):
     with pytest.raises(SystemExit):
         demo.main(["--n", "0"])

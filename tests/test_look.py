@@ -99,6 +99,7 @@ def test_a_map_of_bonds(folder):
         assert (folder / "held.png").stat().st_size > 10_000
 
 
+@pytest.mark.ranks(2)
 def test_a_floor_under_the_body():
     """It reaches from one end of the body to the other wherever the body is."""
     problem = block(n=4, top=(0.0, -0.01))
@@ -127,6 +128,7 @@ def test_z_is_up():
             plotter.close()
 
 
+@pytest.mark.ranks(2, 3)
 @needs_display
 def test_a_plotter_can_be_changed(folder):
     """Actors have names; the picture is written again."""
@@ -142,6 +144,7 @@ def test_a_plotter_can_be_changed(folder):
         assert first.read_bytes() != second.read_bytes()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "cell", ["tri", "quad", *(pytest.param(c, marks=needs_display) for c in ("tet", "hex"))]
 )
@@ -214,6 +217,7 @@ def test_arrows_have_a_reference_length():
         assert text.get_text() == "load (3)"
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("law", [Coulomb(0.3), Frictionless()])
 @pytest.mark.parametrize("way", [-0.01, 0.01])
 def test_senses_of_slip_are_those_of_the_table(law, way):
@@ -243,6 +247,7 @@ def test_the_bar_of_a_section_is_of_what_is_seen():
         plotter.close()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("look", "words"),
     [

@@ -192,6 +192,7 @@ OTHERS = [
 ]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("other", "message"), OTHERS, ids=[next(iter(o)) for o, _ in OTHERS])
 def test_other_data_are_refused(other, message, stopped):
     """Exchanged, mirrored, at other places: means and root mean squares may be the same."""
@@ -208,6 +209,7 @@ def test_other_data_are_refused(other, message, stopped):
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("other", "message"),
     [
@@ -224,6 +226,7 @@ def test_other_masses_are_refused(other, message, stopped):
         EvolutionRecord(stopped[motion], motion(**other), resume=True)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("make", [motion, history])
 @pytest.mark.verifies(
     "records of histories",
@@ -285,6 +288,7 @@ def test_the_format_of_another_version(folder):
     assert path.read_bytes() == before
 
 
+@pytest.mark.ranks(2)
 def test_a_branch_knows_its_functions(folder):
     """Friction that is mirrored while everything sticks, which no residual tells."""
 

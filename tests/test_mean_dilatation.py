@@ -470,6 +470,7 @@ def test_stress_in_files(kind):
     assert np.abs(found - expected[:, None]).max(initial=0.0) < 1e-9 * size
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "nearly incompressible bodies",
     "stresses",

@@ -63,6 +63,7 @@ def measure(body, name=None):
     return COMM.allreduce(fem.assemble_scalar(fem.form(form)))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("options", [{}, {"order": 2}, {"dim": 2}, {"dim": 2, "quads": True}])
 def test_read(folder, options):
     dim = options.get("dim", 3)
@@ -104,6 +105,7 @@ def without_elements():
     gmsh.model.addPhysicalGroup(3, [*body, point], name="body")
 
 
+@pytest.mark.ranks(2)
 def test_surface_by_name():
     """A name and its number are the same facets, of the mesh and of its MeshTags."""
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
@@ -114,6 +116,7 @@ def test_surface_by_name():
         np.testing.assert_array_equal(found, facets)
 
 
+@pytest.mark.ranks(2)
 def test_solve_with_names():
     """Support, load and contact surface by name: the forces are in equilibrium."""
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
@@ -140,6 +143,7 @@ def halves():
     gmsh.model.mesh.generate(2)
 
 
+@pytest.mark.ranks(2)
 def test_cells_by_name():
     """Areas of groups of cells, and their energies; a name of facets is none of cells."""
     body = mesh_from_gmsh(COMM, halves)
@@ -202,6 +206,7 @@ def one_of(body):
     return fem.Constant(body.mesh, 1.0)
 
 
+@pytest.mark.ranks(2)
 def test_both_sides_of_a_crack_have_ds():
     body = crack(mesh_from_gmsh(COMM, lambda: halves_with_seam(seam="inside")), ["seam"])
     for name in ("seam", "seam_opposite"):
@@ -253,6 +258,7 @@ def refused(match, do):
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
+@pytest.mark.ranks(2)
 def test_unknown_names():
     """The names there are, the same on every rank; the body is no facet."""
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
@@ -276,6 +282,7 @@ def test_unknown_names():
     )
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.skipif(COMM.size == 1, reason="needs another rank")
 def test_names_that_differ():
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
@@ -294,6 +301,7 @@ def test_names_that_differ():
     refused("not on this mesh", lambda: body.dofs(V if COMM.rank == 0 else W, "top"))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.skipif(COMM.size == 1, reason="needs another rank")
 @pytest.mark.parametrize(
     ("match", "options"),
@@ -310,6 +318,7 @@ def test_files_read_differently(folder, match, options):
     fails(ValueError, match, file, **mine)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("error", [SystemExit, KeyboardInterrupt])
 def test_a_drawing_that_ends_the_run(error):
     """It ends on every rank, whatever it is."""
@@ -336,6 +345,7 @@ def fails(error, match, file, **options):
     assert not gmsh.isInitialized()
 
 
+@pytest.mark.ranks(2)
 def test_missing_file(folder):
     fails(FileNotFoundError, "there is no mesh file", folder / "nothing.msh")
 
@@ -361,6 +371,7 @@ def test_missing_group(folder):
     fails(ValueError, "dimension 3, wanted is 2", file, dim=2)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "text", ["", "hello\nworld\n", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 8"]
 )
@@ -407,6 +418,7 @@ def broken():
     raise RuntimeError("the caller's own mistake")
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("draw", "match"),
     [

@@ -31,6 +31,9 @@ from dolfinx_contact.solvers.history import Attempt, LinearSolverError
 from dolfinx_contact.solvers.linear import Direct
 from dolfinx_contact.solvers.newton import Newton
 
+#: What ranks do to each other is tested in all cases on two of them.
+pytestmark = pytest.mark.ranks(2, every_case=True)
+
 COMM = MPI.COMM_WORLD
 LAST = COMM.rank == COMM.size - 1
 

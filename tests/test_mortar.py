@@ -117,6 +117,7 @@ def test_uniform_tractions(case, slave, master, angle):
     assert abs(moment) < 1e-13
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.each_value
 @pytest.mark.parametrize("angle", [0.0, 0.7])
 @pytest.mark.parametrize("cell", ["tri", "quad"])
@@ -221,6 +222,7 @@ def test_two_blocks_of_different_meshes(folder, ratio):
     assert off[1] < 0.4 * off[0] < 0.4 * 0.01
 
 
+@pytest.mark.ranks(2)
 def test_a_rounded_face():
     """A gap that opens to both sides: the same with either mesh as the slave, to some percent."""
     forces = []
@@ -238,6 +240,7 @@ def test_a_rounded_face():
     assert forces[0] == pytest.approx(forces[1], rel=5e-3)
 
 
+@pytest.mark.ranks(2)
 def test_bad_mortars():
     both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
     u = displacement(both.mesh)
@@ -318,6 +321,7 @@ def test_uniform_tractions_in_space(case, slave, master, cells):
             np.testing.assert_allclose(force[nodes], wanted, atol=1e-14)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.each_value
 @pytest.mark.parametrize("cells", ["tet", "hex"])
 @pytest.mark.parametrize(("slave", "master"), SIDES)
@@ -361,6 +365,7 @@ def test_patch_in_space(case, slave, master, cells):
     assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
 
 
+@pytest.mark.ranks(2)
 def test_a_warped_face_in_space():
     """Faces that are curved alike, of different meshes: forces balance, and so do both roles."""
     forces = []
@@ -522,6 +527,7 @@ def test_rollers_on_both_bodies(cells):
     assert result.reason == "full steps"
 
 
+@pytest.mark.ranks(2, 3)
 def test_a_slave_that_is_held():
     """More constraints than nodes that can meet them are refused; exchanged they are met."""
     both = stacked(4, 8, (0.0, 1.0), (0.0, 1.0))

@@ -53,6 +53,7 @@ def times(history):
 # -- a bar, step by step ---------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("scheme", "theta", "level", "mass", "restitution", "damping"),
     [
@@ -442,6 +443,7 @@ def test_energy_of_a_hyperelastic_body():
     assert 1.8 < np.log2(found[0] / found[1]) < 2.2
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "NSCD motion", "branches", reference="differences: of the rows of a step", aspects=("2D",)
 )
@@ -571,6 +573,7 @@ def test_units_change_nothing():
         assert other[name] / (force * length) == pytest.approx(value, rel=1e-9, abs=1e-10)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies("NSCD motion", reference="itself: the motion on one rank", aspects=("2D",))
 def test_ranks_change_nothing():
     """50 steps in which a block hits, slips and leaves: what all ranks find is what one finds."""
@@ -612,6 +615,7 @@ BAD = [
 ]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("given", "message"), BAD, ids=lambda x: str(x)[:30])
 def test_bad_input(given, message):
     problem, _ = block("tri", 2)
@@ -629,6 +633,7 @@ def test_a_start_within_the_floor():
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
+@pytest.mark.ranks(2)
 def test_what_the_velocity_level_refuses():
     problem, _ = block("tri", 2)
     u = problem.u

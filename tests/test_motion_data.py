@@ -54,6 +54,7 @@ def warnings_of(caplog):
     return COMM.bcast(caplog.text if COMM.rank == 0 else None)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("what", ["density", "form", "Function", "factor", "stiffness"])
 def test_what_changes_in_mass_and_damping_is_refused(what):
     """Within a run; between two runs they may change, and are assembled again."""
@@ -126,6 +127,7 @@ def test_a_velocity_against_what_is_held(scheme):
     assert np.abs(v.x.array[held]).max(initial=0.0) < 1e-11
 
 
+@pytest.mark.ranks(2)
 def test_a_start_off_what_is_prescribed():
     problem, top, _ = body()
     top.x.array[1::2] = -0.01
@@ -215,6 +217,7 @@ def test_alternating_forces_are_reported(method, alternates, caplog):
     assert ("contact forces alternate" in warnings_of(caplog)) == alternates
 
 
+@pytest.mark.ranks(2)
 def test_a_density_that_is_negative_within_a_cell():
     problem, _, _ = body(n=1)
     x = ufl.SpatialCoordinate(problem.V.mesh)
@@ -223,6 +226,7 @@ def test_a_density_that_is_negative_within_a_cell():
     NSCD(problem, x[0] + 0.01, dt=0.1, mass="lumped")
 
 
+@pytest.mark.ranks(2)
 def test_what_a_step_looks_at(monkeypatch):
     """The mesh is looked at once a step, and no UFL is differentiated to know where a body is."""
     domain = box(COMM, 2, "quad")
@@ -283,6 +287,7 @@ def thrown(load_of, **how):
     return NSCD(problem, 1.0, dt=0.02, load=load, velocity=velocity, mass="consistent", **how)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("scheme", ["theta", "modified-theta"])
 def test_a_later_run_begins_with_the_load_of_its_time(scheme):
     """Whatever the data were set to since, as by another history of the problem."""

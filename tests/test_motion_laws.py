@@ -87,6 +87,7 @@ def test_friction_of_the_velocity(scheme, theta, mass):
     assert off[1] < 0.02
 
 
+@pytest.mark.ranks(2)
 def test_a_speed_is_needed():
     with pytest.raises(ValueError, match="lacks a speed"):
         NSCD(block(Regularised(Coulomb(0.3), width=1e-3)), 1.0, dt=0.01)
@@ -232,6 +233,7 @@ def test_a_bond_on_springs():
     np.testing.assert_allclose(*found, rtol=0.01)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("what", ["velocity", "damping"])
 def test_what_differs_between_ranks(what):
     problem = block(Coulomb(0.3))
@@ -244,6 +246,7 @@ def test_what_differs_between_ranks(what):
         NSCD(problem, 1.0, dt=0.1, **given)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "bodies of revolution",
     "NSCD motion",
@@ -294,6 +297,7 @@ def test_drag_of_a_body_of_revolution():
     assert history.energies.damping == pytest.approx(1.5 * np.pi * (4 - slowed**2), rel=1e-10)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "normal compliance",
     "energies of motions",
@@ -333,6 +337,7 @@ def test_what_a_compliant_floor_holds(moves):
     assert history.energies.stored == pytest.approx(inner + springs, rel=1e-9)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "NSCD motion",
     "rigid bodies",

@@ -44,6 +44,7 @@ def thrown(n, dt, solver="amg", comm=COMM, **given):
     return NSCD(problem, 1.0, dt=dt, velocity=velocity, **given), weight
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "given",
     [
@@ -114,12 +115,14 @@ def test_polynomial_where_steps_are_short(dt, kind):
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-7 * size)
 
 
+@pytest.mark.ranks(2)
 def test_static_problems_keep_their_hierarchy():
     problem = static_block(cell="hex", n=4, options={"linear_solver": "amg"})
     problem.solve()
     assert problem.linear_solver.hierarchy.pc.getType() == "gamg"
 
 
+@pytest.mark.ranks(2)
 def test_forcing_in_motion():
     """A step that would end near the target goes there; statuses that change ask for little."""
     forcing = Forcing.in_motion()
@@ -139,6 +142,7 @@ def test_forcing_in_motion():
 # -- every solve by multigrid ----------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 def test_krylov_vectors_vanish_on_the_surface(monkeypatch):
     """Solves begin with an application of the filter: later ones have nothing left on s."""
     shares = []

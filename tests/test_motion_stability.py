@@ -106,6 +106,7 @@ def test_klarbring_by_dynamics():
     assert history.energies.dissipated > 0
 
 
+@pytest.mark.ranks(2)
 def test_what_does_not_jump():
     problem, g = klarbring()
     evolution = QuasiStatic(problem, lambda t: setattr(g, "value", t))

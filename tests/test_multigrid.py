@@ -82,6 +82,7 @@ CHATTY = (
 )
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.chatty) if n in CHATTY else n for n in PROBLEMS]
 )
@@ -149,6 +150,7 @@ def test_contact_of_one_node():
     assert table.count("ks") == 1
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("name", ["tet", "P2", "neo-Hookean"])
 def test_product_is_that_of_the_assembled_jacobian(name):
     problem = block(**PROBLEMS[name], options=AMG)
@@ -198,6 +200,7 @@ def test_products_with_half_of_a_symmetric_stiffness(cell):
     assert curved.stiffness(other.u.x.array) == curved.for_products
 
 
+@pytest.mark.ranks(2, 3)
 def test_filter_leaves_nothing_on_the_surface():
     """After an application the residual vanishes on contact nodes and multipliers."""
     problem = block(cell="hex", n=4, options=AMG)
@@ -214,6 +217,7 @@ def test_filter_leaves_nothing_on_the_surface():
     assert rest.norm() < 10 * r.norm()
 
 
+@pytest.mark.ranks(2)
 def test_correction_solves_the_rows_of_the_surface():
     """With the status held and slips nearly straight, one correction leaves nothing there."""
     problem = block(cell="hex", n=4, options=AMG)
@@ -260,6 +264,7 @@ def test_softness_is_that_of_the_moduli(cell, dim, poisson):
     assert softness(Bulk(energy, u).stiffness(u.x.array), V) == pytest.approx(expected)
 
 
+@pytest.mark.ranks(2)
 def test_preconditioner_for_other_systems():
     """A bordered system, say, may use operator and preconditioner of H_x as blocks of its own."""
     problem = block(cell="tet", n=5, options=AMG)
@@ -279,6 +284,7 @@ def test_preconditioner_for_other_systems():
 without_hypre = pytest.mark.skipif(not has_package("hypre"), reason="PETSc without hypre")
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "options",
     [
@@ -308,6 +314,7 @@ def test_prediction(caplog, options):
         assert "s from a cold start" in caplog.text
 
 
+@pytest.mark.ranks(2)
 def test_choice():
     """By size, unless the user says which; options of a KSP mean the assembled Jacobian."""
     assert block(cell="tri", n=4).linear_solver.name == "direct"
@@ -321,6 +328,7 @@ def test_choice():
     assert block(cell="tri", n=4, options=AMG).linear_solver.name == "direct"
 
 
+@pytest.mark.ranks(2)
 def test_a_direct_solver_takes_over(monkeypatch, caplog):
     """Where multigrid stagnates and nobody asked for it; unless memory is short."""
     monkeypatch.setattr(choice, "_LARGEST_DIRECT", {3: 10})
@@ -342,6 +350,7 @@ def test_a_direct_solver_takes_over(monkeypatch, caplog):
     assert problem.linear_solver.name == "amg"
 
 
+@pytest.mark.ranks(2)
 def test_without_hypre(monkeypatch):
     """It is not proposed, and who asks for it is told."""
     for module in (hierarchy, multigrid):
@@ -365,6 +374,7 @@ def test_stagnation_says_what_to_try():
     assert np.abs(problem.u.x.array).max(initial=0.0) == 0.0
 
 
+@pytest.mark.ranks(2)
 def test_hierarchy_is_kept():
     """Other data, the same hierarchy; another stiffness, another hierarchy."""
     domain = box(COMM, 5, "tet")
@@ -392,6 +402,7 @@ def test_hierarchy_is_kept():
     assert problem.equations.bulk.assemblies == 2
 
 
+@pytest.mark.ranks(2)
 def test_an_aged_hierarchy_is_rebuilt():
     """Once it has cost more than another one, and only where that would be another one."""
     PETSc.Options()["contact_amg_pc_gamg_agg_nsmooths"] = 0
@@ -479,6 +490,7 @@ def test_w_cycles_hardly_grow_with_the_mesh():
     assert grown["w"] < grown["v"], grown
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "options",
     [
@@ -524,6 +536,7 @@ def test_log():
         assert PETSc.Log.Event(f"Contact{part}").getPerfInfo(stage)["count"] > 0, part
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("name", ["tet", "P2", "P2/P2", "mixed", "neo-Hookean"])
 @pytest.mark.verifies(
     "nested iteration",
@@ -555,12 +568,14 @@ def test_nested_iteration(name):
     assert coarse.dofs < fine.dofs
 
 
+@pytest.mark.ranks(2)
 def test_nested_problems_must_agree():
     levels = block(cell="quad", n=4), block(cell="quad", n=4, method="mixed")
     with pytest.raises(ValueError, match="the same surfaces"):
         solve_nested(levels)
 
 
+@pytest.mark.ranks(2)
 def test_forcing():
     forcing = Forcing()
     forcing.restart(warm=False)
@@ -594,6 +609,7 @@ def test_a_solve_ends_where_its_model_does():
     assert forcing.is_due(0.1)
 
 
+@pytest.mark.ranks(2)
 def test_contact_rows_are_those_of_the_residual():
     """What a model misses is looked up in the rows of the multipliers, without the body."""
     problem = block(cell="tet", n=4)
@@ -640,6 +656,7 @@ def test_solves_that_end_with_their_model_save_iterations():
     assert after.iterations <= before.iterations + 1
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("solver", ["amg", "direct"])
 def test_a_problem_is_freed_with_its_last_reference(solver):
     """Also matrices of type python, whose contexts Python's garbage collector does not see."""

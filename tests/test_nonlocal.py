@@ -134,6 +134,7 @@ def floor_normal(dim):
     return normal / np.linalg.norm(normal)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("dim", "cell"), [(2, "tri"), (3, "hex"), (3, "tet")])
 @pytest.mark.verifies(
     "nonlocal friction",
@@ -185,6 +186,7 @@ def spread_share(problem, x):
     return COMM.allreduce(np.abs(across).max(initial=0.0), op=MPI.MAX)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 @pytest.mark.parametrize(
     ("cell", "degree", "method"),
@@ -290,6 +292,7 @@ def test_between_bodies():
     same_tables(*tables, 1e-8)
 
 
+@pytest.mark.ranks(2)
 def test_jacobian_between_bodies():
     for problem in (between_bodies(LAWS[2]), sheared(law=LAWS[0])[0].problem):
         sizes = remainders(problem, randomise(problem, 1, 0.02, 10.0), 2)
@@ -297,6 +300,7 @@ def test_jacobian_between_bodies():
             np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 @pytest.mark.parametrize(
     ("cell", "method"), [("hex", "nodal"), ("quad", "mixed"), ("tri", "integral")]
@@ -353,6 +357,7 @@ def test_limit_of_the_local_law():
     np.testing.assert_allclose(orders[:, 1:], 1.9, atol=0.25)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "nonlocal friction",
     "friction as parameter",
@@ -427,6 +432,7 @@ def test_other_algorithms():
         critical_friction(problem, (1.0, 0.0))
 
 
+@pytest.mark.ranks(2)
 def test_bad_laws_and_a_small_radius(caplog):
     for make, message in [
         (
@@ -470,6 +476,7 @@ def test_bad_laws_and_a_small_radius(caplog):
     same_tables(found, block(**options, law=Coulomb(0.3)).solve().tables["contact"], 1e-12)
 
 
+@pytest.mark.ranks(2, 3)
 def test_a_surface_on_one_rank_alone():
     """Ranks without a point take part; a far obstacle touches nothing and nothing is held."""
     domain = box(COMM, 6, "quad")

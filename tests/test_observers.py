@@ -263,6 +263,7 @@ def test_a_branch_is_not_disturbed_by_who_writes_to_functions(folder):
     assert resume(folder / "disturbed", system, functionals, max_steps=6).ending is Ending.BUDGET
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("kind", ["pair", "moving"])
 def test_a_history_is_not_disturbed_by_who_writes_to_functions(kind, folder):
     """Observer, stop and accept write to the Functions, and call the load of another time."""
@@ -337,6 +338,7 @@ def test_a_function_looks_on(route):
     assert len(found) == len(looks.points) + (len(gammas) if mine is not None else 0)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "observers",
     "records of branches",
@@ -424,6 +426,7 @@ def test_one_observer_for_all(folder):
     assert notes.told == [*expected, ("end", rest.ending, rest.reason)]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("method", ["begin", "step", "end"])
 def test_an_observer_that_raises_on_one_rank_ends_a_history(method):
     """On every rank, at the last accepted state."""

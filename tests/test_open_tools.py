@@ -173,6 +173,7 @@ def test_a_deep_start_leaves_as_a_start_on_the_tool(dim, cell, method, overlap):
     np.testing.assert_allclose(found, wanted, atol=1e-8 * wanted[0, -1])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.refuses("surfaces of facets", aspects=("2D", "large sliding"))
 def test_starts_below_a_rim():
     """What begins below a rim, and within a facet past it, is refused or starts without stress."""

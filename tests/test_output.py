@@ -71,6 +71,7 @@ def von_mises_of(domain, gradient, material, degree=1):
     return body_fields(u, material.full_stress(u))[1].x.array
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.verifies(
     "stresses",
@@ -190,6 +191,7 @@ def codes(table):
     return np.array([STATUS_CODES[letter] for letter in table.letters])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("cell", "method"),
     [("tri", "nodal"), ("tri", "mixed"), ("quad", "nodal"), ("tet", "nodal"), ("hex", "nodal")],
@@ -223,6 +225,7 @@ def test_nodal_fields_are_the_table(cell, method):
     )
 
 
+@pytest.mark.ranks(2)
 def test_clamped_nodes():
     """A block held on one side down to the floor: its corner nodes are clamped, status 3."""
     domain = box(COMM, 4, "tri")
@@ -248,6 +251,7 @@ def test_clamped_nodes():
     np.testing.assert_allclose(fields["pressure"].x.array, table.pressure[rows], atol=1e-12)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("cell", "multiplier"), [("quad", 1), ("tri", 2), ("tet", 1)])
 def test_integral_fields(cell, multiplier):
     """P2 on a tilted plane: vertices follow the Gauss points around them, forces are the same."""
@@ -280,6 +284,7 @@ def test_integral_fields(cell, multiplier):
         np.testing.assert_allclose(total, table.rn.sum(), rtol=1e-10)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
 def test_pressure_as_a_function(cell):
     """Its integral is the sum of the normal forces, its mean over a part that of the table."""
@@ -330,6 +335,7 @@ def read_back(file):
     return found
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("cell", "degree"), [("tri", 1), ("tet", 2)])
 @pytest.mark.verifies(
     "files for ParaView",
@@ -385,6 +391,7 @@ def two_surfaces(names=("floor", "wall"), degree=1):
     return ContactProblem(MATERIAL.energy(u) * ufl.dx, u, surfaces, bcs=[bc])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_two_surfaces(folder, degree):
     problem = two_surfaces(("floor", "right wall"), degree)
@@ -408,6 +415,7 @@ def test_without_adios2(folder, monkeypatch, caplog):
     assert all(f.stat().st_size > 100 for f in files)
 
 
+@pytest.mark.ranks(2)
 def test_unwritable_folder(folder):
     """A file where the folder should be: the same error on every rank, before anything else."""
     blocked = folder / "file"
@@ -426,6 +434,7 @@ def test_unwritable_folder(folder):
 # -- table ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["tri", "hex"])
 def test_contact_table(folder, cell):
     """Columns, signs and the friction law, row by row."""
@@ -639,6 +648,7 @@ def test_pictures_of_two_surfaces(folder):
         picture_of_contact(folder / "x.png", problem, surface=two_surfaces().surfaces[0])
 
 
+@pytest.mark.ranks(2)
 def test_no_picture_in_a_missing_folder(folder):
     with pytest.raises(FileNotFoundError) as info:
         picture_of_contact(folder / "missing" / "contact.png", two_surfaces())

@@ -87,6 +87,7 @@ def pressed(dim, sliding, **given):
     return ContactProblem(energy, u, [pair], bcs=bcs)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("dim", "sliding"), KINDS)
 @pytest.mark.verifies(
     "press fits",
@@ -108,6 +109,7 @@ def test_two_strips(dim, sliding):
     np.testing.assert_allclose(free.u.x.array, 0.0, atol=1e-13)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("dim", "sliding"), KINDS)
 @pytest.mark.refuses("press fits", aspects=("2D", "3D", "pairs", "large sliding"))
 def test_refused(dim, sliding):
@@ -163,6 +165,7 @@ def tool(dim, closed):
     return RigidSurface(points, cells)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("closed", [False, True])
@@ -206,6 +209,7 @@ def on_tool(dim, height, *, law=None, bumps=0.0, moves=False, **given):
 METHODS = [("nodal", "small"), ("nodal", "large"), ("integral", "large")]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(("method", "sliding"), METHODS)
@@ -261,6 +265,7 @@ def test_overlaps_that_are_not_removed(folder):
         EvolutionRecord(folder, pushed, resume=True)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.refuses("press fits", aspects=("2D", "3D"))
 def test_a_body_within_a_floor(dim):
@@ -295,6 +300,7 @@ def round_obstacle(kind, dim, height):
     return RigidSurface(points, np.stack([np.arange(24), (np.arange(24) + 1) % 24], axis=1))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("kind", "dim", "method", "sliding"),
     [

@@ -29,6 +29,7 @@ def dragged(law, **options):
     return block(n=4, cell="hex", law=law, top=(0.02, 0.004, -0.02), **options)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("angle", [0.0, 0.7])
 @pytest.mark.verifies(
     "orthotropic friction",
@@ -215,6 +216,7 @@ def test_friction_that_begins_at_a_pressure(cell, units):
     assert (np.sum(t.shear * t.ut, axis=1) <= 1e-12 * units).all()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("method", "n", "law", "floor", "top"),
     [
@@ -239,6 +241,7 @@ def test_friction_never_pushes_along(method, n, law, floor, top):
     assert (np.abs(rt) <= t.bound * (1 + 1e-8) + 1e-9 * t.rn.max()).all()
 
 
+@pytest.mark.ranks(2)
 def test_statuses_that_are_none():
     """Said when the law is compiled, on every rank."""
 
@@ -279,6 +282,7 @@ def test_a_field_that_hides_a_method():
         block(law=Hiding(1.0))
 
 
+@pytest.mark.ranks(2)
 def test_fields_may_be_negative_where_the_law_allows_it():
     result = dragged(Orthotropic(0.1, 0.4, -0.5)).solve()
     assert result.kkt_violation < 1e-9

@@ -138,11 +138,13 @@ def test_serial_copies_are_refused_at_import():
     assert done.stderr.splitlines()[-1].startswith("RuntimeError: this process is one of several")
 
 
+@pytest.mark.ranks(2)
 def test_ranks_of_one_run_are_not_copies():
     if COMM.size > 1:
         refuse_serial_copies({"PMI_SIZE": str(COMM.size)})
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("kind", ["form", "expression"])
 def test_the_compiler_that_is_missing_is_named(folder, monkeypatch, kind):
     """With what it said, on every rank."""

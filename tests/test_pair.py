@@ -180,6 +180,7 @@ def test_what_sticks_everywhere_is_one_body(dim, cell, degree, method):
     assert energies[0] == pytest.approx(energies[1], rel=1e-11)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.verifies(
     "matching meshes",
@@ -226,6 +227,7 @@ def test_mirrored_bodies(dim, cell):
     np.testing.assert_allclose(a.ut, 0.0, atol=1e-12)
 
 
+@pytest.mark.ranks(2)
 def test_a_gap_that_closes():
     """The gap of the geometry, or one that is given, to the same solution."""
     tables = []
@@ -289,6 +291,7 @@ def test_a_body_that_only_contact_holds():
         ContactProblem(bulk, u, [free], bcs=[top]).solve()
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("side", ["slave", "master"])
 def test_one_side_is_clamped(side):
     """What is held and what is free still push each other, as on a rigid plane."""
@@ -346,6 +349,7 @@ def triangle_on_a_body(n, friction):
     return ParametricContact(ContactProblem(energy, u, [pair], bcs=ends), gamma)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("route", ["pivoting", pytest.param("steps", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "all solutions",
@@ -399,6 +403,7 @@ def cracked(dim, cell, reach, n=4):
     return domain, tags
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("reach", [0.5, 1.0])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.verifies(
@@ -548,6 +553,7 @@ def refused(match, u, body, **options):
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
+@pytest.mark.ranks(2)
 def test_bad_pairs():
     both = stacked(2, "quad", 2)
     u = displacement(both.mesh)
@@ -584,6 +590,7 @@ def test_bad_pairs():
         join([])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.refuses("mixed contact", aspects=("pairs",))
 def test_faces_of_different_meshes():
     """But for nodal contact; also where nodes of one are some of the other's."""

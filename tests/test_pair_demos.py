@@ -92,6 +92,7 @@ def test_cylinder_on_a_block(friction):
     assert max(peaks) - min(peaks) < 0.2 * abs(peaks[0] - 3585.37)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("words", [["--dip=60", "--shear=0"], ["--dip=0", "--shear=-0.5"]])
 @pytest.mark.verifies(
     "cracks",
@@ -138,6 +139,7 @@ def test_cracks_that_do_not_slip(capsys):
             demo_crack.main(words)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("ratio", [1.0, 1.5])
 @pytest.mark.verifies(
     "press fits",

@@ -114,6 +114,7 @@ PROBLEMS = {
 }
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.verifies(
     "multigrid",

@@ -66,6 +66,7 @@ def driven_block(kind, cell="quad", n=4, material=None, comm=COMM):
     return ParametricContact(problem, gamma, driven=driven)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.each_value
 @pytest.mark.parametrize("kind", ["load", "friction", "obstacle", "dirichlet"])
 @pytest.mark.parametrize("material", [None, NeoHookean(600.0, 400.0)])
@@ -110,6 +111,7 @@ def test_derivative_by_gamma(kind, material):
     assert errors[1] < 0.3 * errors[0] or errors[1] < 1e-9
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.verifies(
     "branches",
     "Coulomb",
@@ -131,6 +133,7 @@ def test_single_element(folder):
     assert (folder / "branch.png").stat().st_size > 10_000
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "friction as parameter",
     reference="closed form: where stick and slip are born",
@@ -224,6 +227,7 @@ def test_first_contact_and_slip_of_a_block(cell):
         assert system.letters(a.piece) == other.letters(b.piece)
 
 
+@pytest.mark.ranks(2)
 def test_gamma_must_be_a_scalar_constant():
     system = driven_block("load")
     with pytest.raises(ValueError, match="scalar Constant"):
@@ -300,6 +304,7 @@ def test_a_parameter_that_is_counted_from_elsewhere(kinks):
     np.testing.assert_allclose(far, near, rtol=0, atol=1e-7)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 @pytest.mark.parametrize("moved", ["half-space", "rigid body"])
@@ -405,6 +410,7 @@ def loaded_block(friction):
     return ParametricContact(ContactProblem(energy, u, [surface], bcs=[bc]), gamma), friction
 
 
+@pytest.mark.ranks(2)
 def test_data_that_change_between_branches():
     """Each branch is that of the data as they are, also where the body was condensed before."""
     system, friction = loaded_block(0.3)
@@ -428,6 +434,7 @@ def test_data_that_change_between_branches():
         np.testing.assert_allclose(known, force, atol=1e-10 * np.abs(force).max())
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("kind", ["Constant", "Function"])
 def test_what_drives_changes_between_branches(kind):
     """The condensed body is that of the expression of gamma as it is, which no form holds."""
@@ -466,6 +473,7 @@ def test_what_drives_changes_between_branches(kind):
         np.testing.assert_allclose(u.x.array, solved, rtol=0, atol=1e-12)
 
 
+@pytest.mark.ranks(2)
 def test_looking_for_solutions_leaves_no_trace():
     system, _ = loaded_block(0.3)
     system.set_parameter(0.25)
@@ -545,6 +553,7 @@ def test_a_singular_piece_and_a_continuum():
         assert system.residual(x, 1.0, residual, None) < 1e-10
 
 
+@pytest.mark.ranks(2)
 def test_evaluating_writes_no_function():
     """The user's Functions and statuses change where a branch ends, and nowhere before."""
     system = driven_block("load")

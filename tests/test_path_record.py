@@ -56,6 +56,7 @@ def whole(tmp_path_factory):
     return get
 
 
+@pytest.mark.ranks(2)
 def test_the_journal_says_what_was_followed(folder):
     path = made("bonds")
     control = StepControl(maximum=LONGEST)

@@ -4,6 +4,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import pytest
 from textbook import Textbook, coulomb_system
 
 from dolfinx_contact._factor import Factor
@@ -79,6 +80,7 @@ def of_all_ranks(A):
     return found
 
 
+@pytest.mark.ranks(2)
 def test_matrices_that_differ_in_rows_and_a_column():
     """Solutions and signs of determinants as of numpy; what does not serve is not taken."""
     rng = np.random.default_rng(11)

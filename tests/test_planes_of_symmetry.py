@@ -98,6 +98,7 @@ def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, plane=0.0, **start):
     return last.tables["contact"], [s.result.iterations for s in steps]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "start",
     [
@@ -179,6 +180,7 @@ def seen(dim, overlap, *, whole, slave=SLAVE):
     return [np.concatenate(COMM.allgather(values)) for values in (rows, forces)]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(
@@ -250,6 +252,7 @@ def test_jacobian_with_images(dim, monkeypatch):
     assert COMM.allreduce(int((facing.mirrors < 0).any(axis=1).sum())) > 0
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
 def test_refused():
     """Planes that are none, do not end the face, have a master behind, or that nodes can leave."""
@@ -315,6 +318,7 @@ def led(dim, value, *, itself):
 OFF = "move nodes by 0.01 off the plane of symmetry x = 0"
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("dim", "itself"), [(2, False), (2, True), (3, False)])
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "3D", "pairs", "large sliding"))
 def test_a_plane_that_moves(dim, itself):
@@ -335,6 +339,7 @@ def test_a_plane_that_moves(dim, itself):
         QuasiStatic(problem, load).run([0.0, 1.0, 2.0])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("evolution", ["history", "motion"])
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
 def test_a_plane_that_is_off_at_the_start(evolution):
@@ -391,6 +396,7 @@ def side_by_side(first, second, names):
     return join(both, facet_tags=tags)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "sliding pairs", reference="closed form: a way", aspects=("2D", "pairs", "large sliding")
 )
@@ -419,6 +425,7 @@ def test_what_crosses_a_plane_gives_a_warning():
         assert ("behind_plane of 'contact'" in result.warnings) == (depth > 0.0)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "self contact", reference="closed form: an area", aspects=("2D", "large sliding")
 )

@@ -33,6 +33,7 @@ def shared(path):
     return COMM.bcast(path)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["tri", "hex"])
 def test_round_trip(cell, tmp_path):
     file = shared(tmp_path) / "points.npz"
@@ -50,6 +51,7 @@ def test_round_trip(cell, tmp_path):
     assert found.length == known.length
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("cell", ["tri", "hex"])
 @pytest.mark.verifies(
     "point problems in files",
@@ -212,6 +214,7 @@ def test_the_conventions_of_fclib(cell):
     assert (slip > 1e-6).any()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.skipif(importlib.util.find_spec("h5py") is None, reason="needs h5py")
 @pytest.mark.parametrize("cell", ["tri", "hex"])
 @pytest.mark.verifies(
@@ -241,6 +244,7 @@ def test_the_file_of_fclib(cell, tmp_path):
         assert h5py.check_string_dtype(title.dtype).length is not None
 
 
+@pytest.mark.ranks(2)
 def test_what_is_refused(tmp_path):
     folder = shared(tmp_path)
     problem = block(n=2)
@@ -339,6 +343,7 @@ def test_numbers_that_are_no_problem(tmp_path, changed, message):
             load_points(file)
 
 
+@pytest.mark.ranks(2)
 def test_what_one_rank_gives(tmp_path):
     """A number that is none on one rank is refused on all."""
     file = shared(tmp_path) / "points.npz"
@@ -358,6 +363,7 @@ def test_what_one_rank_gives(tmp_path):
     assert not file.exists()
 
 
+@pytest.mark.ranks(2)
 def test_files_beside_what_is_saved(tmp_path):
     """Whatever they are called they stay as they are."""
     folder = shared(tmp_path)

@@ -56,6 +56,7 @@ def test_areas_of_facets(dim, cell):
     np.testing.assert_allclose(units, expected / lengths, atol=1e-13)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["tet", "hex"])
 def test_the_size_of_facets_in_space(cell, caplog):
     """A radius below that of their edges at right angles is said, on one rank; one above is not."""

@@ -53,6 +53,7 @@ def test_progress_when_wanted(capsys):
     assert re.fullmatch(r"contact solve: solved by full steps, \d+ iterations, \S+ s", found[-1])
 
 
+@pytest.mark.ranks(2)
 def test_progress_of_a_long_solve(capsys, caplog, monkeypatch):
     """By itself once a solve takes some seconds; never where it is not wanted, or all is logged."""
     monkeypatch.setattr(_progress, "_PATIENCE", 0.0)
@@ -91,6 +92,7 @@ def test_line_of_a_terminal():
     assert text.endswith("\n")
 
 
+@pytest.mark.ranks(2)
 def test_line_elsewhere():
     """A line at once, others only from time to time; what must not be lost always."""
     stream = io.StringIO()
@@ -112,6 +114,7 @@ def test_a_monitor_finds_a_line_of_its_own(capsys, monkeypatch):
         assert COMM.rank > 0 or part.endswith("\r\x1b[K")
 
 
+@pytest.mark.ranks(2)
 def test_progress_of_branches(capsys, monkeypatch):
     """From the beginning, never, or once a branch takes some seconds; the end is said as well."""
     system = smooth(
@@ -172,6 +175,7 @@ def test_log_of_a_solve(caplog):
     assert not any("Measures(" in x for x in found)
 
 
+@pytest.mark.ranks(2)
 def test_log_of_failures(caplog):
     problem = block(options={"snes_max_it": 0})
     with caplog.at_level(logging.WARNING), pytest.raises(ConvergenceError):
@@ -187,6 +191,7 @@ def test_log_of_a_stagnating_solver(caplog, monkeypatch):
     assert sum("the direct solver takes over" in x for x in said(caplog)) == 1
 
 
+@pytest.mark.ranks(2)
 def test_log_of_branches(caplog):
     system = smooth(
         1,

@@ -222,6 +222,7 @@ def plate(left, right, *, gap=0.0, push=(0.01, -0.02), n=10):
     return ContactProblem(energy, u, surfaces, bcs=bcs)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("left", "right", "gap"),
     [
@@ -325,6 +326,7 @@ def test_others_exist(caplog):
     assert again.tables["contact"].status in found.reason + "d"
 
 
+@pytest.mark.ranks(2)
 def test_a_proof_by_search():
     """F = 1.7: lifted off, with no other solution; that takes more than one point."""
     problem = triangle(16, 1.7, 1.0)
@@ -335,6 +337,7 @@ def test_a_proof_by_search():
     assert "a proof of" in longer.reason
 
 
+@pytest.mark.ranks(2)
 def test_data_that_have_changed():
     system = linear_triangle(8, 1.7)
     system.problem.solve()

@@ -516,6 +516,7 @@ def test_refinement_of_a_body_that_slides_as_a_whole():
     falls_under_refinement(Case(cells=(1, 1), law="frictionless", push=0.0, drag=(0.05,)))
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 def test_ranks():
     """All ranks together find what one of them finds alone."""

@@ -109,6 +109,7 @@ def rays_at(system, gamma):
     return outgoing(cone, prove=partial(system.prove_rays, condensed))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "rays out of a kink",
     "hyperelastic bodies",

@@ -100,6 +100,7 @@ def test_signs_of_determinants():
     assert signs == {-1.0, 1.0}
 
 
+@pytest.mark.ranks(2)
 def test_neighbours_are_brought_up_to_date():
     """A chain of low-rank updates ends at the inverse made anew."""
     random = np.random.default_rng(5)

@@ -12,6 +12,7 @@ README = Path(__file__).parents[1] / "README.md"
 EXAMPLES = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
 
 
+@pytest.mark.ranks(2)
 def test_readme_example(folder, monkeypatch):
     monkeypatch.chdir(folder)
     names: dict = {}
@@ -25,6 +26,7 @@ def test_readme_example(folder, monkeypatch):
     assert any((folder / "output/block").iterdir())
 
 
+@pytest.mark.ranks(2)
 def test_landing_page_example_has_three_proved_solutions(capsys):
     page = (README.parent / "docs" / "index.md").read_text()
     (code,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)

@@ -78,6 +78,7 @@ def whole(tmp_path_factory):
 # -- the journal -----------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 def test_journal_says_what_was_followed(whole):
     _, branch, journal = whole
     table = journal.to_pandas()
@@ -100,6 +101,7 @@ def test_journal_says_what_was_followed(whole):
         journal.to_pandas(3)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "checkpoints",
     "records of branches",
@@ -211,6 +213,7 @@ def parsed(data, folder):
     return read_journal(own)
 
 
+@pytest.mark.ranks(2)
 def test_a_torn_last_line_is_dropped(whole, folder):
     """Cut at any byte: complete lines count, what follows the last of them does not."""
     data = (whole[0] / FILE_NAME).read_bytes()
@@ -301,6 +304,7 @@ def test_any_word_is_a_name(name, folder):
 # -- what is refused -------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -713,6 +717,7 @@ def test_several_branches_in_one_record(folder):
                 np.testing.assert_array_equal(np.ravel(gammas), expected)
 
 
+@pytest.mark.ranks(2)
 def test_progress(folder):
     """Without a terminal a line at first and one at the end; on one, a line that is rewritten."""
     system, functionals = moved_block(COMM)

@@ -41,6 +41,7 @@ def nodal_values(u):
     }
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("cell", "degree"),
     [
@@ -100,6 +101,7 @@ def test_the_displacement_of_every_point(cell, degree, folder):
             np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.ranks(2)
 def test_on_another_number_of_ranks(folder):
     """A record that goes on on one rank has the vertices in the order in which it began."""
     record(*moved_block(COMM), folder / "parts", max_steps=3, **KEPT)
@@ -138,6 +140,7 @@ def same_table(found, table):
     assert {"x", "un", "ut", "force", "pressure", "shear", "letters"} <= set(found)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "records of branches",
     "records of histories",

@@ -41,6 +41,7 @@ def of_one_node(F, F1, F2, kt=2.0, kn=2.0, k=1.0):
     return tuple(sorted(found))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("F", [1.0, 2.0, 3.0])
 @pytest.mark.verifies(
     "charts",

@@ -23,6 +23,7 @@ def to_the(sign):
     return lambda x: np.tile(sign * np.eye(x.shape[1])[0], (len(x), 1))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("dense", [True, False])
 @pytest.mark.verifies(
     "Renard's criterion",
@@ -89,6 +90,7 @@ def test_against_the_form_in_3d(dense):
         assert np.sign(np.linalg.eigvalsh(form + form.T)[0]) == sign
 
 
+@pytest.mark.ranks(2, 3)
 def test_of_a_solution():
     """The directions are those of slips and of the shear of stuck points."""
     problem = linear_triangle(8, 0.5, load=(14.0, -20.0)).problem
@@ -154,6 +156,7 @@ def test_always_or_never():
     assert (found.factor, found.unique) == (0.0, False)
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     domain = mesh.create_unit_square(COMM, 2, 2)
     with pytest.raises(ValueError, match="about Coulomb's law"):

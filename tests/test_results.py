@@ -20,6 +20,9 @@ from dolfinx_contact.problem import discretise
 from dolfinx_contact.results.balance import forces_at_vertices
 from dolfinx_contact.results.result import collect
 
+#: What ranks do to each other is tested in all cases on two of them.
+pytestmark = pytest.mark.ranks(2, every_case=True)
+
 COMM = MPI.COMM_WORLD
 STEEL = LinearElastic.from_young(1000.0, 0.3)
 
@@ -87,6 +90,7 @@ def test_work_of_friction_is_that_of_contact():
     assert abs(support) > 0.1 * work
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.each_value
 @pytest.mark.parametrize("material", ["linear", "neo-Hookean"])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
@@ -202,6 +206,7 @@ def test_support_in_the_contact_table(folder):
     assert sum(float(r["rn"]) for r in rest) > 1.0
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_support_as_a_field(degree):
     """Force per area at the vertices, of all nodes of the surface: also of those between them."""
@@ -241,6 +246,7 @@ def test_support_as_a_field(degree):
         assert not fields["pressure"].x.array[clamped].any()
 
 
+@pytest.mark.ranks(2, 3)
 def test_forces_of_nodes_between_vertices():
     """A half of each goes to either end of its edge, across the borders of ranks too."""
     domain = box(COMM, 3, "tet")
@@ -327,6 +333,7 @@ def test_constants_that_differ_between_ranks_at_a_solve(what):
         problem.solve()
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("material", [LinearElastic, NeoHookean])
 def test_ghosts_follow_their_owners(material):
     """As load, moduli, density and the state of a start, of which owners alone are given."""

@@ -99,6 +99,7 @@ def test_rows_that_change():
     assert signs == {-1, 1}
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("reuse", [None, True])
 def test_a_row_that_makes_it_singular(reuse):
     """Then it is factorised, and found to be singular; what is regular comes after it."""
@@ -171,6 +172,7 @@ def block():
     return demo_ciarlet_geymonat.block(20, 40, 1.0)
 
 
+@pytest.mark.ranks(2)
 def test_work_of_a_nonlinear_body(block):
     """A plain step: two assemblies and factorisations; with an event: four."""
     branch, work = followed(block, 1.0, 0.2)
@@ -192,6 +194,7 @@ def test_work_of_a_linear_body():
     assert total <= len(work["event"]) / 2
 
 
+@pytest.mark.ranks(2)
 def test_the_mesh_is_not_hashed_at_every_residual(block, monkeypatch):
     """Once a step, and where an observer may have moved it, which is refused at the next one."""
     count = [0]
@@ -270,6 +273,7 @@ def test_chords_change_nothing(block):
     assert away.norm() < 1e-9 * newton.points[-1].y.norm()
 
 
+@pytest.mark.ranks(2)
 def test_what_follows_from_a_state_is_made_of_one_evaluation(block, monkeypatch):
     """Matrix, rate by gamma, events and pieces, where nobody else changes data; and it is right."""
     eq = block.equations
@@ -309,6 +313,7 @@ def test_what_follows_from_a_state_is_made_of_one_evaluation(block, monkeypatch)
         v.destroy()
 
 
+@pytest.mark.ranks(2)
 def test_a_product_is_not_made_twice(monkeypatch):
     """K u at one displacement, for the residual, the energy and the balance, until K is another."""
     count = calls_of(monkeypatch, Bulk, "times")

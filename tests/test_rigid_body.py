@@ -134,6 +134,7 @@ def resultant(t, about):
 # -- forces and motions --------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(("method", "degree"), METHODS)
@@ -205,6 +206,7 @@ def test_a_tilting_punch(method):
     same_tables(t, fixed.tables["top 0"], 1e-9)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("method", ["nodal", "integral"])
 def test_tilting_in_three_dimensions(method):
     """Free in all components, under a force and moments about all axes, with friction."""
@@ -295,6 +297,7 @@ def test_an_obstacle_that_is_held():
     same_tables(held.solve().tables["top 0"], plain.solve().tables["top 0"], 1e-12)
 
 
+@pytest.mark.ranks(2)
 def test_two_surfaces_share_a_body():
     """Half of the face each, and a second body beside."""
 
@@ -361,6 +364,7 @@ def test_a_punch_that_is_dragged(dim):
     np.testing.assert_array_equal(body.values, 0)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("method", ["nodal", "integral"])
 def test_bodies_that_nothing_holds(method):
     """A load that pulls away, or a motion that no contact resists."""
@@ -507,6 +511,7 @@ def test_a_glued_punch_by_hand():
     np.testing.assert_allclose(t.force.reshape(-1), y[n + 3 :], atol=1e-9 * 50)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(("dim", "method", "degree"), [(2, *m) for m in METHODS] + [(3, None, 1)])
 @pytest.mark.verifies(
     "rigid bodies",
@@ -593,6 +598,7 @@ def test_from_a_coarser_mesh():
 # -- ranks and units -----------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 @pytest.mark.parametrize(("dim", "method"), [(2, "nodal"), (2, "integral"), (3, "nodal")])
 @pytest.mark.verifies(
@@ -719,6 +725,7 @@ def test_a_motion_as_the_parameter():
     same_tables(problem.solve().tables["top 0"], result.tables["top 0"], 1e-7)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "rigid bodies", "all solutions", reference="itself: the solve", aspects=("2D",)
 )
@@ -790,6 +797,7 @@ def test_a_record_goes_on(folder):
 PLANE = HalfSpace((0, 1), (0, -1))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -831,6 +839,7 @@ def test_input_that_does_not_fit_the_mesh():
         RigidBody(punch(held=others(2)), about=(0, 1), held=others(2))
 
 
+@pytest.mark.ranks(2)
 def test_a_load_that_is_not_a_number():
     made = {}
 
@@ -848,6 +857,7 @@ def test_a_load_that_is_not_a_number():
     assert abs(problem.solve().resultants["top 0"][1] + 6.0) < 1e-10
 
 
+@pytest.mark.ranks(2)
 def test_loads_that_differ_between_ranks():
     if COMM.size == 1:
         pytest.skip("needs ranks")
@@ -859,6 +869,7 @@ def test_loads_that_differ_between_ranks():
 # -- results -------------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 def test_what_is_told():
     """The summary goes to JSON; large turns are told by the misfit."""
     body = punch(load={"y": -10.0, "rz": 1.0}, held=["x"])

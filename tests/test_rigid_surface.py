@@ -360,6 +360,7 @@ def test_rim():
 # -- derivatives in the equations ------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(
     ("kind", "given"),
     [
@@ -477,6 +478,7 @@ def test_against_exact_shapes(kind, method):
     assert off[1] < off[0] / 4
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.verifies(
     "surfaces of facets",
     "rigid bodies",
@@ -682,6 +684,7 @@ def test_bad_surfaces():
         RigidSurface(np.concatenate([way - arm, way + arm]), strip, mend=True)
 
 
+@pytest.mark.ranks(2)
 @REFUSED
 def test_bad_use():
     for shape, dim, given, message in (
@@ -721,6 +724,7 @@ def thrown_at_a_thin_tool(law, speed, tool=None):
     return NSCD(problem, density=1.0, dt=0.02, velocity=velocity, mass="lumped")
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.refuses("surfaces of facets", aspects=("2D",))
 def test_a_step_through_a_thin_tool_is_said():
     """With friction it is refused; without, the step gives a warning, and no shorter one does."""
@@ -813,6 +817,7 @@ def test_drums_that_spin(drum):
     assert all("slip_in_step of 'contact'" in s.result.warnings for s in steps[1:])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.skipif(COMM.size == 1, reason="ranks that differ")
 @REFUSED
 def test_ranks_with_other_tools():
@@ -862,6 +867,7 @@ def test_ascii_stl_of_other_writers(folder):
         np.testing.assert_array_equal(read.cells, expected.cells)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "surfaces of facets", reference="closed form: what was written", aspects=("2D", "3D")
 )

@@ -39,6 +39,7 @@ def from_zero(problem):
     return problem.solve()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize(
     ("cell", "material", "solver"),
@@ -65,6 +66,7 @@ def test_material_that_changes(cell, material, solver, factor):
     assert result.kkt_violation < 1e-9
 
 
+@pytest.mark.ranks(2, 3)
 def test_what_stays():
     """The meaning of vectors, and r that is given."""
     problem, E = soft_block(1.0, "tri")
@@ -180,6 +182,7 @@ def test_the_size_of_a_box(cell, sides, degree):
     np.testing.assert_allclose(np.sort(extents(V, parts(V))), expected, rtol=1e-11)
 
 
+@pytest.mark.ranks(2, 3)
 def test_the_size_of_a_body_with_ranks_that_have_no_cell():
     """A strip of cells on all ranks but the first."""
     n = 6

@@ -84,6 +84,7 @@ def test_options_with_their_defaults():
         ScriptParser("A script", output="x", wheels=4)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -115,6 +116,7 @@ def test_bounds_of_numbers():
 # -- journals in memory --------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 def test_journal_in_memory_is_that_of_a_record(followed, folder):
     system, x, branch = followed
     journal = records.journal_of(system, [branch], FUNCTIONALS)
@@ -238,6 +240,7 @@ def test_diagrams_with_several_panels(followed, folder):
         plot.draw_diagram(folder / "no.png", journal, ["ut", "wheels"])
 
 
+@pytest.mark.ranks(2)
 def test_report_speaks_on_one_rank(capsys, folder, followed):
     say = io.Report(COMM)
     problem = block(n=2)
@@ -259,6 +262,7 @@ def test_report_speaks_on_one_rank(capsys, folder, followed):
     assert said.endswith(f"files:\n  {folder / 'a.png'}\n")
 
 
+@pytest.mark.ranks(2)
 def test_rows_as_csv(folder):
     rows = [{"a": 1, "b": 0.1}, {"a": 2, "b": 0.2, "c": 3}]
     io.write_rows(COMM, folder / "rows.csv", rows)

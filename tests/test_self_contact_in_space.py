@@ -62,6 +62,7 @@ class Plate:
         return self.pair.points.at(u, None).facing.nodal
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("cell", [mesh.CellType.tetrahedron, mesh.CellType.hexahedron])
 @pytest.mark.verifies(
     "self contact",
@@ -92,6 +93,7 @@ def test_a_folded_plate(cell):
     assert total == pytest.approx(alone.facing(alone.folded()).weight.sum(), rel=1e-9)
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.verifies(
     "self contact",
     reference="differences: of the residual",

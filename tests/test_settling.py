@@ -20,6 +20,7 @@ def vectors(n, *, start):
     return x, b, d
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("rounds", [1, 2, 5])
 def test_rounds(rounds):
     """x^2 = 4 in all rows, by Newton steps; none is made that is not asked for."""

@@ -497,6 +497,7 @@ def test_units_and_directions():
     np.testing.assert_allclose(plain.factor, plain.upper, rtol=1e-6)
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     problem, loads, _ = pressed(0.3)
     with pytest.raises(ValueError, match="two functions"):

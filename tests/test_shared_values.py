@@ -3,6 +3,7 @@
 from mpi4py import MPI
 
 import numpy as np
+import pytest
 
 from dolfinx import fem, mesh
 
@@ -16,6 +17,7 @@ def _cells_of_a_square():
     return V, V.dofmap.list[:owned]
 
 
+@pytest.mark.ranks(2, 3)
 def test_sums_over_ranks():
     """Each cell adds a third of its area at its corners: integrals of the hats, ghosts included."""
     V, cells = _cells_of_a_square()
@@ -36,6 +38,7 @@ def test_sums_over_ranks():
         np.testing.assert_allclose(found, expected, rtol=1e-13)
 
 
+@pytest.mark.ranks(2)
 def test_values_from_owners():
     """Ghosts have what their owners have; values are kept when others are asked for."""
     V, _ = _cells_of_a_square()
@@ -56,6 +59,7 @@ def test_values_from_owners():
     assert shared.from_owners(np.zeros((n, 0))).shape == (size, 0)
 
 
+@pytest.mark.ranks(2, 3)
 def test_a_few_numbers_of_all_ranks():
     """Sums and extremes keep shapes; what is no number on one rank is none on any.
 

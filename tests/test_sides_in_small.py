@@ -113,6 +113,7 @@ def test_planes_that_are_none(dim):
     assert checked_planes(None, dim, "s") == checked_planes({}, dim, "s") == {}
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("unit", [1e-6, 1.0])
 def test_nodes_on_planes_of_symmetry(unit):
     """Of both faces those up to a billionth of the largest coordinate off; where faces end."""
@@ -152,6 +153,7 @@ def test_nodes_on_planes_of_symmetry(unit):
     np.testing.assert_array_equal(across[:, 0], both & (np.abs(x - 2.0) < 1e-6))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("shape", [(), (2,), (2, 3)])
 def test_values_at_places_of_any_rank(shape):
     """Whether all are of this rank or not, places of any shape and none."""
@@ -169,6 +171,7 @@ def test_values_at_places_of_any_rank(shape):
         np.testing.assert_array_equal(found, whole[wanted])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("cell", "size"), [("tri", 0.5), ("quad", 0.5), ("tet", np.sqrt(0.125)), ("hex", 0.5)]
 )
@@ -236,6 +239,7 @@ def test_the_axis_of_revolution(unit):
     assert axis_condition(lagrange(domain)) == []
 
 
+@pytest.mark.ranks(2)
 def test_sections_of_bodies_of_revolution():
     """In the plane, at radii that are none below zero, with no facet on the axis."""
     domain = box(COMM, 2, "tri")
@@ -317,6 +321,7 @@ def test_normals_that_are_aslant():
 # -- nodes that give their functions away ---------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("given", "idle", "shares"),
     [
@@ -570,6 +575,7 @@ def test_components_of_functions_that_obstacles_have():
         of(ufl.SpatialCoordinate(domain)[0])
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("unit", [1e-20, 1.0, 1e20])
 def test_functions_that_have_one_value(unit):
     """Up to a millionth of a millionth of the largest, of the components that are used."""
@@ -1063,6 +1069,7 @@ def test_overlaps_that_are_taken_from_gaps(method):
     assert points.choices == [1.25]
 
 
+@pytest.mark.ranks(2)
 def test_parts_of_a_face():
     """By which each of its points is of, however many there are."""
     for method in ("nodal", "integral"):

@@ -101,6 +101,7 @@ def test_layers_that_fit():
     np.testing.assert_allclose(one.pieces, found.pieces[:1])
 
 
+@pytest.mark.ranks(2)
 def test_facets_that_may_be_opposite():
     """All that lie opposite at up to 60 degrees, of any rank, are among those that are found."""
     rng = np.random.default_rng(4)
@@ -172,6 +173,7 @@ def test_mortar_weights_of_revolution():
     np.testing.assert_allclose(plane.areas, [[0.5, 0.5], [1.0, 1.0]], rtol=1e-13)
 
 
+@pytest.mark.ranks(2)
 def test_gauss_points_of_a_ring():
     """Their areas are swept, as those of vertices are, whose circumferences are means."""
     n = 4
@@ -196,6 +198,7 @@ def test_gauss_points_of_a_ring():
     np.testing.assert_allclose(points.at_vertices(np.ones(points.number)), 1.0, rtol=1e-12)
 
 
+@pytest.mark.ranks(2)
 def test_points_of_what_rings_have_in_common():
     """Of faces that do not match the areas are swept, and radii are those of the points."""
     bodies = []
@@ -621,6 +624,7 @@ def sliding(dim, cell, n=2, gap=0.1, **given):
     return pair, pair.node_positions[: pair.owned_nodes, -1] > 1.05
 
 
+@pytest.mark.ranks(2)
 def test_facets_that_slips_have_passed():
     """Slips over the size of the facets of the master, here of a half; weights are of the mesh."""
     for dim, cell in ((3, "tet"), (2, "tri"), (3, "hex")):
@@ -667,6 +671,7 @@ def test_means_of_the_tractions_around():
     np.testing.assert_allclose(found, [[4.0, -3.0], [1.0, 2.0], [0, 0], [0, 0]], atol=1e-12)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_entries_of_the_operator(dim):
     """They add up to what it does to displacements, and forces do the work of tractions."""
@@ -797,6 +802,7 @@ def test_what_else_says_what_points_meet():
 # -- how pairs have moved, and laws among points --------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("kernel", ["biweight", "mollifier"])
 def test_rates_of_friction_that_spreads(kernel):
     """By differences of what the law answers, of which one point that is open takes no part."""

@@ -136,6 +136,7 @@ def errors_with_parts_held(problem, pair, x, v, monkeypatch):
     return state, errors
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.each_value
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 @pytest.mark.parametrize("slave", [2, 3])
@@ -180,6 +181,7 @@ def test_jacobian(dim, cell, slave, law, remembers, monkeypatch):
     assert used > 1
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "sliding pairs",
     reference="differences: of the residual",
@@ -250,6 +252,7 @@ STRAIN = 0.1
 STIFF = 500.0  # mu of a material with nu = 0
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["tri", "quad"])
 @pytest.mark.parametrize("slave", [2, 3])
@@ -301,6 +304,7 @@ def test_patch(cell, slave, part):
     assert balance.moment < 1e-12
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["tet", "hex"])
 @pytest.mark.parametrize("slave", [2, 3])
@@ -499,6 +503,7 @@ def test_history(slave):
     assert abs(energies.residue) < 0.03 * energies.external
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.each_value
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.2, 0.3])
@@ -611,6 +616,7 @@ def test_multigrid(dim, cell, slave, monkeypatch):
         assert np.max(np.abs(amg - direct), initial=0.0) <= 1e-8 * largest
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "records"))
 def test_a_record_of_another_sliding(folder):
     """A history of small sliding has as many unknowns, and does not continue in large sliding."""
@@ -628,6 +634,7 @@ def test_a_record_of_another_sliding(folder):
         records.EvolutionRecord(folder / "small", evolution, resume=True)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: solves at single loads",
@@ -690,6 +697,7 @@ def test_ironing(folder):
 # -- what is refused -------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
 @pytest.mark.parametrize(
     ("given", "words"),
@@ -720,6 +728,7 @@ def lowered(by):
     return both
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.parametrize("distance", [None, 0.01])
@@ -891,6 +900,7 @@ def test_velocities_without_mass_may_be_any():
     assert COMM.allreduce(off, max) < 1e-10
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.verifies(
     "sliding pairs",
     reference="itself: a motion that nothing ended",
@@ -948,6 +958,7 @@ def hairpin(h=0.1, stretch=1.15, comm=COMM):
     return domain, mesh.meshtags(domain, 1, np.sort(found), np.full(len(found), 1, np.int32))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "self contact",
     reference="independent code: a prototype of its own",
@@ -990,6 +1001,7 @@ def test_self_contact(friction, force, accuracy):
     assert history.steps[-1].result.pairs["contact"].imbalance < 1e-13
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.refuses("self contact", aspects=("2D",))
 def test_self_contact_is_refused():
     domain, tags = hairpin(0.5)

@@ -48,6 +48,7 @@ def held(V, tags, values):
     return bcs
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.parametrize("cell", ["tri", "quad"])
 @pytest.mark.verifies(
@@ -121,6 +122,7 @@ def shaft_and_tube(shaft, tube, cell, slope):
     return both
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(("cell", "slave"), [("tri", 6), ("quad", 7)])
 @pytest.mark.parametrize("shape", ["cone", "slid"])
 @pytest.mark.verifies(

@@ -28,6 +28,7 @@ def same(a, b, tolerance):
     return bool(np.all(off <= tolerance * size))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "self contact",
     reference="itself: steps of which none is halved",
@@ -111,6 +112,7 @@ def test_a_fall_of_the_smallest_det_is_refused():
     assert [s.inserted for s in history.steps] == [True] * (len(history.steps) - 1) + [False]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "sliding pairs",
     reference="closed form: a way over the size of a facet",

@@ -144,6 +144,7 @@ def test_a_stiff_block():
     assert residues[1] < 0.6 * residues[0] < 0.1 * spent
 
 
+@pytest.mark.ranks(2)
 def test_a_static_start_has_slipped(folder):
     """What has slipped under the static law counts: friction goes on where it was."""
     problem, top = dragged()
@@ -205,6 +206,7 @@ def test_creeping_slips_as_well():
         assert found[0] / found[1] == pytest.approx(mu(way) * np.tanh(3.0), abs=1e-3)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["quad", "tet"])
 def test_jacobian_by_taylor(cell):
     problem = block(n=5 if cell == "quad" else 2, cell=cell, law=SlipWeakening(0.1, 0.05, 0.005))

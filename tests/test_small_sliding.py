@@ -127,6 +127,7 @@ def stacked(
     return problem, move, above
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "options",
     [
@@ -175,6 +176,7 @@ def test_far_and_turned(options, log):
         assert turn == pytest.approx(angle, rel=0.35 if angle < 45 else 0.6)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("slide", [0.005, 0.6])
 def test_uniqueness(slide):
     """What is proved of a small slide is not of a large one."""

@@ -111,6 +111,7 @@ def test_three_solutions_of_a_triangle(n, vertical, deflation):
     assert solutions.complete is not deflation
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     system = gould()
     with pytest.raises(ValueError, match="at least one guess"):
@@ -151,6 +152,7 @@ def test_what_a_solve_finds_in_space_is_found(options):
     assert len(again.found) == 1
 
 
+@pytest.mark.ranks(2)
 def test_what_was_not_found_is_said():
     domain = block(n=2, cell="tet").V.mesh
     friction = fem.Constant(domain, 0.3)

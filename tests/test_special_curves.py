@@ -120,6 +120,7 @@ def test_a_curve_ends_where_its_point_lifts_off():
     assert "end of its range" not in curve.reasons[0]
 
 
+@pytest.mark.ranks(2)
 def test_what_is_refused():
     system, other, branch = one_node_with(lambda *_: None, lambda *_: [0, 0, 0, 0])
     way = dict(mu_range=(1.0, 4.0), gamma_scale=1.0)

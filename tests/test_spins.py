@@ -337,6 +337,7 @@ def test_a_motion_that_spins(given):
     assert "spin of 'contact'" in last.result.warnings
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 @pytest.mark.parametrize("given", [{}, {"method": "integral"}], ids=["nodal", "integral"])
 @pytest.mark.verifies(
@@ -372,6 +373,7 @@ def on_the_floor(domain, young, poisson):
     return problem, top
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("angle", [60.0, 15.0])
 def test_one_of_two_bodies_on_a_floor_spins(angle):
     """It is not averaged with the other, which slides far, in one surface."""

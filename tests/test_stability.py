@@ -131,6 +131,7 @@ def test_inside_the_cone():
     assert (found.label, found.border, found.pieces) == ("stable", 0, 0)
 
 
+@pytest.mark.ranks(2)
 def test_stuck_neighbours():
     """Where only some points may slip, the others hold them longer."""
     critical = critical_friction(leaning(3)).friction
@@ -153,6 +154,7 @@ def test_stuck_neighbours():
     assert stability_at_rest(problem, density=1.0).label == "unstable"
 
 
+@pytest.mark.ranks(2)
 def test_few_eigenproblems():
     """With a budget what was not looked at is not decided."""
     problem = pressed(leaning(3), 0.3, MINUS, -1.0)
@@ -169,6 +171,7 @@ def test_just_touching():
     assert (found.label, found.border, found.pieces) == ("stable", 1, 4)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies("stability at rest", reference="itself: critical friction", aspects=("3D",))
 def test_3d():
     """Slip against the shear in 3D; points that just touch are not decided."""
@@ -184,6 +187,7 @@ def test_3d():
     assert found.label == "not decided"
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     problem = leaning(2)
     with pytest.raises(ValueError, match="density must be positive"):
@@ -290,6 +294,7 @@ def test_buckled_column():
     assert heavy.growth == pytest.approx(0.5 * np.sqrt(-mu), rel=2e-6)
 
 
+@pytest.mark.ranks(2)
 def test_damping_that_feeds_in_energy():
     """A straight column that is stable begins to swing."""
     column = Column(0.3)

@@ -119,6 +119,7 @@ def test_another_linear_solver_between_two_solves():
         problem.solve()
 
 
+@pytest.mark.ranks(2)
 def test_the_solver_keeps_no_factorisation():
     """What is looked at has neither matrices nor vectors, and does not keep the problem."""
     problem = block(n=4)
@@ -133,6 +134,7 @@ def test_the_solver_keeps_no_factorisation():
     assert solver.getConvergedReason() > 0
 
 
+@pytest.mark.ranks(2)
 def test_a_problem_goes_on_after_its_objects_were_freed():
     problem = block(n=4)
     problem.solve()
@@ -191,6 +193,7 @@ def test_touching_is_a_matter_of_the_displacement(options):
     assert (problem.equations.gaps(s, problem.evaluate()) < 0.0006).all()
 
 
+@pytest.mark.ranks(2)
 def test_the_guess_finds_the_contact_in_fewer_steps(monkeypatch):
     """Than steps from the state as it is, of which the first leads into the obstacle."""
     ball = Sphere((0.5, 0.5, -10.0), 10.0)

@@ -41,6 +41,7 @@ def same(a, b):
     return all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
 
 
+@pytest.mark.ranks(2)
 def test_restore_is_exact():
     problem, move = moved_block()
     move(0.01, -0.02)
@@ -90,6 +91,7 @@ def test_statuses_are_those_of_the_last_write():
     assert np.all(problem.snapshot().statuses[0] == 1)
 
 
+@pytest.mark.ranks(2)
 def test_a_state_of_another_problem():
     problem, _ = moved_block()
     other = block(n=3)
@@ -99,6 +101,7 @@ def test_a_state_of_another_problem():
         problem.table(problem.surfaces[0], state=42)
 
 
+@pytest.mark.ranks(2)
 def test_evaluators_at_a_state():
     """They agree with those of the Functions, and leave the Functions as they were."""
     problem, move = moved_block()
@@ -251,6 +254,7 @@ def test_questions_about_a_state_are_about_the_problem_as_it_is_now():
     assert problem.uniqueness().verdict == "proved"
 
 
+@pytest.mark.ranks(2)
 def test_files_of_a_state(tmp_path):
     problem, move = moved_block()
     move(0.01, -0.02)
@@ -269,6 +273,7 @@ def test_files_of_a_state(tmp_path):
             assert a.read_bytes() == (folder / "after" / a.name).read_bytes()
 
 
+@pytest.mark.ranks(2)
 def test_a_mesh_that_has_moved():
     """The next public call raises; a mesh that is moved back is the same mesh."""
     problem, move = moved_block()
@@ -296,6 +301,7 @@ def test_a_mesh_that_has_moved():
     assert problem.solve().iterations == 0
 
 
+@pytest.mark.ranks(2)
 def test_a_monitor_that_fails_on_one_rank():
     problem, move = moved_block()
     move(0.01, -0.02)

@@ -45,6 +45,7 @@ def pad(n, comm=COMM, **given):
     return on_box(mesh.create_unit_square(comm, n, n, QUADS), **given)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("n", ONSET)
 def test_onset(n):
     for damping, (friction, frequency) in ONSET[n].items():
@@ -74,6 +75,7 @@ def test_onset_without_damping_falls_with_the_mesh():
     np.testing.assert_allclose(found, [0.1509, 0.0251, 0.0023], atol=6e-5)
 
 
+@pytest.mark.ranks(2)
 def test_large_problems_by_slepc():
     """Eigenvalues next to zero are those of the dense problem."""
     few = SteadySliding(pad(8), (-1.0, 0.0), density=1.0, damping=0.02, dense=False, count=12)
@@ -213,6 +215,7 @@ def test_a_form_of_damping_is_the_same():
     assert form.modes(1.0).eigenvalues[0] == pytest.approx(number.modes(1.0).eigenvalues[0])
 
 
+@pytest.mark.ranks(2)
 def test_mode_shape():
     """Both parts of a mode have v_n = 0."""
     problem = pad(4)
@@ -247,6 +250,7 @@ def test_units():
     assert other.eigenvalues[0] * time == pytest.approx(plain.eigenvalues[0], rel=1e-9)
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     problem = pad(2)
     for given, words in (
@@ -280,6 +284,7 @@ def test_demo(folder):
     assert found["growth"] > regularised["0.1"] > 0 > regularised["2"]
 
 
+@pytest.mark.ranks(2)
 def test_animation(folder):
     """One period: the frames of the two parts are a quarter of it apart, of the size asked for."""
     problem = pad(2)

@@ -27,6 +27,7 @@ COMM = MPI.COMM_WORLD
 TIMES = [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
+@pytest.mark.ranks(2)
 def test_steps_one_by_one_are_a_history():
     """The same displacements as those of a run, step by step."""
     problem, top = dragged()
@@ -92,6 +93,7 @@ class Column:
         return ParametricContact(problem, self.gamma, driven=[(self.top, self.way)])
 
 
+@pytest.mark.ranks(2)
 def test_a_step_answers_what_a_problem_answers():
     """Branches, all solutions and solves of a step agree, and differ from the static law."""
     column = Column()

@@ -42,6 +42,7 @@ def of(history):
     return [(s.number, s.time, s.status, s.energies) for s in history.steps]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("case", ["pair", "motion"])
 @pytest.mark.verifies(
     "stops",
@@ -78,6 +79,7 @@ def test_a_run_that_is_stopped(case):
     assert a == pytest.approx(b, rel=1e-9)
 
 
+@pytest.mark.ranks(2)
 def test_what_is_in_the_problem_when_it_is_asked():
     """The end of the step, as when the observer is told of it."""
     evolution, times, steps = made("pair")
@@ -101,6 +103,7 @@ def test_what_is_in_the_problem_when_it_is_asked():
         np.testing.assert_array_equal(a, b)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("case", ["pair", "motion"])
 @pytest.mark.parametrize(
@@ -122,6 +125,7 @@ def test_what_cannot_stop(case, stop, message):
     assert evolution.run(later(times, start), **steps).complete
 
 
+@pytest.mark.ranks(2)
 def test_one_rank_alone_stops():
     """Refused before anything is computed."""
     if COMM.size == 1:
@@ -131,6 +135,7 @@ def test_one_rank_alone_stops():
         evolution.run(times, stop=after(1, []) if COMM.rank == 0 else None, **steps)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "stops",
     "records of histories",

@@ -48,6 +48,7 @@ def two(u, dx):
     return sum(part.energy(u) * dx(tag) for tag, part in PARTS.items())
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("dim", "format"),
     [

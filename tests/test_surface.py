@@ -19,6 +19,7 @@ from dolfinx_contact.problem import discretise
 COMM = MPI.COMM_WORLD
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(("dim", "cell"), KINDS)
 def test_points_lie_where_they_should(dim, cell, degree):
@@ -53,6 +54,7 @@ def test_points_lie_where_they_should(dim, cell, degree):
     np.testing.assert_allclose(jump[:, 0], places[:, 0] + 2 * places[:, 1], atol=1e-12)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("obstacle", "distance"),
     [
@@ -139,6 +141,7 @@ def test_a_linear_solver_that_the_database_names_after_the_first_solve():
     assert problem.linear_solver.name == "direct"
 
 
+@pytest.mark.ranks(2, 3)
 def test_facets_named_on_one_rank_only():
     """Owned facets alone, without ghosts, give the same surface."""
     domain = box(COMM, 4, "tet")
@@ -155,6 +158,7 @@ def test_facets_named_on_one_rank_only():
         np.testing.assert_allclose(COMM.allreduce(float(s.points.areas[:n].sum())), 1.0, rtol=1e-12)
 
 
+@pytest.mark.ranks(2)
 def test_reaction_of_a_clamped_contact_node():
     """The clamped corner belongs to the support: status d, and its reaction balances the rest."""
     domain = box(COMM, 4, "quad")
@@ -180,6 +184,7 @@ def test_reaction_of_a_clamped_contact_node():
     assert abs(table.support[-1, 0]) > 0.1 * table.support[-1, 1]
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "options", reference="itself: the tolerance that was asked for", aspects=("3D",)
 )
@@ -200,6 +205,7 @@ def test_several_solves_in_one_process():
     assert tight.iterations > loose.iterations
 
 
+@pytest.mark.ranks(2)
 def test_a_solve_can_be_repeated_and_started_warm():
     problem = block(n=6, cell="hex")
     first = problem.solve()
@@ -208,6 +214,7 @@ def test_a_solve_can_be_repeated_and_started_warm():
     np.testing.assert_array_equal(first.tables["contact"].letters, again.tables["contact"].letters)
 
 
+@pytest.mark.ranks(2)
 def test_monitor_sees_every_iterate():
     steps = []
     result = block(n=6, cell="tri").solve(monitor=steps.append)

@@ -162,6 +162,7 @@ def test_nothing_else_takes_it():
             call()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("law", [OfSpeed(), OfSpeedAtRest()])
 @pytest.mark.verifies(
     "friction of speed and time",
@@ -259,6 +260,7 @@ def test_laws_that_say_what_holds_without_time(law):
     assert dragged.ratio(dragged.problem.solve()) == pytest.approx(STATIC, rel=1e-3)
 
 
+@pytest.mark.ranks(2)
 def test_a_speed_alone():
     dragged = Dragged(Regularised(Coulomb(STATIC), speed=1.0))
     with pytest.raises(ValueError, match="lacks a width"):

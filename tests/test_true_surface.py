@@ -64,6 +64,7 @@ def pressure(both, degree, **options):
     return found / (OVERLAP / MIDDLE * 1000.0 / (1 - 0.3**2) / give)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.verifies(
     "press fits",
@@ -102,6 +103,7 @@ def test_of_points_in_common():
     np.testing.assert_allclose(pair.points.vertex_normals[:n], -x, atol=1e-12)
 
 
+@pytest.mark.ranks(2)
 def test_bad_surfaces():
     both = tubes(3, 4)
     u = displacement(both.mesh)

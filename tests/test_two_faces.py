@@ -97,6 +97,7 @@ def total(problem, face, name):
     return COMM.allreduce((values * face.areas[:, None])[:n].sum(axis=0))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["quad", "tet"])
 @pytest.mark.parametrize("given", [{}, {"method": "integral"}, {"sliding": "large"}], ids=str)
@@ -179,6 +180,7 @@ def test_uniform_pressure(case):
     np.testing.assert_allclose(moved[:, -1], -0.01, rtol=1e-10)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.verifies(
     "balance of forces",
@@ -213,6 +215,7 @@ def test_forces_balance(case):
     np.testing.assert_allclose(total(problem, face, "traction"), found.master, atol=1e-12 * size)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["tri", "hex"])
 def test_like_nodes_have_opposite_tractions(cell):
     """Node by node, where slip and pressure vary; and the support of what is held."""
@@ -281,6 +284,7 @@ def test_a_floating_body_is_said_once(caplog):
 # -- files -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("case", [CASES[2], CASES[4], CASES[5]])
 @pytest.mark.parametrize("format", ["vtx", "vtk"])
@@ -345,6 +349,7 @@ def test_pictures_are_drawn(folder):
     assert {file.name for file in folder.iterdir()} == {"body.png", "contact.png"}
 
 
+@pytest.mark.ranks(2)
 def test_series(folder):
     """Of a branch on a crack; the sides have moved apart where the slave is open."""
     system = branched(COMM)
@@ -366,6 +371,7 @@ def test_series(folder):
     assert ends[0][1] - ends[1][1] > 1e-3
 
 
+@pytest.mark.ranks(2)
 def test_names_that_make_the_same_file(folder):
     both, u, pair = blocks("quad", 2, 2, 1, "nodal", law=Frictionless())
     floor = ContactSurface(

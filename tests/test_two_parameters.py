@@ -46,6 +46,7 @@ def friction_of(system):
     return surface.law.friction
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("unit", [1.0, 1e11])
 @pytest.mark.verifies(
     "curves of folds",
@@ -308,6 +309,7 @@ def holds(family, codes, mu, gamma):
     return min(slacks) > 0
 
 
+@pytest.mark.ranks(2)
 def test_what_is_refused(vee):
     F = friction_of(vee)
     with pytest.raises(ValueError, match="another Constant than gamma"):
@@ -336,6 +338,7 @@ def chart_of_few():
     return Chart(tuple(cells))
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies("charts", reference="itself: the chart that was saved")
 def test_a_chart_in_a_file(folder):
     """It comes back to the last bit, on every rank."""

@@ -52,6 +52,7 @@ def all_solutions(problem):
     return found
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize(
     "make",
     [lambda: oracle_block("b2d_n8"), lambda: oracle_block("b2d_n16"), lambda: greco(32)],
@@ -79,6 +80,7 @@ def test_the_only_solution(make):
     assert (one.x - x).norm() <= 1e-8 * x.norm()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("case", ["b3d_n4", "b3d_n6"])
 @pytest.mark.verifies(
     "uniqueness",
@@ -119,6 +121,7 @@ def test_no_proof_in_space_of_a_body_that_gives_way():
     assert "positive definite" in found.reason
 
 
+@pytest.mark.ranks(2)
 def test_summary_with_and_without_a_verdict():
     problem = block(n=4)
     result = problem.solve()
@@ -126,6 +129,7 @@ def test_summary_with_and_without_a_verdict():
     assert result.summary(problem.uniqueness())["unique"] == "proved"
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("kind", "law", "exists", "unique", "words"),
     [
@@ -203,6 +207,7 @@ def test_theory_looks_at_the_stiffness(soft, unique):
     assert unique or "positive definite" in theory.reason
 
 
+@pytest.mark.ranks(2)
 def test_of_a_point_of_a_branch():
     system = linear_triangle(4, 1.7)
     found = find_solutions(system, [system.create_vector()], 1.0)
@@ -233,6 +238,7 @@ def test_nothing_is_proved_of_bad_friction(value):
             ask()
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "uniqueness",
     reference="itself: a proof of all solutions",
@@ -260,6 +266,7 @@ def test_other_friction_under_open_points():
     assert system.problem.uniqueness().verdict == "proved"
 
 
+@pytest.mark.ranks(2)
 def test_seconds_that_are_none():
     problem = block(n=2)
     problem.solve()

@@ -79,6 +79,7 @@ def test_geometry_and_displacement(folder, cell, degree, kind):
         np.testing.assert_allclose(found["u_v"][:, :dim], expected, atol=1e-6)
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("cell", "degree"), [("quad", 1), ("tet", 2)])
 @pytest.mark.verifies(
     "files for ParaView",
@@ -148,6 +149,7 @@ def test_series_as_vtk(folder):
         np.testing.assert_allclose(gamma, point.gamma, rtol=2e-15)
 
 
+@pytest.mark.ranks(2)
 def test_formats(folder, monkeypatch):
     problem = block(cell="tri")
     with pytest.raises(ValueError, match="format is 'vtu': vtx and vtk are known"):

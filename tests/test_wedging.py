@@ -201,6 +201,7 @@ def test_a_body_in_space():
     assert many.lower <= many.friction <= many.lower / np.cos(np.pi / 24) * (1 + 1e-6)
 
 
+@pytest.mark.ranks(2)
 def test_time_that_is_over():
     found = wedging_friction(linear_triangle(8, 1.0).problem, seconds=0.0)
     assert not found.complete
@@ -208,6 +209,7 @@ def test_time_that_is_over():
     assert "not excluded" in str(found) or "not decided" in str(found)
 
 
+@pytest.mark.ranks(2)
 def test_bad_input():
     problem = linear_triangle(1, 1.0).problem
     for wrong in (dict(seconds=-1), dict(seconds="a"), dict(sides=3), dict(sides=4.5)):

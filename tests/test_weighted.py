@@ -60,6 +60,7 @@ def test_hild_triangle(n, critical):
     assert 0.95 * critical < found < critical
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "Renard's criterion",
     reference="independent code: eigenvalues of the form, in numpy",
@@ -166,6 +167,7 @@ def test_no_second_solution_where_there_is_proof():
     assert gained >= 5
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "uniqueness",
     "Renard's criterion",

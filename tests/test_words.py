@@ -72,6 +72,7 @@ def middle(domain, most=2.0):
     return mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5) & (x[0] < most + 1e-9))
 
 
+@pytest.mark.ranks(2)
 def test_tags_of_something_else():
     a = box(COMM, 2, "tri")
     b = box(COMM, 3, "tri")
@@ -163,6 +164,7 @@ def test_interference_at_the_front_of_a_crack():
     assert result.tables["contact"].rn.max() > 0
 
 
+@pytest.mark.ranks(2)
 def test_points_with_nothing_opposite():
     """They have no gap."""
     a = box(COMM, 4, "quad")
@@ -236,6 +238,7 @@ def test_balls_that_the_mesh_sees(obstacle, caplog):
 # -- names and words -----------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(2)
 def test_names_of_surfaces():
     result = block(n=2).solve()
     for named in (result.tables, result.resultants):
@@ -272,6 +275,7 @@ def test_words_as_options_of_algorithms(algorithm, option):
             algorithm(**{option: word})
 
 
+@pytest.mark.ranks(2)
 def test_words_as_arguments():
     problem = block(n=2)
     u = problem.u
