@@ -24,7 +24,7 @@ NOT_ON_WHEEL = {
 
 #: Standard error as it was before pytest captured it, for reports of hangs.
 STDERR = os.fdopen(os.dup(2), "w")
-#: The regression record runs in every case on one rank, in every second on two, every third on three.
+#: The regression record: all cases run on one rank, every second on two, every third on three.
 RECORD = "test_golden"
 #: Cases of the record that take several times as long on ranks, for hundreds of small linear
 #: systems; other tests cover their mechanisms on ranks.
