@@ -22,7 +22,7 @@ from dolfinx_contact.continuation.system import System
 
 __all__ = ["Bordered"]
 
-_STILL = 1e-13  # of the size of x, by which it moves where it does not
+_STILL = 1e-13  # change of x per scale of gamma, relative to its size, that is round-off
 
 
 class Bordered(Layout):
@@ -36,8 +36,9 @@ class Bordered(Layout):
     Attributes:
         x_scale: square of the unit length of x; 0 until a tangent moves x.
         x_scale_is_new: set together with `x_scale`; the reader resets it.
-        sense: ratio of the signs of det J with the tangent as its last row and with the actual one.
-            Exchanging the rows multiplies the determinant by their inner product.
+        sense: sign of det J with the last tangent as last row, divided by the sign of det J with
+            the actual last row. Exchanging the rows multiplies the determinant by their inner
+            product.
     """
 
     def __init__(self, system: System, *, gamma_scale: float, prefix: str = "continuation_"):

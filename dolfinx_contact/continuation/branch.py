@@ -61,9 +61,9 @@ class Change:
 
     Attributes:
         rank: rank that owns the point.
-        point: local number there.
-        before: status before.
-        after: status after.
+        point: local number of the point on this rank.
+        before: status before the change.
+        after: status after the change.
     """
 
     rank: int
@@ -218,10 +218,10 @@ class Node:
     """A bifurcation.
 
     Attributes:
-        point: special point as found first. At a start of the exploration `incoming` and `onwards`
-            are None, and all rays are in `others`.
+        point: special point, as computed on the first branch that reached it. At a start of the
+            exploration its `incoming` and `onwards` are None, and all rays are in its `others`.
         rays: all outgoing rays, the reverse of the incoming one included.
-        edges: numbers of the branches that leave or arrive along the rays; None for none.
+        edges: for each ray, number of the branch that leaves or arrives along it; None without one.
     """
 
     point: SpecialPoint
@@ -253,8 +253,8 @@ class Diagram(Ends):
         nodes: bifurcations.
         complete: True if all rays of all nodes are known and have been traced to the ends of their
             branches.
-        ending: kind of the end of the exploration; that of the first branch that was cut off, if
-            there is one.
+        ending: kind of the end of the exploration; if a branch was cut off, the kind of the end of
+            the first such branch.
         reason: description of the end.
         start_correction: largest correction of a start, see `Branch.start_correction`.
     """

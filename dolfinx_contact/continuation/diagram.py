@@ -157,9 +157,9 @@ class _Explorer:
         self.diagram = Diagram()
         observers = (listeners["record"], listeners["observer"])
         self._observers = Observers(*(CollectiveObserver(self.comm, o) for o in observers))
-        #: Starts of branches that begin at no node.
+        #: Starts of branches that do not begin at a node.
         self._waiting: list[BranchPoint] = []
-        #: Whether all rays are known of the kinks that are no nodes.
+        #: Whether all rays are known at the kinks that are not nodes.
         self._all_rays_known = True
 
     def run(
@@ -206,7 +206,7 @@ class _Explorer:
     # -- branches --------------------------------------------------------------------------------
 
     def _depart(self, x: PETSc.Vec, gamma: float) -> None:
-        """Leave a start along its rays, except for those that leave the range of gamma."""
+        """Queue the rays of a start that stay in the range of gamma, or make it a node."""
         found = self.follower.departures(x, gamma)
         moved = [self.follower.correction(x, p) for p in found.rays[:1]]
         self.diagram.start_correction = max([self.diagram.start_correction, *moved])
@@ -261,7 +261,10 @@ class _Explorer:
         self._observers.explored(self.diagram)
 
     def _arrive(self, special: SpecialPoint, number: int) -> int | None:
-        """The node at which branch ``number`` ends; None for a kink stepped over, without rays."""
+        """Return the node at which branch ``number`` ends; None if its rays are unknown.
+
+        The rays are unknown at a kink that a step has passed without locating it.
+        """
         if special.incoming is None or special.onwards is None:
             self._all_rays_known = False
             return None
@@ -273,9 +276,9 @@ class _Explorer:
         return existing
 
     def _at_the_end(self, point: BranchPoint, start: int | None, number: int) -> int | None:
-        """The node at which branch ``number`` reached the end of the range, if there is one.
+        """Return the node at which branch ``number`` reached the end of the range; None without.
 
-        Where pieces meet there, rays other than the incoming one may lead back into the range.
+        If pieces meet there, further rays may lead back into the range.
         """
         found = self.follower.rays_at(point)
         if found is None:
@@ -289,19 +292,24 @@ class _Explorer:
         if not inside:
             return None
         node = self._node_of(found, inside)
-        if node == start:  # the branch has left the range where it left the node
+        if node == start:  # the branch left the range at its start
             return None
         self._take_ray(node, Ray(point.piece, back), number)
         return node
 
     def _leaves(self, point: BranchPoint) -> bool:
-        """Return True if gamma leaves its range at once on a branch that begins at a point."""
+        """Return True if gamma leaves its range immediately on a branch from a point."""
         return leaves_range(self.bordered, point, self.range)
 
     # -- nodes -----------------------------------------------------------------------------------
 
     def _node_of(self, found: FoundRays[BranchPoint], inside: Sequence[BranchPoint]) -> int:
-        """The node with more than two rays, of which ``inside`` lead into the range."""
+        """Return the node at a point with more than two rays; add it if it does not exist.
+
+        Args:
+            found: all rays of the point.
+            inside: rays that lead into the range of gamma.
+        """
         point = inside[0]
         existing = self._node_at(point.y)
         if existing is not None:
@@ -333,9 +341,15 @@ class _Explorer:
         return None
 
     def _take_ray(self, number: int, ray: Ray, edge: int) -> None:
-        """Assign the ray of a node by which a branch arrived to its edge.
+        """Assign the ray along which a branch arrived at a node to the branch.
 
-        At a smooth bifurcation rays are only as accurate as the kernel: the closest free one.
+        At a smooth bifurcation, rays are only as accurate as the kernel; therefore the closest free
+        ray is assigned.
+
+        Args:
+            number: number of the node.
+            ray: reverse of the ray by which the branch arrived.
+            edge: number of the branch.
         """
         node = self.diagram.nodes[number]
         close = [
@@ -372,8 +386,8 @@ class _Explorer:
                     if self._is_ray(_reversed(last.tangent), point.tangent):
                         return True
                     continue
-            # Compare points of the branch too: at a kink gamma may turn, and pass by round-off.
-            # A point that is not found is at worst on a branch that is traced twice.
+            # Compare the stored points, too: at a kink gamma may turn just before a value.
+            # If a point is missed, a branch is traced twice at worst.
             least = _SAME * self.bordered.gamma_scale
             near = [p for p in beyond if abs(p.gamma - point.gamma) <= least]
             passed = self.follower.at(branch, point.gamma, skip_missing=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Ends of branches, paths and histories: a kind, and a sentence with details."""
+"""Endings of branches, paths and histories: a kind and a sentence with details."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ __all__ = ["Ending", "Ends"]
 
 
 class Ending(Enum):
-    """Kind of an end; its value is the sentence used without details.
+    """Kind of an ending; its value is the default sentence.
 
-    Only `NO_SOLUTION` means that provably nothing continues. After `NOT_FOUND` and `NOT_SOLVED` a
-    solution may continue.
+    Only `NO_SOLUTION` is a proof that no solution continues. After `NOT_FOUND` and `NOT_SOLVED` a
+    continuation may exist.
     """
 
     #: The end of the range of gamma, the last time, or rest.
@@ -31,22 +31,22 @@ class Ending(Enum):
 
 
 class Ends:
-    """Base class of results that end.
+    """Base class of results with an ending.
 
     Attributes:
-        ending: kind of the end; None before it.
-        reason: description of the end.
+        ending: kind of the ending; None as long as the process continues.
+        reason: description of the ending.
     """
 
     ending: Ending | None
     reason: str
 
     def end(self, ending: Ending, reason: str = "") -> None:
-        """Record the end, by default with the sentence of its kind."""
+        """Record the ending; the default reason is the sentence of its kind."""
         self.ending = ending
         self.reason = reason or ending.value
 
     def go_on(self) -> None:
-        """Remove the end, to continue."""
+        """Remove the ending, so that the process can continue."""
         self.ending = None
         self.reason = ""

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The bordered matrix, assembled and factorised, by default by MUMPS.
 
-One factorisation also serves later matrices: those that differ in a few rows, of the points that
-change their status and of the border, by a low-rank update (`row_update`), and, if there are many
-unknowns, those that differ a little everywhere. GMRES then brings the solution to round-off in one
-or a few iterations. If it needs many, or the matrix differs too much, the matrix is factorised.
+A factorisation is reused for later matrices that differ in a few rows, namely the rows of points
+that change their status and the border row; a low-rank update (`row_update`) accounts for them. If
+there are many unknowns, it is also reused for matrices that differ slightly everywhere. GMRES then
+reduces the residual to round-off in one or a few iterations. If it needs many iterations, or the
+matrix differs too much, the matrix is factorised again.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from dolfinx_contact.continuation.system import Piece
 
 __all__ = ["Factorised"]
 
-_LARGE = 2000  # unknowns from which on a factorisation is reused for matrices that differ a little
-_FEW = 8  # changed rows up to which it is reused below that size
-_MORE = 48  # and from that size on
-_ROUND_OFF = 1e-13  # relative, of GMRES
-_MOST_ITERATIONS = 40  # of GMRES; beyond, the matrix is factorised
-_WORN = 20  # iterations after which the next matrix is factorised
+_LARGE = 2000  # unknowns above which a factorisation is reused for slightly different matrices
+_FEW = 8  # largest number of changed rows for reuse in a small system
+_MORE = 48  # largest number of changed rows for reuse in a large system
+_ROUND_OFF = 1e-13  # relative tolerance of GMRES
+_MOST_ITERATIONS = 40  # largest number of GMRES iterations before the matrix is factorised
+_WORN = 20  # number of GMRES iterations above which the next matrix is factorised
 _DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 
@@ -47,8 +48,8 @@ class Factorised(BorderedSolver):
     Args:
         layout: layout of vectors y.
         prefix: prefix of PETSc options.
-        reuse: whether a factorisation also serves later matrices; default: those that differ in a
-            few rows, and, if there are many unknowns, all.
+        reuse: whether a factorisation is reused for later matrices; default: for matrices that
+            differ in a few rows, and, if there are many unknowns, for all.
     """
 
     precision = 1e-12
@@ -81,12 +82,13 @@ class Factorised(BorderedSolver):
         inverse.setPythonContext(_Updated(self._update))
         self._krylov.setGMRESRestart(_MOST_ITERATIONS)
         self._krylov.setTolerances(rtol=_ROUND_OFF, max_it=_MOST_ITERATIONS)
-        #: Whether there is a factorisation, whether it is that of `matrix`, and whether it is old.
+        #: Whether a factorisation exists, whether it belongs to `matrix`, and whether the last
+        #: GMRES solve needed many iterations.
         self._factorised = self._current = self._worn = False
-        #: Whether the formula serves `matrix`; None until that is tried.
+        #: Whether the low-rank update applies to `matrix`; None until it is tried.
         self._updated: bool | None = None
-        #: State of `matrix`, state of the factorised one, and whether another state changes so many
-        #: rows that the formula need not be tried.
+        #: State of `matrix`, state of the factorised matrix, and whether a change of state changes
+        #: so many rows that the low-rank update is not tried.
         self._at, self._base_at = (self.system.create_vector() for _ in range(2))
         self._changes_everywhere = False
 
@@ -131,7 +133,7 @@ class Factorised(BorderedSolver):
         return ok
 
     def _has_few_changes(self) -> bool:
-        """Whether the matrix differs from the factorised one in so few rows that it serves."""
+        """Return True if the low-rank update of the factorisation applies to the matrix."""
         if self._updated is None:
             self._updated = (
                 self._factorised
@@ -214,19 +216,19 @@ class Factorised(BorderedSolver):
                 e.array[r - start] = 1.0
             self.solve(e, w)
             difference.mult(w, dw)
-            mine = {i: float(dw.array_r[q - start]) for i, q in enumerate(rows) if start <= q < end}
-            for part in self.comm.allgather(mine):
+            own = {i: float(dw.array_r[q - start]) for i, q in enumerate(rows) if start <= q < end}
+            for part in self.comm.allgather(own):
                 for i, value in part.items():
                     S[i, j] = value
-        for thing in (difference, e, w, dw):
-            thing.destroy()
+        for item in (difference, e, w, dw):
+            item.destroy()
         return int(np.sign(np.linalg.det(np.eye(len(rows)) + S)))
 
     def destroy(self) -> None:
         matrices = (self.matrix, self._column, self._row, self._corner)
         vectors = (self._c, self._at, self._base_at)
-        for thing in (self._krylov, self._update, self.factor, *matrices, *vectors):
-            thing.destroy()
+        for item in (self._krylov, self._update, self.factor, *matrices, *vectors):
+            item.destroy()
         if self._nest is not None:
             self._nest.destroy()
 

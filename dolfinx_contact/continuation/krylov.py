@@ -38,12 +38,13 @@ __all__ = ["Krylov"]
 
 logger = logging.getLogger(__name__)
 
-_PRECISE = 1e-9  # relative residual when nothing less is required
-# And of solves that tell the sign of the determinant, at most and over 1 / sqrt(N): well below the
-# part of a random right-hand side along one of N eigenvectors.
+_PRECISE = 1e-9  # default relative residual
+# The relative residual of solves that determine the sign of the determinant is the smaller of
+# _SIGN and _BELOW / sqrt(N), which is well below the component of a random right-hand side along
+# one of N eigenvectors.
 _SIGN = 1e-4
 _BELOW = 1e-2
-_NEAR = 0.5  # |A v - c| / |c| of a tangent that gives v; P^-1 c comes to 0.15 (measured)
+_NEAR = 0.5  # largest |A v - c| / |c| of a v from a tangent; measured for v = P^-1 c: 0.15
 
 
 class Krylov(BorderedSolver):
@@ -82,7 +83,8 @@ class Krylov(BorderedSolver):
         self.ksp.getPC().setType(PETSc.PC.Type.PYTHON)
         self.ksp.getPC().setPythonContext(_Elimination(self))
         self.ksp.addConvergenceTest(self._test)
-        self._asked: tuple[Enough, float, PETSc.Vec] | None = None  # of the solve under way
+        #: Test, size of the right-hand side and first iterate of the running solve.
+        self._asked: tuple[Enough, float, PETSc.Vec] | None = None
         self._way = layout.vector()
         self._way_more = layout.vector()
         self._most = self.ksp.getTolerances()[3]
@@ -122,7 +124,8 @@ class Krylov(BorderedSolver):
         self._f.axpy(-1.0, self._c)
         if not self._f.norm() <= _NEAR * self._c.norm():
             return False
-        # Like P^-1 c, v leaves no residual in the rows in which P is exact, nor do eliminations.
+        # Make the residual vanish in the rows in which P is exact, as for v = P^-1 c. The block
+        # elimination then leaves no residual there.
         self._P.apply_exact(self._f, self._x)
         self._v.axpy(-1.0, self._x)
         return True
@@ -234,8 +237,8 @@ class Krylov(BorderedSolver):
             probe = self.system.probe(0)
             self.layout.join(probe, 0.0, rhs)
             self.probe(rhs, out)
-            for thing in (probe, rhs, out):
-                thing.destroy()
+            for item in (probe, rhs, out):
+                item.destroy()
         return self._sign
 
     def determinant_quotient(
@@ -251,9 +254,9 @@ class Krylov(BorderedSolver):
         return int(signs[0] * signs[1])
 
     def destroy(self) -> None:
-        mine = (self._c, self._v, self._w, self._f, self._x, self._r, self._d)
-        for thing in (self.ksp, self.matrix, self._way, self._way_more, *mine):
-            thing.destroy()
+        vectors = (self._c, self._v, self._w, self._f, self._x, self._r, self._d)
+        for item in (self.ksp, self.matrix, self._way, self._way_more, *vectors):
+            item.destroy()
 
 
 class _Product:

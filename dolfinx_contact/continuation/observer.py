@@ -114,7 +114,7 @@ class Observer:
     """
 
     def begin(self, task: Any, state: Any) -> None:
-        """A branch or run begins or is resumed.
+        """Called when a branch or run begins or is resumed.
 
         Args:
             task: task of the process.
@@ -122,7 +122,7 @@ class Observer:
         """
 
     def step(self, step: Any, state: Any) -> None:
-        """A step, or the start of a branch, has been accepted.
+        """Called when a step, or the start of a branch, has been accepted.
 
         Args:
             step: accepted step.
@@ -130,10 +130,10 @@ class Observer:
         """
 
     def end(self, ended: Ends) -> None:
-        """The process has ended; ``ended`` has the ending and the reason."""
+        """Called when the process has ended; ``ended`` has the ending and the reason."""
 
     def explored(self, diagram: Diagram) -> None:
-        """One or all branches of `explore` have ended; ``diagram`` has the results so far."""
+        """Called after each branch of `explore`, and at its end, with the results so far."""
 
 
 _METHODS = ("begin", "step", "end", "explored")
@@ -161,7 +161,7 @@ def as_observer(given: Any) -> Observer:
         found: Observer = given
         return found
     if isinstance(given, type) and issubclass(given, Observer):
-        raise ValueError(f"{given.__name__} is a class: the observer must be an object made of it")
+        raise ValueError(f"{given.__name__} is a class: the observer must be an object of it")
     if callable(given):
         return _FunctionObserver(given)
     raise ValueError(

@@ -46,9 +46,9 @@ class StepControl:
         tolerance: largest relative residual of an accepted point.
         kinks: method of passing kinks. ``"exact"``: every event is located, and a step ends there.
             ``"batched"``: a step may pass many events at which the branch neither turns nor
-            branches; other events are located, except for two turns within one step, which only
-            shorter steps show. ``"stepping"``: the step shrinks to its minimum before a kink, and
-            the tangents beyond are then tried. None: batched if the system has many pieces
+            branches; other events are located. Two turns within one step are not detected; use
+            shorter steps. ``"stepping"``: the step shrinks to its minimum before a kink, and the
+            tangents beyond are then tried. None: batched if the system has many pieces
             (`System.has_many_pieces`), otherwise exact.
     """
 
@@ -77,7 +77,7 @@ class StepControl:
         if not 0 < self.decrease < 1 < self.increase:
             raise ValueError("step factors need 0 < decrease < 1 < increase")
         if not -1 <= self.cosine < 1:
-            raise ValueError(f"the least cosine must lie in [-1, 1), got {self.cosine}")
+            raise ValueError(f"cosine must lie in [-1, 1), got {self.cosine}")
         if self.corrections < 1 or self.easy < 0 or not self.tolerance > 0:
             raise ValueError("corrections, easy and tolerance must be positive")
         if self.kinks is not None and self.kinks not in get_args(Kinks):

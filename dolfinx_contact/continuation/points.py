@@ -40,14 +40,14 @@ def points_at(
 ) -> list[BranchPoint]:
     """Return the points of a branch at which its parameter is ``gamma``, in order. Collective.
 
-    The data of the system are restored. Between a bifurcation and the first point of a branch that
-    leaves it by steps, a small distance, no points are found.
+    The data of the system are restored. Points in the small gap between a bifurcation and the first
+    point of a branch that was traced out of it by steps are missed.
 
     Args:
         system: system of the branch.
         branch: complete branch.
-        gamma: parameter. Between two points of the branch, or a point and a smooth fold, it is
-            assumed to pass a value once.
+        gamma: parameter, assumed to be monotone between neighbouring points of the branch and
+            smooth folds.
         gamma_range: range of gamma of the branch.
         control: parameters of the corrector.
         route: method by which the branch was traced.

@@ -7,12 +7,12 @@ methods find rays:
 - *by the tangent cone*, where the system can be condensed onto few points (`rays.py`): all rays;
 - *by enumeration*: each kinked point, a point at a border, takes each of its statuses. All rays if
   H has a derivative on every piece, but the number of pieces must be small;
-- *led by H*: H = 0 is solved near the point at a slightly larger or smaller gamma, with the
-  statuses recomputed. One ray, for any number of pieces.
+- *led by H*: H = 0 is solved near the point at a slightly larger or smaller gamma, with recomputed
+  statuses. One ray, for any number of pieces.
 
-`RayFinder` leaves the criterion for "inside" to its caller. Along a branch the distances to the
-borders must grow (`KinkRays`, which combines the methods for the start of a branch and for a kink
-on it); in the rate problem of an evolution they must not fall (`evolution.rate_problem`).
+The caller of `RayFinder` defines when a ray stays inside its piece. Along a branch the distances to
+the borders must grow (`KinkRays`, which combines the methods for the start of a branch and for a
+kink). In the rate problem of an evolution they must not decrease (`evolution.rate_problem`).
 """
 
 from __future__ import annotations
@@ -52,19 +52,19 @@ _SAME = 1e-6  # relative distance of tangents of one ray
 _PROBE = 1e-6  # length of finite differences along a tangent
 _BENT = 1e-3  # relative nonlinearity of a row without a derivative
 _LED = "one step of Newton's method on H"
-_ALONG = 0.9  # least cosine between a ray and the solution of H that led to it
+_ALONG = 0.9  # smallest cosine between a ray and the chord to the solution of H that defines it
 
 
 @dataclass(frozen=True)
 class Kink:
-    """A point at a border.
+    """A kinked point, which is at a border of its piece.
 
     Attributes:
-        rank: rank that owns it.
-        point: local number there.
+        rank: rank that owns the point.
+        point: local number of the point on this rank.
         code: status on the incoming piece.
         target: status beyond the border.
-        statuses: all statuses that it can have.
+        statuses: all statuses that the point can have.
     """
 
     rank: int
@@ -81,7 +81,8 @@ class Crossing(FoundRays[Ray]):
     Attributes:
         kinks: number of kinked points.
         changes: changes of status along the first ray.
-        parity: sign of the ratio of the determinants on its two sides (`parity`); 0 if unknown.
+        parity: sign of the ratio of the determinants after and before the kink (see the function
+            `parity`); 0 if unknown.
     """
 
     kinks: int = 0
@@ -112,7 +113,7 @@ class RayFinder:
         self._norm = norm
 
     def by_tangent_cone(self, tolerance: float) -> FoundRays[Ray] | None:
-        """Rays of the tangent cone; None if the system cannot be condensed.
+        """Return the rays of the tangent cone; None if the system cannot be condensed.
 
         Args:
             tolerance: distance that counts as zero.
@@ -153,14 +154,14 @@ class RayFinder:
         most: int = _MOST_PIECES,
         tried: tuple[int, ...] | None = None,
     ) -> FoundRays[Ray]:
-        """Rays of all statuses of the kinked points; none if too many pieces meet.
+        """Return the rays of all pieces that meet; none if there are too many pieces.
 
         Args:
-            piece: statuses of all other points.
+            piece: piece that defines the statuses of all other points.
             kinks: kinked points.
             towards: sense in which a tangent is tried first.
             most: largest number of pieces.
-            tried: statuses of the kinked points to skip.
+            tried: statuses of the kinked points to skip; default: none.
         """
         number = math.prod(len(k.statuses) for k in kinks)
         if number > most:
@@ -176,7 +177,7 @@ class RayFinder:
     def of_statuses(
         self, piece: Piece, kinks: Sequence[Kink], codes: Sequence[int], towards: PETSc.Vec
     ) -> list[Ray]:
-        """Rays of the piece in which ``kinks`` have the statuses ``codes``: none, one, or two."""
+        """Return the rays, at most two, of the piece in which the kinks have these statuses."""
         rank = self._corrector.bordered.comm.rank
         own = [(k.point, c) for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
         points = np.array([p for p, _ in own], dtype=np.int32)
@@ -195,11 +196,12 @@ class RayFinder:
         *,
         tangent_at_point: bool,
     ) -> Ray | None:
-        """The ray towards a solution of H near the point, with the statuses recomputed.
+        """Return the ray towards a solution of H near the point, with recomputed statuses.
 
         Args:
             senses: signs of the change of gamma, in the order of the trials.
-            leads: criterion for a ray, given the difference of the solution and the point.
+            leads: criterion that accepts a ray, called with the ray and the vector from the point
+                to the solution.
             tangent_at_point: True for tangents at the point, False for tangents at the solution.
         """
         for solution, away, piece in self._solutions_nearby(senses):
@@ -221,7 +223,9 @@ class RayFinder:
                 yield y, y - self._y, b.system.piece_at(*b.split(y))
 
     def rough_statuses(self, piece: Piece, kinks: Sequence[Kink]) -> set[int]:
-        """Statuses with which H has no derivative at the point, so that rays may be missed.
+        """Return the statuses for which H has no derivative at the point.
+
+        Enumeration may miss rays with such statuses.
 
         In 3D the slip direction of a point without slip and shear is undefined. There the change
         of H by the sum of two small changes of x differs from the sum of the two changes of H.
@@ -260,7 +264,7 @@ class RayFinder:
         return np.asarray(rows, dtype=np.float64)
 
     def same(self, a: Ray, other: Ray) -> bool:
-        """Return True if two rays coincide, as those of two pieces along their common border."""
+        """Return True if two rays coincide, for example along the common border of two pieces."""
         away = a.tangent - other.tangent
         distance = self._norm(away)
         away.destroy()
@@ -272,7 +276,7 @@ class RayFinder:
 
 
 class KinkRays(RayFinder):
-    """Rays of a branch at a kink: those along which the events of the kinked points grow.
+    """Search for the rays of a branch at a kink, along which distances to the borders grow.
 
     Args:
         corrector: corrector on the bordered system.
@@ -314,7 +318,7 @@ class KinkRays(RayFinder):
         return tuple(k for part in b.comm.allgather(own) for k in part)
 
     def rays_out(self, t: PETSc.Vec) -> FoundRays[Ray]:
-        """All outgoing rays of a point at which a branch begins or ends.
+        """Return all outgoing rays of a point at which a branch begins or ends.
 
         Args:
             t: direction that is tried first.
@@ -416,9 +420,9 @@ class KinkRays(RayFinder):
 
 
 def reach_of_events(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> float:
-    """The largest distance of an event, or its largest rate along ``t``. Collective.
+    """Return the larger of the largest distance and its largest rate along ``t``. Collective.
 
-    At a start without load all distances vanish; the rates then give their size.
+    It is the unit of distances. At a start without load all distances vanish, but not the rates.
     """
     comm = corrector.bordered.comm
     events, slope = _slopes(corrector, y, piece, t)
@@ -426,7 +430,10 @@ def reach_of_events(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.V
 
 
 def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: Ray) -> int:
-    """Sign of det J_1 / det J_0 with J = [grad H; t^T] across the point ``y``. Collective."""
+    """Return the sign of det J_1 / det J_0 across the point ``y``. Collective.
+
+    J = [grad H; t^T] is evaluated with the incoming tangent (J_0) and with the outgoing ray (J_1).
+    """
     b = corrector.bordered
     rows = b.vector(), b.vector()
     for row, tangent in zip(rows, (t, ray.tangent), strict=True):

@@ -120,7 +120,7 @@ def outgoing(
 
     Args:
         cone: system without load.
-        known: rays found before.
+        known: rays that are already known; default: none.
         prove: search for a proof that unfolding has found all rays.
 
     Raises:
@@ -129,7 +129,8 @@ def outgoing(
     cone.require_finite()
     choices = [np.flatnonzero(a) for a in cone.allowed]
     if not all(len(c) for c in choices):
-        return Rays(tuple(known), False, "no enumeration: a point is in no cone, for round-off")
+        reason = "no enumeration: a point is in no cone, due to round-off"
+        return Rays(tuple(known), False, reason)
     pieces = math.prod(len(c) for c in choices)
     if pieces > MOST_PIECES:
         unfolded = _unfold(cone, known, choices)
@@ -178,12 +179,12 @@ def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], l
     kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
     codes = np.array([c[0] for c in choices], dtype=np.int8)
     # eliminate the points with one status, unless their columns are dependent
-    held = np.setdiff1d(np.arange(m), kinked)
-    fixed: Array = cone.pieced(codes).reshape(N, m, d)[:, held].reshape(N, d * len(held))
-    singular = len(held) > 0 and np.linalg.matrix_rank(fixed) < d * len(held)
+    smooth = np.setdiff1d(np.arange(m), kinked)
+    fixed: Array = cone.pieced(codes).reshape(N, m, d)[:, smooth].reshape(N, d * len(smooth))
+    singular = len(smooth) > 0 and np.linalg.matrix_rank(fixed) < d * len(smooth)
     if len(kinked) == 0 or singular:
         kinked = np.arange(m)
-        held = held[:0]
+        smooth = smooth[:0]
         fixed = fixed[:, :0]
     Q = np.linalg.qr(fixed, mode="complete")[0][:, fixed.shape[1] :]
     M = np.einsum("np,nmk->pmk", Q, cone.matrix[:, kinked])
@@ -216,7 +217,7 @@ def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], l
             elif dimension < 0:
                 gap = ", some of which are too badly conditioned"
             elif vector is not None:
-                rays += _senses(cone, codes.copy(), kinked, held, fixed, *vector)
+                rays += _senses(cone, codes.copy(), kinked, smooth, fixed, *vector)
     return rays, wide, gap
 
 
@@ -257,12 +258,22 @@ def _senses(
     cone: AffineSystem,
     codes: Codes,
     kinked: npt.NDArray[np.int64],
-    held: npt.NDArray[np.int64],
+    smooth: npt.NDArray[np.int64],
     fixed: Array,
     z: Array,
     rate: float,
 ) -> Iterator[AffineRay]:
-    """Rays along a kernel vector and its reverse, as far as these stay inside the cones."""
+    """Yield the rays along a kernel vector and its reverse that stay inside the cones.
+
+    Args:
+        cone: tangent cone.
+        codes: statuses of the points.
+        kinked: points with several statuses.
+        smooth: eliminated points with one status.
+        fixed: columns of the eliminated points.
+        z: coordinates of the kinked points in the bases of their cones.
+        rate: dgamma of the kernel vector.
+    """
     B = cone.bases[np.arange(cone.points), codes]
     w: Array = np.zeros(cone.matrix.shape[1:])
     w[kinked] = np.einsum("mkd,md->mk", B[kinked], z.reshape(len(kinked), -1))
@@ -271,10 +282,10 @@ def _senses(
     senses = [s for s in (1.0, -1.0) if _least(s * slack) >= -TOLERANCE * largest(w)]
     if not senses:
         return
-    if len(held):
+    if len(smooth):
         rest = rate * cone.rate - np.einsum("nmk,mk->n", cone.matrix[:, kinked], w[kinked])
-        z_held = np.linalg.lstsq(fixed, rest)[0]
-        w[held] = np.einsum("mkd,md->mk", B[held], z_held.reshape(len(held), -1))
+        z_smooth = np.linalg.lstsq(fixed, rest)[0]
+        w[smooth] = np.einsum("mkd,md->mk", B[smooth], z_smooth.reshape(len(smooth), -1))
     scale = largest(w)
     size = abs(rate) if abs(rate) > 1e-9 * scale else scale
     slack = cone.slacks(codes, w)
@@ -344,7 +355,7 @@ def _by_newton(cone: AffineSystem, choices: Choices) -> Iterator[AffineRay]:
 
 
 def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
-    """The outgoing ray of the branch that comes in along ``ray``; None if it is not found."""
+    """Return the outgoing ray of the branch that comes in along ``ray``; None if not found."""
     if ray.rate == 0:
         return None
     codes = unfolded.solve(1e6 * ray.rate, ray.codes)  # moves points of the ray off borders
@@ -353,7 +364,13 @@ def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
 
 
 def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None:
-    """The ray along which a branch goes out that leaves ``gamma`` in this sense."""
+    """Return the ray at the far end of a branch that starts on a piece; None if not found.
+
+    Args:
+        piece: piece of the start.
+        gamma: parameter at the start.
+        sense: sense in which gamma changes at the start, 1 or -1.
+    """
     unfolded = piece.system
     for _ in range(50 * unfolded.points):
         direction = sense * piece.coefficients[1]
