@@ -240,18 +240,21 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         try:
             self._follow(Run(stepper, rule, listeners, history))
         finally:
-            for thing in (steps, steps.corrector, bordered):
-                thing.destroy()
+            for item in (steps, steps.corrector, bordered):
+                item.destroy()
         return history
 
 
 def _dependence(s: DiscreteSurface) -> str:
-    """Predicate that says why a law has no path by arc length; "" if it has one."""
+    """Return the reason why a law has no path by arc length; "" if it has one.
+
+    The reason is a predicate, to which the name of the law is the subject.
+    """
     rates = [name for name in s.law.needs_time if np.any(s.points.data.fields[name] != 0)]
     if rates:
         return (
             f"answers to the time or length of a step, by its {' and '.join(rates)}; a path by arc "
-            "length has none: use QuasiStatic"
+            "length has no time: use QuasiStatic"
         )
     compiled = s.law_at_points.compiled
     if not s.law.needs_time and compiled.needs_time(0.0):

@@ -72,7 +72,7 @@ class Arrival:
 
 
 class ArcSteps(ExactSteps):
-    """Steps with the memory of their start; the caller accepts it at their ends."""
+    """Steps with the memory of their start; the caller accepts the memory at their ends."""
 
     @property
     def known(self) -> Known:
@@ -86,7 +86,7 @@ class ArcSteps(ExactSteps):
         )
 
     def restore(self, known: Known) -> None:
-        """Restore scales and signs of a run that continues."""
+        """Restore the scales and signs of a run that is resumed."""
         self.bordered.x_scale = known.x_scale * self.bordered.gamma_scale**2
         self.largest_distance = known.largest_distance
         self.system.scales = tuple(known.scales)

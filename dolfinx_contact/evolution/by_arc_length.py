@@ -37,7 +37,7 @@ _PATIENCE = 10  # number of such steps, in addition to two for each contact poin
 
 
 class ByArcLength(Rule[PathTask, PathState]):
-    """Rule of a path: the next point is at a given arc length, under a load that is found.
+    """Rule of a path: the next point is at a given arc length; its load is unknown beforehand.
 
     Args:
         system: contact problem with its load parameter.
@@ -63,7 +63,7 @@ class ByArcLength(Rule[PathTask, PathState]):
         self._stepper = stepper
         self._steps = steps
         self._state = run_state
-        #: Last point with the piece and tangent of the next step; None if nothing leads on.
+        #: Last point with the piece and tangent of the next step; None without a continuation.
         self._leaves: BranchPoint | None = None
         surfaces = stepper.problem.surfaces
         self._weak = any(s.points.E is not None for s in surfaces)
@@ -233,8 +233,8 @@ class ByArcLength(Rule[PathTask, PathState]):
     def _solve(self) -> tuple[Arrival, Result, Evaluation] | None:
         """Solve the next point on the piece of the last one; end the path if that fails.
 
-        The Functions receive the point. If bonds that were assumed to break do not, or the other
-        way round, the contact law is violated, and a shorter step is tried. Collective.
+        The Functions receive the point. If the assumption which bonds break turns out wrong, the
+        contact law is violated, and a shorter step is tried. Collective.
         """
         assert self._leaves is not None
         system = self._system
@@ -269,8 +269,8 @@ class ByArcLength(Rule[PathTask, PathState]):
             return
         self.end(
             Ending.NOT_FOUND,
-            f"no way on was found from gamma = {point.gamma:.10g}, by {directions.method}; "
-            "whether there is one is not decided",
+            f"no continuation was found from gamma = {point.gamma:.10g}, by {directions.method}; "
+            "whether one exists is not decided",
         )
 
     def _event(self, arrival: Arrival) -> PathEvent:
@@ -294,6 +294,6 @@ class ByArcLength(Rule[PathTask, PathState]):
             return
         self.end(
             Ending.NOT_FOUND,
-            f"statuses change without end at gamma = {self._state.gamma:.10g}, where no step of "
-            f"more than {_IDLE:g} succeeds",
+            f"statuses change endlessly at gamma = {self._state.gamma:.10g}, where no step longer "
+            f"than {_IDLE:g} succeeds",
         )

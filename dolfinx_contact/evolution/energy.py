@@ -41,7 +41,7 @@ __all__ = ["Energies", "Forces", "forces_at"]
 
 Array = npt.NDArray[np.float64]
 
-_ROUND_OFF = 1e-9  # of all energies, least energy of a step
+_ROUND_OFF = 1e-9  # smallest scale of the energies of a step, relative to all energies
 
 
 @dataclass(frozen=True)

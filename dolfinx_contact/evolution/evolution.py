@@ -145,8 +145,8 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
 
     _may_be_set = ("load",)
     _instead: ClassVar[Mapping[str, str]] = {
-        "": "what changes in time are values of Constants and Functions, which the load sets; else "
-        "make another evolution"
+        "": "the load sets values of Constants and Functions in time; for other changes make "
+        "another evolution"
     }
     _record = "a records.EvolutionRecord"
     method: Sequence[str] = ()

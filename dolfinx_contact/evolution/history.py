@@ -110,8 +110,8 @@ class History(Ends):
         steps: accepted steps.
         ending: kind of its ending; None before.
         reason: reason of the ending, as a sentence.
-        others: with ``follow_rays``, evolutions that part from this one where its rate problem has
-            several solutions; each begins with the step that parts.
+        others: with ``follow_rays``, the evolutions along the remaining solutions of the rate
+            problem; each begins with its first step that differs from this history.
     """
 
     start: float

@@ -42,13 +42,13 @@ __all__ = ["Changes", "Found", "changes", "find_jump", "where_it_changes"]
 
 Array = npt.NDArray[np.float64]
 
-_SMALL = 0.1  # of the change in a step, below which a jump is not searched
-_ROUND_OFF = 1e-6  # of the largest change, below which a change is zero
-_EVEN = 0.55  # largest share of a half in the change of a part that is even
-_NEAR = 0.5  # of a jump, largest change in a step that continues the evolution instead
-_SAME = 1e-4  # of a step, largest distance of equal solutions
-_SHORTER = 0.25  # of a step that was not solved, length of the next one
-_SHOWN = 5  # places in a message
+_SMALL = 0.1  # fraction of the change in a step below which a jump is not searched
+_ROUND_OFF = 1e-6  # fraction of the largest change that counts as zero
+_EVEN = 0.55  # largest fraction of the change of an even part that occurs in one of its halves
+_NEAR = 0.5  # largest change, relative to the jump, in a step that continues the evolution
+_SAME = 1e-4  # largest distance of equal solutions, relative to the change in a step
+_SHORTER = 0.25  # length of the next step after a failed one, relative to the failed one
+_SHOWN = 5  # largest number of places in a message
 
 
 # -- changes ---------------------------------------------------------------------------------------
@@ -56,7 +56,7 @@ _SHOWN = 5  # places in a message
 
 @dataclass(frozen=True)
 class Changes:
-    """Changes from a state to another one, see the top of the module.
+    """Changes from one state to another, see the top of the module.
 
     Attributes:
         parts: moved, unknowns, and, between states of equilibrium, the means and the bonds of all
@@ -77,7 +77,7 @@ class Changes:
 
 
 def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> Changes:
-    """Measure the changes from one state to another one. Collective."""
+    """Measure the changes from one state to another. Collective."""
     d = b.unknowns - a.unknowns
     if not (isinstance(a.forces, Forces) and isinstance(b.forces, Forces)):
         size = math.sqrt(comm.allreduce(float(np.dot(d, d))))
@@ -158,11 +158,11 @@ class Found:
 
     Attributes:
         steps: steps that continue the evolution from the start of the step.
-        far: step from the end of these steps whose end stays far however short it is; None if the
-            evolution continues there.
-        proved: whether it is proved that no path of solutions leads through that step.
-        failure: error of shorter steps from there; None if they were solved.
-        why: facts about the solutions beyond, for the message.
+        far: step from the end of `steps` in which the state jumps, so that its end does not
+            approach its start as the step shrinks; None if the evolution continues.
+        proved: whether it is proved that no path of solutions leads through `far`.
+        failure: error of shorter steps from the start of `far`; None if they were solved.
+        why: facts about the solutions beyond the start of `far`, for the message.
     """
 
     steps: Sequence[SolvedStep]
@@ -177,8 +177,8 @@ def find_jump(stepper: Stepper, step: SolvedStep, slow: Array, least: float) -> 
 
     Halves are examined in turn, the earlier one first. A part does not contain a jump if the state
     changes in it slowly, by a small share of the change in the step, along a straight line, or
-    evenly: by the same amount in each of its halves, and in their halves if they can be halved. If
-    a part of the shortest length remains, the branch of solutions decides.
+    evenly: by the same amount in each of its halves, and in the quarters if these are long enough.
+    If a part of the shortest length remains, the branch of solutions decides.
 
     Args:
         stepper: stepper of the problem; the Functions are left in any state.
@@ -217,7 +217,7 @@ class _Search:
         Args:
             path: solved steps from the start of the whole step to the start of the part.
             step: the part.
-            even: whether it is a half of an even part.
+            even: whether the part is a half of an even part.
         """
         a = step.before.time
         b = step.after.time
@@ -258,17 +258,22 @@ class _Search:
         return changes(self._comm, step.before, step.after).parts
 
     def _is_elsewhere(self, second: SolvedStep, step: SolvedStep) -> bool:
-        """Return whether two halves lead to another state than the whole, and the branch too.
+        """Return whether the end of two halves replaces the end of the whole step. Collective.
 
-        The path of friction and damage depends on the steps: if the branch of the whole step leads
-        to its end, that is a solution as good as that of the halves. Collective.
+        This is the case if the ends differ and the branch of the whole step does not lead to its
+        end. Otherwise both ends are equally valid, because the path of friction and damage depends
+        on the steps.
+
+        Args:
+            second: second half.
+            step: whole step.
         """
         much = np.maximum(_NEAR * self._change(step), self._small)
         distance = changes(self._comm, second.after, step.after).parts
         return bool((distance > much).any()) and not self._leads_to_end(step)
 
     def _leads_to_end(self, step: SolvedStep) -> bool:
-        """Return whether the branch of solutions from the start of a step is at its end."""
+        """Return whether the branch of solutions from the start of a step leads to its end."""
         branch = branch_of_step(self._stepper, step.before, step.after.time)
         return branch.reaches_end and self._is_at(branch, step)
 
@@ -281,10 +286,10 @@ class _Search:
         return bool(np.sqrt(squares[0]) <= _SAME * np.sqrt(squares[1]))
 
     def _is_straight(self, step: SolvedStep) -> bool:
-        """Return whether the states between are solutions under the loads between. Collective.
+        """Return whether all states on the line between the ends are solutions. Collective.
 
-        The statuses of both ends are the same, everything is linear in them, and neither the
-        stiffness nor a law or obstacle has changed its data.
+        This is the case if the statuses of both ends are the same, the problem is linear for fixed
+        statuses, and the data of stiffness, laws and obstacles are constant in the step.
         """
         if not self._linear:
             return False
@@ -332,5 +337,5 @@ class _Search:
                 return Found(path, step, failure=error)
             if (self._change(near) <= np.maximum(_NEAR * size, self._small)).all():
                 return Found([*path, near])
-            why = "solutions lead on from the state, but no step led to them"
+            why = "solutions continue from the state, but no step led to them"
         return Found(path, step, ends, why=why)

@@ -131,7 +131,7 @@ class PathTask:
 
 @dataclass(frozen=True)
 class Known:
-    """Scales and signs found by the steps of a run.
+    """Scales and signs that the steps of a run have determined.
 
     Attributes:
         x_scale: square of the length of x that counts as much as one unit of gamma; 0 before a
@@ -154,7 +154,7 @@ class PathState(RunState):
     Attributes:
         arrived: point of the accepted state, with piece and tangent of the step that ended there;
             None at the start of a path.
-        known: scales and signs found by the steps.
+        known: scales and signs that the steps have determined.
         passed: arc lengths of the start of the run and of its accepted points.
     """
 

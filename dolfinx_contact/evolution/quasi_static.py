@@ -45,7 +45,7 @@ def _check_jump(a: Arguments) -> None:
     if before is None or not a.time >= before.accepted.time:
         raise ValueError("a jump begins where a run has ended, at its time or later")
     if a.motion.problem.u is not a.self.problem.u:
-        raise ValueError("the motion is that of another body")
+        raise ValueError("the motion belongs to another body")
 
 
 def _check_run(a: Arguments) -> None:

@@ -54,8 +54,8 @@ class RunState:
         rate: rates of the state in the last step through times (`jumps.rates`); None before the
             first step and by arc length.
         number: number of the last step, over all runs; 0 before the first.
-        settled: whether the run can be resumed from the state; False between steps that were found
-            together, up to a jump.
+        settled: whether the run can be resumed from the state; False between the steps of a search
+            for a jump, which belong together.
         ending: ending of the run at the state; None if it continues.
         reason: reason of the ending, as a sentence.
     """
@@ -179,7 +179,7 @@ def compared_arguments(a: Arguments) -> dict[str, Any]:
 
 
 class Run(Generic[T, S, H]):
-    """A run: the loop over its accepted steps.
+    """Loop over the accepted steps of a run.
 
     Args:
         stepper: stepper that puts states into the problem.

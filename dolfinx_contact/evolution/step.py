@@ -49,7 +49,7 @@ __all__ = ["AcceptedState", "SolvedStep", "Stepper"]
 logger = logging.getLogger(__name__)
 
 Array = npt.NDArray[np.float64]
-_SOLVED = 1e-6  # largest residual of a start that counts as a solution
+_SOLVED = 1e-6  # largest relative residual of a start that counts as a solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,7 +286,7 @@ class Stepper:
         if not solved and law.comm.rank == 0:
             logger.warning(
                 "the start of the evolution is not a solution under the load at the time %g "
-                "(residual %.1e): its energies mean nothing; solve() first",
+                "(residual %.1e): its energies mean nothing; call solve() first",
                 time,
                 residual,
             )

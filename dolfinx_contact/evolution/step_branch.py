@@ -136,7 +136,7 @@ def _loaded(problem: ContactProblem) -> Iterator[tuple[Loaded, PETSc.Vec]]:
 
 
 def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:
-    """Follow the branches from the start, and those that leave them where they turn. Collective."""
+    """Follow the branches from the start and from their turning points. Collective."""
     departures = follower.departures(x, 0.0)
     starts = _with_growing_load(follower, x, departures)
     why = f"the load turns back at the start, by {departures.method}"

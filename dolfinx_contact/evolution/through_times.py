@@ -65,15 +65,15 @@ Accept: TypeAlias = Callable[[EvolutionStep], bool]
 logger = logging.getLogger(__name__)
 
 _ROUND_OFF = 1e-9  # relative difference of equal times and lengths
-_SUDDEN = 2.0  # times the rate before, above which a step found from beyond is a jump
-_SLIPS = 0.5  # of the rate of the body, largest rate of points that begin to slip
-_BREAKS = 0.25  # of the strength, loss of a bond that may have snapped
-_FURTHER = 4.0  # ratio of the distances in time at which a solution is searched
-_MOST_FURTHER = 20  # such distances
-_PARTS = 16  # of a requested step, below which sliding bodies are solved by all strategies
-_FOLDS = 0.5  # of the smallest det F before, or of 1, below which a state is folded
-_FEW = 16  # contact points up to which rays are computed by default
-_SAME = 1e-6  # of the change in a step, distance of equal ends
+_SUDDEN = 2.0  # ratio to the previous rate above which a step solved from a later state is a jump
+_SLIPS = 0.5  # largest rate of points that begin to slip, as a fraction of the rate of the body
+_BREAKS = 0.25  # loss of strength above which a bond may have snapped
+_FURTHER = 4.0  # ratio of successive distances in time at which a later solution is searched
+_MOST_FURTHER = 20  # largest number of these distances
+_PARTS = 16  # number of parts of a requested step; shorter steps are solved by all strategies
+_FOLDS = 0.5  # factor of the previous smallest det F, at most 1, below which a state is folded
+_FEW = 16  # largest number of contact points for which rays are computed by default
+_SAME = 1e-6  # distance of equal ends, relative to the change in a step
 _REACHED = "the last time is reached"
 _HALVE = "; shorter steps are tried with halve_steps=True"
 
@@ -91,10 +91,10 @@ class HistoryTask:
         locate: whether the closing of points is located to ``shortest``.
         locate_jumps: whether sudden steps are searched for jumps.
         halve: whether steps that are not solved are halved.
-        rays: whether all solutions of the rate problem are computed; None: up to sixteen points,
-            where the statuses of the step before do not hold.
+        rays: whether all solutions of the rate problem are computed; None: only for up to sixteen
+            points, at steps that change the statuses.
         follow_rays: whether steps along the other solutions are collected.
-        extrapolate: whether sliding bodies start from the extrapolated last step.
+        extrapolate: whether the solver starts from the extrapolated last step if bodies slide.
 
     Raises:
         ValueError: if an argument is not admissible.
@@ -121,7 +121,7 @@ class HistoryTask:
         one_of(self.at_jump, "at_jump", get_args(AtJump))
         check_rays(self.rays)
         if self.follow_rays and self.rays is False:
-            raise ValueError("rays must be True or None, to follow some too: False")
+            raise ValueError("follow_rays=True requires rays=True or None, got False")
         if self.at_jump == "jump" and not self.locate_jumps:
             raise ValueError("at_jump='jump' needs locate_jumps=True")
         if not self.sudden >= 1:
@@ -146,7 +146,7 @@ def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tup
     if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values) > 0).all():
         raise ValueError(f"times must be two or more increasing numbers, got {times!r}")
     if accepted is not None:
-        # times that are summed up differ from those that are written down
+        # accumulated times differ from literal times by round-off
         if abs(values[0] - accepted.time) > _ROUND_OFF * (values[-1] - values[0]):
             raise ValueError(
                 f"the evolution is at the time {accepted.time!r}, not {float(values[0])!r}"
@@ -384,7 +384,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             rays = None if trial.brief else self._rays(start, time)
             for statuses in rays or ():
                 if self._same(start.statuses, statuses):
-                    continue  # these statuses were tried
+                    continue  # these statuses have been tried
                 try:
                     step = self._stepper.take(start, time, likely=(statuses,))
                 except ConvergenceError:
@@ -424,8 +424,8 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             except ConvergenceError as error:
                 if self._comm.rank == 0:
                     logger.warning(
-                        "another way on from the time %.10g is not followed, since its first step "
-                        "was not solved: %s",
+                        "another continuation from the time %.10g is not followed, because its "
+                        "first step was not solved: %s",
                         solved.before.time,
                         error,
                     )
@@ -448,7 +448,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             return
         raise ConvergenceError(
             f"the smallest det F falls from {before:.3g} to {after:.3g} in one step: the solution "
-            "that was found is folded, and does not continue the state"
+            "is folded and does not continue the state"
         )
 
     def _smallest_det(self, accepted: AcceptedState) -> float:
@@ -486,8 +486,8 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         require(
             comm,
             wanted or shorter,
-            f"accept rejects every step from the time {solved.before.time:.10g}, down to one of "
-            f"{length:.2g}: accept longer steps, or give a smaller shortest length than "
+            f"accept rejects every step from the time {solved.before.time:.10g}, down to the "
+            f"length {length:.2g}: accept longer steps, or reduce the shortest length, "
             f"{self.task.shortest:.2g}",
         )
         return wanted
@@ -556,21 +556,21 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             return _Ended(
                 Ending.NO_SOLUTION,
                 f"no solution continues the evolution in the step from {a.time:.10g} to "
-                f"{b.time:.10g}, where {found.why}; at its end another one was found, {places}",
+                f"{b.time:.10g}, where {found.why}; at its end there is another solution, {places}",
             )
         if found.failure is not None:
             return _Ended(
                 Ending.NOT_SOLVED,
-                f"no step beyond the time {a.time:.10g} was solved, down to "
-                f"{self.task.shortest:.2g}, that leads on from it; in a solution further off, at "
-                f"{b.time:.10g}, {places}. Whether one continues the evolution is not decided: "
-                f"{found.failure}",
+                f"no step that continues the evolution beyond the time {a.time:.10g} was solved, "
+                f"down to the length {self.task.shortest:.2g}; in a more distant solution, at "
+                f"{b.time:.10g}, {places}. Whether a solution continues the evolution is not "
+                f"decided: {found.failure}",
             )
         return _Ended(
             Ending.NOT_FOUND,
             f"no solution beyond the time {a.time:.10g} was found that continues the evolution, in "
-            f"a step of {b.time - a.time:.2g}; at its end another one was found, {places}. Whether "
-            f"one does is not decided: {found.why}",
+            f"a step of {b.time - a.time:.2g}; at its end there is another solution, {places}. "
+            f"Whether a solution continues the evolution is not decided: {found.why}",
         )
 
     def _not_solved(self, length: float, error: ConvergenceError) -> str:
@@ -581,10 +581,10 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         )
 
     def _beyond(self, goal: float) -> SolvedStep | None:
-        """Step to a time near which no solution was found, if the run may jump. Collective.
+        """Step to a time for which no solution was found, if the run may jump. Collective.
 
-        A later solution is searched, at growing distances; the solver then starts from it, or from
-        one between. None if there is none either.
+        Solutions at later times are searched, at growing distances. The solver then starts from the
+        later solution, or from solutions in between. The result is None if this fails, too.
         """
         if self.task.at_jump != "jump":
             return None
