@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Systems with affine pieces: few unknowns, dense, the same on every rank.
+r"""Small dense systems with affine pieces, identical on every rank.
 
-A point i has k numbers w_i (such as the displacement and reaction of a contact point), with
+A point i has k numbers w_i (such as the displacement and reaction of a contact point) with
 
     sum_i M_i w_i = p + gamma q,        w_i in one of a few polyhedral cones.
 
-Each cone is a status of the point: w_i = B z_i with C w_i >= 0. A piece is one status for every
-point; on it z and w are affine in gamma. So a branch is a chain of segments, whose ends are found
-by ratio tests.
+Each status of the point has a cone: w_i = B z_i with C w_i >= 0. A piece selects one status for
+every point; on a piece z and w are affine in gamma. Hence a branch is a chain of segments, whose
+ends follow from ratio tests.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SINGULAR = 1e12
 
 
 def largest(values: Array) -> float:
-    """The largest absolute value; 0 of none."""
+    """Return the largest absolute value; 0 for an empty array."""
     return float(np.abs(values).max(initial=0.0))
 
 
@@ -78,7 +78,7 @@ class AffineSystem:
         return np.einsum("nmk,mkd->nmd", self.matrix, B).reshape(len(self.load), -1)
 
     def piece(self, codes: Codes) -> AffinePiece | None:
-        """The piece with these statuses; None if it is singular."""
+        """Return the piece with these statuses; None if it is singular."""
         A = self.pieced(codes)
         try:
             inverse = np.asarray(np.linalg.inv(A), dtype=float)
@@ -90,20 +90,20 @@ class AffineSystem:
         return AffinePiece(self, codes, inverse, float(np.linalg.slogdet(A)[0]))
 
     def slacks(self, codes: Codes, w: Array) -> Array:
-        """C w of the statuses ``codes``, shape (m, e); infinite without an inequality."""
+        """Return C w for the statuses ``codes``, shape (m, e); inf for rows without inequality."""
         C = self.inequalities[np.arange(self.points), codes]
         values = np.einsum("mek,mk->me", C, w)
         return np.where(np.any(C != 0, axis=2), values, np.inf)
 
     def step(self, codes: Codes, w: Array, direction: Array) -> float:
-        """Distance along a direction to the first border of a piece; infinite if there is none."""
+        """Return the distance along a direction to the first border of a piece; inf without one."""
         slack = self.slacks(codes, w)
         rate = self.slacks(codes, direction)
         falling = np.isfinite(slack) & (rate < -TOLERANCE * largest(direction))
         return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
 
     def statuses_at(self, w: Array, tolerance: float) -> npt.NDArray[np.bool_]:
-        """Flags of the statuses whose cones, borders included, contain ``w``, (m, statuses)."""
+        """Return flags of the statuses whose closed cones contain ``w``, shape (m, statuses)."""
         z = np.einsum("msdk,mk->msd", self._left_inverses, w)
         away = np.einsum("mskd,msd->msk", self.bases, z) - w[:, None]
         least = np.einsum("msek,mk->mse", self.inequalities, w).min(axis=2, initial=0.0)
@@ -120,10 +120,10 @@ class AffineSystem:
         return np.asarray(np.linalg.pinv(self.bases), dtype=float)
 
     def tangent_cone(self, w: Array, tolerance: float) -> AffineSystem:
-        """The system M dw = dgamma q of the directions that lead out of the state ``w``.
+        """Return the system M dw = dgamma q of the directions that lead out of the state ``w``.
 
-        Points may have the statuses whose cones contain them at ``w``, with the inequalities that
-        are at their border there.
+        The allowed statuses of a point are those whose cones contain its numbers in ``w``. Only the
+        inequalities that are active at ``w`` remain.
         """
         slack = np.einsum("msek,mk->mse", self.inequalities, w)
         at_border = np.abs(slack) <= tolerance
@@ -135,9 +135,14 @@ class AffineSystem:
         )
 
     def solve(self, gamma: float, codes: Codes, *, max_iterations: int = 50) -> Codes | None:
-        """Statuses of a solution at ``gamma`` by Newton's method from ``codes``; None if it cycles.
+        """Return the statuses of a solution by Newton's method; None if it cycles or fails.
 
         If the solution lies on borders of its cones, any of the adjacent statuses may result.
+
+        Args:
+            gamma: parameter.
+            codes: statuses with which the iteration starts, shape (m,).
+            max_iterations: largest number of iterations.
         """
         seen: set[bytes] = set()
         for _ in range(max_iterations):
@@ -151,8 +156,8 @@ class AffineSystem:
             if self.slacks(codes, w).min(initial=np.inf) >= -TOLERANCE * largest(w):
                 return codes
             wanted = self.classify(w)
-            held = self.allowed[np.arange(self.points), wanted]
-            codes = np.where(held, wanted, codes).astype(np.int8)
+            allowed = self.allowed[np.arange(self.points), wanted]
+            codes = np.where(allowed, wanted, codes).astype(np.int8)
         return None
 
 
@@ -195,9 +200,10 @@ class AffinePiece:
         return w_0 + gamma * w_1
 
     def neighbour(self, point: int, code: int) -> AffinePiece | None:
-        """The piece in which one point has the status ``code``; None if it is singular.
+        """Return the piece in which one point has the status ``code``; None if it is singular.
 
-        The inverse is updated by the columns that change.
+        The inverse is updated by a low-rank formula for the changed columns. If the result is
+        inaccurate, the piece is inverted again.
         """
         s = self.system
         new = self.codes.copy()

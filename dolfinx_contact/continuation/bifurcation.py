@@ -11,9 +11,10 @@ tau vanishes there, and V tends to the kernel of J, the direction of the other b
 orthogonal to t. With J^{-1} from the computation of the tangent, tau = -1/(C^T J^{-1} B) costs one
 solve.
 
-Where the whole matrix is singular, tau changes its sign through infinity; in one step with a
-bifurcation, the two changes would hide each other. Hence there are three pairs of borders, and the
-median of their values decides: all three vanish at a bifurcation, elsewhere one is outvoted.
+Where the whole matrix is singular, tau changes its sign through infinity; together with a
+bifurcation in the same step, the two changes of sign would cancel. Hence there are three pairs of
+borders, and the median of their values is used: at a bifurcation all three vanish; where the matrix
+of one pair is singular, the other two decide.
 
 With a Krylov method, where every right-hand side costs a solve, there is one pair, and
 tau = sign(det J) / |C^T J^{-1} B| with the sign of det J from the solve.
@@ -39,7 +40,8 @@ class BifurcationTest:
         bordered: bordered system, whose matrix is J at the point of the last tangent.
 
     Attributes:
-        signs: signs of the pairs by which they agree on the branch so far, shape (pairs,).
+        signs: factors 1 or -1 of the pairs with which their values have agreed in sign on the
+            branch so far, shape (pairs,).
     """
 
     def __init__(self, bordered: Bordered):

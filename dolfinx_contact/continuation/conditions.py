@@ -164,7 +164,7 @@ class SmoothFold:
         probe.copy(self._bordered.column)
         for vector in (self._c, self._bordered.column):
             vector.scale(1.0 / vector.norm())
-        # The kernels are the best borders: they make the matrix as regular as possible.
+        # borders in the kernels make the bordered matrix as regular as possible
         self._solve(x, gamma, piece)
         for vector, kernel in ((self._c, self.v), (self._bordered.column, self.psi)):
             kernel.copy(vector)
@@ -178,7 +178,7 @@ class SmoothFold:
         self._size = float(row.norm(PETSc.NormType.NORM_1)) or steep
         row.destroy()
         if not self._size > 0:
-            raise ValueError("the Jacobian does not depend on x here: this is no smooth fold")
+            raise ValueError("the Jacobian does not depend on x here: this is not a smooth fold")
 
     def _solve(self, x: PETSc.Vec, gamma: float, piece: Piece) -> float:
         """Compute v and psi, and return g. Collective."""
@@ -186,7 +186,7 @@ class SmoothFold:
         self._layout.join(self._c, 0.0, self._row)
         self._solver.assemble(self._y, self._row, piece)
         if not self._solver.factorise():
-            raise ValueError("the bordered matrix is singular: this is no simple fold")
+            raise ValueError("the bordered matrix is singular: this is not a simple fold")
         self._solver.factor.solve_transposed(self._unit, self._y)
         self.psi.array[:] = self._y.array_r[: self._layout.local]
         self._solver.factor.solve(self._unit, self._y)
@@ -226,16 +226,16 @@ class SmoothFold:
         self, x: PETSc.Vec, gamma: float, piece: Piece, by_parameter: Derivative
     ) -> float:
         self._solve(x, gamma, piece)
-        found = self.system.create_vector()
-        self._central(x, lambda at, out: by_parameter(at, piece, out), found)
-        value = -float(self.psi.dot(found))
-        found.destroy()
+        change = self.system.create_vector()
+        self._central(x, lambda state, out: by_parameter(state, piece, out), change)
+        value = -float(self.psi.dot(change))
+        change.destroy()
         return value
 
     def destroy(self) -> None:
         self._solver.destroy()
-        mine = (self._y, self._row, self._unit, self.v, self.psi, self._shifted, self._a, self._c)
-        for vector in (*mine, self._bordered.column, self._layout.x):
+        own = (self._y, self._row, self._unit, self.v, self.psi, self._shifted, self._a, self._c)
+        for vector in (*own, self._bordered.column, self._layout.x):
             vector.destroy()
 
 

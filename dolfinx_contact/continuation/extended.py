@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Curves of special points in two parameters, by the extended system.
+r"""Curves of special points in two parameters.
+
+The curves are branches of the extended system
 
     H(x, gamma, mu) = 0,    phi(x, gamma, mu) = 0
 
-in the unknowns (x, gamma) with the parameter mu, where phi is a condition of `conditions.py`. It is
-a `System` with the pieces of H. A curve is traced by arc length through changes of status of other
-points. Where mu turns back smoothly on a curve of smooth folds, there is a cusp of these.
+in the unknowns (x, gamma) with the parameter mu, where phi is a condition of `conditions.py`. The
+extended system is a `System` with the pieces of H. A curve is traced by arc length, also through
+changes of status of other points. A smooth fold of mu on a curve of smooth folds is a cusp.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ from dolfinx_contact.continuation.system import Events, Piece, System
 
 __all__ = ["ParameterSystem", "SpecialCurve", "follow_special"]
 
-_LOST = 127  # status of the point of a `StatusChange` beyond the end of its border
+_LOST = 127  # artificial status of the point of a `StatusChange` beyond the end of the curve
 
 
 class ParameterSystem(Protocol):
@@ -57,7 +59,7 @@ class ParameterSystem(Protocol):
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None
     ) -> None:
-        """The derivative of H by the parameter into ``c``, with the other parameter as set."""
+        """Write the derivative of H by the parameter into ``c``; the other parameter is as set."""
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
         """Raise ``ValueError`` if the problem does not exist at one of these values."""
@@ -68,11 +70,12 @@ class SpecialCurve:
     """A curve of special points.
 
     Attributes:
-        points: (mu, gamma) of its points, from its end at smaller mu on, shape (n, 2).
+        points: (mu, gamma) of the points of the curve in order, beginning with the end that was
+            traced towards smaller mu, shape (n, 2).
         meetings: (mu, gamma) where further points change their status, shape (n, 2).
-        turns: (mu, gamma) where mu turns back: cusps of smooth folds, shape (n, 2).
+        turns: (mu, gamma) where mu turns back, which are cusps of smooth folds, shape (n, 2).
         branches: branches of the extended system, towards smaller and towards larger mu.
-        reasons: reasons for the ends of these.
+        reasons: descriptions of the endings of the two branches.
     """
 
     points: npt.NDArray[np.float64]
@@ -82,7 +85,7 @@ class SpecialCurve:
     reasons: tuple[str, str]
 
     def at(self, mu: float) -> list[float]:
-        """Values of gamma where the curve has this ``mu``, linear between its points."""
+        """Return the values of gamma of the curve at ``mu``, interpolated linearly."""
         m, g = self.points.T
         k = np.flatnonzero((m[:-1] - mu) * (m[1:] - mu) <= 0)
         parts = [(mu - m[i]) / (m[i + 1] - m[i]) if m[i + 1] != m[i] else 0.0 for i in k]
@@ -90,7 +93,7 @@ class SpecialCurve:
 
 
 class _Extended(System):
-    """H and a condition in X = (x, gamma), with the parameter mu.
+    """Extended system: H and a condition phi in the unknowns X = (x, gamma) and parameter mu.
 
     Args:
         system: H with gamma.
@@ -141,10 +144,10 @@ class _Extended(System):
         return self.layout.vector()
 
     def _set(self, X: PETSc.Vec, mu: float, piece: Piece | None) -> tuple[PETSc.Vec, float, Piece]:
-        """Set mu, and return x in a vector of its own, gamma, and the piece of H.
+        """Set mu, and return a copy of x, gamma, and the piece of H.
 
-        The piece is by default the one that the state determines; the point of a status change has
-        its status before the change.
+        By default the state determines the piece. The point of a status change keeps the status
+        before the change.
         """
         x, gamma = self.layout.split(X)
         x.copy(self._x)
@@ -167,8 +170,8 @@ class _Extended(System):
     def jacobian(self, X: PETSc.Vec, mu: float, piece: Piece | None) -> None:
         x, gamma, own = self._set(X, mu, piece)
 
-        def by_gamma(at: PETSc.Vec, of: Piece, out: PETSc.Vec) -> None:
-            self.system.parameter_derivative(at, gamma, out, of)
+        def by_gamma(state: PETSc.Vec, side: Piece, out: PETSc.Vec) -> None:
+            self.system.parameter_derivative(state, gamma, out, side)
 
         self.condition.gradient(x, gamma, own, self._d)
         slope = self.condition.derivative(x, gamma, own, by_gamma)
@@ -181,8 +184,8 @@ class _Extended(System):
         x, gamma, own = self._set(X, mu, piece)
         self.system.residual(x, gamma, self._c, own)  # sets gamma in H
 
-        def by_mu(at: PETSc.Vec, of: Piece, out: PETSc.Vec) -> None:
-            self.other.parameter_derivative(at, mu, out, of)
+        def by_mu(state: PETSc.Vec, side: Piece, out: PETSc.Vec) -> None:
+            self.other.parameter_derivative(state, mu, out, side)
 
         slope = self.condition.derivative(x, gamma, own, by_mu)
         by_mu(x, own, self._c)
@@ -206,7 +209,10 @@ class _Extended(System):
         return self._set(X, mu, None)[2]
 
     def events(self, X: PETSc.Vec, mu: float, piece: Piece) -> Events:
-        """Events of H on both sides of the border, without the change that is the condition."""
+        """Return the events of H, on both sides of the border that the condition describes.
+
+        The change across this border is not an event. All events of its point end the curve.
+        """
         x, gamma, own = self._set(X, mu, piece)
         before = self.system.events(x, gamma, own)
         border = self._border
@@ -287,7 +293,7 @@ def follow_special(
 ) -> SpecialCurve:
     """Trace a fold, or another event of one point, as a second parameter varies. Collective.
 
-    The curve ends where that point reaches another border of its own. The data of the systems are
+    The curve of an event ends where its point reaches another border. The data of the systems are
     restored.
 
     Args:
@@ -309,7 +315,7 @@ def follow_special(
     require(
         system.comm,
         system.preconditioner is None,
-        "curves in two parameters need assembled matrices: take the direct linear solver",
+        "curves in two parameters need assembled matrices: use the direct linear solver",
     )
     layout = Layout(system)
     x, gamma = layout.split(special.y)
@@ -361,12 +367,12 @@ def follow_special(
 
 
 def _curve(extended: _Extended, down: Branch, up: Branch) -> SpecialCurve:
-    """The curve of two branches from one point. Collective."""
+    """Return the curve that consists of two branches from one point. Collective."""
     layout = Layout(extended)
 
-    def places(of: Sequence[BranchPoint | SpecialPoint]) -> npt.NDArray[np.float64]:
+    def places(points: Sequence[BranchPoint | SpecialPoint]) -> npt.NDArray[np.float64]:
         rows = []
-        for point in of:
+        for point in points:
             X, mu = layout.split(point.y)
             rows.append((mu, extended.layout.gamma(X)))
         return np.array(rows, dtype=float).reshape(-1, 2)

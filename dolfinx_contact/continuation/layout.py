@@ -46,11 +46,11 @@ class Layout:
 
     def gamma(self, y: PETSc.Vec) -> float:
         """Return gamma of ``y`` on every rank."""
-        mine = float(y.array_r[-1]) if self.last else 0.0
-        return float(self.comm.bcast(mine, root=self.comm.size - 1))
+        gamma = float(y.array_r[-1]) if self.last else 0.0
+        return float(self.comm.bcast(gamma, root=self.comm.size - 1))
 
     def split(self, y: PETSc.Vec) -> tuple[PETSc.Vec, float]:
-        """Return x, in a vector that every call uses, and gamma of ``y``."""
+        """Return x and gamma of ``y``; x is a work vector that the next call overwrites."""
         self.x.array[:] = y.array_r[: self.local]
         return self.x, self.gamma(y)
 
@@ -92,8 +92,8 @@ class BorderedSolver(ABC):
         defaults: default PETSc options.
         precision: relative error of solutions.
         many_sides: whether every further right-hand side is cheap. Otherwise solves are iterative,
-            and accuracy has its price.
-        corrects: whether `System.correct` pays: a correction costs less than a step.
+            and their cost grows with the accuracy.
+        corrects: whether to call `System.correct`, because a correction is cheaper than a step.
         matrix: J, for SNES.
         factorisations: number of factorised matrices.
         solves: number of applications of an inverse or of the preconditioner.
@@ -159,7 +159,10 @@ class BorderedSolver(ABC):
 
     @abstractmethod
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
-        """Solve with a right-hand side that has components along all eigenvectors. Collective."""
+        """Solve with a right-hand side that has components along all eigenvectors. Collective.
+
+        An iterative solver also determines the sign of det J from this solve.
+        """
 
     @abstractmethod
     def determinant_sign(self) -> float:

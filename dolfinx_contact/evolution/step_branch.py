@@ -177,9 +177,9 @@ def _with_growing_load(
 ) -> list[BranchPoint]:
     """Return the rays out of the start to follow, the straightest last. Collective.
 
-    These are the rays along which gamma grows, or, if there are none, those along which it stays.
-    If there are neither and rays may be missing, it is the start itself, whose first step looks for
-    a direction.
+    These are the rays along which gamma grows, or, if there are none, the rays along which gamma is
+    constant. If there are none either and rays may be missing, the result is the start itself, and
+    its first step searches for a direction.
     """
     b = follower.bordered
     rates = [(point, b.gamma(point.tangent)) for point in departures.rays]
@@ -193,14 +193,14 @@ def _with_growing_load(
 
 
 def _turned(step: BranchStep) -> str:
-    """Reason to end a branch at a fold or bifurcation; "" elsewhere."""
+    """Return a reason to end a branch at a fold or bifurcation; "" elsewhere."""
     return "the load turns back" if any(s.kind in _TURNS for s in step.special) else ""
 
 
 def _rays_at_turn(follower: Follower, turn: SpecialPoint) -> FoundRays[Ray]:
     """Return the rays with growing gamma out of a fold or a bifurcation. Collective.
 
-    The method of the result says why the load turns back, or why this is not known.
+    The method of the result states why the load turns back, or why this is unknown.
     """
     if turn.kind == "fold" and turn.smooth:
         return FoundRays((), True, "the load turns back while all statuses stay")
