@@ -73,7 +73,7 @@ class AffineSystem:
             )
 
     def pieced(self, codes: Codes) -> Array:
-        """A = M B of a piece, shape (N, N)."""
+        """Return A = M B of a piece, shape (N, N)."""
         B = self.bases[np.arange(self.points), codes]
         return np.einsum("nmk,mkd->nmd", self.matrix, B).reshape(len(self.load), -1)
 
@@ -195,7 +195,7 @@ class AffinePiece:
         return np.where(np.any(C != 0, axis=2), s_0, np.inf), s_1
 
     def at(self, gamma: float) -> Array:
-        """The state at ``gamma``, shape (m, k)."""
+        """Return the state at ``gamma``, shape (m, k)."""
         w_0, w_1 = self.coefficients
         return w_0 + gamma * w_1
 

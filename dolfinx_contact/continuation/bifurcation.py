@@ -87,7 +87,7 @@ class BifurcationTest:
         return tau
 
     def kernel(self) -> PETSc.Vec:
-        """The unit vector V of the last call: the kernel of J where tau vanishes."""
+        """Return the unit vector V of the last call: the kernel of J where tau vanishes."""
         self._bordered.require_scale()
         v = self._V[self._chosen].copy()
         v.scale(1.0 / np.sqrt(self._bordered.inner(v, v)))

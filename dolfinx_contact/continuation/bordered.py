@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The bordered system: H(x, gamma) = 0 with one more row, regular where gamma turns back.
+r"""The bordered system: H(x, gamma) = 0 with an additional row, regular at folds of gamma.
 
 Its matrix J (`layout`) is factorised (`factorised`), or, if the system has a preconditioner of H_x,
 used in a Krylov method (`krylov`). Lengths are those of the inner product

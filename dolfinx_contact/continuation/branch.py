@@ -91,7 +91,7 @@ def is_same_piece(comm: MPI.Comm, a: Piece, c: Piece) -> bool:
 
 
 def kind_of_kink(meets: bool, turned: bool) -> Kind:
-    """Kind of a nonsmooth point.
+    """Return the kind of a nonsmooth point.
 
     Args:
         meets: True if other branches meet there.

@@ -384,10 +384,9 @@ class Corrector:
 
     def _is_known(self, y: PETSc.Vec) -> bool:
         """Return True if the last evaluation of H was at ``y``. Collective."""
-        known = self._known
-        if known is None:
+        if self._known is None:
             return False
-        same = bool(np.array_equal(known[0], y.array_r))
+        same = bool(np.array_equal(self._known[0], y.array_r))
         return bool(self.bordered.comm.allreduce(same, op=MPI.LAND))
 
     def _jacobian(self, _snes: PETSc.SNES, y: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:

@@ -207,14 +207,14 @@ class _Explorer:
 
     def _depart(self, x: PETSc.Vec, gamma: float) -> None:
         """Queue the rays of a start that stay in the range of gamma, or make it a node."""
-        found = self.follower.departures(x, gamma)
-        moved = [self.follower.correction(x, p) for p in found.rays[:1]]
+        departures = self.follower.departures(x, gamma)
+        moved = [self.follower.correction(x, p) for p in departures.rays[:1]]
         self.diagram.start_correction = max([self.diagram.start_correction, *moved])
-        inside = [p for p in found.rays if not self._leaves(p)]
-        if len(found.rays) > 2 and inside:
-            self._node_of(found, inside)
+        inside = [p for p in departures.rays if not self._leaves(p)]
+        if len(departures.rays) > 2 and inside:
+            self._node_of(departures, inside)
         else:
-            self._all_rays_known = self._all_rays_known and found.complete
+            self._all_rays_known = self._all_rays_known and departures.complete
             self._waiting += inside
 
     def _follow_ray(self, i: int, j: int) -> None:
@@ -280,18 +280,18 @@ class _Explorer:
 
         If pieces meet there, further rays may lead back into the range.
         """
-        found = self.follower.rays_at(point)
-        if found is None:
+        outgoing = self.follower.rays_at(point)
+        if outgoing is None:
             return None
-        inside = [p for p in found.rays if not self._leaves(p)]
+        inside = [p for p in outgoing.rays if not self._leaves(p)]
         back = _reversed(point.tangent)
-        if len(found.rays) <= 2:
-            self._all_rays_known = self._all_rays_known and found.complete
+        if len(outgoing.rays) <= 2:
+            self._all_rays_known = self._all_rays_known and outgoing.complete
             self._waiting += [p for p in inside if not self._is_ray(p.tangent, back)]
             return None
         if not inside:
             return None
-        node = self._node_of(found, inside)
+        node = self._node_of(outgoing, inside)
         if node == start:  # the branch left the range at its start
             return None
         self._take_ray(node, Ray(point.piece, back), number)
@@ -334,7 +334,7 @@ class _Explorer:
         return len(self.diagram.nodes) - 1
 
     def _node_at(self, y: PETSc.Vec) -> int | None:
-        """The number of the node at a point; None if there is none."""
+        """Return the number of the node at a point; None if there is none."""
         for i, node in enumerate(self.diagram.nodes):
             if self._is_at(node.point.y, y):
                 return i

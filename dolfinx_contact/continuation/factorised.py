@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The bordered matrix, assembled and factorised, by default by MUMPS.
+"""Direct solver for the bordered matrix, by default MUMPS.
 
 A factorisation is reused for later matrices that differ in a few rows, namely the rows of points
 that change their status and the border row; a low-rank update (`row_update`) accounts for them. If

@@ -107,7 +107,7 @@ def follow(
         gamma_range: range of gamma; the branch ends at either end.
         direction: direction of gamma at the start, ``"increasing"`` or ``"decreasing"``.
         control: step lengths.
-        max_steps: largest number of steps; the branch found so far is returned.
+        max_steps: largest number of steps, after which the incomplete branch is returned.
         route: method, see `follower_for`.
         stop: function of every accepted step that returns the reason to end the branch there, or ""
             to continue. During the call the problem is in the state of the point: Functions,
@@ -124,8 +124,8 @@ def follow(
 
     Raises:
         ValueError: on every rank, if an argument is invalid or differs between ranks, gamma does
-            not appear in H or leaves its range at once, no solution is found near the start, or H
-            has kinks within its pieces.
+            not appear in H or leaves its range immediately, no solution is found near the start, or
+            H has kinks within its pieces.
     """
     check_states(system, [x], "x")
     low, high = gamma_range
@@ -331,7 +331,7 @@ class Follower(Walker):
         return self._steps.rescaled(kink)
 
     def _aside(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
-        """The point at a small distance along a ray."""
+        """Return the point at a small distance along a ray."""
         y = special.y.copy()
         y.axpy(_ASIDE, ray.tangent)
         if not self.corrector.pseudo_arclength(y, special.y, ray.tangent, _ASIDE, ray.piece):

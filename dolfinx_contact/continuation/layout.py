@@ -79,10 +79,16 @@ class Enough(Protocol):
     """Test that may end an iterative solve early. Collective."""
 
     def is_due(self, reduction: float) -> bool:
-        """Whether to test at a residual relative to the right-hand side."""
+        """Return True if the test is due at this relative residual."""
 
     def __call__(self, reduction: float, size: float, solution: PETSc.Vec) -> bool:
-        """Whether the solution suffices; ``size``: norm of the right-hand side of H."""
+        """Return True if the solution suffices.
+
+        Args:
+            reduction: residual, relative to ``size``.
+            size: norm of the right-hand side in the rows of H.
+            solution: iterate.
+        """
 
 
 class BorderedSolver(ABC):
@@ -166,7 +172,7 @@ class BorderedSolver(ABC):
 
     @abstractmethod
     def determinant_sign(self) -> float:
-        """Sign of det J up to a constant factor; 0 if J is singular. Collective."""
+        """Return the sign of det J up to a constant factor; 0 if J is singular. Collective."""
 
     @abstractmethod
     def determinant_quotient(
@@ -175,7 +181,7 @@ class BorderedSolver(ABC):
         before: tuple[PETSc.Vec, Piece | None],
         after: tuple[PETSc.Vec, Piece | None],
     ) -> int:
-        """Sign of det J_1 / det J_0 at ``y``. Collective.
+        """Return the sign of det J_1 / det J_0 at ``y``. Collective.
 
         Args:
             y: state.

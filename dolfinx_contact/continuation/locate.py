@@ -112,7 +112,7 @@ class Locator:
         return self.largest_distance or 1.0
 
     def _least(self, values: npt.NDArray[np.float64]) -> float:
-        """The least value on all ranks."""
+        """Return the least value on all ranks."""
         return float(self.bordered.comm.allreduce(float(np.min(values, initial=np.inf)), op=min))
 
     def is_outside(self, point: BranchPoint) -> bool:
@@ -295,7 +295,7 @@ class Locator:
         return turned and not any(s.kind == "fold" for s in special)
 
     def _secant(self, start: PETSc.Vec, end: PETSc.Vec, t: PETSc.Vec) -> PETSc.Vec:
-        """The unit vector from one state to another; ``t`` where they coincide."""
+        """Return the unit vector from one state to another; ``t`` where they coincide."""
         secant = end - start
         size = self.length(secant)
         if size < self.control.minimum:
@@ -304,7 +304,10 @@ class Locator:
         return secant
 
     def rescaled(self, point: BranchPoint) -> BranchPoint:
-        """The point with a unit tangent; the first tangent that moves x sets the scale of x."""
+        """Return the point with a unit tangent, after setting the scale of x if it is not set.
+
+        The first tangent that moves x sets the scale.
+        """
         b = self.bordered
         if b.x_scale == 0.0:
             b.set_scale(point.tangent, point.y)

@@ -145,7 +145,7 @@ ObserverLike: TypeAlias = Observer | Callable[[S], object]
 
 
 def is_observer(given: Any) -> bool:
-    """Whether an object has the methods of an observer; classes do not count."""
+    """Return True if an object has the methods of an observer and is not a class."""
     return not isinstance(given, type) and all(
         callable(getattr(given, name, None)) for name in _METHODS
     )
@@ -158,8 +158,8 @@ def as_observer(given: Any) -> Observer:
         ValueError: if the argument is neither.
     """
     if is_observer(given):
-        found: Observer = given
-        return found
+        observer: Observer = given
+        return observer
     if isinstance(given, type) and issubclass(given, Observer):
         raise ValueError(f"{given.__name__} is a class: the observer must be an object of it")
     if callable(given):

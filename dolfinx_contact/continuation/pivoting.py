@@ -194,12 +194,12 @@ class Pivoting(Walker):
         or, if there are none, along the straightest ray.
         """
         before = self._piece(ray.codes) if ray.rate != 0 else None
-        found = self._rays_onwards(w, gamma, ray, before)
-        rays = sorted(found.rays, key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
+        search = self._rays_onwards(w, gamma, ray, before)
+        rays = sorted(search.rays, key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
         if not rays:
             point = self._point(w, gamma, ray, length)
             end = SpecialPoint(
-                "end", False, gamma, point.y, 0, complete=found.complete, method=found.method
+                "end", False, gamma, point.y, 0, complete=search.complete, method=search.method
             )
             return point, end, None
         onwards, *others = rays
@@ -221,10 +221,10 @@ class Pivoting(Walker):
             changes,
             parity,
             tuple(self._ray(w, gamma, r) for r in others),
-            found.complete,
+            search.complete,
             self._ray(w, gamma, ray) if others else None,
             Ray(point.piece, point.tangent) if others else None,
-            found.method,
+            search.method,
         )
         return point, vertex, onwards
 
@@ -289,14 +289,14 @@ class Pivoting(Walker):
         return BranchPoint(y, unit, self.condensed.piece(ray.codes), gamma, length, 0)
 
     def _ray(self, w: Array, gamma: float, ray: AffineRay) -> Ray:
-        """A ray out of (w, gamma) with its unit tangent."""
+        """Return a ray out of (w, gamma) with its unit tangent."""
         y = self._joined(w, gamma)
         unit = self._unit_tangent(w, gamma, ray, y)
         y.destroy()
         return Ray(self.condensed.piece(ray.codes), unit)
 
     def _joined(self, w: Array, gamma: float) -> PETSc.Vec:
-        """The vector y with the numbers ``w``."""
+        """Return the vector y with the numbers ``w``."""
         x = self.system.create_vector()
         self.condensed.expand(w, gamma, x)
         y = self.bordered.joined(x, gamma)
@@ -304,7 +304,7 @@ class Pivoting(Walker):
         return y
 
     def _unit_tangent(self, w: Array, gamma: float, ray: AffineRay, y: PETSc.Vec) -> PETSc.Vec:
-        """The unit tangent of a ray out of (w, gamma), where the vector is ``y``."""
+        """Return the unit tangent of a ray out of (w, gamma), where the vector is ``y``."""
         b = self.bordered
         t = self._joined(w + ray.direction, gamma + ray.rate)
         t.axpy(-1.0, y)

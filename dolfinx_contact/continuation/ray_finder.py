@@ -214,7 +214,7 @@ class RayFinder:
     def _solutions_nearby(
         self, senses: Sequence[float]
     ) -> Iterator[tuple[PETSc.Vec, PETSc.Vec, Piece]]:
-        """Solutions of H near the point, their differences from the point, and their pieces."""
+        """Yield solutions of H near the point, with difference from the point and piece."""
         b = self._corrector.bordered
         gamma = b.gamma(self._y)
         for length, sense in itertools.product(_LENGTHS, senses):
@@ -271,7 +271,7 @@ class RayFinder:
         return distance <= _SAME * self._norm(a.tangent)
 
     def distinct(self, rays: Sequence[Ray]) -> list[Ray]:
-        """Rays without repetitions."""
+        """Return the rays without repetitions."""
         return distinct(rays, self.same)
 
 
@@ -391,7 +391,7 @@ class KinkRays(RayFinder):
         return Crossing(tuple(rays), found.complete, found.method, len(kinks), changes, sign)
 
     def _codes(self, piece: Piece) -> list[int]:
-        """Statuses of the kinked points on a piece."""
+        """Return the statuses of the kinked points on a piece."""
         comm = self._b.comm
         own = [int(piece.codes[k.point]) if comm.rank == k.rank else 0 for k in self.kinks]
         parts = comm.allgather(own)
@@ -447,7 +447,10 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
 def _slopes(
     corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec
 ) -> tuple[Events, npt.NDArray[np.float64]]:
-    """Events of a piece at ``y``, and the rates of their distances along ``t``. Collective."""
+    """Return the events of a piece at ``y``, and the rates of the distances along ``t``.
+
+    Collective.
+    """
     b = corrector.bordered
     events = b.system.events(*b.split(y), piece)
     ahead = y.copy()
@@ -460,5 +463,5 @@ def _slopes(
 
 
 def _largest(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> float:
-    """The largest absolute value on all ranks. Collective."""
+    """Return the largest absolute value on all ranks. Collective."""
     return float(comm.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max))

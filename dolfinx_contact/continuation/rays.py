@@ -86,7 +86,7 @@ class Rays(FoundRays[AffineRay]):
 def neighbours(
     piece: AffinePiece, w: Array, kinked: int, held: npt.NDArray[np.bool_], tolerance: float
 ) -> list[tuple[AffinePiece, float]]:
-    """Pieces beyond a vertex at which one point changes its status.
+    """Return the pieces beyond a vertex at which one point changes its status.
 
     Args:
         piece: piece that reaches the vertex.
@@ -156,7 +156,7 @@ def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
 
 
 def _rays_in(cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]) -> tuple[AffineRay, ...]:
-    """Rays that lie in one piece or on its border."""
+    """Return the rays that lie in one piece or on its border."""
     points = np.arange(cone.points)
     return tuple(
         r
@@ -296,7 +296,7 @@ def _senses(
 
 
 def _least(slack: Array) -> float:
-    """The least finite slack."""
+    """Return the least finite slack."""
     return float(np.min(slack[np.isfinite(slack)], initial=np.inf))
 
 
@@ -345,7 +345,7 @@ def _random_state(
 
 
 def _by_newton(cone: AffineSystem, choices: Choices) -> Iterator[AffineRay]:
-    """Rays at dgamma = 1 and -1 by Newton's method from uniform statuses."""
+    """Yield the rays at dgamma = 1 and -1 computed by Newton's method from uniform statuses."""
     for gamma, code in itertools.product((1.0, -1.0), range(cone.bases.shape[1])):
         start = np.array([code if code in c else c[0] for c in choices], dtype=np.int8)
         codes = cone.solve(gamma, start)

@@ -117,7 +117,7 @@ class Solutions:
         return f"{many}{more}; {known}: {self.method}"
 
     def points(self, system: System, found: Sequence[Solution] | None = None) -> list[BranchPoint]:
-        """Solutions as points without a tangent, for pictures and tables. Collective.
+        """Return the solutions as points without a tangent, for pictures and tables. Collective.
 
         Args:
             system: system that the solutions belong to.

@@ -132,13 +132,13 @@ class ExactSteps(Locator):
         return None
 
     def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
-        """The piece of the branch between two successive points; None if there are several."""
+        """Return the piece of the branch between successive points; None for several pieces."""
         return a.piece
 
     # -- one step --------------------------------------------------------------------------------
 
     def corrected_step(self, point: BranchPoint, h: float, piece: Piece | None) -> PETSc.Vec | None:
-        """State after a step of the length ``h`` on a piece, or on H; None if it fails."""
+        """Return the state after a step of length ``h`` on a piece or on H; None if it fails."""
         y = point.y.copy()
         t = point.tangent.copy()
         y.axpy(h, point.tangent)
@@ -207,14 +207,14 @@ class ExactSteps(Locator):
         return landed
 
     def _within_piece(self, point: BranchPoint, new: BranchPoint, h: float) -> Advance | None:
-        """A step without a change of status; None if it misses a fold."""
+        """Accept a step without a change of status; None if it misses a fold."""
         special = self.smooth_points(point, new)
         if self.lacks_fold(point, new, special):
             return None
         return self.rescaled(new), special, self._next_length(h, new)
 
     def _next_length(self, h: float, new: BranchPoint) -> float:
-        """The length of the step after an accepted one."""
+        """Return the length of the step after an accepted one."""
         control = self.control
         return min(h * control.increase if new.corrections <= control.easy else h, control.maximum)
 
@@ -359,14 +359,14 @@ class _StepsOnH(ExactSteps):
         return False
 
     def _shortened(self, point: BranchPoint, trial: _Trial, h: float) -> Advance | float:
-        """The length of the next attempt after a refused trial."""
+        """Return the length of the next attempt after a refused trial."""
         return h * self.control.decrease
 
     def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
         return a.piece if is_same_piece(self.bordered.comm, a.piece, c.piece) else None
 
     def _trial(self, point: BranchPoint, h: float) -> _Trial:
-        """A step of the length ``h`` on H."""
+        """Take a step of the length ``h`` on H."""
         b = self.bordered
         y = self.corrected_step(point, h, None)
         if y is None:
@@ -391,7 +391,7 @@ class _StepsOnH(ExactSteps):
         return _Trial(new, changes, not turned and parity > 0, parity)
 
     def _orientation(self, point: BranchPoint) -> float:
-        """Sign of det [grad H; t^T] at a point; 0 if the matrix is singular."""
+        """Return the sign of det [grad H; t^T] at a point; 0 if the matrix is singular."""
         if self._oriented is None or self._oriented[0] is not point.y:
             t = self.corrector.tangent(point.y, point.tangent, point.piece, factorise=True)
             self._oriented = (point.y, self.corrector.orientation() if t is not None else 0.0)
@@ -444,7 +444,7 @@ class BatchedSteps(_StepsOnH):
         return shorter
 
     def _first_located(self, trial: _Trial) -> float:
-        """The fraction of the step at the first change to be located; inf if there is none."""
+        """Return the fraction of the step before the first change to be located; inf for none."""
         comm = self.bordered.comm
         locate = self._locate
         if locate is None:
@@ -488,7 +488,7 @@ class SteppingSteps(_StepsOnH):
         return None
 
     def _along(self, point: BranchPoint, t: PETSc.Vec, h: float) -> BranchPoint | None:
-        """The point at the distance ``h`` along ``t``; None if there is none or it lies behind."""
+        """Return the point at the distance ``h`` along ``t``; None on failure or if behind."""
         b = self.bordered
         start = replace(point, tangent=t)
         y = self.corrected_step(start, h, None)
@@ -503,7 +503,7 @@ class SteppingSteps(_StepsOnH):
         return self.new_point(start, h, y, piece, factorise=True, precise=True)
 
     def _kink(self, point: BranchPoint, new: BranchPoint, h_1: float) -> SpecialPoint:
-        """The kink between ``point`` and ``new``, within ``h_1`` of ``point``."""
+        """Return the kink between ``point`` and ``new``, within ``h_1`` of ``point``."""
         b = self.bordered
         t = self.corrector.tangent(new.y, new.tangent, new.piece, factorise=True)
         after = self.corrector.orientation() if t is not None else 0.0
@@ -546,7 +546,7 @@ def _unlocated(
     changes: Sequence[tuple[float, Change]],
     parity: int = 0,
 ) -> list[SpecialPoint]:
-    """Events for the changes of a step that are not located."""
+    """Return the events for the changes of a step that are not located."""
     bracket = min(point.gamma, new.gamma), max(point.gamma, new.gamma)
     return [
         SpecialPoint(

@@ -104,23 +104,25 @@ class Walker(ABC):
         """
         sign = sign_of(direction)
         point = self._point_at(x, gamma, sign)
-        found = None if self._leads_out(point) else self.rays_at(point)
-        if found is None:
+        outgoing = None if self._leads_out(point) else self.rays_at(point)
+        if outgoing is None:
             return point
         b = self.bordered
-        rates = [sign * b.gamma(p.tangent) for p in found.rays]
+        rates = [sign * b.gamma(p.tangent) for p in outgoing.rays]
         least = _CONSTANT * b.gamma_scale
-        onwards = [p for p, rate in zip(found.rays, rates, strict=True) if rate > least]
+        onwards = [p for p, rate in zip(outgoing.rays, rates, strict=True) if rate > least]
         if not onwards:
-            onwards = [p for p, rate in zip(found.rays, rates, strict=True) if abs(rate) <= least]
+            onwards = [
+                p for p, rate in zip(outgoing.rays, rates, strict=True) if abs(rate) <= least
+            ]
         if onwards:
             return max(onwards, key=lambda p: b.inner(p.tangent, point.tangent))
-        if not found.complete:
+        if not outgoing.complete:
             return point
         goes = "increases" if sign > 0 else "decreases"
         raise ValueError(
-            f"gamma {goes} on none of the {len(found.rays)} rays that lead out of the start at "
-            f"gamma = {point.gamma:.10g}, by {found.method}"
+            f"gamma {goes} on none of the {len(outgoing.rays)} rays that lead out of the start at "
+            f"gamma = {point.gamma:.10g}, by {outgoing.method}"
         )
 
     def departures(self, x: PETSc.Vec, gamma: float) -> FoundRays[BranchPoint]:
@@ -134,10 +136,10 @@ class Walker(ABC):
         smooth = True
         for sign in (1.0, -1.0):
             point = self._point_at(x, gamma, sign)
-            found = self.rays_at(point)
-            if found is not None and (found.rays or found.complete):
-                return found
-            smooth = found is None
+            outgoing = self.rays_at(point)
+            if outgoing is not None and (outgoing.rays or outgoing.complete):
+                return outgoing
+            smooth = outgoing is None
             passing.append(point)
         return FoundRays(tuple(passing), complete=smooth)
 
