@@ -84,7 +84,7 @@ def _check_run(a: Arguments) -> None:
 
 
 class ArcLength(Runnable[PathTask, PathState, PathHistory]):
-    """The path of a contact problem with memory under a load that is unknown beforehand.
+    """Path of a contact problem with memory, under a load that is unknown beforehand.
 
     The first run starts from the state in the Functions of the problem, which must be a solution
     under the present value of the parameter, or from ``start=``. A later run starts where the

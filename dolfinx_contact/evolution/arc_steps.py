@@ -44,10 +44,10 @@ Array = npt.NDArray[np.float64]
 EndOfStep: TypeAlias = Literal["", "kink", "fold", "end"]
 
 # Distances to borders, relative to the largest distance of the run:
-_AT_BORDER = 1e-10  # at the border, so that the rate decides
-_BEYOND = 1e-9  # beyond the border by more than round-off
+_AT_BORDER = 1e-10  # distance up to which a point is at the border, and its rate decides
+_BEYOND = 1e-9  # negative distance from which a point is beyond the border
 # Relative to the range of gamma:
-_AT_END = 1e-10  # at the end of the range
+_AT_END = 1e-10  # distance up to which gamma is at the end of its range
 _IDLE = 1e-7  # rate of gamma that counts as zero
 
 _PROBE = 1e-4  # arc length of central differences

@@ -59,8 +59,8 @@ Array = npt.NDArray[np.float64]
 Level: TypeAlias = Literal["position", "velocity"]
 
 _ROUND_OFF = 1e-9  # relative difference of equal step lengths
-_FAR = 1e6  # multiple of the body size, a gap that never closes
-_PENETRATION = 1e-9  # fraction of the body size, a penetration that counts as none
+_FAR = 1e6  # gap that never closes, relative to the body size
+_PENETRATION = 1e-9  # penetration that counts as zero, relative to the body size
 
 
 @dataclass(frozen=True)
@@ -223,8 +223,8 @@ class MotionStepper(Stepper):
     def _free_flight(self, a: Motion, step: TimeStep) -> Array:
         """Displacement w without contact forces, which gives good first statuses. Collective.
 
-        Nodes without mass have arbitrary velocities, which may invert cells. In this case w is that
-        of a body at rest.
+        Nodes without mass have arbitrary velocities, which may invert cells. In this case w is the
+        displacement of a body at rest.
         """
         origin = self._body.origin
         flight = origin + step.gain * step.length * a.v
@@ -242,7 +242,7 @@ class MotionStepper(Stepper):
             dq: increment of the unknowns of the rigid bodies.
         """
         a = _motion(accepted)
-        # pairs that slide keep the memory of their place on each other
+        # sliding pairs keep the memory of the opposing points
         pairs = zip(self.problem.surfaces, accepted.memory, strict=True)
         eq = self.problem.with_memory([m if s.slides else None for s, m in pairs]).equations
         # friction acts on the difference of w to this reference, during a part of the step
@@ -276,7 +276,9 @@ class MotionStepper(Stepper):
     def _gap_of_impact(
         self, eq: ContactEquations, i: int, at: Kinematics, a: Motion, step: TimeStep, dq: Array
     ) -> Array:
-        """Return the gap in w with the sign of un'_1 + e un'_0, large if the forecast is open.
+        """Return the gap such that the gap at w has the sign of un'_1 + e un'_0.
+
+        The gap is large if the forecast is open, so that there is no contact force.
 
         Args:
             eq: equations of the step.

@@ -120,7 +120,7 @@ def _check_settle(a: Arguments) -> None:
 
 
 class NSCD(Evolution):
-    """The motion of a body with contact and friction, by nonsmooth contact dynamics.
+    """Motion of a body with contact and friction, computed by nonsmooth contact dynamics.
 
     The first run starts from the displacement in the Functions of the problem and from `velocity`,
     or from ``start=``. A later run starts where the previous one ended. Another evolution of the
@@ -204,7 +204,7 @@ class NSCD(Evolution):
         if method.alternates and problem.comm.rank == 0:
             logger.warning(
                 "theta = 1/2 with mass at the nodes that may touch: contact forces alternate from "
-                "step to step, their mean is correct; with mass='redistributed' they do not"
+                "step to step, but their mean is correct; use mass='redistributed' to avoid this"
             )
         self._dt = dt
         self._method = method

@@ -195,7 +195,7 @@ class PathStepper(Stepper):
         accepted = super().start(time, given)
         if given is None or None in given.previous:
             return accepted
-        # statuses of the step that ended there, which the state does not determine at borders
+        # keep the statuses of the last step: at borders the state does not determine them
         return replace(accepted, statuses=given.statuses)
 
     def recalled_under(

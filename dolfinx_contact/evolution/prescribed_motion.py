@@ -34,7 +34,7 @@ _SAME = 1e-6  # fraction of the largest displacement or velocity that counts as 
 _DAMPED = 0.51  # theta above which an oscillation decays
 _REVERSED = 0.1  # relative change of a deviation with reversed sign
 _VISIBLE = 0.01  # fraction of the velocities above which an oscillation is reported
-_REVERSALS = 3  # successive reversals after which it is reported
+_REVERSALS = 3  # number of successive reversals after which an oscillation is reported
 
 
 class PrescribedMotion:
@@ -131,8 +131,8 @@ class PrescribedMotion:
 
     def _largest(self, *values: Array) -> list[float]:
         """Largest absolute values over all ranks. Collective."""
-        mine = [np.max(np.abs(v), initial=0.0) for v in values]
-        return [float(v) for v in largest(self._problem.comm, mine)]
+        local = [np.max(np.abs(v), initial=0.0) for v in values]
+        return [float(v) for v in largest(self._problem.comm, local)]
 
     def _largest_deviation(
         self, values: Array, data: Array, which: npt.NDArray[np.bool_], tolerance: float
@@ -156,7 +156,7 @@ class PrescribedMotion:
             nodes = np.round(nodes / size, 9) * size + 0.0
             columns = (-off[worst], nodes, worst % bs, values[worst], data[worst])
             places = list(zip(*(column.tolist() for column in columns), strict=True))
-        # of equal deviations that at the first place in lexicographic order
+        # among equal deviations, choose the first place in lexicographic order
         places = [place for part in self._problem.comm.allgather(places) for place in part]
         if not places:
             return ""

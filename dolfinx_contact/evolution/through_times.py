@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The rule of histories and motions: steps through given times.
+r"""Rule of histories and motions: steps through given times.
 
 Between two given times t_k and t_k+1 the rule takes n equal steps,
 
@@ -481,7 +481,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
                 if not isinstance(answer, bool | np.bool_):
                     raise ValueError(f"accept must answer True or False, got {answer!r}")
                 wanted = bool(answer)
-        # every rank that has a function must accept
+        # a step is accepted if no rank rejects it
         wanted = not comm.allreduce(int(not wanted))
         require(
             comm,
@@ -541,7 +541,8 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         fast[bonds] = self._changes(solved).broken > _BREAKS
         if not fast.any():
             return None
-        # a mean hardly shows a single point, and a bond that breaks has no rate
+        # If only single points or bonds are fast, every change counts as fast: a point hardly
+        # changes a mean. A breaking bond has no typical rate.
         parts = slow[: 2 + 2 * n] if fast[: 2 + n].any() else np.zeros(2 + 2 * n)
         parts[0] = math.inf
         parts[bonds] = 0.0
