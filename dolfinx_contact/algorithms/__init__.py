@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Algorithms on the reduced problem: numpy arrays, contact points only.
+"""Algorithms for the reduced problem at the contact points, in NumPy arrays.
 
-By name they solve contact problems: `ContactProblem.solve(algorithm=...)`.
+`ContactProblem.solve(algorithm=...)` selects them by name.
 """
 
 from dolfinx_contact.algorithms.complementarity import Lemke, coulomb_by_lemke

@@ -3,24 +3,25 @@ r"""Friction as a linear complementarity problem, 0 <= w = q + M z against z >= 
 
 Both have a = A r + c with the compliance A = S^-1, rn >= 0 against un >= 0, and friction in
 directions d_1..d_k of the tangent plane: +-t in 2D, where they are exact, and k of equal angles in
-3D, a polygon inside the disc with corners on the circle. It holds less than the disc by 1/k^2, and
-directions of slip are off by up to pi/k, which forces are off by as well: first order in 1/k.
+3D, where the friction disc is replaced by an inscribed regular polygon with k corners. The polygon
+reduces the friction bound by up to O(1/k^2). Slip directions have an error of up to pi/k, and so do
+the forces: the approximation is of first order in 1/k.
 
-**Copositive** (`lemke`): z = (rn, b_1..b_k, l), rt = sum_j b_j d_j, l the size of a slip,
+**Copositive form** (`lemke`): z = (rn, b_1..b_k, l), rt = sum_j b_j d_j, with the slip magnitude l,
 
     un = A_nn rn + A_nt D b + c_n,   l + d_j.ut against b_j,   F rn + g - sum_j b_j against l.
 
-Lemke's method ends in a solution of it for every F, in 3D for the same reason as in 2D.
+Lemke's method finds a solution for every F; the proof in 3D is the same as in 2D.
 
-**Klarbring** (after Klarbring, CMAME 58, 1986), in 2D: z = (rn, u+, f-) with slips ut = u+ - u- and
-what friction lacks of its bound on both sides, f+- = F rn + g +- rt,
+**Klarbring's form** (after Klarbring, CMAME 58, 1986), in 2D: z = (rn, u+, f-) with the slip
+ut = u+ - u- and the distances f+- = F rn + g +- rt of the friction force from its two bounds,
 
     un = (A_nn + A_nt F) rn - A_nt f- + c_n + A_nt g               against rn,
     u- = u+ - (A_tn + A_tt F) rn + A_tt f- - c_t - A_tt g          against f-,
     f+ = 2 F rn - f- + 2 g                                         against u+:
 
-three unknowns a point in place of four. Its matrix is copositive for small F only: beyond, Lemke's
-method may end in a ray though there is a solution.
+with three unknowns per point instead of four. Its matrix is copositive for small F only. For larger
+F, Lemke's method may end in a ray although a solution exists.
 """
 
 from __future__ import annotations
@@ -48,20 +49,20 @@ from dolfinx_contact.laws.coulomb import violation
 __all__ = ["Lemke", "copositive_form", "coulomb_by_lemke", "klarbring_form"]
 
 Array = npt.NDArray[np.float64]
-_POLISH = 6  # Newton steps at most,
-_POLISHED = 1e-3  # to this part of the tolerance
-_ROUND_OFF = 1e-12  # violations of the law that need no such step, relative,
-_LARGEST_VIOLATION = 1e-7  # and those by which an answer counts as none
+_POLISH = 6  # largest number of Newton steps after Lemke's method
+_POLISHED = 1e-3  # target measure of these steps, relative to the tolerance
+_ROUND_OFF = 1e-12  # relative violation of the law that needs no Newton step
+_LARGEST_VIOLATION = 1e-7  # relative violation above which an answer is rejected
 
 
 @dataclass(frozen=True)
 class Lemke(Algorithm):
-    """Lemke's method; an iteration is the whole of it, and its pivots are reported.
+    """Lemke's method. It counts as one iteration; the number of pivots is reported.
 
     Attributes:
-        max_iterations: pivots, over the unknowns of the complementarity problem.
-        form: ``copositive`` or ``klarbring``.
-        facets: of the friction polygon in 3D, where the solution is that of the polygon.
+        max_iterations: largest number of pivots per unknown of the complementarity problem.
+        form: complementarity form, ``copositive`` or (in 2D) ``klarbring``.
+        facets: number of corners of the polygon that replaces the friction disc in 3D.
     """
 
     name: ClassVar[str] = "lemke"
@@ -117,21 +118,22 @@ class Lemke(Algorithm):
 def coulomb_by_lemke(
     S: Array, p: Array, friction: Array, *, bound: Array | None = None
 ) -> tuple[Array, int]:
-    """A solution of S a = r + p with Coulomb friction in 2D; see `lemke` why there is one.
+    """Return a solution of S a = r + p with Coulomb friction in 2D.
+
+    A solution exists for every friction coefficient (proof in `algorithms.lemke`).
 
     Args:
-        S: reduced stiffness, (2 m, 2 m), ordered ut, un point by point, positive definite.
-        p: reduced load, (2 m,).
-        friction: coefficients F >= 0, (m,).
-        bound: friction bounds g >= 0 beside F rn, forces, (m,).
+        S: reduced stiffness, shape (2 m, 2 m), ordered (ut, un) point by point, positive definite.
+        p: reduced load, shape (2 m,).
+        friction: friction coefficients F >= 0, shape (m,).
+        bound: prescribed friction bounds g >= 0, added to F rn; forces, shape (m,); default zero.
 
     Returns:
-        The state (ut, un, rt, rn) of every point, (m, 4), and the number of pivots.
+        State (ut, un, rt, rn) of every point, shape (m, 4), and the number of pivots.
 
     Raises:
-        ValueError: as `PointProblem`, and if it is not in the plane.
-        RayTermination: never but for round-off, which a badly conditioned S (1e8) may bring; an
-            answer that is none is not returned.
+        ValueError: as for `PointProblem`, and for a problem in 3D.
+        RayTermination: if round-off spoils the result, which occurs for badly conditioned S (1e8).
     """
     given = PointProblem(S, p, friction, np.zeros(0) if bound is None else bound)
     if given.dim != 2:
@@ -155,16 +157,20 @@ def coulomb_by_lemke(
 def _polished(
     contact: PointProblem, r: Array, measure: Callable[[Array, Array], float], enough: float
 ) -> tuple[Array, Array]:
-    """The state under forces (m, 2) without the round-off of their way, (m, 2) each.
+    """Remove the round-off of Lemke's pivots from forces by Newton steps.
 
-    The compliance and the table know lengths and forces to their condition times round-off. What
-    they have found are statuses: with these equilibrium is solved anew, by the stiffness itself.
+    The compliance and the tableau determine displacements and forces up to their condition number
+    times round-off, but the statuses are correct. Newton's method solves equilibrium again with
+    these statuses, using the stiffness itself.
 
     Args:
-        contact: the problem.
-        r: the forces.
-        measure: by how much displacements and forces are off.
-        enough: of that, at which nothing is left to do.
+        contact: reduced problem in 2D.
+        r: contact forces from Lemke's method, shape (m, 2).
+        measure: function of displacements and forces that returns the violation of the laws.
+        enough: violation at which no further step is taken.
+
+    Returns:
+        Displacements and forces with the smallest violation, shape (m, 2) each.
     """
     a = contact.displacements(r)
     best = (a, r)
@@ -174,7 +180,7 @@ def _polished(
             break
         try:
             a, r = newton_step(contact, a, r)
-        except np.linalg.LinAlgError:  # there are many states of these statuses
+        except np.linalg.LinAlgError:  # the statuses do not determine the state
             break
         worst = measure(a, r)
         if worst < least:
@@ -184,7 +190,7 @@ def _polished(
 
 
 def klarbring_form(contact: PointProblem) -> tuple[Array, Array]:
-    """M and q with z = (rn, u+, f-), in 2D; see the module."""
+    """Return M and q of Klarbring's form in 2D, with z = (rn, u+, f-); see the module."""
     A, cn, ct, F = parts_of(contact)
     ann = A[:, 1, :, 1]
     ant = A[:, 1, :, 0]

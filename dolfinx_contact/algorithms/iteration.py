@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What every algorithm reports of itself, and when it stops: one measure, one history, one end.
+"""Convergence measures, stopping criteria and outcome shared by all algorithms.
 
-An algorithm shows each iterate to an `Iteration`, which measures it as Newton's method does and
-decides whether to continue. Where an algorithm does not converge the reason is what it does: its
-iterates repeat in a cycle, grow without bound, stand still, or there are too many of them.
+An algorithm passes each iterate to an `Iteration`, which measures it in the same way as Newton's
+method and decides whether to stop. If an algorithm does not converge, the reason is one of: the
+iterates repeat in a cycle, diverge or stagnate, or the limit on iterations is reached.
 """
 
 from __future__ import annotations
@@ -25,25 +25,24 @@ __all__ = ["Algorithm", "Iteration", "Outcome", "Trend"]
 Array = npt.NDArray[np.float64]
 Monitor = Callable[[Measures], None]
 
-_LONGEST_CYCLE = 24  # iterates that are remembered
-_SAME = 1e-6  # of the last change, by which an iterate that returns may differ
-_STILL = 1e-15  # of the size of an iterate: changes that are none
-_FAR = 1e8  # times the smallest measure so far, beyond which an algorithm diverges
-_APART = 10.0  # scales of iterates on the way over those of one beside which they do not count
+_LONGEST_CYCLE = 24  # number of stored iterates
+_SAME = 1e-6  # distance of equal iterates, relative to the last change
+_STILL = 1e-15  # change that counts as zero, relative to the norm of the iterate
+_FAR = 1e8  # divergence: ratio of the measure to the smallest one so far
+_APART = 10.0  # scales are reset if they exceed the scales of a converged iterate by this factor
 
 
 @dataclass
 class Outcome:
-    """Where an algorithm ended.
+    """Last iterate of an algorithm and the history of its iterations.
 
     Attributes:
-        a: displacements (m, dim): tangential, then the gap.
-        r: forces on the body (m, dim).
+        a: displacements of the points, shape (m, dim): tangential components, then the gap.
+        r: contact forces on the body, shape (m, dim).
         converged: whether the measure fell below the tolerance.
-        reason: why it stopped, in words; empty as long as it continues.
-        measures: of every iterate, the start first.
-        series: what else the algorithm reports, by name; one value an iterate where it says
-            nothing else.
+        reason: reason for stopping; empty while the algorithm runs.
+        measures: convergence measures of all iterates, beginning with the initial guess.
+        series: further quantities of the algorithm by name, by default one value per iterate.
     """
 
     a: Array
@@ -55,22 +54,22 @@ class Outcome:
 
     @property
     def iterations(self) -> int:
-        """Iterates after the start."""
+        """Number of iterations, without the initial guess."""
         return max(len(self.measures) - 1, 0)
 
     @property
     def residuals(self) -> list[float]:
-        """The worst measure of every iterate."""
+        """Largest measure of every iterate."""
         return [m.worst for m in self.measures]
 
 
 class Trend:
-    """Knows a cycle, a divergence and a standstill when it sees them.
+    """Stopping test: detects convergence, cycles, divergence and stagnation.
 
     Args:
-        limit: iterates after the start that there may be.
+        limit: maximum number of iterations.
         tolerance: measure at which an algorithm has converged.
-        total: adds up numbers over all ranks.
+        total: function that sums an array over all ranks.
     """
 
     def __init__(self, limit: int, tolerance: float, total: Callable[[Array], Array] = lambda v: v):
@@ -85,7 +84,12 @@ class Trend:
         self._suspicion = 0
 
     def stops(self, iterate: Array, worst: float) -> bool:
-        """Whether an iterate with this measure is the last; then `reason` is why. Collective."""
+        """Return True if this iterate is the last one, and set `reason`. Collective.
+
+        Args:
+            iterate: state of the algorithm, any shape.
+            worst: largest measure of the iterate.
+        """
         self.count += 1
         if not np.isfinite(worst):
             return self._end("the iterates are not finite")
@@ -100,7 +104,7 @@ class Trend:
         return self._repeats(iterate.reshape(-1), worst)
 
     def _repeats(self, x: Array, worst: float) -> bool:
-        """Whether iterates return to what they were, twice in a row, without getting better."""
+        """Return True if the iterates stagnate or repeat for a period without improvement."""
         squares = [x @ x, *((x - y) @ (x - y) for y, _ in self._before)]
         norms: list[float] = [float(v) for v in np.sqrt(self._total(np.array(squares)))]
         size = norms[0]
@@ -127,16 +131,16 @@ class Trend:
 
 
 class Iteration:
-    """The iterates of an algorithm on a reduced problem.
+    """Measures and records the iterates of an algorithm on a reduced problem.
 
     Args:
-        contact: the problem.
-        limit: iterates after the start that there may be.
+        contact: reduced problem.
+        limit: maximum number of iterations.
         tolerance: measure at which an algorithm has converged.
-        monitor: called with every measure.
+        monitor: function called with the measures of every iterate.
 
     Attributes:
-        outcome: where it is.
+        outcome: current iterate and history.
     """
 
     def __init__(
@@ -155,10 +159,11 @@ class Iteration:
         self.outcome = Outcome(start, start)
 
     def measure(self, a: Array, r: Array) -> Measures:
-        """Measures of a state; the scales only grow, but for a state that looks converged.
+        """Return the measures of a state and update the scales of force and length.
 
-        Where an algorithm has been far away everything is small beside that: then the state is
-        judged by its own scales from now on.
+        The scales are the largest force and displacement so far. If they exceed the scales of an
+        apparently converged state by a factor of 10, they are reset to the scales of this state:
+        relative to much larger earlier iterates, any residual would be small.
         """
         if np.isfinite(a).all() and np.isfinite(r).all():
             self.force = max(self.force, float(np.abs(r).max()))
@@ -174,13 +179,13 @@ class Iteration:
         return measures
 
     def stops(self, a: Array, r: Array, given: Array | None = None, **series: float) -> bool:
-        """Whether the algorithm is to stop at this iterate.
+        """Record an iterate and return True if the algorithm must stop.
 
         Args:
-            a: displacements (m, dim).
-            r: forces (m, dim).
-            given: forces (m,) that it was found with, if the next depends on them as well.
-            series: what else there is to report of it.
+            a: displacements, shape (m, dim).
+            r: contact forces, shape (m, dim).
+            given: friction bounds of the iterate, shape (m,), if the next iterate depends on them.
+            series: further quantities to record by name.
         """
         measures = self.measure(a, r)
         found = self.outcome
@@ -200,7 +205,7 @@ class Iteration:
         return stops
 
     def fails(self, reason: str) -> Outcome:
-        """The outcome of an algorithm that cannot continue."""
+        """Return the outcome of an algorithm that cannot continue, with its reason."""
         self.outcome.converged = False
         self.outcome.reason = reason
         return self.outcome
@@ -208,11 +213,11 @@ class Iteration:
 
 @dataclass(frozen=True)
 class Algorithm:
-    """A way to solve a reduced problem, with its options.
+    """Base class of the algorithms for reduced problems; the fields are their options.
 
     Attributes:
-        name: by which a solve selects it.
-        max_iterations: after which it gives up.
+        name: name of the algorithm in ``ContactProblem.solve(algorithm=...)``.
+        max_iterations: maximum number of iterations.
     """
 
     name: ClassVar[str]
@@ -233,13 +238,13 @@ class Algorithm:
         start: Array | None = None,
         monitor: Monitor | None = None,
     ) -> Outcome:
-        """Solve a reduced problem; what did not converge is reported as it is.
+        """Solve a reduced problem; without convergence, return the last iterate.
 
         Args:
-            contact: the problem.
-            tolerance: of the measures.
-            start: forces (m, dim) to begin with, by default none.
-            monitor: called with the measures of every iterate.
+            contact: reduced problem.
+            tolerance: largest measure of a converged state.
+            start: initial contact forces, shape (m, dim); zero by default.
+            monitor: function called with the measures of every iterate.
         """
         iteration = Iteration(contact, self.max_iterations, tolerance, monitor)
         begin = np.zeros((contact.number, contact.dim)) if start is None else start.copy()
@@ -247,15 +252,15 @@ class Algorithm:
             try:
                 self._iterate(contact, begin, iteration)
             except np.linalg.LinAlgError as error:
-                iteration.fails(f"a linear system that cannot be solved: {error}")
+                iteration.fails(f"a linear system cannot be solved: {error}")
         return iteration.outcome
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
-        """Show iterates to ``iteration`` until it stops, from the forces ``r``."""
+        """Iterate from the forces ``r`` until ``iteration.stops`` returns True."""
         raise NotImplementedError
 
     def described(self) -> str:
-        """The name, with the options that are not the defaults."""
+        """Return the name with the options that differ from their defaults."""
         other = [
             f"{f.name}={getattr(self, f.name)!r}"
             for f in fields(self)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Penalisation: contact and stick that yield by k, and what remains as k grows without bound.
+r"""Penalty method with extrapolation to infinite stiffness.
 
-With r = Pi(-k a) bodies penetrate and stuck points creep by r/k: the solution differs from that of
-the laws by O(1/k). Solved by Newton's method for k_0, 2 k_0, 4 k_0, ..., the sequence is
-extrapolated to 1/k = 0 by Neville's polynomials in 1/k, and its order is measured from three
-successive solutions, log2 |x_1 - x_2|/|x_2 - x_3|, which is 1 once statuses do not change any more.
+With the penalised laws r = Pi(-k a), bodies penetrate and sticking points slip by r/k, so that the
+solution has an error of O(1/k). The penalised problems for k_0, 2 k_0, 4 k_0, ... are solved by
+Newton's method and extrapolated to 1/k = 0 by Neville's polynomials in 1/k. The observed order of
+convergence, log2 |x_1 - x_2|/|x_2 - x_3| from three successive solutions, is 1 as soon as the
+statuses no longer change.
 """
 
 from __future__ import annotations
@@ -25,21 +26,21 @@ __all__ = ["Extrapolation", "Penalty"]
 
 Array = npt.NDArray[np.float64]
 
-#: Solutions of which the order is taken.
+#: Number of solutions that determine the order.
 LEAST = 3
-_MOST = 4  # solutions that an extrapolation takes
+_MOST = 4  # largest number of solutions in an extrapolation
 
 
 @dataclass(frozen=True)
 class Penalty(Algorithm):
-    """Penalisation with extrapolation; an iteration is an extrapolation, from three solutions on.
+    """Penalty method; an iteration is one extrapolation from at least three solutions.
 
     Attributes:
-        max_iterations: penalised problems.
-        stiffness: k_0 over the augmentation of Newton's method.
-        accuracy: measure of the extrapolated solution at which the sequence ends; beside it the
-            tolerance of the other algorithms is out of reach.
-        on: ``body`` for the whole finite element problem, ``points`` for the reduced one.
+        max_iterations: maximum number of extrapolations.
+        stiffness: first stiffness k_0, relative to the augmentation of Newton's method.
+        accuracy: measure of the extrapolated solution at which the method stops. A smaller
+            tolerance has no effect, since extrapolation does not reach it.
+        on: ``body`` for the finite element problem, ``points`` for the reduced problem.
     """
 
     name: ClassVar[str] = "penalty"
@@ -68,7 +69,7 @@ class Penalty(Algorithm):
             cold = not sequence.states
             a, steps, solved = solve_yielding(contact, a, none, k, cold=cold)
             if not solved:
-                iteration.fails(f"contact that yields was not solved in {steps} steps")
+                iteration.fails(f"the penalised problem was not solved in {steps} steps")
                 return
             state = np.stack([a, contact.forces(a)])
             sequence.add(state)
@@ -83,10 +84,10 @@ class Penalty(Algorithm):
 
 
 class Extrapolation:
-    """States for k_0, 2 k_0, 4 k_0, ...; all methods need the same calls on every rank.
+    """Extrapolation of states for the stiffnesses k_0, 2 k_0, 4 k_0, ... Collective.
 
     Args:
-        total: adds up numbers over all ranks.
+        total: function that sums an array over all ranks.
     """
 
     def __init__(self, total: Callable[[Array], Array] = lambda v: v):
@@ -102,7 +103,7 @@ class Extrapolation:
         self.states = [*self.states[-_MOST + 1 :], state]
 
     def limit(self) -> Array:
-        """Polynomials in 1/k extrapolated to 1/k = 0, by Neville's scheme."""
+        """Return the state extrapolated to 1/k = 0 by Neville's scheme."""
         column: Sequence[Array] = self.states
         for j in range(1, len(self.states)):
             weight = 2.0**j
@@ -110,7 +111,7 @@ class Extrapolation:
         return column[-1]
 
     def order(self) -> float:
-        """The order of the last three states in 1/k; NaN if there are fewer."""
+        """Return the observed order in 1/k of the last three states; NaN if there are fewer."""
         if len(self._changes) < 2 or not self._changes[-1] > 0:
             return float("nan")
         return float(np.log2(self._changes[-2] / self._changes[-1]))

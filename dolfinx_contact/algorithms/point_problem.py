@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The contact points alone: equilibrium of a body condensed onto them, and the laws there.
+r"""The reduced problem: a body condensed onto its contact points, with the contact laws.
 
-With the stiffness S of a body condensed onto its m contact points, a point's displacement
-a = (ut, un) (one or two tangents, then the gap) and force r = (rt, rn) on the body,
+The unknowns at each of the m contact points are the displacement a = (ut, un) (one or two
+tangential components, then the gap) and the force r = (rt, rn) on the body. With the stiffness S
+condensed onto these points,
 
     S a = r + p,    0 <= un  against  rn >= 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
 
-F is Coulomb's coefficient, g a friction bound that is given in advance (Tresca). un is 0 where a
-point touches: the gap of the body where nothing moves is in p. With augmentation k (stiffness of a
-point) the laws are the equations of `laws.coulomb`; what is left of these is measured as Newton's
-method measures it (`equations.measures`).
+F is Coulomb's coefficient and g a prescribed friction bound (Tresca). un = 0 means that the point
+is in contact; the initial gap is contained in p. With the augmentation k (stiffness of a point) the
+laws are the equations of `laws.coulomb`. Their residual is measured in the same way as in Newton's
+method (`equations.measures`).
 
-`reduced.Reduction` makes it of a body; algorithms solve it, and certificates are about it.
+`reduced.Reduction` condenses a body to a `PointProblem`. Algorithms solve it, and certificates
+refer to it.
 """
 
 from __future__ import annotations
@@ -30,40 +32,44 @@ from dolfinx_contact.laws import coulomb
 __all__ = ["PointProblem"]
 
 Array = npt.NDArray[np.float64]
-#: Eigenvalues that are round-off, over the largest entry and the size.
+#: Eigenvalues that count as zero, relative to the largest diagonal entry times the size.
 _SINGULAR = 10 * 2.0**-52
-_HALVED = 5 * 2.0**-53 / (1 - 5 * 2.0**-53)  # of the round-off of a mean
+_HALVED = 5 * 2.0**-53 / (1 - 5 * 2.0**-53)  # relative round-off of a mean of two numbers
 _ORTHOGONAL = 1e-8
-_ROUND_OFF = 1e-4  # of stiffness times displacement, forces beside which none is checked
+_ROUND_OFF = 1e-4  # smallest scale of forces, relative to stiffness times displacement
 
 
 @dataclass(frozen=True, eq=False)
 class PointProblem:
-    """S a = r + p with Signorini's conditions and friction at m points, in 2D or 3D.
+    """Reduced contact problem S a = r + p with Signorini's conditions and friction, 2D or 3D.
 
     Args:
-        S: stiffness (dim m, dim m), ordered point by point, tangents before the normal; symmetric
-            and positive definite.
-        p: load (dim m,).
-        friction: coefficients F >= 0 (m,).
-        bound: friction bounds g >= 0 beside F rn, forces (m,); by default none.
-        augmentation: k (m,), force by length; by default from the diagonal of S.
-        force: that counts as 1 in measures, if no contact force is larger.
-        length: the same; by default the largest displacement that the load causes.
-        positions: of the points (m, any), for the two-level scheme.
-        gap: un where nothing moves (m,), lengths; known of a body, whose p has it in it.
-        frames: T of Cartesian displacements T a and forces T r on the body, the tangents, then
-            minus the outward normal (m, dim, dim); known of a body.
-        S_error: by which entries of S may be off (dim m, dim m); None: not known. What S is off
-            from its transpose is added.
-        p_error: the same of p (dim m,).
-        rate: derivative of p by a parameter (dim m,), of a body that has one.
-        rate_error: by which entries of it may be off (dim m,).
+        S: stiffness, shape (dim m, dim m), ordered point by point, tangents before the normal;
+            symmetric and positive definite.
+        p: load, shape (dim m,).
+        friction: friction coefficients F >= 0, shape (m,).
+        bound: prescribed friction bounds g >= 0, added to F rn; forces, shape (m,); default zero.
+        augmentation: augmentation k, force per length, shape (m,); by default the mean diagonal
+            entry of S at each point.
+        force: scale of forces in the measures if no contact force is larger; by default the
+            largest entry of p.
+        length: scale of lengths in the measures if no displacement is larger; by default the
+            largest displacement without contact.
+        positions: coordinates of the points, shape (m, any), for the two-level scheme.
+        gap: initial gap, which is contained in p, lengths, shape (m,); None if the problem was not
+            condensed from a body.
+        frames: orthogonal matrices T, shape (m, dim, dim), whose columns are the tangents and minus
+            the outward normal; T a and T r are Cartesian. None as for ``gap``.
+        S_error: error bounds of the entries of S, shape (dim m, dim m), or None if unknown. The
+            asymmetry of S is added.
+        p_error: error bounds of the entries of p, shape (dim m,), or None if unknown.
+        rate: derivative of p with respect to the parameter, shape (dim m,), or None.
+        rate_error: error bounds of the entries of ``rate``, shape (dim m,), or None if unknown.
 
     Raises:
-        ValueError: for what is no array of numbers, shapes that do not fit, numbers that are not
-            finite, negative friction, bounds or errors, an augmentation that is not positive, or a
-            stiffness that is not positive definite beyond round-off.
+        ValueError: if an argument is not an array of finite numbers of the required shape; if
+            friction, a bound or an error is negative; if the augmentation is not positive; or if
+            the stiffness is not positive definite beyond round-off.
     """
 
     S: Array
@@ -85,7 +91,7 @@ class PointProblem:
         put = object.__setattr__
         m = np.size(self.friction)
         if m == 0:
-            raise ValueError("a point problem needs a point; friction has none")
+            raise ValueError("a point problem needs a point, but friction is empty")
         if not np.size(self.bound):
             put(self, "bound", np.zeros(m))
         for name, shape in self._shapes(m).items():
@@ -96,7 +102,7 @@ class PointProblem:
             away = np.abs(self.S - self.S.T) + _HALVED * np.abs(self.S) * (self.S != self.S.T)
             put(self, "S_error", np.maximum(self.S_error, self.S_error.T) + away)
         put(self, "S", 0.5 * (self.S + self.S.T))
-        # Of a body that nothing holds S is singular, and its least eigenvalues are round-off.
+        # S is singular for a body without supports; its smallest eigenvalues are then round-off.
         round_off = _SINGULAR * len(self.S) * float(np.abs(np.diag(self.S)).max())
         try:
             np.linalg.cholesky(self.S - round_off * np.eye(len(self.S)))
@@ -109,7 +115,7 @@ class PointProblem:
         put(self, "length", self.length or free)
 
     def _shapes(self, m: int) -> dict[str, tuple[int | None, ...]]:
-        """Of all arrays by their names; None is any number."""
+        """Return the required shapes of all arrays by name; None means any length."""
         dim = 2 if np.size(self.p) == 2 * m else 3
         size = dim * m
         return {
@@ -148,48 +154,48 @@ class PointProblem:
 
     @property
     def number(self) -> int:
-        """Of points, m."""
+        """Number m of points."""
         return len(self.friction)
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Spatial dimension, 2 or 3."""
         return len(self.p) // self.number
 
     @cached_property
     def A(self) -> Array:
-        """The compliance, S^-1."""
+        """Compliance S^-1, shape (dim m, dim m)."""
         inverse = np.linalg.inv(self.S)
         return np.asarray(0.5 * (inverse + inverse.T))
 
     @cached_property
     def longest(self) -> float:
-        """The largest eigenvalue of the compliance."""
+        """Largest eigenvalue of the compliance."""
         return float(1.0 / np.linalg.eigvalsh(self.S)[0])
 
     @cached_property
     def free(self) -> Array:
-        """Displacements without contact, (m, dim)."""
+        """Displacements without contact forces, shape (m, dim)."""
         return np.asarray(np.linalg.solve(self.S, self.p).reshape(self.number, -1), np.float64)
 
     @cached_property
     def blocks(self) -> Array:
-        """Stiffness of every point alone (m, dim, dim)."""
+        """Diagonal blocks of the stiffness, shape (m, dim, dim)."""
         m = self.number
         d = self.dim
         every = np.arange(m)
         return np.asarray(self.S.reshape(m, d, m, d)[every, :, every])
 
     def forces(self, a: Array) -> Array:
-        """The forces r = S a - p at displacements (m, dim)."""
+        """Return the forces r = S a - p at displacements a of shape (m, dim)."""
         return (self.S @ a.reshape(-1) - self.p).reshape(a.shape)
 
     def displacements(self, r: Array) -> Array:
-        """The displacements S^-1 (r + p) under forces (m, dim)."""
+        """Return the displacements S^-1 (r + p) under forces r of shape (m, dim)."""
         return np.asarray((self.A @ r.reshape(-1)).reshape(r.shape) + self.free)
 
     def given(self, bound: Array) -> PointProblem:
-        """Tresca's problem: friction bounds given in advance (m,) and no others."""
+        """Return Tresca's problem with prescribed friction bounds (m,) instead of F rn + g."""
         found = object.__new__(PointProblem)
         found.__dict__.update(self.__dict__)
         found.__dict__.update(friction=np.zeros(self.number), bound=bound)
@@ -198,41 +204,41 @@ class PointProblem:
     # -- the laws --------------------------------------------------------------------------------
 
     def radius(self, rn: Array) -> Array:
-        """Radii of the friction discs at normal forces (m,)."""
+        """Return the radii F rn + g of the friction discs at normal forces (m,)."""
         return coulomb.radius(rn, self.friction, self.bound)
 
     def allowed(self, r: Array) -> Array:
-        """Forces (m, dim) projected: rn >= 0, and rt on the disc of that rn."""
+        """Project forces (m, dim): rn onto rn >= 0, then rt onto the disc of this rn."""
         return coulomb.allowed(r, self.friction, self.bound)
 
     def derivative(self, s: Array) -> Array:
-        """Of these by forces s (m, dim), one of a kink where it has several (m, dim, dim)."""
+        """Return a generalised derivative of `allowed` at forces s, shape (m, dim, dim)."""
         return coulomb.derivative(s, self.friction, self.bound)
 
     def augmented(self, a: Array, r: Array) -> Array:
-        """The forces r - k a at which the laws are evaluated, (m, dim)."""
+        """Return the augmented forces r - k a at which the laws are evaluated, (m, dim)."""
         return r - self.augmentation[:, None] * a
 
     def answer(self, a: Array, r: Array, k: Array | None = None) -> Array:
-        """The forces that the laws answer to r - k a, (m, dim)."""
+        """Return the projection of r - k a, shape (m, dim); it equals r at a solution."""
         k = self.augmentation if k is None else k
         return self.allowed(r - k[:, None] * a)
 
     def closed(self, a: Array, r: Array) -> npt.NDArray[np.bool_]:
-        """Which points are closed (m,)."""
+        """Return a mask of the points in contact (m,)."""
         return coulomb.closed(self.augmented(a, r))
 
     def stuck(self, a: Array, r: Array) -> npt.NDArray[np.bool_]:
-        """Which points friction holds (m,)."""
+        """Return a mask of the sticking points (m,)."""
         return coulomb.stuck(self.augmented(a, r), self.friction, self.bound)
 
     def statuses(self, a: Array, r: Array) -> npt.NDArray[np.int8]:
-        """Numbers of the statuses (`laws.status`) of a state (m,)."""
+        """Return the status codes (`laws.status`) of the points at a state (m,)."""
         return coulomb.statuses(self.augmented(a, r), self.friction, self.bound)
 
     def measure(self, a: Array, r: Array, force: float, length: float) -> Measures:
-        """What is left of the equations, over a force and a length."""
-        # Where the load moves what hardly resists, forces are small differences of large products.
+        """Return the residual measures of a state, relative to a force and a length."""
+        # In soft directions, forces are small differences of large products.
         force = max(force, _ROUND_OFF * float(self.S.diagonal().mean()) * length)
         off = r - self.answer(a, r)
         closed = self.closed(a, r)
@@ -249,13 +255,13 @@ class PointProblem:
         )
 
     def energy(self, a: Array) -> float:
-        """The energy of Tresca's problem, a.S a/2 - p.a + sum g |ut|, for un >= 0."""
+        """Return the energy a.S a/2 - p.a + sum g |ut| of Tresca's problem, for un >= 0."""
         flat = a.reshape(-1)
         rubbing = float(self.bound @ np.linalg.norm(a[:, :-1], axis=1))
         return float(0.5 * flat @ (self.S @ flat) - self.p @ flat) + rubbing
 
     def scaled(self) -> tuple[PointProblem, float, float]:
-        """The problem with stiffnesses and loads near 1, and its units of stiffness and length."""
+        """Return the scaled problem and its units of stiffness and length."""
         stiffness = float(np.diag(self.S).mean())
         length = float(np.abs(self.free).max()) or 1.0
         force = stiffness * length
@@ -277,7 +283,13 @@ class PointProblem:
 
 
 def _numbers(name: str, values: Any, shape: tuple[int | None, ...]) -> Array:
-    """An array of finite numbers of a shape, None for any length, or ``ValueError``."""
+    """Return ``values`` as a finite float64 array; raise ``ValueError`` for another shape.
+
+    Args:
+        name: name of the argument, for the message.
+        values: value of the argument.
+        shape: required shape; None means any length.
+    """
     try:
         found = np.asarray(values).astype(np.float64, casting="same_kind")
     except (TypeError, ValueError):

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Semismooth Newton on a reduced problem: with its laws, or with laws that yield.
+r"""Semismooth Newton method for the reduced problem, with exact or regularised contact laws.
 
-With Pi the projection of `PointProblem.allowed`, the laws are r = Pi(r - k a), and with a force
-l that is held (zero: a penalty k; an estimate of the contact force: Uzawa's augmented method) they
-become r = Pi(l - k a), a contact that yields. Steps are shortened where the norm of the residual is
-larger than all of the last ones (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986).
+With the projection Pi of `PointProblem.allowed`, the exact laws are r = Pi(r - k a). With a fixed
+force l they become the compliant laws r = Pi(l - k a): l = 0 is a penalty method with stiffness k,
+and an estimate l of the contact force gives the augmented Lagrangian method (`uzawa`). A
+nonmonotone line search shortens steps whose residual norm exceeds the largest of the last five
+(Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986).
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from dolfinx_contact.algorithms.point_problem import PointProblem
 __all__ = ["SemismoothNewton", "solve_semismooth", "solve_yielding"]
 
 Array = npt.NDArray[np.float64]
-_REMEMBERED = 5
-_SHORTEST = 1e-3
-_STAGES = 12  # stiffnesses that are tried on the way
+_REMEMBERED = 5  # residual norms of the nonmonotone line search
+_SHORTEST = 1e-3  # smallest step length of the line search
+_STAGES = 12  # largest number of stiffnesses in a continuation
 
 
 @dataclass(frozen=True)
 class SemismoothNewton(Algorithm):
-    """Semismooth Newton on the points, with the full steps of the whole problem's; a step each."""
+    """Semismooth Newton method with full steps; an iteration is a Newton step."""
 
     name: ClassVar[str] = "semismooth-newton"
     max_iterations: int = 40
@@ -41,15 +42,15 @@ class SemismoothNewton(Algorithm):
 
 
 def newton_step(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array]:
-    """A full step of Newton's method from displacements and forces (m, dim).
+    """Return displacements and forces (m, dim) after a full Newton step.
 
-    In 2D it ends in the state that has the statuses of the one before, where a and r balance to the
-    last digits of their products.
+    In 2D the result is the equilibrium state for the statuses of (a, r), and a and r satisfy
+    equilibrium up to round-off.
 
     Raises:
-        numpy.linalg.LinAlgError: if these statuses have no state, or many.
+        numpy.linalg.LinAlgError: if these statuses do not determine a unique state.
     """
-    # H of Newton's method: its forces are unknowns of their own.
+    # Linearise with displacements and forces as independent unknowns, then eliminate the forces.
     k = contact.augmentation
     s = r - k[:, None] * a
     D = contact.derivative(s)
@@ -75,18 +76,18 @@ def solve_semismooth(
     tolerance: float = 1e-12,
     most: int = 100,
 ) -> tuple[Array, int, bool]:
-    """Displacements at which the laws hold, from ``a`` (m, dim).
+    """Solve the exact or compliant contact laws by a damped semismooth Newton method.
 
     Args:
-        contact: the problem.
-        a: start.
-        held: forces l (m, dim) by which contact yields; None for the laws themselves.
-        stiffness: k (m,), by default the augmentation of the problem.
-        tolerance: of the residual, a force, over the largest force.
-        most: steps.
+        contact: reduced problem.
+        a: initial displacements, shape (m, dim).
+        held: fixed forces l of the compliant laws, shape (m, dim); None for the exact laws.
+        stiffness: stiffness k, shape (m,); by default the augmentation of the problem.
+        tolerance: largest residual force, relative to the largest force.
+        most: maximum number of steps.
 
     Returns:
-        Displacements, the number of steps, and whether they converged.
+        Displacements (m, dim), the number of steps, and whether they converged.
     """
     k = contact.augmentation if stiffness is None else stiffness
     recent: deque[float] = deque(maxlen=_REMEMBERED)
@@ -115,10 +116,21 @@ def solve_semismooth(
 def solve_yielding(
     contact: PointProblem, a: Array, held: Array, stiffness: Array, *, cold: bool
 ) -> tuple[Array, int, bool]:
-    """As `solve_semismooth` with a held force; from a cold start the stiffness rises to its value.
+    """Solve the compliant contact laws, from a cold start with increasing stiffness.
 
-    From a body that is far inside its obstacle stiff contact sends slips to and fro. Where a
-    stiffness leads nowhere one between it and the last that did not is tried first.
+    If the initial state penetrates the obstacle deeply, a stiff contact makes slips oscillate. If
+    Newton's method fails for a stiffness, a value between it and the last successful one is tried
+    first.
+
+    Args:
+        contact: reduced problem.
+        a: initial displacements, shape (m, dim).
+        held: fixed forces l of the compliant laws, shape (m, dim).
+        stiffness: stiffness k, shape (m,).
+        cold: whether to start with a thousandth of the stiffness.
+
+    Returns:
+        Displacements (m, dim), the total number of steps, and whether they converged.
     """
     parts = [*((1e-3, 1e-2, 1e-1) if cold else ()), 1.0]
     total = 0
@@ -138,7 +150,7 @@ def solve_yielding(
 
 
 def _residual(contact: PointProblem, a: Array, held: Array | None, k: Array) -> tuple[Array, Array]:
-    """What is left, r - Pi(s), and s; r = S a - p."""
+    """Return the residual r - Pi(s) with r = S a - p, and the argument s of the projection."""
     r = contact.forces(a)
     s = (r if held is None else held) - k[:, None] * a
     return r - contact.allowed(s), s

@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The fixed point of Tresca's problems: friction bounds S(g) = F rn(g), with rn those of bound g.
+r"""Fixed-point iteration of Tresca's problems on the friction bounds.
 
-Coulomb's friction is the fixed point of S (Haslinger, Math. Methods Appl. Sci. 5, 1983; Raous, CISM
-570, 2017, section 3c). Each g gives a convex problem with one solution. Bounds are relaxed,
-g <- g + omega (S(g) - g), by a given omega or by Aitken's, which is taken from the last two
-differences (Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969). Convex problems are solved
+S(g) = F rn(g) maps friction bounds g to the bounds that follow from the normal forces rn(g) of
+Tresca's problem. Coulomb friction is a fixed point of S (Haslinger, Math. Methods Appl. Sci. 5,
+1983; Raous, CISM 570, 2017, section 3c). For each g, Tresca's problem is convex and has a unique
+solution. The bounds are relaxed, g <- g + omega (S(g) - g), with a fixed omega or with Aitken's,
+computed from the last two differences (Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969). The
+convex problems are solved
 
 - ``"newton"``: by the semismooth Newton method,
 - ``"cg"``: by projected conjugate gradients on the forces (`projected_cg`),
 - ``"minimise"``: by minimising a.S a/2 - p.a + sum g |ut| over un >= 0 with accelerated proximal
-  gradients that start again where the energy would grow (Beck and Teboulle, SIAM J. Imaging Sci.
-  2, 2009; O'Donoghue and Candes, Found. Comput. Math. 15, 2015): it falls at every step,
+  gradients, restarted if the energy would increase (Beck and Teboulle, SIAM J. Imaging Sci. 2,
+  2009; O'Donoghue and Candes, Found. Comput. Math. 15, 2015), so that it decreases in every step,
 - ``"interior-point"``: by a primal-dual interior point method (`interior_point`).
 """
 
@@ -34,20 +36,20 @@ __all__ = ["BoundRelaxation", "TrescaFixedPoint", "minimise"]
 Array = npt.NDArray[np.float64]
 Inner = Literal["newton", "cg", "minimise", "interior-point"]
 _INNER = ("newton", "cg", "minimise", "interior-point")
-_SHARE = 0.01  # of the tolerance, to which convex problems are solved
-_MOST = 20000  # steps in one
+_SHARE = 0.01  # tolerance of the convex problems, relative to the tolerance
+_MOST = 20000  # largest number of steps in a convex problem
 
 
 @dataclass(frozen=True)
 class TrescaFixedPoint(Algorithm):
-    """The fixed point of Tresca's problems; an iteration is one of these.
+    """Fixed-point iteration of Tresca's problems; an iteration solves one such problem.
 
     Attributes:
-        relaxation: omega, between 0 and 2; with Aitken's that of the first step.
-        aitken: whether omega is taken from the differences.
-        inner: what solves the convex problems: ``newton``, ``cg``, ``minimise``, ``interior-point``
-            (on the whole body it is Newton's method).
-        on: ``body`` for the whole finite element problem, ``points`` for the reduced one.
+        relaxation: relaxation factor omega, between 0 and 2; the first factor if ``aitken``.
+        aitken: whether Aitken's method determines the following factors.
+        inner: solver of the convex problems, ``newton``, ``cg``, ``minimise`` or
+            ``interior-point``; on the whole body always Newton's method.
+        on: ``body`` for the finite element problem, ``points`` for the reduced problem.
     """
 
     name: ClassVar[str] = "tresca"
@@ -87,18 +89,18 @@ class TrescaFixedPoint(Algorithm):
             r = contact.forces(a)
             if not solved:
                 iteration.stops(a, r, g, inner=steps)
-                iteration.fails(f"a problem of Tresca was not solved in {steps} steps")
+                iteration.fails(f"Tresca's problem was not solved in {steps} steps")
                 return
             g = relaxed(g, contact.radius(r[:, -1]))
 
 
 class BoundRelaxation:
-    """Relaxes a fixed point of bounds that are not negative.
+    """Relaxation of a fixed-point iteration on nonnegative bounds.
 
     Args:
-        omega: of every step, or of the first.
-        aitken: whether the others are Aitken's.
-        total: adds up numbers over all ranks.
+        omega: relaxation factor of all steps, or of the first step if ``aitken``.
+        aitken: whether Aitken's method determines the following factors.
+        total: function that sums an array over all ranks.
     """
 
     def __init__(
@@ -110,7 +112,7 @@ class BoundRelaxation:
         self._before: Array | None = None
 
     def __call__(self, g: Array, image: Array) -> Array:
-        """The next bounds, from bounds and what they lead to."""
+        """Return the next bounds from the bounds ``g`` and their image S(g)."""
         off = image - g
         if self._aitken and self._before is not None:
             change = off - self._before
@@ -123,7 +125,11 @@ class BoundRelaxation:
 
 
 def _by_gradients(given: PointProblem, r: Array, tolerance: float) -> tuple[Array, int, bool]:
-    """Displacements by projected conjugate gradients, steps, and whether they suffice."""
+    """Solve Tresca's problem by projected conjugate gradients.
+
+    Returns:
+        Displacements (m, dim), the number of steps, and whether they converged.
+    """
     inner = GivenBound(given, given.bound, r)
     least = tolerance * given.length
     while inner.left > least and inner.products < _MOST:
@@ -134,22 +140,22 @@ def _by_gradients(given: PointProblem, r: Array, tolerance: float) -> tuple[Arra
 def minimise(
     given: PointProblem, a: Array, tolerance: float, energies: list[float]
 ) -> tuple[Array, int, bool]:
-    """Displacements at which the energy of Tresca's problem is least, from ``a`` (m, dim).
+    """Minimise the energy of Tresca's problem by accelerated proximal gradients.
 
     Args:
-        given: the problem.
-        a: start.
-        tolerance: of a step, over the largest displacement.
-        energies: receives those of all iterates, which fall.
+        given: Tresca's problem.
+        a: initial displacements, shape (m, dim).
+        tolerance: length of the last step, relative to the largest displacement.
+        energies: list to which the energies of all iterates are appended; they do not increase.
 
     Returns:
-        Displacements, the number of steps, and whether they suffice.
+        Displacements (m, dim), the number of steps, and whether they converged.
     """
     step = 1.0 / float(np.linalg.eigvalsh(given.S)[-1])
     shrinkage = step * given.bound
 
     def near(b: Array) -> Array:
-        """The proximal point of a gradient step."""
+        """Return the proximal point after a gradient step from ``b``."""
         b = b - step * given.forces(b)
         size = np.linalg.norm(b[:, :-1], axis=1)
         kept = np.maximum(1.0 - shrinkage / np.maximum(size, 1e-300), 0.0)
@@ -162,7 +168,7 @@ def minimise(
     for steps in range(1, _MOST + 1):
         new = near(y)
         if given.energy(new) > energies[-1]:
-            new = near(a)  # without momentum it cannot grow but for round-off
+            new = near(a)  # without momentum the energy decreases up to round-off
             speed = 1.0
         energies.append(min(given.energy(new), energies[-1]))
         faster = 0.5 * (1 + np.sqrt(1 + 4 * speed**2))

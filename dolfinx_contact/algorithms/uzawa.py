@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Uzawa's method: the contact force as a multiplier, raised by what the body violates.
+r"""Uzawa's method: projected gradient iteration on the contact forces as multipliers.
 
-The body is brought to rest under forces r; then r <- Pi(r - rho a), with the projection Pi on
-rn >= 0 and on the friction disc. It is a gradient method for the dual problem, and with steps
-rho < 2/|A| of the compliance A it converges for small friction. The augmented method lets contact
-yield by rho about the force (`semismooth`), brings the body to rest by Newton's method with it, and
-takes r <- Pi(r - rho a) there: then any rho > 0 will do, and a large one takes few iterations
+Each iteration solves equilibrium under the forces r and updates r <- Pi(r - rho a) with the
+projection Pi onto rn >= 0 and the friction disc. It is a gradient method for the dual problem. With
+steps rho < 2/|A|, where A is the compliance, it converges for small friction. The augmented
+Lagrangian method solves equilibrium with the compliant laws r = Pi(l - rho a) about the last forces
+l by Newton's method (`semismooth`). It converges for any rho > 0, in few iterations if rho is large
 (Simo and Laursen, Comput. Struct. 42, 1992).
 """
 
@@ -24,22 +24,22 @@ from dolfinx_contact.algorithms.semismooth import solve_yielding
 __all__ = ["Uzawa"]
 
 Array = npt.NDArray[np.float64]
-#: Of 2/|A|, the longest step with which the gradient method converges without friction.
+#: Step relative to 2/|A|, the limit of convergence of the gradient method without friction.
 SHARE = 0.8
-#: Times the augmentation of Newton's method, with which contact yields about its force.
+#: Stiffness of the augmented method, relative to the augmentation of Newton's method.
 STIFF = 100.0
 
 
 @dataclass(frozen=True)
 class Uzawa(Algorithm):
-    """Uzawa's method; an iteration is an equilibrium of the body.
+    """Uzawa's method; an iteration solves one equilibrium of the body.
 
     Attributes:
-        step: over the automatic one, which is 0.8 of 2/|A|, in the augmented method 100 times the
-            augmentation of Newton's method.
-        augmented: whether contact yields about its force.
-        on: ``body`` for the whole finite element problem, ``points`` for the reduced one.
-            Integral contact is refused but for the augmented method on the body.
+        step: step length relative to the automatic one, which is 0.8 * 2/|A|, or 100 times the
+            augmentation of Newton's method if ``augmented``.
+        augmented: whether to use the augmented Lagrangian method.
+        on: ``body`` for the finite element problem, ``points`` for the reduced problem. Integral
+            contact requires the augmented method on the body.
     """
 
     name: ClassVar[str] = "uzawa"
@@ -66,7 +66,9 @@ class Uzawa(Algorithm):
                 cold = iteration.trend.count == 0
                 a, steps, solved = solve_yielding(contact, a, r, rho, cold=cold)
                 if not solved:
-                    iteration.fails(f"contact that yields was not solved in {steps} steps")
+                    iteration.fails(
+                        f"the compliant contact problem was not solved in {steps} steps"
+                    )
                     return
                 r = contact.answer(a, r, rho)
             else:
