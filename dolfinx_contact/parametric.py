@@ -149,6 +149,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._condensed: Reduction | None = None
         self._condensed_from = 0  # mark of the data
         self._condensed_at_gamma: Reduction | None = None
+        self._obstacle_at_gamma = ""
         #: Surfaces on which a warning of sliding has been logged.
         self._warned: set[str] = set()
 
@@ -332,7 +333,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
             constant = fem.Constant(eq.V.mesh, 0.0)
             fixed = ParametricEquations(eq, constant, lambda: self.problem.linear_solver)
             in_plane = eq.dim == 2
-            if can_condense(fixed, bounded=True) if in_plane else not obstacle_in_space(fixed):
+            self._obstacle_at_gamma = "" if in_plane else obstacle_in_space(fixed)
+            if can_condense(fixed, bounded=True) if in_plane else not self._obstacle_at_gamma:
                 x = fixed.create_vector()
                 self._condensed_at_gamma = Reduction(fixed, x, 0.0, exact=True, conic=False)
                 x.destroy()
@@ -371,10 +373,12 @@ class ParametricContact(ReadOnly, ParametricEquations):
             return ""
         if self.kinks:
             return self.kinks
-        obstacle = obstacle_in_space(self)
+        condensed, obstacle = self._condensed, obstacle_in_space(self)
+        if self.equations.linear and not (self.is_linear and self._held_laws):
+            # A proof concerns one value of gamma.
+            condensed, obstacle = self._condensed_at_gamma, self._obstacle_at_gamma
         if obstacle:
             return obstacle
-        condensed = self._condensed
         if condensed is not None and condensed.points.number > _MOST_PROVED:
             return f"there are more than {_MOST_PROVED} contact points"
         return obstacle_to_proof(self.equations, condensed)

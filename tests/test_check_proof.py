@@ -2,10 +2,12 @@
 
 import copy
 import json
+import re
 import runpy
 import shutil
 import subprocess
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 from mpi4py import MPI
@@ -22,6 +24,7 @@ from dolfinx_contact.analysis import (
     check,
     prove_solutions,
 )
+from dolfinx_contact.analysis import check_proof as cp
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
 CHECKER = Path(analysis.__file__).with_name("check_proof.py")
@@ -304,3 +307,29 @@ def test_what_is_proved_is_what_is_there(number, tmp_path):
         if proved.verdict == "complete" and not near and not proved.at_rest:
             assert says(proved) == expected
     assert several >= number // 8
+
+
+def test_printed_intervals_contain_the_sums(tmp_path, capsys):
+    """The digits that are left out are in the printed error: rn = 1/3 exactly."""
+    problem = cp.ReducedProblem(np.diag([3.0, 3.0]), np.array([0.1, -1 / 3]), np.ones(1))
+    certificate = prove_solutions(problem).certificate
+    certificate.save(tmp_path / "proof.npz")
+    assert cp.main([str(tmp_path / "proof.npz")]) == 0
+    value, off = re.search(r"sum rn = (\S+) \+- (\S+)", capsys.readouterr().out).groups()
+    assert abs(Fraction(value) - Fraction(1 / 3)) <= Fraction(off)
+
+
+def test_a_load_that_underflows_is_a_load():
+    problem = cp.ReducedProblem(np.eye(2), np.array([0.0, 1e-300]), np.zeros(1), np.array([1e30]))
+    with pytest.raises(cp.InvalidCertificate, match="there is a load"):
+        cp.check(cp.Certificate(problem, [{"do": "rest"}], []))
+
+
+def test_scales_of_any_size_are_checked():
+    S = 1e300 * np.eye(2)
+    problem = cp.ReducedProblem(S, np.zeros(2), np.ones(1))
+    assert cp.check(cp.Certificate(problem, [{"do": "rest"}], [])).at_rest
+    nearly = np.array([[2, 1.999999999999667], [1.999999999999667, 2]])
+    off = np.full((2, 2), 1.3393625178279571e-14)
+    close = cp.ReducedProblem(nearly, np.ones(2), np.ones(1), None, off)
+    assert close.scaled.least > 0

@@ -1118,7 +1118,7 @@ WRITTEN_DIFFERENTLY = {
     ),
     "states of one rank": (
         lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 0)),
-        "at least one is needed",
+        "at least one point",
     ),
     "scale of states": (
         lambda w, f: picture_of_states(f / "p.png", w.system, [None], scale=differs(1, 2)),

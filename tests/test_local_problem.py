@@ -191,3 +191,38 @@ def test_a_global_problem_is_condensed(tmp_path):
     np.testing.assert_allclose(problem.W, W[np.ix_(order, order)], atol=1e-12)
     np.testing.assert_allclose(problem.q, q[order], atol=1e-12)
     assert problem.rank == 5
+
+
+def test_points_without_friction_have_no_free_shears():
+    solution = rigid_block([0.0, -1.0, 0.0], 0.0).solve()
+    assert rigid_block([0.0, -1.0, 0.0], 0.0).reaction_freedom(solution) == 0
+
+
+@pytest.mark.parametrize(
+    ("W", "message"),
+    [
+        ([[2.0, 1.0], [0.0, 2.0]], "not symmetric"),
+        ([[1.0, 2.0], [2.0, 1.0]], "negative eigenvalue"),
+        ([[0.0, 0.0], [0.0, 1.0]], "compliance of a point"),
+    ],
+)
+def test_compliances_that_are_none_are_refused(W, message):
+    with pytest.raises(ValueError, match=message):
+        LocalProblem(np.array(W), np.ones(2), np.array([0.3]))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("2 1 0 2 2 7 9 1 0 0 1 1 1 0.3", "two sizes of W differ"),
+        ("2 1 0 4 4 4 4 1 0 0 1 1 1 0.3", "W has the size 4 x 4"),
+        ("2 1 0 2 2 2 2 1_0 0 0 1 1 1 0.3", "without underscores"),
+        ("2 1 0 2 2 2 2 1 0 0 1 1 1 0.3 xyz", "could not convert"),
+        ("2 1 0 2 2 2 2 1 0 0 1 1 1 0.3 1 1", "text after the friction coefficients"),
+        ("2 1 2 2 2 2\nx\nnnz: 1 \n 0 : 1\n 1 1 0.3", "before its first column"),
+    ],
+)
+def test_malformed_text_is_refused(text, message, tmp_path):
+    (tmp_path / "points.dat").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        load_local(tmp_path / "points.dat")

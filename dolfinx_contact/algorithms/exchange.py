@@ -10,12 +10,12 @@ the frame of each contact with the normal first. FCLib's datasets are
     /fclib_local/spacedim              2 or 3
     /fclib_local/W/{m, n, nzmax, nz}   rows, columns, entries, and the storage:
                                        -2 compressed rows, -1 compressed columns, else triplets
-    /fclib_local/W/{p, i, x}           starts (of triplets: rows), columns, entries
+    /fclib_local/W/{p, i, x}           starts, columns, entries (triplets: columns, rows, entries)
     /fclib_local/vectors/{q, mu}       (dim m,), (m,)
     /fclib_local/info/{title, description, math_info}
 
 A global problem M v = H r + f, u = H^T v + w (``/fclib_global``) is condensed: W = H^T M^-1 H and
-q = H^T M^-1 f + w.
+q = H^T M^-1 f + w. Equality constraints (G, V, R) are refused.
 
 A text file of Siconos holds dim, m, the storage of W (0 dense by columns, 1 sparse blocks, 2 sparse
 by columns as CSparse prints it), the size of W twice, W, q and mu.
@@ -49,6 +49,7 @@ _NUMBERS = ("force", "length")
 _COMPRESSED_ROWS, _COMPRESSED_COLUMNS = -2, -1
 _HDF5 = (".hdf5", ".h5")
 _DENSE, _BLOCKS, _SPARSE = 0, 1, 2
+_MOST_CONTACTS = 10000  # beyond which the dense matrix would not fit into memory
 
 Array = npt.NDArray[np.float64]
 Arrays = dict[str, npt.NDArray[Any]]
@@ -170,6 +171,9 @@ def _of_fclib(path: Path) -> Local:
             q = H.T @ solve(np.asarray(group["vectors/f"])) + np.asarray(group["vectors/w"])
         else:
             raise ValueError("the file has neither /fclib_local nor /fclib_global")
+        constraints = [name for name in ("G", "V", "R") if name in group]
+        if constraints:
+            raise ValueError(f"equality constraints are not supported; the file has {constraints}")
         return int(group["spacedim"][0]), W, q, np.asarray(group["vectors/mu"])
 
 
@@ -195,13 +199,16 @@ class _Words:
     def integers(self, count: int) -> list[int]:
         """The next integers."""
         words = self._next(count)
-        if not all(word.isdigit() for word in words):
+        if not all(word.isascii() and word.isdigit() for word in words):
             raise ValueError(f"integers are expected, got {' '.join(words[:5])}")
         return [int(word) for word in words]
 
     def numbers(self, count: int) -> Array:
         """The next real numbers."""
-        return np.array(self._next(count), dtype=np.float64)
+        words = self._next(count)
+        if any("_" in word for word in words):
+            raise ValueError("numbers are expected, without underscores")
+        return np.array(words, dtype=np.float64)
 
     @property
     def left(self) -> int:
@@ -220,8 +227,11 @@ def _of_siconos(text: str) -> Local:
     words = _Words(text)
     dim, contacts, storage, rows, columns = words.integers(5)
     W: Array
+    if not rows == columns == dim * contacts or contacts > _MOST_CONTACTS:
+        raise ValueError(f"W has the size {rows} x {columns}, with {contacts} contacts in {dim}D")
     if storage == _DENSE:
-        words.integers(2)
+        if words.integers(2) != [rows, columns]:
+            raise ValueError("the two sizes of W differ")
         W = words.numbers(rows * columns).reshape(columns, rows).T
     elif storage == _BLOCKS:
         W = _of_blocks(words, rows, columns)
@@ -231,7 +241,9 @@ def _of_siconos(text: str) -> Local:
     else:
         raise ValueError(f"W has the unknown storage {storage}; known are 0, 1 and 2")
     problem = dim, W, words.numbers(rows), words.numbers(contacts)
-    if words.left > 1:  # some files end with one more number
+    if words.left == 1:  # some files end with one more number
+        words.numbers(1)
+    if words.left:
         raise ValueError("there is text after the friction coefficients, as in a global problem")
     return problem
 
@@ -242,9 +254,13 @@ def _of_blocks(words: _Words, rows: int, columns: int) -> Array:
     row_ends, column_ends = ([0, *words.integers(count)] for count in (down, across))
     starts, block_columns = (words.integers(count) for count in words.integers(2))
     W = np.zeros((rows, columns))
+    filled: set[tuple[int, int]] = set()
     for row, (first, last) in enumerate(pairwise(starts)):
         for column in block_columns[first:last]:
             words.integers(1)
+            if (row, column) in filled:
+                raise ValueError(f"the block {row}, {column} occurs twice")
+            filled.add((row, column))
             (top, bottom), (left, right) = (
                 ends[k : k + 2] for ends, k in ((row_ends, row), (column_ends, column))
             )
@@ -272,7 +288,9 @@ def _of_csparse(text: str, rows: int, columns: int) -> tuple[Array, str]:
             column = int(match[1])
         else:
             at = (int(match[1]), int(match[2]) if match.re is triplet else column)
-            W[at] = float(match[match.lastindex or 0])
+            if min(at) < 0:
+                raise ValueError("the sparse matrix has entries before its first column")
+            W[at] += float(match[match.lastindex or 0])
             entries += 1
         place = match.end()
     if entries < int(head[1]):

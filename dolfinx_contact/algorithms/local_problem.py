@@ -19,7 +19,7 @@ problems). Two algorithms solve singular problems too:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -35,6 +35,8 @@ __all__ = ["LocalProblem", "LocalSolution"]
 
 Array = npt.NDArray[np.float64]
 _ZERO = 1e-12  # eigenvalues of W, over the largest one, that count as zero
+_ASYMMETRY = 1e-3  # of the largest entry of W, up to which it counts as symmetric
+_NEGATIVE = 1e-6  # of the largest eigenvalue of W, up to which a negative one counts as zero
 _CHECKED = 10  # sweeps between two measurements of the violation
 
 
@@ -43,14 +45,19 @@ class LocalProblem:
     """u = W r + q with Signorini's conditions and Coulomb friction at m points.
 
     Args:
-        W: compliance (dim m, dim m), ordered point by point, tangents before the normal. It is
-            symmetrised.
+        W: compliance (dim m, dim m), ordered point by point, tangents before the normal; symmetric
+            up to 1e-3, and positive semidefinite. It is symmetrised; see `asymmetry`.
         q: relative velocities or displacements without contact forces (dim m,).
         friction: friction coefficients F >= 0 (m,).
 
+    Attributes:
+        asymmetry: largest difference of W from its transpose, over its largest entry. Forces that
+            solve the symmetrised problem violate the original one by about as much.
+
     Raises:
-        ValueError: if shapes do not match, a number is not finite, a coefficient is negative, or
-            the compliance of a single point is not positive definite.
+        ValueError: if shapes do not match, a number is not finite, a coefficient is negative, W is
+            not symmetric or not positive semidefinite, or the compliance of a single point is not
+            positive definite.
 
     Example:
         ::
@@ -63,6 +70,7 @@ class LocalProblem:
     W: Array
     q: Array
     friction: Array
+    asymmetry: float = field(init=False)
 
     def __post_init__(self) -> None:
         m = np.size(self.friction)
@@ -72,9 +80,19 @@ class LocalProblem:
             if m == 0 or value.shape != shape or not np.isfinite(value).all():
                 raise ValueError(f"{name} must be finite numbers of shape {shape}")
             object.__setattr__(self, name, value)
-        object.__setattr__(self, "W", (self.W + self.W.T) / 2)
         if (self.friction < 0).any():
             raise ValueError("friction must not be negative")
+        largest = float(np.abs(self.W).max()) or 1.0
+        asymmetry = float(np.abs(self.W - self.W.T).max()) / largest
+        if asymmetry > _ASYMMETRY:
+            raise ValueError(
+                f"W is not symmetric: it differs from its transpose by {asymmetry:.2g}"
+            )
+        object.__setattr__(self, "asymmetry", asymmetry)
+        object.__setattr__(self, "W", (self.W + self.W.T) / 2)
+        values = np.linalg.eigvalsh(self.W)
+        if values[0] < -_NEGATIVE * values[-1]:
+            raise ValueError(f"W has the negative eigenvalue {values[0]:.3g}")
         if not (np.linalg.eigvalsh(self._blocks)[:, 0] > 0).all():
             raise ValueError("the compliance of a point is not positive definite")
 
@@ -214,7 +232,9 @@ class LocalProblem:
             slip = solution.u[i, :-1]
             speed = float(np.linalg.norm(slip))
             directions = np.eye(self.dim)
-            if speed > moving:
+            if self.friction[i] == 0:
+                directions = directions[:, -1:]
+            elif speed > moving:
                 directions = np.append(-self.friction[i] * slip / speed, 1.0)[:, None]
             full = np.zeros((len(self.q), directions.shape[1]))
             full[self.dim * i : self.dim * (i + 1)] = directions

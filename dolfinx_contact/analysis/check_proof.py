@@ -28,7 +28,7 @@ import json
 import sys
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -480,18 +480,39 @@ class ReducedProblem:
     def units(self) -> tuple[float, float]:
         """Powers of two that are typical of displacements and forces."""
         force = max(float(np.abs(self.p).max()), float(self.g.max()), 1e-290)
-        stiffness = 2.0 ** round(float(np.log2(np.diag(self.S).mean())))
         force = 2.0 ** round(float(np.log2(force)))
-        return force / stiffness, force
+        return force / self._stiffness_unit, force
+
+    @property
+    def _stiffness_unit(self) -> float:
+        return float(2.0 ** round(float(np.log2(np.diag(self.S).mean()))))
 
     @cached_property
     def scaled(self) -> ReducedProblem:
-        """The same problem in its `units`: powers of two are exact."""
-        length, force = self.units
-        k = force / length
-        S, dS = (np.asarray(v / k) for v in (self.S, self.dS))
-        p, g, dp = (np.asarray(v / force) for v in (self.p, self.g, self.dp))
-        return replace(self, S=S, p=p, bound=g, S_error=dS, p_error=dp)
+        """The same problem in its `units`: powers of two are exact but for underflow.
+
+        What underflow takes from S and p is added to their errors.
+
+        Raises:
+            ValueError: if a friction bound underflows.
+        """
+        k = self._stiffness_unit
+        force = self.units[1]
+        found = object.__new__(ReducedProblem)
+        parts = {"friction": self.friction, "bound": np.asarray(self.g / force, np.float64)}
+        for name, value, error, unit in (
+            ("S", self.S, self.dS, k),
+            ("p", self.p, self.dp, force),
+        ):
+            scaled, off = np.asarray(value / unit), np.asarray(error / unit, dtype=np.float64)
+            exact = (scaled * unit == value) & (off * unit == error)
+            parts |= {name: scaled, f"{name}_error": np.where(exact, off, up(off))}
+        if (parts["bound"] * force != self.g).any():
+            raise ValueError("the friction bounds differ too much in size from the load")
+        for name, value in parts.items():
+            object.__setattr__(found, name, value)
+        found.__dict__["least"] = self.least / k
+        return found
 
 
 # -- bounds by energy ------------------------------------------------------------------------------
@@ -930,14 +951,13 @@ class Differences:
             theta: |theta| <= 1 / F (n,), used where `tilted`.
             mu: >= 0, weight of the squares of the rows f = 0.
         """
-        n = len(self.unknown)
-        if n == 0:
-            return True
         F = self.piece.problem.friction[self.unknown // 2]
         theta = np.where(self.tilted, theta, 0.0)
         keeps = 1.0 - F * np.abs(theta) - gamma(4)
         if (weights < 0).any() or not mu >= 0 or (keeps[self.tilted] < 0).any():
             return False
+        if len(self.unknown) == 0:
+            return True
         keeps = np.where(self.tilted, keeps, 1.0)
         w = np.where(self.equal, 0.0, weights)
         # Of the rows f = 0 the weight of the square is made dimensionless.
@@ -1124,6 +1144,8 @@ _BOUNDED_KINDS += [(IN_SLIP, IN_CLOSED)] * 2 + [(IN_STICK,)]
 _ARCS = 11 / 64 + np.arange(8) / 2
 #: Width up to which arcs are halved: ends stay exact.
 NARROWEST = 2.0**-20
+#: Largest number of cells of a region, beyond which a check would take too much memory.
+MOST_CELLS = 20000
 #: What is made of sines, cosines and arcus tangents: they are taken to be as exact as this.
 _ANGLES = 2.0**-40
 
@@ -1196,12 +1218,14 @@ class Cells:
         """With two halves for every arc of a point.
 
         Raises:
-            InvalidCertificate: if arcs are too narrow.
+            InvalidCertificate: if arcs are too narrow, or there are too many cells.
         """
         arcs = (self.node == point) & (self.kind == IN_SLIP)
         width = self.ends[arcs, 1] - self.ends[arcs, 0]
         if not arcs.any() or width.min() <= NARROWEST:
             raise InvalidCertificate("there is no arc to be halved")
+        if len(self) + arcs.sum() > MOST_CELLS:
+            raise InvalidCertificate(f"a region has more than {MOST_CELLS} cells")
         middle = (self.ends[:, 0] + self.ends[:, 1]) / 2
         copies = np.where(arcs, 2, 1)
         node, kind = (np.repeat(v, copies) for v in (self.node, self.kind))
@@ -1840,10 +1864,10 @@ class SpaceDifferences:
             weights: (9, m), not negative; those of what is not there do not count.
             mu: >= 0, weight of the squares of what vanishes.
         """
-        if len(self.unknown) == 0:
-            return True
         if not ((weights >= 0).all() and np.isfinite(weights).all() and 0 <= mu < np.inf):
             return False
+        if len(self.unknown) == 0:
+            return True
         w = np.where(self.has, weights, 0.0)
         W, size, error = (
             np.einsum("fi,fiab->iab", w, v) for v in (self.forms, self.sizes, self.errors)
@@ -2383,12 +2407,12 @@ def check(certificate: Certificate) -> Proved:
         InvalidCertificate: if a step does not prove what it says, or steps are missing.
     """
     proved = Proved()
-    problem = certificate.problem.scaled
-    waiting: list[Any] = [
-        SpaceRegion.whole(problem) if problem.dim == 3 else StatusRegion.whole(problem)
-    ]
-    follow_step = follow_in_space if problem.dim == 3 else follow
     try:
+        problem = certificate.problem.scaled
+        waiting: list[Any] = [
+            SpaceRegion.whole(problem) if problem.dim == 3 else StatusRegion.whole(problem)
+        ]
+        follow_step = follow_in_space if problem.dim == 3 else follow
         # What overflows proves nothing, and says so by comparisons that fail.
         with np.errstate(all="ignore"):
             for step in certificate.steps:
@@ -2433,7 +2457,7 @@ def follow(
         proved.open_regions.append(region.allowed)
         return []
     if kind == "rest":
-        return follow_rest(region.problem, proved)
+        return follow_rest(certificate.problem, proved)
     if kind == "pieces":
         _all_pieces(certificate, step["singular"], region, proved)
         return []
@@ -2555,7 +2579,7 @@ def follow_in_space(
         proved.open_regions.append(OpenCells(region.cells, region.most, str(step["why"])))
         return []
     if kind == "rest":
-        return follow_rest(region.problem, proved)
+        return follow_rest(certificate.problem, proved)
     if kind in ("leaf", "only"):
         _follow_one(step, region, proved)
         return []
@@ -2714,11 +2738,21 @@ def _letters(problem: ReducedProblem, codes: Codes) -> str:
     return "".join((_WITHOUT if without else known)[int(code)] for code, without in both)
 
 
-def _forces(piece: PieceSolution | SpacePiece) -> list[tuple[str, Array, Array]]:
-    """Names, values and errors of the forces; in space tangents differ from point to point."""
+def _forces(piece: PieceSolution | SpacePiece) -> list[tuple[str, Ball]]:
+    """Names and values of the forces; in space tangents differ from point to point."""
     if isinstance(piece, SpacePiece):
-        return [("rn", piece.state[:, 5], piece.away[:, 5])]
-    return [(name, v.value, v.radius) for name, v in (("rt", piece.rt), ("rn", piece.rn))]
+        return [("rn", piece.numbers[:, 5])]
+    return [("rt", piece.rt), ("rn", piece.rn)]
+
+
+def _sum_of(forces: Ball, unit: float) -> str:
+    """The sum of forces as text, with an error that includes the digits that are left out."""
+    total = np.ones(len(forces.value)) @ forces
+    value = unit * float(total.value)
+    shown = f"{value:.12g}"
+    off = unit * float(total.radius) + abs(float(shown) - value) * (1 + _SLACK)
+    # Three digits round the error by at most 0.5 %.
+    return f"{shown} +- {1.006 * above(off):.3g}"
 
 
 def report(certificate: Certificate, proved: Proved) -> list[str]:
@@ -2742,10 +2776,7 @@ def report(certificate: Certificate, proved: Proved) -> list[str]:
     if proved.at_rest:
         lines.append("  rest, without forces")
     for piece in proved.inside:
-        sums = ", ".join(
-            f"sum {name} = {force * value.sum():.12g} +- {force * 1.01 * away.sum():.2g}"
-            for name, value, away in _forces(piece)
-        )
+        sums = ", ".join(f"sum {name} = {_sum_of(v, force)}" for name, v in _forces(piece))
         lines.append(f"  {_letters(problem, piece.codes)}  {sums}")
     lines += [f"border: {_letters(problem, q.codes)}" for q in proved.border]
     lines += [f"singular: {_letters(problem, codes)}" for codes in proved.singular]

@@ -107,6 +107,7 @@ class Reduction:
         conic: bool = True,
     ):
         self._parametric = parametric
+        self._freed = False
         self.exact = exact
         eq: ContactEquations = parametric.equations
         self.comm = eq.comm
@@ -377,6 +378,8 @@ class Reduction:
 
         With the size of the residual.
         """
+        if self._freed:
+            raise ValueError("this reduction was freed, by destroy() or by a later reduction")
         u, *holding = self._body.solve(load, jumps[self.points.mine].reshape(-1))
         mine = -np.concatenate(holding).reshape(-1, self._dim)
         forces = np.zeros((self._m, self._dim))
@@ -449,6 +452,7 @@ class Reduction:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
+        self._freed = True
         for thing in (self._body, self._x):
             thing.destroy()
 
