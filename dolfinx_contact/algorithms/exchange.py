@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Point problems in files: npz, the HDF5 format of FCLib, and the text formats of Siconos.
+r"""Read and write reduced problems: npz, the HDF5 format of FCLib, text formats of Siconos.
 
 An npz file holds the arrays of a `PointProblem` under the names of its arguments, and ``format``.
 
@@ -65,8 +65,7 @@ def save_points(file: str | os.PathLike[str], problem: PointProblem) -> None:
         problem: problem to be written.
 
     Raises:
-        ValueError: for another suffix, or for FCLib if the problem has friction bounds given in
-            advance.
+        ValueError: for another suffix, or for FCLib if the problem has prescribed friction bounds.
         ModuleNotFoundError: for HDF5 without h5py.
     """
     path = Path(file)
@@ -138,7 +137,7 @@ def load_local(file: str | os.PathLike[str]) -> LocalProblem:
 
 
 def _read(path: Path, build: Callable[[], T]) -> T:
-    """Return what ``build`` returns; its errors name the file."""
+    """Call ``build`` and add the file name to its errors."""
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     try:
@@ -178,7 +177,7 @@ def _of_fclib(path: Path) -> Local:
 
 
 def _matrix(group: Any) -> Any:
-    """The sparse matrix of a group of FCLib."""
+    """Return the sparse matrix that an FCLib group stores."""
     rows, columns, kind = (int(group[name][0]) for name in ("m", "n", "nz"))
     p, i, x = (np.asarray(group[name]) for name in ("p", "i", "x"))
     shape = (rows, columns)
@@ -190,21 +189,21 @@ def _matrix(group: Any) -> Any:
 
 
 class _Words:
-    """Numbers of a text, one after the other."""
+    """Reader of successive numbers in a text."""
 
     def __init__(self, text: str):
         self._words = text.split()
         self._place = 0
 
     def integers(self, count: int) -> list[int]:
-        """The next integers."""
+        """Return the next ``count`` integers."""
         words = self._next(count)
         if not all(word.isascii() and word.isdigit() for word in words):
             raise ValueError(f"integers are expected, got {' '.join(words[:5])}")
         return [int(word) for word in words]
 
     def numbers(self, count: int) -> Array:
-        """The next real numbers."""
+        """Return the next ``count`` real numbers."""
         words = self._next(count)
         if any("_" in word for word in words):
             raise ValueError("numbers are expected, without underscores")
@@ -212,7 +211,7 @@ class _Words:
 
     @property
     def left(self) -> int:
-        """Number of words that were not read."""
+        """Number of unread words."""
         return len(self._words) - self._place
 
     def _next(self, count: int) -> list[str]:
@@ -249,7 +248,7 @@ def _of_siconos(text: str) -> Local:
 
 
 def _of_blocks(words: _Words, rows: int, columns: int) -> Array:
-    """A matrix in sparse blocks; each block follows its number, by columns."""
+    """Read a matrix in sparse blocks; each block is its number and its entries by columns."""
     _, down, across = words.integers(3)
     row_ends, column_ends = ([0, *words.integers(count)] for count in (down, across))
     starts, block_columns = (words.integers(count) for count in words.integers(2))
@@ -270,7 +269,7 @@ def _of_blocks(words: _Words, rows: int, columns: int) -> Array:
 
 
 def _of_csparse(text: str, rows: int, columns: int) -> tuple[Array, str]:
-    """A matrix in the text that CSparse prints, and the text after it."""
+    """Return a matrix read from text printed by CSparse, and the remaining text."""
     head = re.search(r"nnz:\s*(\d+).*\n", text)
     if head is None:
         raise ValueError("the sparse matrix has no line with 'nnz:'")
@@ -304,10 +303,10 @@ def _arrays(problem: PointProblem) -> dict[str, Any]:
 
 
 def fclib_local(problem: PointProblem) -> Arrays:
-    """Datasets of FCLib's local problem, by their paths in the file.
+    """Return the datasets of FCLib's local problem by their paths in the file.
 
     Raises:
-        ValueError: for friction bounds given in advance, which FCLib does not have.
+        ValueError: if the problem has prescribed friction bounds, which FCLib does not support.
     """
     if problem.bound.any():
         raise ValueError("FCLib knows Coulomb's friction alone, not bounds given in advance")
@@ -335,5 +334,5 @@ def _integers(values: Any) -> npt.NDArray[np.int32]:
 
 
 def _text(words: str) -> npt.NDArray[Any]:
-    """A string that ends with a zero, as C reads it."""
+    """Return a null-terminated string."""
     return np.array(words.encode(), dtype=f"S{len(words) + 1}")

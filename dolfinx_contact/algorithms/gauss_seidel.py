@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Nonsmooth Gauss-Seidel with over-relaxation and projection (SORP), point by point.
 
-A sweep goes through the contact points; each is solved exactly with its friction cone, its
-neighbours held, and what is free of it is over-relaxed,
+A sweep visits all contact points. The contact problem of each point is solved exactly while the
+other points are fixed, and the free components are over-relaxed,
 
-    a_i <- a_i + omega (a_i* - a_i),   S_ii a_i* = r_i* + p_i - sum_{j != i} S_ij a_j,
+    a_i <- a_i + omega (a_i* - a_i),   S_ii a_i* = r_i* + p_i - sum_{j != i} S_ij a_j.
 
-while a stuck point stays at 0 and a closed one on the obstacle (Raous, Chabrand and Lebon, J. Mec.
-Theor. Appl. 7 suppl. 1, 1988; Jourdan, Alart and Jean, CMAME 155, 1998). Aitken's extrapolation
-takes a_k + (a_{k+1} - a_k)/(1 - lambda) with the ratio lambda of successive changes where that
-makes the residual smaller. As the smoother of a two-level scheme (`two_level`) the sweeps leave
-what is long to the coarse problem, and go through its points first.
+Sticking points keep zero slip, and points in contact remain on the obstacle (Raous, Chabrand and
+Lebon, J. Mec. Theor. Appl. 7 suppl. 1, 1988; Jourdan, Alart and Jean, CMAME 155, 1998). Aitken's
+extrapolation a_k + (a_{k+1} - a_k)/(1 - lambda) with the ratio lambda of successive changes is
+accepted if it reduces the residual. In a two-level scheme (`two_level`), sweeps are the smoother:
+they visit the coarse points first, and the coarse problem corrects long-wave errors.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from dolfinx_contact.algorithms.two_level import CoarseProblem
 __all__ = ["GaussSeidel", "Sweeps"]
 
 Array = npt.NDArray[np.float64]
-_FEW = 8  # points that need no coarser ones to begin with
-_START = 1e-3  # measure at which the coarse problem is left
+_FEW = 8  # largest number of points without an initial solve on a coarser level
+_START = 1e-3  # tolerance of the initial solve of the coarse problem
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class GaussSeidel(Algorithm):
     """Nonsmooth Gauss-Seidel; an iteration is a sweep.
 
     Attributes:
-        relaxation: omega, between 0 and 2.
-        aitken: sweeps after which the next may be extrapolated; 0 for never.
-        two_level: whether a coarse problem follows every sweep.
-        coarsening: points to one coarse point, along one direction.
+        relaxation: relaxation factor omega, between 0 and 2.
+        aitken: number of sweeps between two extrapolations; 0 for no extrapolation.
+        two_level: whether a coarse correction follows every sweep.
+        coarsening: number of points per coarse point along one direction.
     """
 
     name: ClassVar[str] = "gauss-seidel"
@@ -99,9 +99,9 @@ class Sweeps:
     """Gauss-Seidel sweeps over the points of a problem.
 
     Args:
-        contact: the problem.
-        relaxation: omega.
-        order: of the points (m,), by default their own.
+        contact: reduced problem.
+        relaxation: relaxation factor omega.
+        order: numbers of the points in the order of a sweep, shape (m,); by default ascending.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class Sweeps:
         ]
 
     def __call__(self, a: Array) -> Array:
-        """The displacements (m, dim) after a sweep."""
+        """Return the displacements (m, dim) after a sweep that starts from ``a``."""
         d = self._contact.dim
         omega = self._relaxation
         x = a.reshape(-1).copy()

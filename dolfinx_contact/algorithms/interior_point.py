@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Interior point: the mixed complementarity problem followed from the inside, in 2D and 3D.
+r"""Primal-dual interior-point method for the mixed complementarity problem, in 2D and 3D.
 
-Signorini's and Coulomb's conditions are, with multipliers l and slacks s of friction,
+With multipliers l and slacks s of friction, Signorini's and Coulomb's conditions are
 
     y = un >= 0 against rn >= 0,    s >= 0 against l >= 0,    at + sum_j l_j n_j = 0,
     2D: s = b -+ rt, n = +-1;    3D: s = (b^2 - |rt|^2)/(2 b), n = rt/b;    b = F rn + g,
 
-smooth but for the complementarity conditions, with the forces r as unknowns and a = A r + c. Their
-products are not 0 but mu: the central path, which Newton's method follows while mu falls, with
-Mehrotra's predictor and corrector (SIAM J. Optim. 2, 1992) and steps that end before the boundary.
-With F = 0 (Tresca's problem) this is the convex primal-dual method, with its theory; with Coulomb's
-law there is none, and for large F the path may turn back; there the method fails, and the reason is
-reported. Of a start it takes the pressures alone, and these made large enough.
+with the forces r as unknowns and a = A r + c. On the central path, the complementarity products
+equal mu instead of 0. Newton's method follows this path while mu decreases, with Mehrotra's
+predictor and corrector (SIAM J. Optim. 2, 1992) and steps that end before the boundary.
+
+For F = 0 (Tresca's problem) this is the convex primal-dual method with its convergence theory. No
+theory is available for Coulomb's law: for large F the path may turn back, and the method then fails
+with this reason. Only the normal forces of an initial guess are used, increased if they are small.
 """
 
 from __future__ import annotations
@@ -30,20 +31,20 @@ __all__ = ["InteriorPoint", "follow_centre"]
 Array = npt.NDArray[np.float64]
 _Direction: TypeAlias = tuple[Array, Array, Array, Array]  # of r, y, l, s
 _MOST = 100
-_PATIENCE = 4  # steps that may bring nothing
-_ROUND_OFF = 100.0  # times the tolerance, that round-off may leave
-_LONG = 0.3  # steps that need no other centring
+_PATIENCE = 4  # largest number of successive steps without improvement
+_ROUND_OFF = 100.0  # accepted measure after stagnation, relative to the tolerance
+_LONG = 0.3  # step length at which no stronger centring is tried
 _LEAST = 1e-290
-_TINY = 1e-12  # of the largest friction bound: bounds that hold nothing
-_SHORTEST = 1e-10  # steps that lead nowhere
+_TINY = 1e-12  # friction bound that counts as zero, relative to the largest one
+_SHORTEST = 1e-10  # step length at which the method fails
 
 
 @dataclass(frozen=True)
 class InteriorPoint(Algorithm):
-    """Interior point on the mixed complementarity problem; an iteration is a Newton step.
+    """Interior-point method; an iteration is a Newton step.
 
     Attributes:
-        boundary: part of the way to the boundary that a step may take.
+        boundary: largest step, relative to the distance to the boundary, between 0 and 1.
     """
 
     name: ClassVar[str] = "interior-point"
@@ -63,17 +64,25 @@ class InteriorPoint(Algorithm):
         state = _Interior(contact, r)
         while not iteration.stops(state.a, state.r, gap=state.mu):
             if not state.step(self.boundary):
-                if free:  # no contact forces: a state at the boundary, which the path may miss
+                if free:  # without contact forces the solution is at the boundary
                     iteration.stops(contact.free, nothing, gap=0.0)
                     return
                 iteration.fails(
-                    f"the central path turns back: steps of no length at a gap of {state.mu:.1e}"
+                    f"the central path turns back: step length zero at a gap of {state.mu:.1e}"
                 )
                 return
 
 
 def follow_centre(given: PointProblem, tolerance: float) -> tuple[Array, int, bool]:
-    """Displacements of a convex problem, the number of steps, and whether they suffice."""
+    """Solve Tresca's problem by the interior-point method.
+
+    Args:
+        given: Tresca's problem.
+        tolerance: largest measure of a converged state.
+
+    Returns:
+        Displacements (m, dim), the number of steps, and whether they converged.
+    """
     state = _Interior(given, np.zeros((given.number, given.dim)))
     force = given.force
     length = given.length
@@ -95,12 +104,12 @@ def follow_centre(given: PointProblem, tolerance: float) -> tuple[Array, int, bo
             since = 0
         if worst <= tolerance or since > _PATIENCE or not state.step(0.9):
             break
-    # Near the boundary round-off ends it.
+    # Near the boundary, round-off prevents further progress.
     return best, steps, least <= _ROUND_OFF * tolerance
 
 
 class _Interior:
-    """An interior point and the steps from it, in units in which stiffness and load are near 1."""
+    """Current interior point of the scaled problem, with the Newton steps from it."""
 
     def __init__(self, contact: PointProblem, r: Array):
         problem, stiffness, self._length = contact.scaled()
@@ -112,12 +121,12 @@ class _Interior:
         d = problem.dim
         self._F = problem.friction
         self._g = problem.bound
-        #: Points that friction acts on.
+        #: Mask of the points with friction.
         self._grips = (self._F > 0) | (self._g > _TINY * self._g.max())
         self._count = m + (2 if d == 2 else 1) * int(self._grips.sum())
         rn = np.maximum(r[:, -1] / self._force, max(float(np.abs(problem.p).max()), 1e-3))
         self._r = np.column_stack([np.zeros((m, d - 1)), rn])
-        # Against the slip, by half of what friction may do.
+        # Start with half of the admissible friction, opposite to the slip.
         slip = self._displacement()[:, :-1]
         size = np.maximum(np.linalg.norm(slip, axis=1), 1e-300)
         self._r[:, :-1] = -(0.5 * self._grips * self._radius / size)[:, None] * slip
@@ -133,12 +142,12 @@ class _Interior:
 
     @property
     def a(self) -> Array:
-        """Displacements there (m, dim)."""
+        """Displacements under the current forces (m, dim)."""
         return self._displacement() * self._length
 
     @property
     def mu(self) -> float:
-        """The mean of the products."""
+        """Mean complementarity product mu."""
         products = self._y @ self._r[:, -1] + np.sum(self._l * self._s)
         return float(products) / self._count
 
@@ -150,7 +159,7 @@ class _Interior:
         return np.asarray((self._A @ self._r.reshape(-1)).reshape(self._r.shape) + self._c)
 
     def _slacks(self) -> tuple[Array, Array, Array]:
-        """Slacks of friction (m, k), less their derivatives by rt (m, k, d - 1), and by rn."""
+        """Return slacks s (m, k), -ds/drt (m, k, d - 1) and ds/drn (m, k) of friction."""
         rt = self._r[:, :-1]
         radius = self._radius[:, None]
         if rt.shape[1] == 1:
@@ -188,7 +197,7 @@ class _Interior:
         return True
 
     def _linearise(self) -> None:
-        """Eliminate slacks and multipliers: (A + D) dr = ..., D of every point alone."""
+        """Eliminate slacks and multipliers: assemble A + D with one block of D per point."""
         m, d = self._r.shape
         _, self._out, self._by_rn = self._slacks()
         stiff = self._l / self._s
@@ -214,12 +223,13 @@ class _Interior:
     def _direction(
         self, centring: float, forecast: _Direction | None = None, ahead: float = 1.0
     ) -> _Direction:
-        """The Newton step towards a part of the products and of what is not yet feasible.
+        """Return a Newton step that reduces the products and the infeasibility.
 
         Args:
-            centring: the part.
-            forecast: a step whose second-order terms are taken out.
-            ahead: the part of it that was possible.
+            centring: target of the products, relative to mu; infeasibilities are reduced by
+                ``1 - centring``.
+            forecast: predictor step whose second-order terms are subtracted.
+            ahead: step length of the predictor.
         """
         a = self._displacement()
         r = self._r
@@ -260,7 +270,12 @@ class _Interior:
         return dr, da[:, -1] + gap, np.where(grips, dl, 0.0), np.where(grips, ds, 0.0)
 
     def _longest(self, direction: _Direction, boundary: float) -> float:
-        """The step that takes this part of the way to the boundary, at most 1."""
+        """Return the step length to a fraction of the distance to the boundary, at most 1.
+
+        Args:
+            direction: changes of r, y, l and s.
+            boundary: fraction of the distance to the boundary.
+        """
         dr, dy, dl, ds = direction
         part = 1.0
         rn = self._r[:, -1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Lemke's method, and why it cannot fail on friction in the plane (`complementarity`).
+r"""Lemke's method, with a proof that it solves Coulomb friction (`complementarity`).
 
 The reduced problem has S a = r + p with the positive definite stiffness S of the contact points,
 a = (ut, un) and the forces r = (rt, rn) on the body. With A = S^{-1}, c = A p and
@@ -41,13 +41,13 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
-_TIE = 1e-11  # of ratios that count as equal, relative to the largest unknown
-_NOTHING = 1e-9  # of the largest unknown, z_0 that is 0
-_PIVOT = 1e-11  # entries that count as zero, relative to the largest of their column
+_TIE = 1e-11  # difference of equal ratios, relative to the largest unknown
+_NOTHING = 1e-9  # value of z_0 that counts as zero, relative to the largest unknown
+_PIVOT = 1e-11  # entry that counts as zero, relative to the largest of its column
 
 
 class RayTermination(ArithmeticError):
-    """Lemke's method ended in a ray, took more pivots than it may, or was lost in round-off."""
+    """Lemke's method ended in a ray, exceeded the pivots, or failed because of round-off."""
 
 
 def lemke(
@@ -60,14 +60,14 @@ def lemke(
     """Solve 0 <= q + M z against z >= 0 by Lemke's method with the lexicographic rule.
 
     Args:
-        M: square matrix, (n, n).
-        q: (n,).
-        max_pivots: by default 50 n + 100.
-        path: receives the corners of the path, z_0 and z of each: a solution of the problem with
-            q + z_0 (1, ..., 1) in the place of q.
+        M: square matrix, shape (n, n).
+        q: right-hand side, shape (n,).
+        max_pivots: maximum number of pivots; by default 50 n + 100.
+        path: list to which (z_0, z) of every vertex of the path is appended. Here z solves the
+            problem with q + z_0 (1, ..., 1) in place of q.
 
     Returns:
-        z, and the number of pivots.
+        Solution z, shape (n,), and the number of pivots.
 
     Raises:
         RayTermination: if the method ends in a ray or takes more pivots.
@@ -95,7 +95,10 @@ def lemke(
 
 
 class _Tableau:
-    """w - M z - d z_0 = q solved for the basic variables, numbered w 0.., z n.., z_0 2 n."""
+    """Tableau of w - M z - d z_0 = q, solved for the basic variables.
+
+    Variables are numbered w from 0, z from n, and z_0 is 2 n.
+    """
 
     def __init__(self, M: Array, q: Array):
         self.n = len(q)
@@ -103,7 +106,7 @@ class _Tableau:
         self._M = M
         self._q = q
         self._d = np.ones(len(q))
-        #: In Fortran's order, which BLAS changes in place.
+        #: In Fortran order, so that BLAS updates it in place.
         self.table: Array = np.asfortranarray(np.column_stack([-M, -self._d]))
         self.values = q.copy()
         self.basic = np.arange(self.n)
@@ -111,20 +114,20 @@ class _Tableau:
         self._since = 0  # pivots since the table was made from the data
 
     def first(self) -> int:
-        """Let z_0 enter; the variable that leaves."""
+        """Let z_0 enter the basis and return the variable that leaves it."""
         least = self.values.min()
         tied = np.flatnonzero(self.values <= least + _TIE * np.abs(self._q).max())
         return self._pivot(int(tied[-1]), self.n)  # the lexicographically least of them
 
     def enter(self, variable: int) -> int:
-        """Let a variable enter; the variable that leaves."""
+        """Let a variable enter the basis and return the variable that leaves it."""
         column = int(np.flatnonzero(self.nonbasic == variable)[0])
         return self._pivot(self._row(column), column)
 
     def covers(self) -> bool:
-        """Whether z_0 is more than round-off, so that the basis is not that of a solution.
+        """Return True if z_0 exceeds round-off, so that the basis is not a solution.
 
-        Where z_0 might have left with others, round-off may have kept it, and it is 0 all the same.
+        In a tie, round-off may keep z_0 in the basis although its value is zero.
         """
         self._refresh()
         known = np.abs(self.values).max(initial=np.abs(self._q).max())
@@ -132,7 +135,7 @@ class _Tableau:
         return bool((held > _NOTHING * known).any())
 
     def _row(self, column: int) -> int:
-        """The lexicographic ratio test."""
+        """Return the pivot row by the lexicographic ratio test."""
         entries = self.table[:, column]
         rising = np.flatnonzero(entries > _PIVOT * np.abs(entries).max(initial=1.0))
         if len(rising) == 0:
@@ -153,14 +156,14 @@ class _Tableau:
         return int(tied[0])
 
     def _inverse(self, rows: npt.NDArray[np.int64], w: int) -> Array:
-        """Entries of the inverse of the basis: the column of the variable ``w``."""
+        """Return entries of the inverse basis in the column of the variable ``w``."""
         places = np.flatnonzero(self.nonbasic == w)
         if len(places):
             return np.asarray(self.table[rows, places[0]])
         return (self.basic[rows] == w).astype(float)
 
     def _pivot(self, row: int, column: int) -> int:
-        """Exchange a basic and a nonbasic variable; the one that leaves."""
+        """Exchange a basic and a nonbasic variable; return the one that leaves the basis."""
         T = self.table
         element = float(self.table[row, column])
         across = T[row] / element
@@ -181,7 +184,7 @@ class _Tableau:
         return leaving
 
     def _columns(self, variables: npt.NDArray[np.int64]) -> Array:
-        """Columns of [I, -M, -d]."""
+        """Return the columns of [I, -M, -d] for some variables."""
         found = np.zeros((self.n, len(variables)))
         w = np.flatnonzero(variables < self.n)
         z = np.flatnonzero(variables >= self.n)
@@ -191,7 +194,7 @@ class _Tableau:
         return found
 
     def _refresh(self) -> None:
-        """Make the table anew from the data, without the round-off of the pivots."""
+        """Recompute the tableau from M and q to remove the round-off of the pivots."""
         right = np.column_stack([self._columns(self.nonbasic), self._q])
         solved = np.linalg.solve(self._columns(self.basic), right)
         self.table = np.asfortranarray(solved[:, :-1], dtype=np.float64)
@@ -199,13 +202,13 @@ class _Tableau:
         self._since = 0
 
     def corner(self) -> tuple[float, Array]:
-        """z_0 and z of the basis."""
+        """Return z_0 and z at the current basis."""
         values = np.zeros(2 * self.n + 1)
         values[self.basic] = self.values
         return float(values[self.artificial]), values[self.n : self.artificial]
 
     def solution(self) -> Array:
-        """The unknowns z of the basis, solved from the data."""
+        """Return z at the current basis, computed from M and q."""
         values = np.linalg.solve(self._columns(self.basic), self._q)
         z = np.zeros(self.n)
         inside = (self.basic >= self.n) & (self.basic < 2 * self.n)
@@ -236,7 +239,7 @@ class Compliant(Protocol):
 
 
 def tangents(dim: int, facets: int) -> Array:
-    """Unit directions of friction (k, dim - 1)."""
+    """Return the unit directions of friction, shape (k, dim - 1)."""
     if dim == 2:
         return np.array([[1.0], [-1.0]])
     angles = 2 * np.pi * np.arange(facets) / facets
@@ -244,7 +247,7 @@ def tangents(dim: int, facets: int) -> Array:
 
 
 def parts_of(contact: Compliant) -> tuple[Array, Array, Array, Array]:
-    """A (m, dim, m, dim), and c in its normal and tangential parts; F as a diagonal matrix."""
+    """Return A (m, dim, m, dim), normal and tangential parts of c, and diagonal matrix F."""
     m = contact.number
     d = contact.dim
     free = contact.free
@@ -252,7 +255,7 @@ def parts_of(contact: Compliant) -> tuple[Array, Array, Array, Array]:
 
 
 def copositive_form(contact: Compliant, directions: Array) -> tuple[Array, Array]:
-    """M and q with z = (rn, b of point 1, b of point 2, ..., l); see the module."""
+    """Return M and q of the copositive form, with z = (rn, b of point 1, b of point 2, ..., l)."""
     m = contact.number
     k = len(directions)
     A, cn, ct, F = parts_of(contact)
@@ -271,6 +274,6 @@ def copositive_form(contact: Compliant, directions: Array) -> tuple[Array, Array
 
 
 def copositive_forces(z: Array, directions: Array) -> Array:
-    """The forces (m, dim) of unknowns of the copositive form."""
+    """Return the contact forces (m, dim) for unknowns z of the copositive form."""
     m = len(z) // (2 + len(directions))
     return np.column_stack([z[m:-m].reshape(m, -1) @ directions, z[:m]])

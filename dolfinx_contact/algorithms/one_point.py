@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""One contact point alone, its neighbours held: the problem that Gauss-Seidel solves at each.
+r"""Contact problem of a single point, the local problem of nonsmooth Gauss-Seidel.
 
-S a = r + b with a stiffness S (dim, dim) of the point and b the load that is left for it. In 2D the
-statuses are tried one after the other, each a formula. In 3D a slip has rt = -mu at with mu >= 0:
-(St + mu) at = bt in the closed point, and mu |at| = F rn + g is one equation for mu, solved in the
-eigenvectors of St between 0 and a bound at which the point would stick.
+S a = r + b with the stiffness S (dim, dim) of the point and a load b that contains the coupling to
+the other, fixed points. In 2D the statuses are tried one after the other, each with an explicit
+solution. In 3D, slip means rt = -mu at with mu >= 0. A slipping point in contact satisfies
+(St + mu) at = bt, and mu |at| = F rn + g is a scalar equation for mu. It is solved in the
+eigenvectors of St by Newton's method, safeguarded by bisection.
 """
 
 from __future__ import annotations
@@ -19,26 +20,27 @@ __all__ = ["OnePoint", "one_point"]
 
 Array = npt.NDArray[np.float64]
 _ROUND_OFF = 1e-14
-_MOST = 200  # steps for a root
+_MOST = 200  # largest number of steps for the root mu
 
 
 def one_point(S: Array, friction: float, bound: float) -> OnePoint:
-    """The solver for a point with stiffness ``S``, (2, 2) or (3, 3)."""
+    """Return the solver of a point with stiffness ``S`` of shape (2, 2) or (3, 3)."""
     return InPlane(S, friction, bound) if len(S) == 2 else InSpace(S, friction, bound)
 
 
 class OnePoint:
-    """Solves for one point again and again.
+    """Solver of the contact problem of one point for varying loads.
 
     Attributes:
-        stuck: whether the last solution sticks; closed: whether its gap is closed.
+        stuck: whether the point sticks in the last solution.
+        closed: whether the point is in contact in the last solution.
     """
 
     stuck = False
     closed = False
 
     def solve(self, b: Array) -> tuple[float, ...]:
-        """The displacement (tangents, normal) under the load ``b`` (dim,)."""
+        """Return the displacement (tangents, normal) under the load ``b`` of shape (dim,)."""
         raise NotImplementedError
 
 
@@ -55,7 +57,7 @@ class InPlane(OnePoint):
         self.open_tt = self.tt - self.tn**2 / self.nn
 
     def solve(self, b: Array) -> tuple[float, float]:
-        """The first of open, stick, slip to the right, slip to the left that holds."""
+        """Return the first admissible solution of: open, stick, slip right, slip left."""
         t = float(b[0])
         n = float(b[1])
         F = self.friction
@@ -103,7 +105,7 @@ class InSpace(OnePoint):
         self._open = _Slip(S[:2, :2] - np.outer(coupling, coupling) / self.nn, np.zeros(2))
 
     def solve(self, b: Array) -> tuple[float, float, float]:
-        """The first of open, stick and slip that holds."""
+        """Return the first admissible solution of: open, stick, slip."""
         t = (float(b[0]), float(b[1]))
         n = float(b[2])
         F = self.friction
@@ -135,7 +137,7 @@ class _Slip:
         self._coupling = float(turned[0]), float(turned[1])
 
     def solve(self, b: tuple[float, float], n: float, F: float, g: float) -> tuple[float, float]:
-        """The slip under a load b; without a root that of mu = 0."""
+        """Return the slip under the load b; if no root exists, the slip for mu = 0."""
         v00, v01 = self._first
         v10, v11 = self._second
         e0, e1 = self._values
@@ -159,7 +161,7 @@ class _Slip:
             else:
                 low = mu
             if high == 0:
-                break  # no friction that could hold it back
+                break  # frictionless slip
             dx = -x / (e0 + mu)
             dy = -y / (e1 + mu)
             slope = slip + (mu * (x * dx + y * dy) / slip if slip > 0 else 0.0)

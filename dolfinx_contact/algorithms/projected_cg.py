@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Projected conjugate gradients: on the forces, between friction bounds that are updated.
+r"""Projected conjugate gradients on the contact forces, with updates of the friction bounds.
 
-With friction bounds g given, the forces minimise q(r) = r.A r/2 + c.r over rn >= 0, |rt| <= g, and
-the gradient is the displacement a = A r + c. Conjugate gradients run on the forces that are inside
-their bounds; a step that would leave them ends there and continues along the projected gradient;
-where what the bounds hold back outweighs the rest, a step of the projected gradient frees it
-(Dostal and Schoeberl, Comput. Optim. Appl. 30, 2005; for discs Dostal and Kozubek, Math. Program.
-135, 2012). The energy falls at every step.
+For prescribed friction bounds g, the forces minimise q(r) = r.A r/2 + c.r subject to rn >= 0 and
+|rt| <= g. The gradient is the displacement a = A r + c. There are three kinds of steps (Dostal and
+Schoeberl, Comput. Optim. Appl. 30, 2005; for discs Dostal and Kozubek, Math. Program. 135, 2012):
 
-On the displacements the functional has |ut|, which has no gradient at stick: there conjugate
-gradients need a regularisation. With |ut| replaced by ut^2/(2 e) where |ut| <= e the problem of the
-forces gains e |rt|^2/(2 g): it stays as it is but for a diagonal, and e = 0, the default, needs no
-regularisation at all.
+1. a conjugate gradient step on the forces inside their bounds (free gradient);
+2. if it would leave the feasible set, a step to the boundary and a projected gradient step;
+3. if the chopped gradient at the bounds outweighs the free gradient, a projected gradient step.
+
+The energy decreases in every step.
+
+In terms of displacements the functional contains |ut|, which is not differentiable at stick, so
+conjugate gradients would need a regularisation. Replacing |ut| by a quadratic function for
+|ut| <= e adds e |rt|^2/(2 g) to q, a diagonal term. The dual problem needs no regularisation: the
+default is e = 0.
 """
 
 from __future__ import annotations
@@ -29,8 +32,8 @@ from dolfinx_contact.laws.coulomb import project
 __all__ = ["GivenBound", "ProjectedGradient"]
 
 Array = npt.NDArray[np.float64]
-_BALANCE = 1.0  # of free and chopped gradients, squared, beyond which bounds are left
-_ON = 1e-12  # of the radius, by which a force on its circle may be inside
+_BALANCE = 1.0  # ratio of squared chopped and free gradients above which bounds are released
+_ON = 1e-12  # distance to the friction circle, relative to its radius, that counts as zero
 
 
 @dataclass(frozen=True)
@@ -38,9 +41,10 @@ class ProjectedGradient(Algorithm):
     """Projected conjugate gradients; an iteration is a product with the compliance.
 
     Attributes:
-        reduction: of the projected gradient, after which friction bounds are updated.
-        regularisation: e, a length over the largest displacement; a solution of the regularised
-            law differs from Coulomb's by about as much, and is measured by Coulomb's law.
+        reduction: factor by which the projected gradient decreases between two updates of the
+            friction bounds.
+        regularisation: length e, relative to the largest displacement. The error of a solution of
+            the regularised law is of this order; the measures use Coulomb's law.
     """
 
     name: ClassVar[str] = "projected-gradient"
@@ -59,7 +63,7 @@ class ProjectedGradient(Algorithm):
         a = contact.displacements(r)
         while not iteration.stops(a, r, energy=energy):
             inner = GivenBound(contact, contact.radius(r[:, -1]), r, softness)
-            # No further than what the stopping measure can see.
+            # Do not solve more accurately than the stopping measure can resolve.
             seen = 0.1 * iteration.trend.tolerance * iteration.length
             least = max(self.reduction * inner.left, seen)
             inner.step()
@@ -76,15 +80,15 @@ class GivenBound:
     """Projected conjugate gradients on the forces of Tresca's problem.
 
     Args:
-        contact: the problem, of which the friction is not used.
-        bound: friction bounds g (m,).
-        r: forces to begin with.
-        softness: e, a length.
+        contact: reduced problem; its friction is ignored.
+        bound: friction bounds g, shape (m,).
+        r: initial forces, shape (m, dim).
+        softness: length e of the regularisation.
 
     Attributes:
-        r: forces (m, dim), within their bounds.
-        a: displacements there, (m, dim).
-        products: with the compliance so far.
+        r: feasible forces, shape (m, dim).
+        a: displacements under these forces, shape (m, dim).
+        products: number of products with the compliance so far.
     """
 
     def __init__(self, contact: PointProblem, bound: Array, r: Array, softness: float = 0.0):
@@ -109,13 +113,13 @@ class GivenBound:
         return (A @ v.reshape(-1)).reshape(v.shape) + self._yielding * v
 
     def _refresh(self) -> None:
-        """Take the gradient anew, and begin with it."""
+        """Compute the gradient and restart the conjugate directions."""
         self._gradient = self._times(self.r) + self._contact.free
         self._split()
         self._direction = self._free.copy()
 
     def _split(self) -> None:
-        """The free and the chopped part of the projected gradient."""
+        """Split the projected gradient into its free and its chopped part."""
         r = self.r
         g = self._gradient
         size = np.linalg.norm(r[:, :-1], axis=1)
@@ -139,16 +143,16 @@ class GivenBound:
 
     @property
     def left(self) -> float:
-        """The largest entry of the projected gradient, a length."""
+        """Largest entry of the projected gradient, a length."""
         return float(np.abs(self._free + self._chopped).max())
 
     @property
     def energy(self) -> float:
-        """The value of q at the forces."""
+        """Value of q at the current forces."""
         return float(0.5 * np.sum((self._gradient + self._contact.free) * self.r))
 
     def step(self) -> None:
-        """One step."""
+        """Perform one step of the method; see the module."""
         free = self._free
         chopped = self._chopped
         if np.sum(chopped**2) > _BALANCE * np.sum(free**2):
@@ -174,12 +178,12 @@ class GivenBound:
             self._expand()
 
     def _expand(self) -> None:
-        """A projected step along the gradient, of a length at which the energy falls."""
+        """Perform a projected gradient step of length 1/|A|, which decreases the energy."""
         self.r = self._projected(self.r - self._gradient / self._longest)
         self._refresh()
 
     def _feasible(self, d: Array) -> float:
-        """The longest step along -d that stays within the bounds."""
+        """Return the largest step length along -d that remains feasible."""
         most = np.inf
         falls = d[:, -1] > 0
         if falls.any():

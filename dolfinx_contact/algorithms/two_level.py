@@ -1,21 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The coarse problem of a two-level scheme on the contact surface.
+r"""Coarse problem of a two-level scheme on the contact surface.
 
-After a sweep of Gauss-Seidel the statuses are taken as they are: stuck points are held, closed ones
-stay on the obstacle, and what is free obeys linear equations G(a) = 0 (open: r = 0; slip:
-rt + (F rn + g) e = 0 with the direction e of the slip). With hats P around coarse points, cut off
-where the fine problem is held (truncation: Kornhuber, Numer. Math. 69, 1994; Graeser and Kornhuber,
-J. Comput. Math. 27, 2009), the correction is a <- a - s P (P^T G' P)^+ P^T G, projected on un >= 0,
-with the first s of 1, 1/2, 1/4 at which the residual does not grow; else there is none.
+The coarse correction after a sweep of Gauss-Seidel keeps the statuses: sticking points are fixed,
+points in contact remain on the obstacle, and the free components satisfy equations G(a) = 0 (open:
+r = 0; slip: rt + (F rn + g) e = 0 with the slip direction e). Let the columns of P be hat functions
+of the coarse points, truncated at fixed components (Kornhuber, Numer. Math. 69, 1994; Graeser and
+Kornhuber, J. Comput. Math. 27, 2009). The correction is a <- a - s P (P^T G' P)^+ P^T G, projected
+onto un >= 0, with the first s of 1, 1/2, 1/4 for which the residual does not increase; otherwise
+the correction is skipped.
 
-Sweeps in the order of the points carry errors along the surface and damp them there as one level
-does (on an operator of order 1 by 0.35): the longer the stretch of a status, the more sweeps. So
-they take the coarse points first, and last the others, which are left in equilibrium; what is
-between coarse points the hats then say nearly, and counts do not grow.
+Sweeps in ascending order transport errors along the surface and damp them only as a single level
+does (by 0.35 for an operator of order 1), so that the number of sweeps grows with the extent of a
+region of one status. Sweeps therefore visit the coarse points first. The remaining points are then
+in equilibrium, their errors are almost interpolated by the hat functions, and the number of sweeps
+does not grow.
 
-Corrections of what is free do not move the borders between statuses, and sweeps move them by a
-point each. So the scheme begins where the contact problem of the coarse points ends: that of the
-hats, with P^T S P, P^T p and friction averaged, solved in the same way.
+Coarse corrections do not move the boundaries between statuses, and each sweep moves them by one
+point only. The initial state is therefore the solution of the contact problem at the coarse points,
+with P^T S P, P^T p and averaged friction, obtained by the same method.
 """
 
 from __future__ import annotations
@@ -31,11 +33,15 @@ Array = npt.NDArray[np.float64]
 
 
 def hats(x: Array, coarsening: float) -> Array:
-    """Weights (m, coarse) of coarse points, which are some of the points x (m, any).
+    """Return interpolation weights from coarse points to all points, shape (m, coarse).
 
-    Coarse points lie further apart than ``coarsening`` times the distance of neighbours; weights
-    fall linearly with the distance and add up to 1. On equidistant points of a line they are those
-    of linear interpolation.
+    The coarse points are a subset of all points with distances larger than ``coarsening`` times the
+    median distance of neighbours. Weights decrease linearly with the distance and add up to 1. For
+    equidistant points on a line they are the weights of linear interpolation.
+
+    Args:
+        x: coordinates of the points, shape (m, any).
+        coarsening: number of points per coarse point along one direction.
     """
     away = np.linalg.norm(x[:, None] - x[None], axis=2)
     others = away + np.diag(np.full(len(x), np.inf))
@@ -54,12 +60,16 @@ def hats(x: Array, coarsening: float) -> Array:
 
 
 def linearised(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array, Array]:
-    """Residual G (n,), its derivative by the displacements (n, n), and what is free (n,).
+    """Linearise the equations G(a) = 0 for fixed statuses; n = dim m.
 
     Args:
-        contact: the problem.
-        a: displacements (m, dim).
-        r: the forces there.
+        contact: reduced problem.
+        a: displacements, shape (m, dim).
+        r: forces at these displacements, shape (m, dim).
+
+    Returns:
+        Residual G (n,), its derivative by the displacements (n, n), and a mask of the free
+        components (n,).
     """
     m, d = a.shape
     closed = contact.closed(a, r)
@@ -81,7 +91,7 @@ def linearised(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array,
         if grows[i] > 0:
             J[i, :-1] += grows[i] * np.outer(e, contact.S[d * i + d - 1])
         if d == 3:
-            # e turns with the shear and the slip.
+            # The slip direction e depends on the shear force and the slip.
             turn = (np.eye(2) - np.outer(e, e)) * radius[i] / size[i]
             own = slice(d * i, d * i + 2)
             J[i, :-1] -= turn @ contact.S[own]
@@ -90,11 +100,11 @@ def linearised(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array,
 
 
 class CoarseProblem:
-    """Corrects what sweeps leave behind; see the module.
+    """Coarse problem of the two-level scheme; see the module.
 
     Args:
-        contact: the problem; without positions its points count as equidistant on a line.
-        coarsening: points to one coarse point, along one direction.
+        contact: reduced problem; points without positions are treated as equidistant on a line.
+        coarsening: number of points per coarse point along one direction.
     """
 
     def __init__(self, contact: PointProblem, coarsening: float):
@@ -107,13 +117,13 @@ class CoarseProblem:
 
     @property
     def order(self) -> npt.NDArray[np.int_]:
-        """The points, coarse ones first (m,)."""
+        """Numbers of the points, coarse points first, shape (m,)."""
         first = self._hats.argmax(axis=0)
         return np.concatenate([first, np.setdiff1d(np.arange(len(self._hats)), first)])
 
     @property
     def contact(self) -> PointProblem:
-        """The contact problem of the coarse points."""
+        """Reduced contact problem at the coarse points."""
         fine = self._contact
         P = self._P
         weight = self._hats.sum(axis=0)
@@ -129,11 +139,17 @@ class CoarseProblem:
         )
 
     def prolonged(self, a: Array) -> Array:
-        """Displacements of the coarse points at the fine ones, (m, dim)."""
+        """Interpolate displacements of the coarse points to all points, shape (m, dim)."""
         return np.asarray(self._hats @ a)
 
     def corrected(self, a: Array, force: float, length: float) -> Array:
-        """The displacements (m, dim), corrected; measured by a force and a length."""
+        """Return displacements (m, dim) after the coarse correction.
+
+        Args:
+            a: displacements before the correction, shape (m, dim).
+            force: scale of forces in the measures.
+            length: scale of lengths in the measures.
+        """
         contact = self._contact
         r = contact.forces(a)
         G, J, free = linearised(contact, a, r)
