@@ -84,20 +84,20 @@ def solve_by(
     """Solve a contact problem. Collective.
 
     Args:
-        algorithm: with its options.
-        equations: the contact problem.
-        linear: gives its linear solver.
-        x0: start.
-        monitor: called with every iterate, on every rank.
-        progress: shows where the solve is.
+        algorithm: algorithm with its options.
+        equations: contact problem.
+        linear: function that returns the linear solver of the problem.
+        x0: initial unknowns.
+        monitor: function called with every iterate, on every rank.
+        progress: progress line.
 
     Returns:
-        A solution, and the one attempt that found it.
+        Solution, and a list with the successful attempt.
 
     Raises:
-        ValueError: on every rank, for a problem that the algorithm is not for.
-        ConvergenceError: if it does not converge, with what it did in the attempt; a
-            `FloatingBodyError` where it meets a body that nothing holds.
+        ValueError: on every rank, if the algorithm does not support the problem.
+        ConvergenceError: if the algorithm does not converge, with its attempt; a
+            `FloatingBodyError` for a body without supports.
     """
     attempt = Attempt(algorithm.described())
     failure: type[ConvergenceError] = ConvergenceError
@@ -207,7 +207,7 @@ def _require_held(eq: ContactEquations) -> None:
 
 
 def _require_nodes(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if multipliers are no tractions at contact points."""
+    """Raise ``ValueError`` for integral contact, whose multipliers are not at contact points."""
     for s in eq.surfaces:
         if s.method == "integral":
             raise ValueError(

@@ -32,9 +32,9 @@ class CondensedBlock:
     """Solves with the block on s by condensing the multipliers; see `SurfaceBlock`.
 
     Args:
-        operator: the Jacobian, assembled.
+        operator: assembled Jacobian.
         s: unknowns of the surface.
-        prefix: of PETSc options of the direct solver.
+        prefix: prefix of the PETSc options of the direct solver.
     """
 
     def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):

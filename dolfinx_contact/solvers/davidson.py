@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Eigenvalues of largest size by Davidson's method, a cycle of multigrid a step.
+r"""Eigenvalues of largest modulus by Davidson's method with one multigrid cycle per step.
 
     E^T G w = mu A w
 
-with A symmetric and positive definite, and rows E and G that see little of w; A^-1 is never
-applied. On a basis W with W^T A W = 1 the eigenvalues are those of (E W)^T (G W). The residual r of
-the one of largest size gives the next vector of the basis, M r with a cycle M of multigrid for A^-1
-(E. R. Davidson, J. Comput. Phys. 17, 1975; R. B. Morgan and D. S. Scott, SIAM J. Sci. Stat.
-Comput. 7, 1986). With M = A^-1 these are the steps of Arnoldi's method for A^-1 E^T G, each of
-which takes a solve there, and they are hardly fewer.
+A is symmetric and positive definite. Each row of E and G involves few entries of w. A^-1 is never
+applied. On a basis W with W^T A W = 1, the Ritz values are the eigenvalues of (E W)^T (G W). The
+residual r of the Ritz pair of largest modulus gives the next basis vector M r, where M is a
+multigrid cycle that approximates A^-1 (E. R. Davidson, J. Comput. Phys. 17, 1975; R. B. Morgan and
+D. S. Scott, SIAM J. Sci. Stat. Comput. 7, 1986). With M = A^-1 this is Arnoldi's method for
+A^-1 E^T G, which needs a solve per step and hardly fewer steps.
 
-A search begins with a random vector and leaves out what is kept of earlier ones, so that it meets
-what they have missed, also of eigenvalues that are there several times. Its first vectors follow
-from one another, r = E^T G w_k less what the basis has of it: the residual of one eigenvector would
-forget what is large elsewhere in the random vector, as where bodies do not touch.
+A search begins with a random vector, A-orthogonal to the converged vectors of earlier searches, so
+that it finds missed eigenvalues, including multiple ones. Its first vectors use r = E^T G w_k
+instead of the residual of a Ritz pair. That residual would lose large components elsewhere in the
+random vector, for example in bodies that do not touch.
 """
 
 from __future__ import annotations
@@ -31,34 +31,35 @@ __all__ = ["Davidson"]
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-_ROOM = 40  # vectors of a search
-_FIRST = 20  # that follow from the random one
-_RESTART = 10  # eigenvectors with which it goes on when there is no more room
-_MOST = 2000  # cycles
-_NONE = 1e-12  # residual, over the largest size known, that is round-off
-_NOTHING = 1e-11  # size that is none
-_DEPENDENT = 1e-10  # share of a vector outside of the basis that adds nothing to it
+_ROOM = 40  # largest number of vectors in a search
+_FIRST = 20  # number of vectors generated from the random vector
+_RESTART = 10  # number of Ritz vectors kept at a restart
+_MOST = 2000  # largest number of multigrid cycles
+_NONE = 1e-12  # residual of round-off, relative to the largest modulus
+_NOTHING = 1e-11  # modulus that counts as zero
+_DEPENDENT = 1e-10  # relative norm outside the basis below which a vector is dependent
 
 
 class Davidson:
-    """See the module. Collective, as all its methods are.
+    """Davidson's method for E^T G w = mu A w; see the module. All methods are collective.
 
     Args:
-        A: the matrix, symmetric and positive definite.
-        cycle: M, symmetric and positive definite as well.
-        E: rows at w, consumed.
-        G: as many rows, consumed.
-        loads: sizes of the entries of a random f (m,); a search begins with M E^T f.
+        A: symmetric positive definite matrix.
+        cycle: multigrid cycle M, symmetric and positive definite.
+        E: matrix of m rows; consumed.
+        G: matrix of m rows; consumed.
+        loads: magnitudes of the entries of a random vector f in the local rows; a search begins
+            with M E^T f.
 
     Attributes:
-        cycles: M r so far.
-        number: of vectors that are kept.
-        largest: |mu| of these.
-        size: |mu| of the search.
-        off: size of its residual, (r^T M r)^(1/2) where w^T A w = 1.
-        error: estimate of that of mu: the residual by the condition of the eigenvalue, 1 / |z^T w|
-            with the left eigenvector z (G. W. Stewart and J. Sun, Matrix Perturbation Theory, 1990,
-            ch. IV), on the basis.
+        cycles: number of multigrid cycles so far.
+        number: number of kept vectors.
+        largest: largest modulus |mu| of the kept vectors.
+        size: modulus |mu| of the current search.
+        off: residual norm (r^T M r)^(1/2) of the current search, for w^T A w = 1.
+        error: estimated error of mu: residual norm times the condition number 1 / |z^T w| of the
+            eigenvalue with the left Ritz vector z (G. W. Stewart and J. Sun, Matrix Perturbation
+            Theory, 1990, ch. IV).
     """
 
     def __init__(self, A: PETSc.Mat, cycle: PETSc.PC, E: PETSc.Mat, G: PETSc.Mat, loads: Array):
@@ -76,7 +77,7 @@ class Davidson:
         self._rng = np.random.default_rng(self.comm.rank)
         self._w, self._Aw = A.createVecs()
         self._e, self._g = (rows.createVecLeft() for rows in (E, G))
-        #: W, A W, E W and G W, one below the other, of the first `_used` columns.
+        #: W, A W, E W and G W, stacked; the first `_used` columns are valid.
         rows = 2 * self._w.getLocalSize() + 2 * len(loads)
         self._columns = np.empty((rows, 0), order="F")
         self._used = 0
@@ -84,7 +85,7 @@ class Davidson:
         self._leading: tuple[complex, Complex] = (0.0, np.zeros(0, dtype=complex))
 
     def begin(self) -> None:
-        """Begin a search for what is largest outside of what is kept."""
+        """Begin a search for the largest eigenvalue outside the kept vectors."""
         room = self.number + _ROOM + 2
         if room > self._columns.shape[1]:
             kept = self._columns[:, : self.number]
@@ -98,13 +99,13 @@ class Davidson:
                 break
 
     def converge(self, tolerance: float) -> None:
-        """Go on until the error is small, or there is no residual any more.
+        """Iterate until the error is small or the residual is round-off.
 
         Args:
-            tolerance: of the error, over `size`.
+            tolerance: largest error of mu, relative to `size`.
 
         Raises:
-            RuntimeError: on every rank, if it takes too long, or A is not positive definite.
+            RuntimeError: on every rank, after too many cycles, or if A is not positive definite.
         """
         begun = self.cycles
         while True:

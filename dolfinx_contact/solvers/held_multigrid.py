@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The body with some motions of its contact points held, solved by multigrid.
+r"""Multigrid solver for a body with prescribed motions of its contact points.
 
-The system of `reduced.held_body`, for bodies that are too large to factorise,
+It solves the system of `reduced.held_body` for bodies that are too large to factorise,
 
     [ K   R^T ] [ u ]   [ b ]
     [ R    0  ] [ p ] = [ 0 ]
 
-with rows R that each have a node of their own. Let R_o be R there, over the square of its size, and
-0 elsewhere, so that R R_o^T = 1 (on a rigid obstacle R_o = R; between bodies the node is one of
-either; beside a clamped one R is less than 1 there). Then
+Each row of R has a node of its own, at which no other row is nonzero. Let R_o be the entries of R
+at these nodes divided by the square of their norm, and 0 elsewhere, so that R R_o^T = 1. On a rigid
+obstacle R_o = R; between two bodies, the node belongs to either of them; next to a clamped node,
+the norm is less than 1. Then
 
     Z = 1 - R_o^T R
 
@@ -16,8 +17,8 @@ projects onto the motions with R u = 0 and is sparse: u = Z w with
 
     (Z^T K Z + k R_o^T R_o) w = Z^T b,    p = R_o b - R_o K u
 
-for any k > 0. This matrix is positive definite where the body is held, and is solved by conjugate
-gradients with one hierarchy of multigrid, which knows what is held.
+for any k > 0. This matrix is positive definite if the body is supported. It is solved by conjugate
+gradients with one multigrid hierarchy, which contains the constraints.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ __all__ = ["HeldMultigrid", "have_own_nodes"]
 
 Array = npt.NDArray[np.float64]
 _DEFAULTS = {"ksp_rtol": 1e-11, "ksp_max_it": 1000, "ksp_norm_type": "unpreconditioned"}
-_OWN = 1e-10  # by which R R_o^T may differ from 1
-_LEAST = 1e-2  # square of what a row has at a node of its own
+_OWN = 1e-10  # largest deviation of R R_o^T from 1
+_LEAST = 1e-2  # smallest squared norm of a row at its own node
 
 
 def have_own_nodes(rows: Sequence[PETSc.Mat], dim: int) -> bool:
@@ -112,12 +113,15 @@ def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
 
 
 def _seen_by_all(rows: PETSc.Mat, at: Array, entry: npt.NDArray[np.intp]) -> Array:
-    """Sum of (v.w)^2 over the w of all rows at the node of a v (k,). Collective.
+    """Sum (v.w)^2 over all rows for each vector v, with the entries w at its node. Collective.
 
     Args:
-        rows: R.
-        at: what a row has at a node, v (k, dim).
-        entry: the v of each entry of this rank.
+        rows: matrix R.
+        at: entries v of a row at a node, shape (k, dim).
+        entry: index of v for each matrix entry of this rank.
+
+    Returns:
+        Sums of squares, shape (k,).
     """
     starts, columns, values = rows.getValuesCSR()
     products = rows.copy()
@@ -136,19 +140,18 @@ def _seen_by_all(rows: PETSc.Mat, at: Array, entry: npt.NDArray[np.intp]) -> Arr
 
 
 class HeldMultigrid:
-    """See the module. Collective, as all its methods are.
+    """Multigrid solver of the constrained body; see the module. All methods are collective.
 
     Args:
-        eq: the contact problem.
-        u: displacement of this rank at which the stiffness is taken.
-        rows: blocks of R, without columns of Dirichlet data.
-        prefix: of PETSc options; those of the solves follow with ``held_``, those of the hierarchy
-            with ``amg_``.
+        eq: contact problem.
+        u: displacement of this rank at which the stiffness is evaluated.
+        rows: blocks of R, without the columns of Dirichlet data.
+        prefix: prefix of PETSc options; solves append ``held_``, the hierarchy appends ``amg_``.
 
     Attributes:
-        solves: so far.
-        iterations: of conjugate gradients, in all of them.
-        symmetric: whether the stiffness is; without an energy GMRES takes the place of these.
+        solves: number of solves so far.
+        iterations: total number of Krylov iterations.
+        symmetric: whether the stiffness is symmetric; otherwise GMRES replaces conjugate gradients.
 
     Raises:
         ValueError: on every rank, if a row has no node of its own.

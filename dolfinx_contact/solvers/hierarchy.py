@@ -47,15 +47,15 @@ _GAMG: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Interpolation:
-    """How GAMG interpolates from aggregates, and what that costs (`benchmarks/settings_study.py`).
+    """Interpolation of GAMG and its measured costs (`benchmarks/settings_study.py`).
 
-    Costs are counted in iterations with plain aggregates.
+    The unit of costs is an iteration with plain aggregates.
 
     Attributes:
-        options: of the PC.
-        set_up: cost of a hierarchy.
+        options: PETSc options of the PC.
+        set_up: cost of setting up a hierarchy.
         iteration: cost of an iteration.
-        per_digit: iterations that a new hierarchy takes for a decimal digit of the residual.
+        per_digit: iterations per decimal digit of the residual with a new hierarchy.
     """
 
     options: dict[str, Any]
@@ -107,25 +107,26 @@ _POLYNOMIAL: dict[str, Any] = {
     "ksp_ksp_chebyshev_esteig": "0,0.1,0,1.1",
     "ksp_pc_type": "jacobi",
 }
-_WELL = 30.0  # condition, scaled by the diagonal, up to which that is faster (measured)
-_LANCZOS = 20  # steps that find it
-#: PETSc's own way of Galerkin products on one rank takes twice as long.
+_WELL = 30.0  # condition number, after diagonal scaling, below which that is faster (measured)
+_LANCZOS = 20  # Lanczos steps for the condition number
+#: PETSc's default for Galerkin products on one rank takes twice as long.
 _PRODUCTS = {"matptap_via": "rap"}
 
 
 class Hierarchy:
-    """An approximate inverse of the stiffness, kept until it is built anew.
+    """Multigrid hierarchy of the stiffness, kept until it is built again.
 
     Args:
         V: displacement space.
-        prefix: of PETSc options; those of the hierarchy follow with ``amg_``.
+        prefix: prefix of PETSc options; the hierarchy appends ``amg_``.
         symmetric: whether the stiffness is symmetric and positive definite.
-        massive: whether it has a mass in it, so that a polynomial may do.
-        interpolation: of GAMG.
+        massive: whether the stiffness contains a mass matrix; a polynomial preconditioner may then
+            suffice.
+        interpolation: interpolation of GAMG.
 
     Attributes:
         null_space: rigid motions, for `Mat.setNearNullSpace`.
-        interpolation: of GAMG, the next time that it is built.
+        interpolation: interpolation of GAMG for the next `build`.
     """
 
     def __init__(
@@ -154,18 +155,18 @@ class Hierarchy:
 
     @property
     def kind(self) -> str:
-        """The type of the PC."""
+        """Type of the PC."""
         return str(PETSc.Options().getString(self.prefix + "pc_type", self._default))
 
     @property
     def may_smooth(self) -> bool:
-        """Whether the interpolation is plain and could be smoothed."""
+        """Whether the interpolation is plain and smoothing it is possible."""
         given = PETSc.Options().hasName(self.prefix + "pc_gamg_agg_nsmooths")
         return self.kind == "gamg" and self.interpolation is PLAIN and not given
 
     @property
     def options(self) -> dict[str, Any]:
-        """The options of the PC where the database has no others."""
+        """Default options of the PC; the PETSc database overrides them."""
         gamg = {**_GAMG, **self.interpolation.options}
         return {"gamg": gamg, "hypre": _HYPRE, "ksp": _POLYNOMIAL}.get(self.kind, {})
 
@@ -177,14 +178,16 @@ class Hierarchy:
         added: PETSc.Mat | None = None,
         half: PETSc.Mat | None = None,
     ) -> PETSc.PC:
-        """Build from ``K`` with the owned local dofs ``identity`` held. Collective.
+        """Build the hierarchy of ``K`` with fixed dofs. Collective.
 
         Args:
-            K: the stiffness.
-            identity: rows and columns to replace by those of the identity,
-            diagonal: times this.
-            added: to ``K`` before; it is consumed.
-            half: ``K`` stored by half, if it is at hand and stays as long as the hierarchy.
+            K: stiffness.
+            identity: owned local dofs whose rows and columns become ``diagonal`` times the
+                identity.
+            diagonal: diagonal entry of these rows.
+            added: matrix to add to ``K`` first; consumed.
+            half: symmetric storage (upper half) of ``K``, if available for the lifetime of the
+                hierarchy.
         """
         self.release()
         with logged("ContactAMGSetUp"):
@@ -214,11 +217,11 @@ class Hierarchy:
         return self.pc
 
     def _shrink(self, pc: PETSc.PC, free: bool) -> None:
-        """Store the first coarse matrix by half, free what made the hierarchy. Collective.
+        """Store the first coarse matrix by half and free data of the set-up. Collective.
 
         Args:
-            pc: that is set up.
-            free: whether the finest matrix may go, since `_products` knows its diagonal.
+            pc: preconditioner after its set-up.
+            free: whether to free the finest matrix, because `_products` provides its diagonal.
         """
         levels = pc.getMGLevels()
         for level in range(levels - 1):
@@ -229,7 +232,7 @@ class Hierarchy:
             self._coarse = half_of(coarse)
             smoother.setOperators(self._coarse, coarse)
         finest = pc.getMGSmoother(levels - 1)
-        # Jacobi's method needs the diagonal alone; what the user chose may need the matrix.
+        # Jacobi's method needs the diagonal only; a smoother of the user may need the matrix.
         if free and levels > 1 and finest.getPC().getType() == PETSc.PC.Type.JACOBI:
             pc.setReusePreconditioner(True)
             pc.setOperators(self._products, self._products)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Tresca's fixed point, Uzawa's method and penalisation on the whole finite element problem.
+"""Tresca's fixed point, Uzawa's method and the penalty method on the finite element problem.
 
-The algorithms are those of `algorithms`, with equilibria of the body in the place of the reduced
-stiffness: Newton's method with the linear solver of the problem, or solves with the stiffness alone
-(`body_solver`). Iterates are states of the whole problem, measured as Newton's are.
+These are the algorithms of the same names in `algorithms`, with equilibrium of the body in place of
+the reduced stiffness. Equilibrium is solved by Newton's method with the linear solver of the
+problem, or by solves with the stiffness alone (`body_solver`). Iterates are states of the whole
+problem and have the same convergence measures as in Newton's method.
 """
 
 from __future__ import annotations
@@ -35,24 +36,24 @@ from dolfinx_contact.solvers.pivoting import pivot
 __all__ = ["OnBody"]
 
 Array = npt.NDArray[np.float64]
-_POWER = 30  # steps of the power method
+_POWER = 30  # largest number of steps of the power method
 _ROUGH = 1e-2  # relative residual of its solves
-_INNER = 0.1  # of the tolerance, to which Newton's method solves the problems within
-_LIMIT = 200.0  # Newton steps of a problem within
-_SOFTER = (1e-3, 1e-2, 1e-1)  # parts of a stiffness by which contact yields at first
+_INNER = 0.1  # tolerance of the inner problems, relative to the tolerance
+_LIMIT = 200.0  # largest number of Newton steps of an inner problem
+_SOFTER = (1e-3, 1e-2, 1e-1)  # relative stiffnesses of a cold start
 
 
 @dataclass
 class OnBody:
-    """An algorithm at work on a whole problem. Collective.
+    """Run of a classical algorithm on the finite element problem. Collective.
 
     Attributes:
-        equations: the contact problem.
-        linear: its linear solver.
-        body: solves with the stiffness alone.
-        tolerance: of the measures.
-        monitor: called with every iterate.
-        attempt: what it reports.
+        equations: contact problem.
+        linear: linear solver of the problem.
+        body: solver for the stiffness alone.
+        tolerance: largest measure of a converged state.
+        monitor: function called with every iterate.
+        attempt: attempt that records the iterates and the reason of a failure.
     """
 
     equations: ContactEquations
@@ -68,7 +69,7 @@ class OnBody:
         self._state: Evaluation
 
     def run(self, algorithm: TrescaFixedPoint | Uzawa | Penalty, x: PETSc.Vec) -> bool:
-        """Solve from ``x``, which is overwritten; whether it converged."""
+        """Solve from ``x``, which is overwritten, and return True if the solve converged."""
         most = algorithm.max_iterations
         self._start = x.copy()
         self._trend = Trend(most, self.tolerance, self.equations.comm.allreduce)
@@ -89,9 +90,13 @@ class OnBody:
     def _stops(
         self, x: PETSc.Vec, b: PETSc.Vec, given: list[Array] | None = None, **series: float
     ) -> bool:
-        """Show an iterate; the residual is in ``b``, the state in `_state`.
+        """Record an iterate and return True if the algorithm must stop.
 
-        ``given`` are tractions that it was found with, by surface, if the next depends on them.
+        Args:
+            x: iterate.
+            b: vector that receives the residual.
+            given: friction bounds of the iterate per surface, if the next iterate depends on them.
+            series: further quantities to record by name.
         """
         self._state = self.equations.residual(x, b)
         measures = self._scales.measure(self._state)
@@ -119,12 +124,12 @@ class OnBody:
             steps = self._equilibrium(GivenBounds(self.equations, parts), x)
             stops = self._stops(x, b, parts, inner=steps)
             if steps < 0:
-                self.attempt.reason = f"a problem of Tresca was not solved ({self.attempt.reason})"
+                self.attempt.reason = f"Tresca's problem was not solved ({self.attempt.reason})"
                 return
             bounds = relaxed(bounds, self._bounds())
 
     def _bounds(self) -> Array:
-        """What friction may do at the pressures of the state, tractions of all surfaces (n,)."""
+        """Return the friction bounds at the current pressures, tractions on all surfaces (n,)."""
         found = []
         for s, state in zip(self.equations.surfaces, self._state.surfaces, strict=True):
             pressure = np.maximum(-np.sum(state.traction * state.data.n, axis=1), 0.0)
@@ -138,10 +143,10 @@ class OnBody:
         return np.cumsum([s.points.number for s in self.equations.surfaces])[:-1]
 
     def _equilibrium(self, equations: ContactEquations, x: PETSc.Vec) -> int:
-        """Solve a problem within from ``x``; Newton steps, or -1 where none was found.
+        """Solve an inner problem from ``x`` and return the number of steps, or -1 on failure.
 
-        Stiff contact that yields cycles between stick and slip where many points are near the
-        bound: pivoting on the statuses knows no stiffness.
+        With stiff compliant contact, Newton's method cycles between stick and slip if many points
+        are near the friction bound. Pivoting on the statuses does not depend on the stiffness.
         """
         start = x.copy()
         steps = 0
@@ -167,11 +172,11 @@ class OnBody:
         self.attempt.reason = "; ".join(reasons)
         return -1
 
-    # -- contact that yields ---------------------------------------------------------------------
+    # -- compliant contact -----------------------------------------------------------------------
 
     @contextmanager
     def _yielding(self, factor: float) -> Iterator[None]:
-        """Contact that yields by this times the augmentation."""
+        """Set the contact stiffness to a multiple of the augmentation within the context."""
         eq = self.equations
         before = [s.points.r.copy() for s in eq.surfaces]
         try:
@@ -242,18 +247,18 @@ class OnBody:
         n = self.equations.owned_sizes[0]
         self.body.update()
         rho = algorithm.step * SHARE * 2.0 / self._largest()
-        # At rest before the first look, as every later iterate.
+        # The first iterate must be an equilibrium, like the later ones.
         eq.residual(x, b)
         x.array[:n] -= self.body(b.array_r[:n])
         exact = 0.1 * self.tolerance
         while not self._stops(x, b):
-            # What remains of the last solve; it is none where that was exact.
+            # The residual of the last solve is corrected together with the new tractions.
             self._raise(rho, x)
             eq.residual(x, b)
             x.array[:n] -= self.body(b.array_r[:n], tolerance=max(exact, 1e-4))
 
     def _raise(self, rho: float, x: PETSc.Vec) -> None:
-        """Put the tractions that the laws answer with the augmentation ``rho`` into ``x``."""
+        """Write the tractions after a projected gradient step of length ``rho`` into ``x``."""
         eq = self.equations
         row = self.equations.owned_sizes[0]
         for i, (s, state) in enumerate(zip(eq.surfaces, self._state.surfaces, strict=True)):
@@ -267,9 +272,9 @@ class OnBody:
             row += size
 
     def _largest(self) -> float:
-        """The largest eigenvalue of the compliance, jumps by tractions, by the power method."""
+        """Return the largest eigenvalue of the compliance of the surfaces, by the power method."""
         eq = self.equations
-        # Pressure and shear in every direction, uneven.
+        # Begin with uneven tractions in all directions.
         t = [s.points.data.n + np.cos(s.positions / eq.body_size) for s in eq.surfaces]
         operators = [s.constant_operator("a step of an algorithm") for s in eq.surfaces]
         value = 0.0

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The Jacobian of a contact problem as a product, its bulk and contact terms kept apart.
+r"""Matrix-free Jacobian of a contact problem with separate bulk and contact terms.
 
     J = [ K  0 ] + S,    S = [ 0  B ]
         [ 0  0 ]             [ C  L ]
 
-K is the stiffness, which for a linear body is assembled once; S has rows at the contact nodes and
-multipliers alone and is assembled on the contact facets at every change of status; where faces
-slide over each other its pattern changes as well, with a search for facets that may touch.
-Dirichlet rows are the identity times a typical stiffness, their columns are zero.
+K is the stiffness; for a linear body it is assembled once. S has nonzero rows only at contact nodes
+and multipliers, and is assembled on the contact facets at every change of status. For finite
+sliding its sparsity pattern changes after each search for facets that may touch. Dirichlet rows are
+the identity times a typical stiffness; their columns are zero.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ __all__ = ["ContactOperator"]
 
 
 class ContactOperator:
-    """The Jacobian of ``equations`` as a product.
+    """Matrix-free Jacobian of ``equations``.
 
     Attributes:
-        matrix: a PETSc Mat of type python; its vectors are those of the equations.
-        stiffness: K, on the displacement alone.
-        contact: S, on all unknowns, without Dirichlet rows and columns of the displacement.
+        matrix: PETSc Mat of type python, in the layout of the equations.
+        stiffness: stiffness K of the displacement dofs.
+        contact: contact terms S of all unknowns, without Dirichlet rows and columns.
         fixed: local indices of the owned displacement dofs with Dirichlet data.
         first: global index of the first unknown of this rank.
     """
@@ -55,7 +55,7 @@ class ContactOperator:
 
     @property
     def diagonal(self) -> float:
-        """Of the Dirichlet rows."""
+        """Diagonal entry of the Dirichlet rows."""
         return self.equations.stiffness_scale
 
     def update(self, state: Evaluation) -> None:
@@ -64,9 +64,9 @@ class ContactOperator:
         self.update_contact(state)
 
     def update_contact(self, state: Evaluation) -> None:
-        """Assemble S alone, which for a body that is not linear leaves K behind. Collective.
+        """Assemble only S; for a nonlinear body, K is then out of date. Collective.
 
-        Where faces slide over each other S may be another matrix from then on.
+        For finite sliding, `contact` may be a new matrix after this call.
         """
         if self._terms.changed:
             self.contact.destroy()
@@ -96,8 +96,8 @@ class ContactOperator:
 class _Product:
     """Context of the Mat of an operator.
 
-    It does not hold the operator, which holds the Mat: Python does not see what PETSc holds, so
-    that neither would be freed.
+    It refers weakly to the operator, which owns the Mat. Python's garbage collector does not see
+    references held by PETSc, so a cycle would never be freed.
     """
 
     def __init__(self, operator: ContactOperator):
