@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Solves with the stiffness of the body alone, for algorithms that treat contact as a load.
 
-A direct factorisation, or conjugate gradients with a multigrid hierarchy; both are kept as long as
-the stiffness stays.
+The solver is a direct factorisation or conjugate gradients with a multigrid hierarchy. It is kept
+until the stiffness changes.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ _MOST = 500  # iterations
 
 
 class BodySolver:
-    """K^-1 of a linear body with its Dirichlet rows. Collective, as all its methods are.
+    """Solver of a linear body with Dirichlet rows. All methods are collective.
 
     Args:
-        equations: the contact problem.
-        direct: whether to factorise.
+        equations: contact problem.
+        direct: whether to factorise the stiffness; otherwise multigrid is used.
     """
 
     def __init__(self, equations: ContactEquations, *, direct: bool):
@@ -67,7 +67,7 @@ class BodySolver:
         self._assemblies = eq.bulk.assemblies
 
     def _gradients(self, K: PETSc.Mat, prefix: str) -> PETSc.KSP:
-        """Conjugate gradients with the hierarchy of a stiffness."""
+        """Return conjugate gradients with a multigrid hierarchy of the stiffness ``K``."""
         eq = self._equations
         symmetric = eq.bulk.is_energy
         self._hierarchy = Hierarchy(eq.V, eq.options.prefix, symmetric=symmetric)
@@ -80,10 +80,10 @@ class BodySolver:
         return ksp
 
     def __call__(self, load: Array, *, tolerance: float = _EXACT) -> Array:
-        """The displacement (owned,) under a load; of Dirichlet rows the prescribed one.
+        """Return the owned displacement under a load.
 
         Args:
-            load: owned rows.
+            load: owned load vector; Dirichlet rows contain prescribed values times the diagonal.
             tolerance: relative residual of an iterative solve.
         """
         assert self._ksp is not None

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact problems by the classical algorithms: by name, with Newton's measure and history.
+"""Solve contact problems by the classical algorithms, with the measures of Newton's method.
 
-Where an algorithm works on the contact points the body is condensed onto them once
-(`reduced.Reduction`) and rank 0 runs it; Tresca's fixed point, Uzawa's method and penalisation
-work on the whole problem (`on_body`), unless required otherwise. Each begins with the tractions of
-the caller's Functions, and nothing of Newton's method is in what it finds.
+For algorithms on the contact points, the body is condensed onto them once (`reduced.Reduction`) and
+rank 0 runs the algorithm. By default, Tresca's fixed point, Uzawa's method and the penalty method
+work on the finite element problem (`on_body`). All algorithms begin with the tractions of the
+caller's Functions. Their solutions are not corrected by Newton's method.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ __all__ = ["algorithm_named", "reduced_contact", "solve_by", "start_by_lemke"]
 logger = logging.getLogger(__name__)
 
 _TOLERANCE = 1e-10
-_GATHERED = 10.0  # times the tolerance, that a solution of the points may leave in the body
+_GATHERED = 10.0  # accepted measure of the body after a reduced solve, relative to the tolerance
 
 
 def algorithm_named(wanted: object) -> Algorithm:
-    """The algorithm of a name, or the one given.
+    """Return the algorithm with this name; return an `Algorithm` unchanged.
 
     Raises:
-        ValueError: for anything else.
+        ValueError: for an unknown name or another type.
     """
     if isinstance(wanted, Algorithm):
         return wanted
@@ -142,14 +142,14 @@ def solve_by(
 
 
 def _on_whole_body(algorithm: Algorithm) -> TrescaFixedPoint | Uzawa | Penalty | None:
-    """The algorithm, if its iterates are states of the body and not of the points alone."""
+    """Return the algorithm if it works on the finite element problem, otherwise None."""
     if isinstance(algorithm, TrescaFixedPoint | Uzawa | Penalty) and algorithm.on != "points":
         return algorithm
     return None
 
 
 def _require_scope(algorithm: Algorithm, eq: ContactEquations, *, on_body: bool) -> None:
-    """Raise ``ValueError`` on every rank for a problem that the algorithm is not for."""
+    """Raise ``ValueError`` on every rank if the algorithm does not support the problem."""
     raises_tractions = on_body and isinstance(algorithm, Uzawa) and not algorithm.augmented
     if raises_tractions or not on_body:
         _require_held(eq)
@@ -169,17 +169,17 @@ def _what_failed(attempt: Attempt) -> str:
 
 
 def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
-    """The reduced problem, the same on every rank, with the scales of a state. Collective.
+    """Return the reduced problem, equal on every rank, with the scales of a state. Collective.
 
     Raises:
-        ValueError: on every rank, for a problem that has none.
+        ValueError: on every rank, if the problem cannot be reduced.
     """
     with Reduction.of(equations) as reduction:
         return _scaled(reduction.problem(), _scales_at(equations, x))
 
 
 def _scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
-    """Scales of measures at a state. Collective."""
+    """Return the scales of the measures at a state. Collective."""
     scales = Scales(equations)
     b = x.duplicate()
     scales.measure(equations.residual(x, b))
@@ -188,14 +188,14 @@ def _scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
 
 
 def _scaled(contact: PointProblem, scales: Scales) -> PointProblem:
-    """The reduced problem with the scales of a state of the body."""
-    # A body that contact holds everywhere does not move: then the load decides.
+    """Return the reduced problem with the scales of a state of the body."""
+    # A body that sticks everywhere does not move; the free displacement then sets the scale.
     length = max(scales.length, float(np.abs(contact.free).max()))
     return replace(contact, force=scales.force, length=length)
 
 
 def _require_held(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if the body cannot be at rest without contact."""
+    """Raise ``ValueError`` if the body is not supported without contact."""
     for s in eq.surfaces:
         if s.slides:
             raise ValueError(f"{s.name}: this algorithm needs small sliding; take Newton's method")
@@ -218,7 +218,7 @@ def _require_nodes(eq: ContactEquations) -> None:
 
 
 def _require_bounds(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if a law is none of unilateral contact with a bound of the shear."""
+    """Raise ``ValueError`` for a law that is not unilateral contact with a friction bound."""
     for s in eq.surfaces:
         if s.law.bound_kind is None:
             raise ValueError(
@@ -234,7 +234,7 @@ def _on_points(
     attempt: Attempt,
     tolerance: float,
 ) -> None:
-    """Condense the body, solve on rank 0, and put what was found into ``x``."""
+    """Condense the body, solve on rank 0, and write the solution into ``x``."""
     try:
         reduction = Reduction.of(equations)
     except RuntimeError as error:
@@ -244,7 +244,7 @@ def _on_points(
         contact = _scaled(reduction.problem(), scales)
         dim = contact.dim
         start = reduction.contract(x)[:, dim:] * reduction.force_unit
-        # The body is judged as the points are.
+        # Measure the body with the scales of the reduced problem.
         scales.force = max(scales.force, contact.force)
         scales.length = max(scales.length, contact.length)
         outcome = on_root(
@@ -276,10 +276,13 @@ def start_by_lemke(
     x: PETSc.Vec,
     attempt: Attempt,
 ) -> bool:
-    """Put a solution by Lemke's method into ``x``, at which the body is condensed. Collective.
+    """Condense the body at ``x`` and replace ``x`` by a solution of Lemke's method. Collective.
 
-    It ends in a solution for every friction if the reduced stiffness is positive definite
-    (`algorithms.lemke`). Where the problem is not one that it solves the attempt has the reason.
+    Lemke's method finds a solution for every friction coefficient if the reduced stiffness is
+    positive definite (`algorithms.lemke`). Otherwise the attempt records the reason.
+
+    Returns:
+        Whether a solution was found.
     """
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
     reduction: Reduction | None = None

@@ -134,10 +134,11 @@ class Davidson:
                 self._add(self._random())
 
     def keep(self) -> tuple[Array, Array]:
-        """Keep the vector of the search, or the two of a complex pair.
+        """Keep the Ritz vector of the search, or the two vectors of a complex pair.
 
         Returns:
-            Of these the f = G w (m, 1 or 2), and A^-1 E^T f as far as the search knows them.
+            Forces f = G w of the kept vectors w, shape (m, 1 or 2), and the approximation of
+            A^-1 E^T f in the basis.
         """
         first = self.number
         parts = _real_parts(*self._leading)
@@ -149,10 +150,7 @@ class Davidson:
         return f, w @ self._sum(e.T @ f)
 
     def _ritz(self) -> tuple[Complex, Complex, float]:
-        """Eigenvalues on the basis of the search by falling size, vectors, condition of the first.
-
-        Vectors are of length 1.
-        """
+        """Return Ritz values by decreasing modulus, unit vectors, and condition of the first."""
         _, _, e, g = self._parts(self.number)
         H = self._sum(e.T @ g)
 
@@ -166,7 +164,7 @@ class Davidson:
         return on_root(self.comm, by_size)
 
     def _residual(self, force: Array) -> Array:
-        """E^T f less what the basis has of it; with f = G w that is r, for eigenvectors w."""
+        """Return E^T f minus its projection on the basis; f = G w of a Ritz vector gives r."""
         _, Aw, e, _ = self._parts(0)
         return self._load(force) - Aw @ self._sum(e.T @ force)
 
@@ -188,7 +186,7 @@ class Davidson:
         return self._improvement(self._load(self._loads * noise))
 
     def _add(self, w: Array) -> bool:
-        """Let a vector be one of the basis, and return whether it adds anything."""
+        """Add a vector to the basis; return False if it is linearly dependent."""
         self._w.array[:] = w
         self._A.mult(self._w, self._Aw)
         self._E.mult(self._w, self._e)
@@ -200,7 +198,7 @@ class Davidson:
         for _ in range(2):
             x -= basis @ self._sum(basis[n : 2 * n].T @ x[:n])
         squared = float(self._sum(x[:n] @ x[n : 2 * n]))
-        # Of a full basis round-off is left, of either sign.
+        # If the basis is complete, only round-off remains, with either sign.
         if abs(squared) <= (_DEPENDENT * before) ** 2:
             return False
         self._columns[:, self._used] = x / self._root(squared)
@@ -208,26 +206,26 @@ class Davidson:
         return True
 
     def _restart(self, vectors: Complex) -> None:
-        """Go on with the leading eigenvectors alone."""
+        """Reduce the basis of the search to the leading Ritz vectors."""
         leading = vectors[:, :_RESTART]
         left, sizes, _ = np.linalg.svd(np.hstack([leading.real, leading.imag]), full_matrices=False)
         self._combine(left[:, sizes > _DEPENDENT * sizes[0]])
 
     def _combine(self, weights: Array) -> None:
-        """Let combinations of the basis of the search replace it."""
+        """Replace the basis of the search by linear combinations of its vectors."""
         first = self.number
         new = self._columns[:, first : self._used] @ weights
         self._used = first + weights.shape[1]
         self._columns[:, first : self._used] = new
 
     def _parts(self, first: int) -> list[Array]:
-        """W, A W, E W and G W from a column on."""
+        """Return W, A W, E W and G W, beginning with the column ``first``."""
         n = self._w.getLocalSize()
         cuts = [n, 2 * n, 2 * n + len(self._loads)]
         return np.split(self._columns[:, first : self._used], cuts)
 
     def _sum(self, mine: npt.ArrayLike) -> Array:
-        """Over all ranks."""
+        """Sum over all ranks."""
         return total(self.comm, np.asarray(mine))
 
     @staticmethod
@@ -243,5 +241,5 @@ class Davidson:
 
 
 def _real_parts(value: complex, vector: Complex) -> list[Array]:
-    """The real vectors of an eigenvector: one, or two of a complex pair."""
+    """Return one real vector for a real eigenvalue, two for a complex pair."""
     return [vector.real, vector.imag] if value.imag else [vector.real]

@@ -50,11 +50,11 @@ _LEAST = 1e-2  # smallest squared norm of a row at its own node
 
 
 def have_own_nodes(rows: Sequence[PETSc.Mat], dim: int) -> bool:
-    """Whether each row has a node of its own, so that there is multigrid for them. Collective.
+    """Return True if each row has a node of its own, as multigrid requires. Collective.
 
     Args:
-        rows: blocks of R, without columns of Dirichlet data.
-        dim: unknowns of a node.
+        rows: blocks of R, without the columns of Dirichlet data.
+        dim: number of unknowns per node.
     """
     R = _stacked(rows)
     own = _own_nodes(R, dim)
@@ -72,11 +72,11 @@ def _stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
 
 
 def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
-    """R_o, to be destroyed; None if some row has no node of its own. Collective.
+    """Return R_o as a new matrix, or None if a row has no node of its own. Collective.
 
     Args:
-        rows: R, at the displacement.
-        dim: unknowns of a node.
+        rows: matrix R with columns for the displacement dofs.
+        dim: number of unknowns per node.
     """
     starts, columns, values = rows.getValuesCSR()
     row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
@@ -84,8 +84,8 @@ def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
     entry = entry.reshape(-1)
     sizes = np.zeros(pairs.shape[1])
     np.add.at(sizes, entry, values**2)
-    # A node that other rows see less; of like ones all rows of a point take the first, whatever
-    # the round-off.
+    # Prefer nodes with small entries in other rows. Rounding breaks ties independently of
+    # round-off, so that all rows of a point choose the same node.
     at = np.zeros((len(sizes), dim))
     at[entry, columns % dim] = values
     seen = _seen_by_all(rows, at, entry)
@@ -189,11 +189,14 @@ class HeldMultigrid:
             thing.destroy()
 
     def solve(self, load: Array, start: Array | None = None) -> list[Array]:
-        """Displacement and multipliers, forces, block by block, for the owned part of b.
+        """Solve the constrained system for one load.
 
         Args:
-            load: b.
-            start: w at which the solve begins, by default 0.
+            load: owned part of the load b.
+            start: initial guess of w, zero by default.
+
+        Returns:
+            Displacement, and the multipliers (forces) of each block; owned parts.
 
         Raises:
             RuntimeError: on every rank, if conjugate gradients do not converge.
@@ -227,15 +230,15 @@ class HeldMultigrid:
         return found
 
     def respond(self, loads: Columns, seen: PETSc.Mat) -> tuple[Array, Array]:
-        """The answers to many loads b, one solve each, as `HeldBody.respond`.
+        """Solve for many loads b, one after the other, as `HeldBody.respond`.
 
         Args:
-            loads: owned rows of one vector b a column (n, k), sparse.
-            seen: rows at the displacement.
+            loads: sparse matrix with one load per column, owned rows, shape (n, k).
+            seen: matrix that is applied to the displacements.
 
         Returns:
-            What is seen of the displacements, owned rows (m, k), and the multipliers of the first
-            block, forces (n_1, k).
+            Product of ``seen`` and the displacements, owned rows, shape (m, k), and multipliers
+            (forces) of the first block, shape (n_1, k).
 
         Raises:
             RuntimeError: on every rank, if conjugate gradients do not converge.
@@ -252,7 +255,7 @@ class HeldMultigrid:
         return motions, forces
 
     def leaves_alone(self, D: PETSc.Mat) -> bool:
-        """Whether R_o D^T = 0, so that forces D^T f act on what is not held alone. Collective."""
+        """Return True if R_o D^T = 0: forces D^T f act on free motions only. Collective."""
         transposed = D.transpose(PETSc.Mat())
         product = self._own.matMult(transposed)
         off = product.norm(PETSc.NormType.NORM_INFINITY)
@@ -260,14 +263,15 @@ class HeldMultigrid:
         return bool(off <= _OWN)
 
     def eigenvalues(self, D: PETSc.Mat, loads: Array) -> Davidson:
-        """The search for those of f -> p, the first block of multipliers for b = D^T f. Collective.
+        """Return the eigenvalue solver of the map f -> p for the load b = D^T f. Collective.
 
-        With u = Z w they are those of (D Z)^T G w = mu (Z^T K Z + k R_o^T R_o) w where G w = p; the
-        body must be `symmetric`. To be destroyed before this.
+        p is the first block of multipliers. With u = Z w and G w = p, the eigenvalues are those of
+        (D Z)^T G w = mu (Z^T K Z + k R_o^T R_o) w. The body must be `symmetric`. Destroy the
+        returned object before this one.
 
         Args:
-            D: rows at the displacement, as many as the first block has, that this `leaves_alone`.
-            loads: see `Davidson`.
+            D: matrix with as many rows as the first block, for which `leaves_alone` is true.
+            loads: magnitudes of the random vector that begins a search (`Davidson`).
         """
         first = self._forces.getOwnershipRange()[0]
         rows = PETSc.IS().createStride(self._sizes[0], first, 1, comm=self.comm)
@@ -287,7 +291,7 @@ class HeldMultigrid:
 
 
 def _projection(R: PETSc.Mat, own: PETSc.Mat) -> PETSc.Mat:
-    """Z. Collective."""
+    """Return the projection Z = 1 - R_o^T R. Collective."""
     product = own.transposeMatMult(R)
     one = PETSc.Mat().createConstantDiagonal(product.getSizes(), 1.0, comm=R.comm)
     Z = one.convert("aij", PETSc.Mat())

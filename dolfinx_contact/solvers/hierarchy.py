@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A multigrid hierarchy of the stiffness that outlives statuses.
+"""Multigrid hierarchy of the stiffness that is kept when statuses change.
 
-Algebraic multigrid by PETSc (GAMG, or BoomerAMG of hypre) with the rigid motions as near null
-space, built from the stiffness with the nodes glued that were closed when it was built. Statuses
-may move on: the surface filter corrects what the hierarchy gets wrong at the contact nodes.
-Aggregates of GAMG are plain (`PLAIN`) or smoothed (`SMOOTHED`), which is dearer to set up and needs
-fewer iterations.
+Algebraic multigrid of PETSc (GAMG, or BoomerAMG of hypre) with the rigid motions as near null
+space. The hierarchy is built from the stiffness with the nodes fixed that are closed at that time.
+Statuses may change afterwards, because the surface filter corrects the resulting errors at the
+contact nodes. Aggregates of GAMG are plain (`PLAIN`) or smoothed (`SMOOTHED`). Smoothing costs more
+in the set-up and needs fewer iterations.
 
-In a step of time mass may make the stiffness so well conditioned that a hierarchy is not worth its
-cost: then a short polynomial of it is used instead.
+In a time step, the mass may make the matrix so well conditioned that a hierarchy does not pay. A
+polynomial preconditioner of low degree is then used instead.
 """
 
 from __future__ import annotations
@@ -242,10 +242,10 @@ class Hierarchy:
             self.matrix = None
 
     def set_up(self, pc: PETSc.PC) -> None:
-        """Set up a PC, whose operators are set, with the options of the hierarchy. Collective.
+        """Set up a PC that has its operators, with the options of the hierarchy. Collective.
 
         Raises:
-            ValueError: on every rank, if it is hypre's and this PETSc was built without.
+            ValueError: on every rank, if hypre is chosen and PETSc was built without it.
         """
         if self.kind == "hypre" and not has_package("hypre"):
             raise ValueError(
@@ -267,13 +267,13 @@ class Hierarchy:
 
 
 class _Held:
-    """Context of a Mat: a symmetric matrix with rows and columns of the identity.
+    """Context of a Mat: symmetric matrix with some rows and columns of a scaled identity.
 
     Matrix and work vector are composed with the Mat, which frees them on all ranks.
 
     Args:
         rows: owned local indices of these rows.
-        diagonal: times which the identity is taken.
+        diagonal: diagonal entry of these rows.
     """
 
     def __init__(self, rows: npt.NDArray[np.int32], diagonal: float):
@@ -281,12 +281,12 @@ class _Held:
         self._diagonal = diagonal
 
     def getDiagonal(self, mat: PETSc.Mat, y: PETSc.Vec) -> None:
-        """The diagonal."""
+        """Write the diagonal into ``y``."""
         mat.query("matrix").getDiagonal(y)
         y.array[self._rows] = self._diagonal
 
     def mult(self, mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Y = A x, but for the rows."""
+        """Write the product with ``x`` into ``y``."""
         work = mat.query("work")
         x.copy(work)
         values = x.array_r[self._rows]
@@ -296,7 +296,7 @@ class _Held:
 
 
 def _held(A: PETSc.Mat, rows: npt.NDArray[np.int32], diagonal: float) -> PETSc.Mat:
-    """``A`` with some rows and columns of the identity, as a product. Collective."""
+    """Return a matrix-free ``A`` with rows and columns of a scaled identity. Collective."""
     made = PETSc.Mat().createPython(A.getSizes(), _Held(rows, diagonal), comm=A.comm)
     made.setUp()
     work = A.createVecRight()
@@ -307,9 +307,13 @@ def _held(A: PETSc.Mat, rows: npt.NDArray[np.int32], diagonal: float) -> PETSc.M
 
 
 def condition(A: PETSc.Mat, steps: int) -> float:
-    """Condition of a symmetric positive matrix scaled by its diagonal, from below. Collective.
+    """Return a lower bound of the condition number after diagonal scaling. Collective.
 
-    By the eigenvalues that so many steps of conjugate gradients see.
+    It uses the Ritz values of conjugate gradients.
+
+    Args:
+        A: symmetric positive definite matrix.
+        steps: number of conjugate gradient steps.
     """
     ksp = PETSc.KSP().create(A.comm)
     ksp.setOperators(A)
@@ -329,9 +333,9 @@ def condition(A: PETSc.Mat, steps: int) -> float:
 def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.Vec]]:
     """Rigid motions of the whole body as a PETSc null space, and its vectors. Collective.
 
-    Of a body of revolution those of its section: cell by cell the strain around is small beside
-    the others. With the axial translation alone, the one motion that is rigid, solves stagnate
-    (measured).
+    For a body of revolution they are the rigid motions of its section: in each cell the
+    circumferential strain is small compared with the others. With the axial translation only, which
+    is the true rigid motion, solves stagnate (measured).
     """
     index_map = V.dofmap.index_map
     dim = V.mesh.geometry.dim

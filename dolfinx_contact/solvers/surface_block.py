@@ -36,13 +36,13 @@ class SurfaceSet:
     """The unknowns s of a contact surface: dofs of its nodes, then all multipliers.
 
     Attributes:
-        local: s among the local unknowns.
-        nodes: number of those that are displacements.
-        answered: which displacements may answer a multiplier of their own: those of the surfaces,
-            and not of the opposing body.
+        local: local indices of s.
+        nodes: number of displacement dofs in s.
+        answered: mask of the displacement dofs on the slave side, which may have a multiplier of
+            their own.
         fixed: positions in s with Dirichlet data.
-        of_all: s among all unknowns, an index set.
-        of_body: its displacements in the numbering of the stiffness.
+        of_all: index set of s in the numbering of all unknowns.
+        of_body: index set of the displacement dofs of s in the numbering of the stiffness.
     """
 
     def __init__(self, operator: ContactOperator):
@@ -69,11 +69,11 @@ class SurfaceSet:
 
 
 class SurfaceFactor(Factor):
-    """A direct solver for a matrix on the surface.
+    """Direct solver for a matrix on the surface.
 
     Args:
         comm: communicator.
-        prefix: of PETSc options.
+        prefix: prefix of PETSc options.
     """
 
     def __init__(self, comm: Any, prefix: str):
@@ -95,9 +95,10 @@ class SurfaceFactor(Factor):
 
 
 class SurfaceBlock:
-    """Solves with the assembled block on s, displacements and multipliers together.
+    """Direct solver of the assembled block on s, with displacements and multipliers.
 
-    It takes any coupling; where that is diagonal `condensation.CondensedBlock` is half its size.
+    It supports any coupling. For a diagonal coupling, `condensation.CondensedBlock` solves a system
+    of half the size.
     """
 
     def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
@@ -112,7 +113,7 @@ class SurfaceBlock:
         self._contact = operator.contact
 
     def set_stiffness(self, square: PETSc.Mat) -> None:
-        """Take the stiffness among the contact nodes, in the numbering of s. Collective."""
+        """Set the stiffness of the contact nodes, in the numbering of s. Collective."""
         indptr, columns, values = square.getValuesCSR()
         starts = np.asarray(square.getOwnershipRanges())
         n = len(self._s.local)
@@ -126,7 +127,7 @@ class SurfaceBlock:
         whole.destroy()
 
     def update(self) -> None:
-        """Factorise anew. Collective."""
+        """Assemble the block of the current operator and factorise it. Collective."""
         assert self._K is not None
         A = self._operator
         s = self._s
@@ -140,7 +141,7 @@ class SurfaceBlock:
         self._block.zeroRowsColumns(rows, diag=A.diagonal)
         if self._b is None:
             self._x, self._b = self._block.createVecs()
-        # The pattern has room for all that may come to face each other, most of it empty.
+        # The pattern contains all pairs of facets that may touch; most entries are zero.
         present = without_zeros(self._block)
         try:
             self.factor.factorise(present)
@@ -148,7 +149,7 @@ class SurfaceBlock:
             present.destroy()
 
     def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The unknowns on s for a residual there, local parts. Collective."""
+        """Return the unknowns on s for a residual on s, local parts. Collective."""
         assert self._b is not None
         self._b.array[:] = residual
         self.factor.solve(self._b, self._x)
@@ -167,7 +168,7 @@ class SurfaceBlock:
 
 
 def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
-    """``A`` by its entries that are not zero, whose factors have fewer. Collective."""
+    """Return ``A`` without stored zeros, which makes its factors sparser. Collective."""
     indptr, columns, values = A.getValuesCSR()
     kept = values != 0
     before = np.concatenate([[0], np.cumsum(kept)])
@@ -176,7 +177,7 @@ def without_zeros(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def copied(A: PETSc.Mat, out: PETSc.Mat | None) -> PETSc.Mat:
-    """A copy of ``A`` that keeps its pattern, in ``out`` if that is one already. Collective."""
+    """Copy ``A`` with its pattern, into ``out`` if it exists. Collective."""
     if out is None:
         out = A.copy()
         out.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
@@ -186,7 +187,7 @@ def copied(A: PETSc.Mat, out: PETSc.Mat | None) -> PETSc.Mat:
 
 
 def combined(A: PETSc.Mat, a: float, B: PETSc.Mat, out: PETSc.Mat | None) -> PETSc.Mat:
-    """A + a B, in ``out`` if that is such a sum already, with the same patterns. Collective."""
+    """Return A + a B, in ``out`` if it is an earlier sum of the same patterns. Collective."""
     if out is None:
         out = copied(A, None)
         out.axpy(a, B, structure=_STRUCTURE.DIFFERENT_NONZERO_PATTERN)
@@ -199,11 +200,11 @@ def combined(A: PETSc.Mat, a: float, B: PETSc.Mat, out: PETSc.Mat | None) -> PET
 
 
 def contact_dofs(equations: ContactEquations, *, opposite: bool = True) -> npt.NDArray[np.int32]:
-    """Owned displacement dofs of the nodes of all contact facets, local indices. Collective.
+    """Return the owned displacement dofs of all contact facets, local indices. Collective.
 
     Args:
-        equations: the contact problem.
-        opposite: whether facets of bodies that are touched count.
+        equations: contact problem.
+        opposite: whether to include the facets of masters.
     """
     V = equations.V
     marks = la.vector(V.dofmap.index_map, 1)

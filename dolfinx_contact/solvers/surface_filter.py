@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The surface filter: a multigrid cycle for the body, an exact solve for the contact surface.
+r"""Surface filter: preconditioner of a multigrid cycle and exact solves on the contact surface.
 
 With s all dofs of the contact nodes and all multipliers, one application to a residual r is
 
     z = E A_ss^-1 E^T r,   z += M (r - J z)_u,   z += E A_ss^-1 E^T (r - J z),
 
-A_ss the block of the Jacobian on s, factorised by a sparse LU, and M a multigrid cycle of the
-stiffness that knows nothing of the status (compare the AMG with filtering of Petrides, Hartland,
-Kolev et al., arXiv:2505.18576). After it the residual vanishes on s: the multipliers are those of
-the displacement, exactly, as if they had been condensed out of the system, and every later vector
-of a Krylov method that starts from an application (``-ksp_knoll``) vanishes on s as
-well, so that its first step is left out.
+where A_ss is the block of the Jacobian on s, factorised by a sparse LU, and M is a multigrid cycle
+of the stiffness that does not depend on the statuses (compare the AMG with filtering of Petrides,
+Hartland, Kolev et al., arXiv:2505.18576). After an application the residual vanishes on s, as if
+the multipliers were condensed exactly. If a Krylov method starts from an application
+(``-ksp_knoll``), all later vectors vanish on s as well, so that the first solve is skipped.
 """
 
 from __future__ import annotations
@@ -35,14 +34,14 @@ class SurfaceFilter:
     """Context of a PETSc PC of type python for a `ContactOperator`.
 
     Args:
-        operator: the Jacobian.
-        prefix: of PETSc options; those of the surface solve follow with ``surface_``.
+        operator: Jacobian.
+        prefix: prefix of PETSc options; the surface solve appends ``surface_``.
 
     Attributes:
-        cycle: approximate inverse of the stiffness, a PC on the displacement.
-        surface: the unknowns s.
-        block: the factorised block on the surface, its multipliers condensed if they can be
-            (``<prefix>surface_condensed 0`` forbids it).
+        cycle: PC of the displacement that approximates the inverse of the stiffness.
+        surface: unknowns s of the surface.
+        block: factorised block on the surface, with condensed multipliers if possible and not
+            disabled by ``<prefix>surface_condensed 0``.
     """
 
     def __init__(self, operator: ContactOperator, prefix: str):
@@ -82,7 +81,7 @@ class SurfaceFilter:
             self.block.update()
 
     def _choose_block(self) -> SurfaceBlock | CondensedBlock:
-        # The multipliers of faces that slide answer several dofs each.
+        # In finite sliding each multiplier couples to several dofs.
         slides = any(s.slides for s in self.operator.equations.surfaces)
         if not slides and PETSc.Options().getBool(self._prefix + "condensed", True):
             condensed = CondensedBlock(self.operator, self.surface, self._prefix)
@@ -94,7 +93,7 @@ class SurfaceFilter:
     # -- application -----------------------------------------------------------------------------
 
     def apply(self, _pc: PETSc.PC | None, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """Z = the filtered cycle of r."""
+        """Apply the preconditioner to ``r`` and write the result into ``z``."""
         A = self.operator
         n = self.operator.size
         s = self.surface.local
@@ -120,7 +119,7 @@ class SurfaceFilter:
         e[n:] = 0.0
         z.array[:] += e
         z.array[A.fixed] += t.array_r[A.fixed] / A.diagonal
-        # What the cycle did to the rows of the surface, without a product with all of K.
+        # Update the residual on the surface rows only, without a product with all of K.
         rest = t.array_r[s].copy()
         A.contact.mult(self._e, t)
         rest -= t.array_r[s]
@@ -137,7 +136,7 @@ class SurfaceFilter:
         return self.block.factor.determinant_sign
 
     def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The unknowns on s for a residual there, local parts. Collective."""
+        """Return the unknowns on s for a residual on s, local parts. Collective."""
         assert self.block is not None
         with logged("ContactSurface"):
             return self.block.solve(residual)
