@@ -4,23 +4,23 @@
     paraview --script=FOLDER/paraview.py
     pvbatch FOLDER/paraview.py PICTURE.png
 
-To the left the deformed body, coloured by the von Mises stress, or else by the displacement; to the
-right its contact surfaces, coloured by the pressure and by the status; of a pair of bodies these
-are on the slave, and below them is the pressure on the master, from the file that ends in
-_opposite. Where there are branches as well as a state, the one written last is shown, the others
-wait in the pipeline browser. Files that end in .bp need the reader ADIOS2VTXReader: the one that
-ParaView proposes first cannot read them.
+The left view shows the deformed body, coloured by the von Mises stress, or by the displacement if
+there is no stress. The right views show the contact surfaces, coloured by pressure and status. For
+a pair of bodies these are on the slave; the view below shows the pressure on the master, from the
+file that ends in _opposite. If the folder contains branches as well as a state, the group written
+last is shown, and the others are available in the pipeline browser. Files that end in .bp require
+the reader ADIOS2VTXReader; ParaView's default choice cannot read them.
 """
 
 import os
 import sys
 from typing import Any
 
-WRITTEN_TO = ""  # folder of this script when it was written, if ParaView does not tell where it is
+WRITTEN_TO = ""  # original folder of this script, if ParaView does not pass its path
 
 
 def own_folder() -> str:
-    """Where the results are."""
+    """Return the folder of this script, which contains the results."""
     if "__file__" in globals():
         return os.path.dirname(os.path.abspath(__file__))
     try:  # paraview --script does not pass it
@@ -35,7 +35,7 @@ def own_folder() -> str:
     return WRITTEN_TO
 
 
-# This script has the name of what it imports.
+# This script has the same name as the module that it imports.
 sys.path[:] = [p for p in sys.path if not os.path.isfile(os.path.join(p or ".", "paraview.py"))]
 
 from paraview import simple  # noqa: E402
@@ -46,13 +46,13 @@ STATUSES = [
     ("2", "slip", (0.91, 0.54, 0.17)),
     ("3", "clamped", (0.33, 0.33, 0.33)),
 ]
-RANGES: dict[str, tuple[float, float]] = {}  # of the colours of what is shown
+RANGES: dict[str, tuple[float, float]] = {}  # colour range of each array
 
 
 def found(folder: str) -> list[tuple[str, dict[str, str]]]:
-    """Files of every group, by what they show, the latest group last.
+    """Return prefix and files by part of each group, the latest group last.
 
-    A group is a state (""), a branch or an evolution.
+    A group is a state (prefix ""), a branch or an evolution.
     """
     groups: dict[str, dict[str, str]] = {}
     for name in sorted(os.listdir(folder)):
@@ -66,12 +66,12 @@ def found(folder: str) -> list[tuple[str, dict[str, str]]]:
             files = groups.setdefault(prefix, {})
             path = os.path.join(folder, name)
             if part not in files or os.path.getmtime(files[part]) < os.path.getmtime(path):
-                files[part] = path  # of two formats
+                files[part] = path  # the later of two formats
     return sorted(groups.items(), key=lambda g: max(map(os.path.getmtime, g[1].values())))
 
 
 def opened(path: str, name: str) -> Any:
-    """A reader of a file, by the name that the pipeline browser shows."""
+    """Open a file with a reader that has this name in the pipeline browser."""
     if path.endswith(".bp"):
         parts = simple.ADIOS2VTXReader(registrationName=name + ".bp", FileName=path)
         reader = simple.MergeBlocks(registrationName=name, Input=parts)
@@ -100,7 +100,7 @@ def shown(source: Any, view: Any, array: list[str], title: str) -> None:
     simple.ColorBy(display, ("POINTS", *array))
     colours = simple.GetColorTransferFunction(array[0])
     if array[0] == "status":
-        # There is nothing between two statuses.
+        # Statuses are categories and must not be interpolated.
         display.InterpolateScalarsBeforeMapping = display.NonlinearSubdivisionLevel = 0
         colours.InterpretValuesAsCategories = 1
         colours.Annotations = [text for code, name, _ in STATUSES for text in (code, name)]
@@ -127,7 +127,7 @@ def open_all(prefix: str, files: dict[str, str]) -> dict[str, tuple[Any, str]]:
 
 
 def show(parts: dict[str, tuple[Any, str]]) -> tuple[Any, list[Any]]:
-    """Show a group; the layout and its views."""
+    """Show a group and return the layout and its views."""
     contacts = [warp for part, (warp, _) in parts.items() if part.startswith("contact")]
     # The master of a pair has no statuses.
     slaves = [warp for warp in contacts if warp.PointData.GetArray("status")]
@@ -152,7 +152,7 @@ def show(parts: dict[str, tuple[Any, str]]) -> tuple[Any, list[Any]]:
 
 
 def look(view: Any, source: Any, along: bool = False) -> None:
-    """Look at a plane as it lies, at the rest aslant, or along the axis where it is thinnest."""
+    """Set the camera: frontal in 2D, oblique in 3D, or along the thinnest axis if ``along``."""
     x = source.GetDataInformation().GetBounds()
     sizes = [x[1] - x[0], x[3] - x[2], x[5] - x[4]]
     thin = sizes.index(min(sizes))
@@ -174,7 +174,7 @@ def look(view: Any, source: Any, along: bool = False) -> None:
 
 
 def views_for(count: int) -> tuple[Any, list[Any]]:
-    """A view, and to its right ``count`` more, one above the other."""
+    """Create a view and ``count`` views to its right, one above the other."""
     views = [simple.GetActiveViewOrCreate("RenderView")]
     layout = simple.GetLayout(views[0])
     cell = layout.GetViewLocation(views[0])

@@ -34,7 +34,7 @@ def write_contact_table(
     """
     columns = [t.columns() for t in tables]
     names = dict.fromkeys(name for table in columns for name in table)
-    # columns that not all surfaces have come last
+    # Optional columns come last.
     last = [name for name in ("bond", "slid") if name in names]
     head = [*(name for name in names if name not in last), *last]
 
