@@ -25,6 +25,7 @@ from dolfinx_contact import ContactPair, ContactProblem, Coulomb
 from dolfinx_contact._entries import Entries, matrix_of
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
+from dolfinx_contact.problem import discretise
 
 BOTTOM = 1
 MASTER = 2
@@ -76,7 +77,8 @@ def pair_of(args, u, tags):
 
 def tie(args, u, tags):
     """P = I - T B, with T from the points of the mortar to the slave's dofs; and these dofs."""
-    points = ContactPair(u, tags, slave=SLAVE, master=MASTER, law=Coulomb(args.friction)).points
+    pair = ContactPair(u, tags, slave=SLAVE, master=MASTER, law=Coulomb(args.friction))
+    points = discretise(pair).points
     comm = u.function_space.mesh.comm
     index_map = u.function_space.dofmap.index_map
     bs = 3
