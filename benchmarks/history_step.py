@@ -49,7 +49,6 @@ PARTS = {
     "rate_problem": [(ThroughTimes, "_rays")],
     "moments": [
         (steps.Stepper, "put"),
-        (steps.Stepper, "at_rest"),
         (steps.Stepper, "_set"),
     ],
     "state": [(ContactProblem, "evaluate")],

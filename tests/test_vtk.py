@@ -210,3 +210,33 @@ def test_results_for_paraview(tmp_path):
         write_series(f"{folder}/series_vtx", r, format="vtx")
         write_series(f"{folder}/series_vtk", r, format="vtk")
         write_fields(f"{folder}/series_vtx", system.problem)  # a state beside a branch
+
+
+def test_files_of_the_user_beside_the_files_of_a_state_stay(folder):
+    """Also if their names look like parts of a series; parts of an earlier state go."""
+    problem = block(n=2)
+    problem.solve()
+    write_fields(folder, problem, format="vtk")
+    old = {p.name for p in folder.iterdir()}
+    own = ("body000123.vtu", "contact_p7_000042.vtu")
+    if COMM.rank == 0:
+        for name in own:
+            (folder / name).write_text("mine")
+        pieces = (folder / "body.pvd").read_text().replace("body000000", "body000009")
+        (folder / "body.pvd").write_text(pieces)
+        (folder / "body000000.pvtu").rename(folder / "body000009.pvtu")
+    COMM.barrier()
+    write_fields(folder, problem, format="vtk")
+    assert {p.name for p in folder.iterdir()} == old | set(own)
+
+
+def test_files_of_the_user_in_a_folder_of_fields_are_not_replaced(folder):
+    problem = block(n=2)
+    problem.solve()
+    if COMM.rank == 0:
+        (folder / "body.bp").mkdir()
+        (folder / "body.bp" / "data.csv").write_text("mine")
+    COMM.barrier()
+    with pytest.raises(OSError, match=r"body\.bp"):
+        write_fields(folder, problem)
+    assert (folder / "body.bp" / "data.csv").read_text() == "mine"

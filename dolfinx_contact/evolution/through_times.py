@@ -345,7 +345,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             self._number + 1,
             a.time,
             b.time,
-            rate / before if before > 0 else math.inf,
+            rate / before if before > 0 else (math.inf if rate > 0 else 0.0),
             b.energies.residue_since(a.energies),
             searched=self.task.locate_jumps,
         )

@@ -14,6 +14,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 from mpi4py import MPI
 
@@ -21,6 +22,9 @@ from dolfinx_contact._errors import on_root
 from dolfinx_contact._files import os_error, part_of, sync
 
 __all__ = ["aside", "put", "write_text"]
+
+#: Files in a folder of ADIOS2, whose numbers depend on ranks and steps.
+_OF_ADIOS = re.compile(r"(data|md|mmd)\.\d+|md\.idx|profiling\.json|active")
 
 
 def put(file: Path, content: bytes) -> None:
@@ -75,9 +79,11 @@ def aside(comm: MPI.Comm, folder: Path, name: str) -> Iterator[Path]:
             _require_complete(path)
         for path in (part, *part.rglob("*")):
             sync(path)
+        older = set().union(*(_parts_of(folder / p.name) for p in new if p.suffix == ".pvd"))
         for path in new:
             _replace(path, folder / path.name)
-        _remove_older_parts(folder, {path.name for path in new})
+        for name in older - {path.name for path in new}:
+            (folder / name).unlink(missing_ok=True)
         sync(folder)
 
     try:
@@ -111,11 +117,7 @@ def _require_replaceable(new: Path, old: Path) -> None:
     if old.is_dir() and not new.is_dir():
         number = errno.EISDIR
     elif new.is_dir() and old.is_dir():
-        # Another number of ranks or steps gives other numbers in names, such as data.1.
-        names = [(p.stem, p.suffix) for p in new.iterdir()]
-        stems = {stem for stem, _ in names}
-        kinds = {kind for _, kind in names}
-        foreign = [p for p in old.iterdir() if p.stem not in stems and p.suffix not in kinds]
+        foreign = [p for p in old.iterdir() if not _OF_ADIOS.fullmatch(p.name)]
         number = errno.EEXIST if foreign else 0
     elif new.is_dir() and old.exists():
         number = errno.ENOTDIR
@@ -140,9 +142,21 @@ def _replace(new: Path, old: Path) -> None:
         raise os_error(error, old) from None
 
 
-def _remove_older_parts(folder: Path, new: set[str]) -> None:
-    """Remove the ``.vtu`` of an earlier ``.pvd`` with more ranks or times."""
-    for path in folder.iterdir():
-        found = re.fullmatch(r"(.*?)(?:_p\d+_)?\d{6}\.p?vtu", path.name)
-        if found and f"{found[1]}.pvd" in new and path.name not in new:
-            path.unlink()
+def _parts_of(collection: Path) -> set[str]:
+    """Return the names of the files of a ``.pvd`` and its ``.pvtu``; none if it is missing."""
+    names: set[str] = set()
+    if not collection.is_file():
+        return names
+    for time in _named_in(collection, "DataSet", "file"):
+        names.add(time)
+        names |= set(_named_in(collection.with_name(time), "Piece", "Source"))
+    return names
+
+
+def _named_in(path: Path, tag: str, attribute: str) -> list[str]:
+    """Return file names in the same folder from an XML file of VTK; none if it is damaged."""
+    try:
+        found = [e.get(attribute, "") for e in ET.parse(path).iter(tag)]
+    except (OSError, ET.ParseError):
+        return []
+    return [name for name in found if name and Path(name).name == name]
