@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The checker of proofs: all that has to be trusted of them, in one file.
+"""Checker of proofs: the only code that a reader of a proof has to trust.
 
     python3 check_proof.py PROOF
     python3 -m dolfinx_contact check PROOF
@@ -543,11 +543,11 @@ class _Ellipsoid:
     """The ellipsoid of energy with what rounding and errors of the data add.
 
     Attributes:
-        twice: S^-1 p, nearly (n,).
-        shift: by how much that may be off, Euclidean.
-        inverse: S^-1, nearly, and by how much entries of a column may be off (n, n), (n,).
-        diagonal: upper bounds of that of S^-1 (n,).
-        rho: an upper bound.
+        twice: approximation of S^-1 p (n,).
+        shift: bound of the Euclidean norm of its error.
+        inverse: approximation of S^-1 (n, n) and bound of the errors in each column (n,).
+        diagonal: upper bounds of the diagonal of S^-1 (n,).
+        rho: upper bound of (p.S^-1 p)^(1/2) / 2.
     """
 
     twice: Array
@@ -575,7 +575,7 @@ def _ellipsoid(problem: ReducedProblem) -> _Ellipsoid:
 
 
 def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
-    """S^-1, nearly, and by how much its entries may be off (n, n), (n, n).
+    """Return an approximation of S^-1 and bounds of the errors of its entries, both (n, n).
 
     With E >= |I - S G| over all S, of maximum norm e below 1, |S^-1 - G| <= |G| (E + E^2 + ...), in
     which entries of a column of E^2 are no more than e times the largest of E.
@@ -662,7 +662,7 @@ class Dual:
 
     @cached_property
     def coefficients(self) -> Array:
-        """Of the slots in y.(S a - r), without what g contributes (6, m)."""
+        """Coefficients of the slots in y.(S a - r), without the contribution of g (6, m)."""
         a = self._of_a
         rt = -self._shear
         rn = -self._pressure
@@ -670,12 +670,12 @@ class Dual:
 
     @property
     def _shear(self) -> Array:
-        """What y counts of s+ - s- (m,)."""
+        """Weights that y gives to s+ - s- (m,)."""
         return np.where(self.problem.g > 0, 0.0, self.y[0::2] / 2)
 
     @property
     def _pressure(self) -> Array:
-        """What y counts of s+ + s-, which is 2 F rn (m,)."""
+        """Weights that y gives to s+ + s- = 2 F rn (m,)."""
         F = self.problem.friction
         return np.divide(self.y[1::2], 2 * F, out=np.zeros_like(F), where=F > 0)
 
@@ -713,7 +713,7 @@ class Dual:
         return np.einsum("msj,mj->ms", uses, per_slot) + self._given
 
     def round_off(self, ub: Array) -> float:
-        """By how much sums of these may be off, and what errors of S and p do to them."""
+        """Bound the error of a sum of these terms from rounding and from errors of S and p."""
         problem = self.problem
         y = np.abs(self.y)
         n = len(y)
@@ -786,7 +786,7 @@ class PieceSolution:
 
     @cached_property
     def inequalities(self) -> Ball:
-        """What must not be negative for the law to hold (m, 3); 1 fills up."""
+        """Quantities that the law requires to be non-negative (m, 3), padded with 1."""
         is_free = IS_FREE[self.codes]
         rubs = (self.problem.friction > 0) | (self.problem.g > 0)
         sense = np.where(rubs, SENSE[self.codes], 0).astype(np.float64)
@@ -809,12 +809,12 @@ class PieceSolution:
 
     @property
     def away(self) -> Array:
-        """By how much the state may be off (m, 4)."""
+        """Bounds of the errors of the state (m, 4)."""
         return stack([self.ut, self.un, self.rt, self.rn]).radius
 
 
 def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
-    """Of the equations of a piece; unknowns ut or rt, un or rn point by point (2 m, 2 m)."""
+    """Return the matrix (2 m, 2 m) of a piece; each point has ut or rt, and un or rn, unknown."""
     n = len(S)
     t = np.arange(0, n, 2)
     k = np.arange(1, n, 2)
@@ -912,12 +912,12 @@ class Differences:
     """The inequalities as a form of the unknown components d of a difference.
 
     Attributes:
-        piece: of b.
-        unknown: components that may differ (n,), of 2 m.
+        piece: piece of b.
+        unknown: indices of the components that may differ (n,), among 2 m.
         rows: R of f = R d (n, n).
         tilts: rows T that theta adds (n, n).
         equal: rows f = 0.
-        k1, k2: as above.
+        k1, k2: coefficients of d_v^2 and f^2 in each row (n,).
     """
 
     piece: PieceSolution
@@ -944,7 +944,7 @@ class Differences:
         return np.any(self.T != 0, axis=1)
 
     def prove(self, weights: Array, theta: Array, mu: float) -> bool:
-        """Whether the weighted sum is positive definite, whatever the errors.
+        """Whether the weighted sum is positive definite for all errors within their bounds.
 
         Args:
             weights: nonnegative (n,), those of rows f = 0 not used.
@@ -974,7 +974,7 @@ def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences 
     """The inequalities; None if b does not certainly satisfy what they need.
 
     Args:
-        piece: of b, with statuses in the sets of points where they are decided.
+        piece: piece of b; its status at a point is in the set of a where that has one element.
         allowed: sets of statuses of a, masks (m,).
         ub: bounds of the slots of a (6, m).
     """
@@ -1040,7 +1040,7 @@ def _ratio(part: float, most: float) -> float:
 
 
 def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Of a point with a coefficient of friction."""
+    """Return the rows of a point with a coefficient of friction."""
     code = int(piece.codes[i])
     F = float(piece.problem.friction[i])
     t = 2 * i
@@ -1071,7 +1071,7 @@ def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
 
 
 def _slip(piece: PieceSolution, i: int, ub: Array) -> list[_Row] | None:
-    """Of a point that slips in b, or is open."""
+    """Return the rows of a point that slips in b or is open."""
     ut = piece.ut
     sense = int(SENSE[piece.codes[i]])
     F = float(piece.problem.friction[i])
@@ -1097,7 +1097,7 @@ def _one_way(piece: PieceSolution, i: int, sense: int, ub: Array) -> tuple[float
 
 
 def _bounded(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Of a point whose shear has a bound given in advance."""
+    """Return the rows of a point whose shear has a bound given in advance."""
     code = int(piece.codes[i])
     t = 2 * i
     if not allowed & FREE:
@@ -1171,7 +1171,7 @@ class Cells:
     Attributes:
         node: the points (k,), in increasing order.
         kind: one of the four above (k,).
-        ends: of arcs, diamond angles; 0 for others (k, 2).
+        ends: diamond angles of the ends of arcs; 0 for other cells (k, 2).
     """
 
     node: npt.NDArray[np.int64]
@@ -1382,7 +1382,7 @@ class SpaceDual:
         return best
 
     def round_off(self, most: Array) -> float:
-        """By how much sums of these may be off, and what errors of S and p do to them."""
+        """Bound the error of a sum of these terms from rounding and from errors of S and p."""
         problem = self.problem
         n = len(self.y)
         y = np.abs(self.y)
@@ -1458,7 +1458,7 @@ class SpacePiece:
         e: directions of slips, 0 for others (m, 2).
         inverse: an approximate inverse of the Jacobian (3 m, 3 m).
         residual: bounds of C f (3 m,).
-        radius: of the ball (m, 3).
+        radius: radii of the ball around z (m, 3).
     """
 
     problem: ReducedProblem
@@ -1476,7 +1476,7 @@ class SpacePiece:
 
     @cached_property
     def turn(self) -> Array:
-        """By how much components of directions may be off (m,)."""
+        """Bounds of the errors of the components of the directions of slip (m,)."""
         return np.where(self.slips, up(self.radius[:, 1] + 16 * _U), 0.0)
 
     @cached_property
@@ -1496,7 +1496,7 @@ class SpacePiece:
 
     @property
     def away(self) -> Array:
-        """By how much the state may be off (m, 6)."""
+        """Bounds of the errors of the state (m, 6)."""
         return self.numbers.radius
 
     @cached_property
@@ -1507,7 +1507,7 @@ class SpacePiece:
 
     @cached_property
     def inequalities(self) -> Ball:
-        """What must not be negative for the law to hold (m, 2); 1 fills up."""
+        """Quantities that the law requires to be non-negative (m, 2), padded with 1."""
         normal = where(IS_OPEN[self.codes], self.numbers[:, 2], self.numbers[:, 5])
         slid = where(self.slips, self.unknowns[0][:, 0], 1.0)
         return stack([normal, where(_STUCK[self.codes], self.slack, slid)])
@@ -1566,7 +1566,7 @@ def space_state(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball 
 
 
 def space_jacobian(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball | Array) -> Ball:
-    """Of S a - r - p by the unknowns of a piece (3 m, 3 m)."""
+    """Return the derivative of S a - r - p in the unknowns of a piece (3 m, 3 m)."""
     z, e = Ball.of(z), Ball.of(e)
     S = problem.stiffness
     m = len(codes)
@@ -1661,11 +1661,11 @@ def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiec
 
 
 def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
-    """Whether b is all that there can be, of solutions and pieces with these types.
+    """Whether no other solution and no other piece of solutions has these kinds of cells.
 
     Args:
-        piece: of b.
-        cells: of one kind at every point, which is that of b.
+        piece: piece of b.
+        cells: cells of one kind at every point, the kind of b.
         most: bounds (MOST, m).
     """
     problem = piece.problem
@@ -1739,7 +1739,7 @@ def angles_of(
 
 
 def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> list[_Term] | None:
-    """What M has of a point that slips, but for the pressure itself."""
+    """Return the terms of M of a point that slips, except the term of the pressure."""
     found = angles_of(piece, cells, i)
     if found is None:
         return None
@@ -1835,8 +1835,8 @@ class SpaceDifferences:
         unknown: components of d that may differ from zero (n,), of 3 m.
         forms: a form for every family and point, 0 where there is none (9, m, 6, 6).
         sizes: sums of the absolute values of their terms, and errors (9, m, 6, 6).
-        errors: by which the forms may be off (9, m, 6, 6).
-        has: which there are (9, m).
+        errors: bounds of the errors of the forms (9, m, 6, 6).
+        has: whether a form exists (9, m).
         vanishing: components of e that are 0 (3 m,).
     """
 
@@ -1858,7 +1858,7 @@ class SpaceDifferences:
         return found
 
     def prove(self, weights: Array, mu: float) -> bool:
-        """Whether the weighted sum is positive definite, whatever the errors.
+        """Whether the weighted sum is positive definite for all errors within their bounds.
 
         Args:
             weights: (9, m), not negative; those of what is not there do not count.
@@ -1898,8 +1898,8 @@ def space_differences(piece: SpacePiece, cells: Cells, most: Array) -> SpaceDiff
     """The inequalities; None if b does not certainly satisfy what they need.
 
     Args:
-        piece: of b.
-        cells: of a.
+        piece: piece of b.
+        cells: cells of a.
         most: bounds (MOST, m).
     """
     problem = piece.problem
@@ -2003,7 +2003,7 @@ def _direction(piece: SpacePiece, i: int) -> tuple[Array, float, float] | None:
 def _forms_of_coulomb(
     piece: SpacePiece, cells: Cells, most: Array, i: int, kinds: frozenset[int], made: _Forms
 ) -> bool:
-    """Of a point with a coefficient of friction; whether b fits."""
+    """Add the forms of a point with a coefficient of friction; return whether b fits."""
     code = int(piece.codes[i])
     kind = {0: IN_OPEN, 1: IN_STICK, 2: IN_SLIP}.get(code)
     if kind not in kinds:
@@ -2116,7 +2116,7 @@ def _of_arcs(
 def _forms_of_given(
     piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made: _Forms
 ) -> bool:
-    """Of a point without a coefficient of friction; whether b fits."""
+    """Add the forms of a point without a coefficient of friction; return whether b fits."""
     code = int(piece.codes[i])
     g = float(piece.problem.g[i])
     if (IN_OPEN if IS_OPEN[code] else IN_CLOSED) not in kinds:
@@ -2164,16 +2164,16 @@ def _forms_of_given(
 
 
 class InvalidCertificate(ValueError):
-    """A file is no proof or was changed, or a step does not prove what it says."""
+    """The file is not a proof, it was changed, or one of its steps does not hold."""
 
 
 @dataclass
 class Certificate:
-    """A proof of what the solutions of a reduced problem are.
+    """Steps that prove statements about the solutions of a reduced problem.
 
     Attributes:
-        problem: as it was given.
-        steps: as above.
+        problem: reduced problem in the units of the user.
+        steps: steps of the proof, in the format above.
         vectors: multipliers of the rows of S, in scaled units, (dim m,) each.
     """
 
@@ -2220,7 +2220,7 @@ class Certificate:
 
     @classmethod
     def load(cls, path: str | Path) -> Certificate:
-        """Read what `save` wrote; what it wrote before there were digests too.
+        """Read a file of `save`. Files of older versions without a digest are accepted.
 
         Raises:
             FileNotFoundError: if there is no such file.
@@ -2294,7 +2294,7 @@ def _number(number: int, word: str) -> str:
 
 @dataclass(eq=False)
 class Proved:
-    """What is known of the solutions.
+    """Statements about the solutions that the steps have proved.
 
     Attributes:
         inside: pieces that hold one solution each, inside their borders.
@@ -2431,10 +2431,10 @@ def check(certificate: Certificate) -> Proved:
 def follow(
     certificate: Certificate, step: dict[str, Any], region: StatusRegion, proved: Proved
 ) -> list[StatusRegion]:
-    """Take one step.
+    """Check one step of a proof.
 
     Args:
-        certificate: that the step is of.
+        certificate: proof that contains the step.
         step: one of those above.
         region: changed.
         proved: receives what the step proves.
@@ -2509,9 +2509,9 @@ class OpenCells:
     """Cells in space about which nothing is proved.
 
     Attributes:
-        cells: of all points.
+        cells: cells of all points.
         most: bounds of the solutions there (MOST, m), in scaled units.
-        why: that they are left, human-readable.
+        why: reason why nothing is proved, for people.
     """
 
     cells: Cells
@@ -2756,7 +2756,7 @@ def _sum_of(forces: Ball, unit: float) -> str:
 
 
 def report(certificate: Certificate, proved: Proved) -> list[str]:
-    """What is proved, and of which data, in lines."""
+    """Return the proved statements and the data of the problem, as lines of text."""
     problem = certificate.problem
     force = problem.units[1]
     S, p = (float(np.abs(v).max()) for v in (problem.S, problem.p))
@@ -2789,7 +2789,7 @@ def report(certificate: Certificate, proved: Proved) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Check a stored proof and say what it proves.
+    """Check a stored proof and print its statements.
 
     Returns:
         0 if the proof holds, 1 if it does not or leaves something open, 2 if there is no file.

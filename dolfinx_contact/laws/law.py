@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""What a law of contact is: UFL in the jump and the traction at one point, status by status.
+r"""Contact laws: UFL in the jump and the traction at one point, status by status.
 
 A law answers to the jump j and the traction t at a point (and to its own fields there) with the
 traction tau that it allows; a state obeys the law where t = tau(j, t). Everything else follows from
@@ -76,15 +76,16 @@ class ContactPoint:
 
     Attributes:
         jump: displacement of the body less the obstacle's, a vector.
-        traction: on the body, a vector.
+        traction: traction on the body, a vector.
         n: unit normal, from the body into the obstacle.
         gap: initial gap.
         r: augmentation parameter, stiffness per area.
         dim: 2 or 3.
         slid: distance by which it has slipped, in a history all the way; in a slip it is counted in
             the sense of the slip, and so smooth where the slip begins.
-        pressure: of a compliant surface; None where contact is unilateral.
-        shear: of a compliant surface before it slips, a vector; None where nothing moves then.
+        pressure: pressure of a compliant surface; None where contact is unilateral.
+        shear: shear of a compliant surface before it slips, a vector; None for a surface that is
+            rigid until it slips.
         touches: distance to the border of open points, a traction; None where that is p.
         around: mean of the pressures of the points around (`Law.averaging`); None of a local law.
         before: jump of the last accepted state of an evolution, a vector, of which ``jump`` has the
@@ -93,8 +94,8 @@ class ContactPoint:
             what holds then by comparing it with 0, as in the speed ``ufl.conditional(ufl.gt(a.step,
             0.0), (a.slid - a.slid_before) / a.step, 0.0)``. A law that depends on the step where
             none is known is refused without a history.
-        slid_before: of ``slid`` what was slipped up to that state; 0 under the static law, whose
-            ``slid`` is the whole slip.
+        slid_before: part of ``slid`` up to that state; 0 under the static law, whose ``slid`` is
+            the whole slip.
         kept: internal variables of that state that are no fields of the law, by name
             (`Internal.components`).
         solved: numbers that equations of the law give (`Law.equations`), by the names of these.
@@ -157,7 +158,8 @@ class Internal:
     """An internal variable of a law, which memory has from the last accepted state.
 
     Attributes:
-        name: of a scalar that of the field of the law that has its value at the start.
+        name: name of the variable; for a scalar, the field of the law that has its value at the
+            start.
         change: ``"any"``; or ``"falls"``, ``"grows"``, of one scalar at most, by which the law
             weakens.
         end: number beyond which it does not fall or grow; None for no end.
@@ -211,7 +213,7 @@ class Internal:
 
 
 class Bond(NamedTuple):
-    """What a law with a memory gives at a state beside its traction.
+    """Adhesion and memory of a law at a state, beside its traction.
 
     Attributes:
         after: UFL by the names in `Law.memory`: their values once the state is accepted.
@@ -267,7 +269,7 @@ class StatusPiece:
 
     Attributes:
         answer: UFL traction on the body.
-        borders: of the status.
+        borders: borders of the status.
         exists: UFL condition under which points can have this status; None for always.
     """
 
@@ -304,7 +306,7 @@ class Law:
     needs_time: tuple[str, ...] = ()
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        """What the law answers, by the numbers of statuses (`laws.status`).
+        """Return the smooth pieces of the law by status (`laws.status`).
 
         Numbers are OPEN, STICK, PLUS (a slip; in 2D one with u_t > 0) and, in 2D, MINUS. Where
         borders of several statuses meet a point has the first of them. Statuses should leave no
@@ -321,32 +323,32 @@ class Law:
         return a
 
     def bond(self, a: ContactPoint) -> Bond | None:
-        """What becomes of `internal` variables, and adhesion; None if there is neither."""
+        """Return adhesion and the new `internal` variables; None if the law has neither."""
         return None
 
     def lacks(self, *, history: bool) -> str:
-        """What it would need to hold in a step of a history, or else statically; "" if nothing."""
+        """Return what is missing for a step of a history, or a static solve; "" if nothing is."""
         return ""
 
     @property
     def averaging(self) -> Kernel | None:
-        """Over which points the pressure of closed ones is averaged; None: the law is local."""
+        """Kernel that averages the pressures of closed points; None for a local law."""
         return None
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Name of the law in messages."""
         return type(self).__name__
 
     @property
     def kind(self) -> Hashable | None:
-        """What laws have in common that differ in their `given` fields alone; None if nothing."""
+        """Key that laws share if they differ only in their `given` fields; None for no sharing."""
         if "__dataclass_fields__" not in vars(type(self)):
             return None
         return type(self), _settings(type(self))
 
     def unknowns(self, dim: int) -> Mapping[str, int]:
-        """How many numbers each of its `equations` gives, by name."""
+        """Return the number of unknowns of each of the `equations`, by name."""
         return {}
 
     def equations(self, a: ContactPoint) -> Mapping[str, Equations]:
@@ -354,12 +356,12 @@ class Law:
         return {}
 
     def memory(self, dim: int) -> list[str]:
-        """Names of what memory has of the `internal` variables, fields of the law first."""
+        """Return the names of the `internal` variables in memory, fields of the law first."""
         ordered = sorted(self.internal, key=lambda x: not x.is_field)
         return [name for x in ordered for name in x.components(dim)]
 
     def variables(self, dim: int) -> Mapping[str, str]:
-        """What tables show of that, by the name that it has there."""
+        """Return the name in memory of each variable that tables show, by its name there."""
         return {
             name.removeprefix("."): name
             for x in self.internal
@@ -415,7 +417,7 @@ def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
 
 
 def _settings(kind: type) -> tuple[tuple[str, Hashable], ...]:
-    """What a class holds beside its fields, its methods among it, as a law has it now."""
+    """Return the current class attributes and methods, without the fields of instances."""
     found = {
         name: _as_key(value)
         for base in reversed(kind.__mro__)
@@ -434,7 +436,7 @@ def _as_key(value: Any) -> Hashable:
 
 
 def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
-    """What `Law.pieces` returned, or ``ValueError`` if that is no law."""
+    """Return the pieces of a law; raise ``ValueError`` if they do not define one."""
     if not isinstance(pieces, Mapping) or not pieces:
         raise ValueError(f"pieces must return a dictionary of StatusPieces, got {pieces!r}")
     codes = [c for c in range(BROKEN + DAMAGING) if c % DAMAGING <= MINUS + WHERE_OPEN]
