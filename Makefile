@@ -6,7 +6,8 @@ export OUTPUT
 # A virtual environment where pip has installed DOLFINx, with an MPI of its own.
 WHEEL = DEBIAN="$${DEBIAN:-trixie}" $(RUN) docker/wheel solver,pictures,records,gmsh,test
 # What runs there, and `-rs` lists what is skipped and why: `make test-long` takes all of it.
-WHEEL_TESTS = tests/test_manifest.py tests/test_blocks.py tests/test_linear_triangle.py
+WHEEL_TESTS = tests/records/test_manifest.py tests/physics/test_blocks.py \
+	tests/physics/test_linear_triangle.py
 WHEEL_PYTEST = python3 -m pytest --color=no -rs $(WHEEL_TESTS)
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no --durations=40 --durations-min=1 tests
@@ -85,13 +86,13 @@ test-long:
 test-paraview:
 	rm -rf "$$OUTPUT/paraview"
 	mkdir -p "$$OUTPUT/paraview"
-	DOLFINX_CONTACT_RESULTS="$$OUTPUT/paraview" $(RUN) mpirun -n 2 $(PYTEST)/test_vtk.py --long -k for_paraview
+	DOLFINX_CONTACT_RESULTS="$$OUTPUT/paraview" $(RUN) mpirun -n 2 $(PYTEST)/unit/io/test_vtk.py --long -k for_paraview
 	DOLFINX_CONTACT_PACKAGES=paraview $(RUN) xvfb-run -a python3 tests/in_paraview.py "$$OUTPUT/paraview"
 
 test-browser:
 	rm -rf "$$OUTPUT/browser"
 	mkdir -p "$$OUTPUT/browser"
-	DOLFINX_CONTACT_RESULTS="$$OUTPUT/browser" $(RUN) $(PYTEST)/test_explorer.py --long -k for_a_browser
+	DOLFINX_CONTACT_RESULTS="$$OUTPUT/browser" $(RUN) $(PYTEST)/unit/explorer/test_explorer.py --long -k for_a_browser
 	DOLFINX_CONTACT_PACKAGES=browser $(RUN) python3 tests/in_browser.py "$$OUTPUT/browser"
 	$(MAKE) docs-questions
 	DOLFINX_CONTACT_PACKAGES=browser $(RUN) python3 tests/site_in_browser.py docs/_build/check "$$OUTPUT/browser"

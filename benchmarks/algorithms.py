@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import demo_greco_block
 import demo_two_blocks
-from blocks import block
+from support.blocks import block
 
 from dolfinx import mesh
 

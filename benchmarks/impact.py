@@ -2,9 +2,10 @@
 """What schemes, levels, theta and mass do to a bar that bounces, over elements and time steps.
 
 Contact force and energy of `demo_bouncing_bar.py` against its exact solution. The library runs with
-``--library`` elements; a numpy code (`tests/moving_bar.py`), from which the forces of the library
-differ by round-off, as is measured here, runs them all. It also runs what the library refuses.
-Then a bar that is thrown at a wall, over its elements, with orders, and two bars by the library.
+``--library`` elements; a numpy code (`tests/support/moving_bar.py`), from which the forces of the
+library differ by round-off, as is measured here, runs them all. It also runs what the library
+refuses. Then a bar that is thrown at a wall, over its elements, with orders, and two bars by the
+library.
 
     python3 benchmarks/impact.py --output impact.json
 """
@@ -26,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import demo_bouncing_bar as demo
 import demo_two_bars
-from moving_bar import Bar
+from support.moving_bar import Bar
 
 from dolfinx_contact.evolution import NSCD
 

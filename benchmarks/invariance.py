@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Do all folds, rays and branches come out, however the problem is put?
 
-Every demo of continuation is run as it is, and through tests/harness.py with steps 0.1 and 10 times
-as long, in other units (E and loads times 1e9, lengths times 1e3), with the augmentation parameter
+Every demo of continuation is run as it is, and through tests/support/harness.py with steps 0.1 and
+10 times as long, in other units (E and loads times 1e9, lengths times 1e3), with the augmentation
+parameter
 r times 0.1, 10 and 100, on a mesh that is renumbered at random, and on 2 and 3 ranks. What was
 found must be the same each time; under units, renumbering and ranks the gammas of all points must
 be the same as well, to 1e-8 of the range of gamma. Prints a Markdown table, and writes it beside
@@ -186,7 +187,7 @@ def outcome(problem, case, automatic_r):
         if "step_factor" in given:
             harness += ["--step-factor", repr(given["step_factor"])]
         ranks = str(given.get("ranks", 1))
-        demo = [sys.executable, str(ROOT / "tests/harness.py"), problem.demo, *harness]
+        demo = [sys.executable, str(ROOT / "tests/support/harness.py"), problem.demo, *harness]
         options += ["--output", str(folder / "out")]
         failure = run(["mpirun", "-n", ranks, *demo, "--", *options])
         if failure:

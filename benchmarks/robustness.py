@@ -25,7 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import demo_block
-from harness import varied
+from support.harness import varied
 
 from dolfinx_contact import ConvergenceError
 

@@ -1,7 +1,6 @@
 """Tests run serial and under mpirun; only rank 0 reports, and any rank that fails fails the run."""
 
 import os
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -194,6 +193,3 @@ def accuracy(request):
 def folder(tmp_path_factory):
     """The same new folder on every rank."""
     return COMM.bcast(tmp_path_factory.mktemp("out") if COMM.rank == 0 else None)
-
-
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "demos"))

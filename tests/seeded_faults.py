@@ -75,7 +75,7 @@ def seen(name):
     """What `--draw` prints of a package with a fault: the property, and the number of examples."""
     with tempfile.TemporaryDirectory() as folder:
         with_fault(FAULTS[name], folder)
-        path = os.pathsep.join([folder, str(ROOT / "tests")])
+        path = os.pathsep.join([folder, str(ROOT / "tests"), str(ROOT / "tests" / "properties")])
         run = subprocess.run(
             [sys.executable, __file__, "--draw"],
             env=os.environ | {"PYTHONPATH": path},

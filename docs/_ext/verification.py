@@ -203,9 +203,13 @@ class Module:
         """Functions that come from other files of tests, by their names here."""
         found = {}
         for node in self.tree.body:
-            if isinstance(node, ast.ImportFrom) and f"{node.module}.py" in self._texts:
-                other = Module(f"{node.module}.py", self._texts)
-                found |= {a.asname or a.name: (other, a.name) for a in node.names}
+            if not isinstance(node, ast.ImportFrom):
+                continue
+            name = f"{node.module}".replace(".", "/") + ".py"
+            for file in self._texts:
+                if f"/{file}".endswith(f"/{name}"):
+                    other = Module(file, self._texts)
+                    found |= {a.asname or a.name: (other, a.name) for a in node.names}
         return found
 
     @property
@@ -420,7 +424,8 @@ def marks_in(file: str, texts: Mapping[str, str]) -> list[Test]:
 
 def read_tests(folder: Path) -> dict[str, str]:
     """The files of a folder of tests, by their names."""
-    return {path.name: path.read_text() for path in folder.glob("*.py")}
+    files = folder.rglob("*.py")
+    return {path.relative_to(folder).as_posix(): path.read_text() for path in files}
 
 
 def matrix(tests: list[Test]) -> dict[str, dict[str, Cell]]:

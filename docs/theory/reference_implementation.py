@@ -4,7 +4,8 @@
 # This page solves frictional contact of a linear elastic body with a rigid obstacle in plain numpy.
 # It is serial, uses linear elements and one surface, and contains the residual $H$, its generalised
 # Jacobian $J$, the statuses, one static solve and one incremental step. The package computes the
-# same numbers to round-off; `tests/test_reference_implementation.py` compares them in 2D and 3D.
+# same numbers to round-off; `tests/project/test_reference_implementation.py` compares them in 2D
+# and 3D.
 # Symbols and signs follow {doc}`the notation <notation>`.
 #
 # DOLFINx assembles the stiffness matrix and the loads, and measures the nodal areas. Everything

@@ -25,7 +25,7 @@ large factors, and open and close between. `Shakedown.ranges` has all factors. W
 - **Else** the bound is necessary, and whether it is sufficient depends on where the body starts:
   the paper has counterexamples. Friction below the critical one is not enough: two points in the
   plane of which only shears are joined slip for ever from some starts, with F |k| / k_t = 0.12 and
-  0.15 (`tests/test_shakedown.py`). So cycles are stepped through (`load_cycles`).
+  0.15 (`tests/unit/analysis/test_shakedown.py`). So cycles are stepped through (`load_cycles`).
 
 With a wedged state whose forces are inside their cones (`wedging_friction`) every load can be
 borne, if only the body is wedged enough: the bound is infinite.

@@ -8,7 +8,6 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from blocks import CELLS
 
 import basix.ufl
 import ufl
@@ -16,6 +15,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, meshing
 from dolfinx_contact.materials import LinearElastic
+from support.blocks import CELLS
 
 COMM = MPI.COMM_WORLD
 

@@ -1,0 +1,207 @@
+"""The numbers of the demos."""
+
+import json
+import re
+from pathlib import Path
+
+import demo_greco_block
+import demo_hild_triangle
+import demo_sliding_solution
+import demo_which_solution
+import numpy as np
+import pytest
+from _triangle import element
+
+HILD = json.loads((Path(__file__).parents[1] / "data" / "hild_triangle.json").read_text())[
+    "records"
+]
+
+
+@pytest.mark.verifies(
+    "Coulomb",
+    "Newton's method",
+    reference="independent code: Code_Aster, SSNV128",
+    aspects=(
+        "2D",
+        "multigrid",
+    ),
+)
+def test_greco_block(accuracy, folder):
+    """Code_Aster SSNV128: QUAD8 values to 0.3 %, and the known status of the 32 x 32 mesh."""
+    summary = demo_greco_block.main(["--output", str(folder)])
+    assert summary["status"] == "ooo" + 21 * "+" + 8 * "k" + "d"
+    for point in "ABCD":
+        expected = demo_greco_block.CODE_ASTER[point]
+        assert abs(summary[f"ux_{point}"] / expected - 1) < 3e-3
+    assert summary["kkt_violation"] < 0.1 * accuracy
+
+
+@pytest.mark.chatty
+@pytest.mark.long
+def test_greco_block_in_other_units(folder):
+    runs = [
+        demo_greco_block.main([f"--units={units}", f"--output={folder / units}"])
+        for units in demo_greco_block.UNITS
+    ]
+    for run in runs[1:]:
+        assert run["status"] == runs[0]["status"]
+        for point in "ABCDE":
+            np.testing.assert_allclose(run[f"ux_{point}"], runs[0][f"ux_{point}"], rtol=1e-8)
+        assert run["newton_iterations"] == runs[0]["newton_iterations"]
+        np.testing.assert_allclose(
+            run["residual_history"], runs[0]["residual_history"], rtol=1e-8, atol=1e-10
+        )
+
+
+STATES = {"open": "o", "stick": "k", "slip+": "+", "slip-": "-"}
+
+
+@pytest.mark.parametrize("friction", sorted({r["F"] for r in HILD}))
+@pytest.mark.verifies(
+    "all solutions",
+    "Coulomb",
+    reference="enumeration: all statuses, confirmed with GetFEM",
+    aspects=("2D",),
+)
+def test_hild_triangle_all_solutions(friction):
+    """Every record of an independent enumeration: the same solutions, and no others."""
+    for record in (r for r in HILD if r["F"] == friction):
+        load = record["F1"], record["F2"]
+        system = element((100.0, 82.0), friction, 1.0, load)
+        found = demo_hild_triangle.solutions(system)
+        expected = sorted(record["solutions"], key=lambda s: "ok+-".index(STATES[s["state"]]))
+        assert [s["status"] for s in found] == [STATES[s["state"]] for s in expected], record
+        for mine, other in zip(found, expected, strict=True):
+            for key in ("ut", "un", "rt", "rn"):
+                assert abs(mine[key] - other[key]) < 1e-10
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "all solutions", reference="closed form: three solutions of Hild's element", aspects=("2D",)
+)
+def test_hild_triangle_instance(folder):
+    """lambda = mu = l = 1, F = 3, load (-2.4, -1): three solutions in closed form."""
+    summary = demo_hild_triangle.main(["--output", str(folder)])
+    found = summary["solutions"]
+    assert [s["status"] for s in found] == ["o", "k", "-"]
+    np.testing.assert_allclose([found[0]["ut"], found[0]["un"]], [-19 / 30, 1 / 15], atol=1e-12)
+    np.testing.assert_allclose([found[1]["rt"], found[1]["rn"]], [1.2, 0.5], atol=1e-12)
+    np.testing.assert_allclose(
+        [found[2][k] for k in ("ut", "rt", "rn")], [-0.3, 0.6, 0.2], atol=1e-12
+    )
+    assert json.loads((folder / "summary.json").read_text())["solutions"] == found
+    assert (folder / "states.png").stat().st_size > 10_000
+
+
+def test_hild_triangle_continuum(folder):
+    """At the critical coefficient: from stick, along states that slip, to separation."""
+    options = ["--friction=2", "--load", "-2", "-1", f"--output={folder}"]
+    (continuum,) = demo_hild_triangle.main(options)["solutions"]
+    assert continuum["continuum"] is True
+    assert [s["status"] for s in (continuum, *continuum["ends"])] == ["-", "-", "-"]
+    values = [[s[k] for k in ("ut", "un", "rt", "rn")] for s in continuum["ends"]]
+    np.testing.assert_allclose(values, [[0, 0, 1, 0.5], [-0.5, 0, 0, 0]], atol=1e-12)
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "all solutions", "charts", reference="paper: Hild (2002), Proposition 2", aspects=("2D",)
+)
+def test_hild_triangle_diagram(folder):
+    """Proposition 2 of Hild (2002), cell by cell, and the lines that carry sets of their own."""
+    summary = demo_hild_triangle.main(["--diagram", "--grid=24", "--output", str(folder)])
+    critical = 2.0
+    for name, found in summary["diagram"].items():
+        assert (folder / f"regions_{name}_critical.png").stat().st_size > 10_000
+        F = found["friction"]
+        axis, cells, _ = demo_hild_triangle.diagram((1.0, 1.0), F, 1.0, 24)
+        for i, f1 in enumerate(axis[0]):
+            for j, f2 in enumerate(axis[1]):
+                assert cells[i, j] == proposition_2(F, critical, f1, f2), (F, f1, f2)
+        lines = {tuple(np.round(line["load"], 12)): line["solutions"] for line in found["lines"]}
+        if name == "at":
+            assert lines[(-2.0, -1.0)] == "-~"
+        if name == "above":
+            assert lines[(-3.0, -1.0)] == "ok"  # separation and stick
+            assert lines[(-2.0, -1.0)] == "ok"  # stick, and left slip that just separates
+
+
+def proposition_2(F, critical, f1, f2):
+    """Statuses of the solutions at a load inside a region (lambda = mu, signs of this package)."""
+    separation = f2 > f1 / critical
+    stick = f2 < 0 and abs(f1) < F * abs(f2)
+    right = f2 < f1 / critical and F * f2 + f1 > 0
+    if critical > F:
+        left = f2 < f1 / critical and F * f2 - f1 > 0
+    else:
+        left = f2 < 0 and -F * abs(f2) < f1 < -critical * abs(f2)
+        if critical == F:
+            left = False
+    return "".join(
+        letter
+        for letter, holds in zip("ok+-", (separation, stick, right, left), strict=True)
+        if holds
+    )
+
+
+DEMOS = Path(__file__).parents[2] / "demos"
+
+
+@pytest.mark.parametrize("demo", sorted(DEMOS.glob("demo_*.py")), ids=lambda path: path.stem)
+def test_a_demo_is_narrated(demo):
+    """What a user copies: narrated, without private names, another demo or a `destroy`."""
+    text = demo.read_text()
+    assert not re.search(r"^\s*(import|from) demo_", text, re.MULTILINE)
+    assert "destroy()" not in text
+    assert "# This demo illustrates how to:" in text
+    assert not re.search(r"[a-z)]\._[a-z]", text)
+
+
+def test_which_solution(folder):
+    """Three solutions of the element: every one is some algorithm's, and what ends nowhere says so.
+
+    The free body is a solution: what begins with it stays. The corners of the grid of starts end in
+    two solutions at least, and Lemke's method in one whatever the start.
+    """
+    words = ["--n=2", "--friction=1.7", "--grid=3"]
+    summary = demo_which_solution.main([*words, f"--output={folder}"])
+    element = summary["problems"]["element"]
+    assert set(element["solution"].values()) <= set("ok-")
+    assert all(element["converged"].values())
+    assert element["solution"]["newton"] == "o"
+    basins = element["basins"]
+    assert set(basins) == set(demo_which_solution.ALGORITHMS)
+    assert all(len(b) == 9 for b in basins.values())
+    assert len(set(basins["lemke"])) == 1
+    assert all(set(b) <= set("ok-cdn") for b in basins.values())
+    assert {word for b in basins.values() for word in b} >= {"o", "k"}
+    assert (folder / "basins_element.png").exists()
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+def test_sliding_solution(folder):
+    """Beyond F = 3 Newton's method alone reaches the sliding solution, from starts around it."""
+    summary = demo_sliding_solution.main(["--n=2", "--grid=2", f"--output={folder}"])
+    element = summary["problems"]["element"]
+    assert element["critical"] == pytest.approx(3.0, rel=1e-12)
+    starts = np.array([0.275, 0.825])
+    beyond = {
+        "newton": ("--", "--"),
+        **dict.fromkeys(("tresca", "uzawa", "cg"), ("ok", "ok")),
+        **dict.fromkeys(("penalty", "gauss-seidel", "lemke"), ("oo", "oo")),
+        "interior-point": ("kk", "kk"),
+    }
+    for name, words in element["words"].items():
+        pressures = np.array(element["pressures"][name])
+        assert words[:2] == ["--", "--"]
+        np.testing.assert_allclose(pressures[:2], 0.5, atol=1e-5 if name == "penalty" else 1e-8)
+        if name in ("newton", "tresca", "uzawa", "gauss-seidel"):  # no solution is left
+            np.testing.assert_allclose(pressures[2], starts, atol=1e-9)
+        assert np.all((pressures[2] > -1e-9) & (pressures[2] < 1 + 1e-9))
+        assert tuple(words[3:]) == beyond[name]
+    corner = demo_sliding_solution.corner(demo_sliding_solution.triangle(1.7, 64))
+    assert max(corner[:2]) == pytest.approx(1.6588005832, abs=1e-9)
+    assert (folder / "triangle.png").exists()

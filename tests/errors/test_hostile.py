@@ -1,0 +1,1200 @@
+"""Misuse in one table: every input gives the same clear error on every rank, and nothing hangs."""
+
+import faulthandler
+from types import SimpleNamespace
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from support.blocks import block, box, facets
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    HalfSpace,
+    LevelSet,
+    ParametricContact,
+    RigidBody,
+    Sphere,
+    Tresca,
+)
+from dolfinx_contact.algorithms import Uzawa
+from dolfinx_contact.analysis.two_parameters import contact_family
+from dolfinx_contact.continuation import (
+    Observer,
+    Observers,
+    StepControl,
+    explore,
+    find_solutions,
+    follow,
+    follower_for,
+)
+from dolfinx_contact.io import output_folder, write_fields
+from dolfinx_contact.laws import FrictionLaw
+from dolfinx_contact.materials import (
+    CiarletGeymonat,
+    LinearElastic,
+    NeoHookean,
+    StVenantKirchhoff,
+)
+from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states
+from dolfinx_contact.problem import discretise
+from dolfinx_contact.records import BranchRecord, resume, write_series
+
+#: What ranks do to each other is tested in all cases on two of them.
+pytestmark = pytest.mark.ranks(2, every_case=True)
+
+COMM = MPI.COMM_WORLD
+LAST = COMM.rank == COMM.size - 1
+FLOOR = HalfSpace((0.0, 0.0), (0.0, 1.0))
+MATERIAL = LinearElastic.from_young(1000.0, 0.3)
+several = pytest.mark.skipif(COMM.size == 1, reason="for ranks that differ")
+
+
+@pytest.fixture(autouse=True)
+def nothing_hangs():
+    """A test that takes longer than a minute ends the run, also inside a call of MPI."""
+    faulthandler.dump_traceback_later(60, exit=True)
+    yield
+    faulthandler.cancel_dump_traceback_later()
+
+
+class UsersError(Exception):
+    """An exception of a class that this package does not know."""
+
+
+def square(n=4):
+    domain = box(COMM, n, "tri")
+    return fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+
+
+def tags_of(domain, dim=1):
+    where = facets(domain, 1, 0.0)
+    if dim == 2:
+        where = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
+    return mesh.meshtags(domain, dim, np.sort(where), np.full(len(where), 7, dtype=np.int32))
+
+
+def clamp(u, value=(0.0, -0.01), axis=1, at=1.0):
+    V = u.function_space
+    value = np.array(value) if isinstance(value, tuple) else value
+    return fem.dirichletbc(value, fem.locate_dofs_topological(V, 1, facets(V.mesh, axis, at)), V)
+
+
+@pytest.fixture(scope="module")
+def w():
+    """A block with everything that is needed to misuse it, the same for all tests."""
+    u = square()
+    other = box(COMM, 3, "tri")
+    domain = u.function_space.mesh
+    V = u.function_space
+    scalars = fem.functionspace(other, ("Lagrange", 1))
+    vectors = fem.functionspace(other, ("Lagrange", 1, (2,)))
+    gamma = fem.Constant(domain, 0.0)
+    load = ufl.dot(ufl.as_vector([gamma, -1.0]), u) * ufl.ds
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=FLOOR, law=Coulomb(0.3))
+    held = fem.Function(V)
+    held.interpolate(lambda x: np.vstack([0 * x[0], 0 * x[0] - 0.01]))
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    energy = MATERIAL.energy(u) * ufl.dx
+    problem = ContactProblem(energy - load, u, [surface], bcs=[fem.dirichletbc(held, top)])
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    x = problem.create_vector()
+    problem.write(x)
+    short = PETSc.Vec().createMPI((2, None), comm=COMM)
+    infinite = x.copy()
+    infinite.array[:] = np.nan
+    field = fem.Function(fem.functionspace(domain, ("Lagrange", 1)), name="slope")
+    field.interpolate(lambda x: x[0])
+    return SimpleNamespace(
+        u=u,
+        V=V,
+        domain=domain,
+        other=other,
+        field=field,
+        f_other=fem.Function(scalars),
+        v_other=fem.Function(vectors),
+        c_other=fem.Constant(other, 1.0),
+        gamma=gamma,
+        held=held,
+        energy=energy,
+        surface=surface,
+        problem=problem,
+        system=system,
+        x=x,
+        short=short,
+        infinite=infinite,
+    )
+
+
+def surface(w, where=None, **options):
+    where = facets(w.domain, 1, 0.0) if where is None else where
+    return ContactSurface(w.u, where, **{"obstacle": FLOOR, "law": Coulomb(0.3), **options})
+
+
+def discretised(w, where=None, **options):
+    return discretise(surface(w, where, **options))
+
+
+def problem(w, bulk=None, surfaces=None, **options):
+    bulk = w.energy if bulk is None else bulk
+    surfaces = surfaces or [w.surface]
+    return ContactProblem(bulk, w.u, surfaces, **{"bcs": [clamp(w.u)], **options})
+
+
+def followed(w, **options):
+    x = options.pop("x", w.x)
+    gamma = options.pop("gamma", 0.0)
+    system = options.pop("system", w.system)
+    return follow(system, x, gamma, **{"gamma_range": (0.0, 1.0), **options})
+
+
+def explored(w, starts, **options):
+    return explore(w.system, starts, **{"gamma_range": (0.0, 1.0), **options})
+
+
+def found(w, guesses=None, gamma=0.0, **options):
+    return find_solutions(w.system, [w.x] if guesses is None else guesses, gamma, **options)
+
+
+def parametric(w, gamma=None, driven=(), problem=None):
+    return ParametricContact(problem or w.problem, gamma or w.gamma, driven=driven)
+
+
+def solved(**options):
+    return block(**options).solve()
+
+
+def started(value):
+    p = block()
+    p.u.x.array[:] = value
+    return p.solve()
+
+
+class LongNormals(Obstacle):
+    """One of the user, whose normals are none."""
+
+    def at(self, domain, x):
+        return 2.0 * x[1], ufl.as_vector((0.0, -2.0))
+
+
+def tilted(f):
+    return LevelSet(lambda x: x[1] + 0.3 * f)
+
+
+def raising(error):
+    def function(*_):
+        raise error
+
+    return function
+
+
+def on_last(error):
+    def function(*_):
+        if LAST:
+            raise error
+        return ""
+
+    return function
+
+
+class Telling(Observer):
+    def __init__(self, do):
+        self.do = do
+
+    def step(self, *_):
+        self.do()
+
+
+class WorseLaw(FrictionLaw):
+    """One that raises on a rank: nothing tells it from what the others have."""
+
+    def __init__(self, raises):
+        self.raises = raises
+
+    def bound(self, a, p):
+        if self.raises:
+            raise UsersError("in the law")
+        return 0.3 * p
+
+
+class BadLaw(FrictionLaw):
+    def bind(self, domain):
+        return self
+
+    def bound(self, a, p):
+        raise UsersError("in the law")
+
+
+def vector(g):
+    return ufl.as_vector([g, g])
+
+
+#: What is done, what the message says, and of which class the error is if not ValueError.
+MISUSE = {
+    # surfaces
+    "tags of another mesh": (lambda w: discretised(w, tags_of(w.other), tag=7), "of another mesh"),
+    "tags of cells": (
+        lambda w: discretised(w, tags_of(w.domain, 2), tag=7),
+        "of dimension 1, not 2",
+    ),
+    "no tag": (lambda w: discretised(w, tags_of(w.domain)), "need a tag"),
+    "half a tag": (lambda w: discretised(w, tags_of(w.domain), tag=7.5), "must be a whole number"),
+    "tag True": (lambda w: discretised(w, tags_of(w.domain), tag=True), "must be a whole number"),
+    "facet -1": (lambda w: discretised(w, np.array([-1])), "facet indices outside the mesh"),
+    "facet 2^40": (lambda w: discretised(w, np.array([2**40])), "facet indices outside the mesh"),
+    "facets as words": (lambda w: discretised(w, ["bottom"]), "array of integer indices"),
+    "field of another mesh": (
+        lambda w: discretised(w, law=Coulomb(w.f_other)),
+        "friction of Coulomb is a Function of another mesh",
+    ),
+    "part of a field of another mesh": (
+        lambda w: discretised(w, law=Coulomb(0.1 + w.f_other**2)),
+        "friction of Coulomb contains a Function of another mesh",
+    ),
+    "friction Constant of another mesh": (
+        lambda w: discretised(w, law=Coulomb(w.c_other)),
+        "friction of Coulomb is a Constant of another mesh",
+    ),
+    "threshold Constant of another mesh": (
+        lambda w: discretised(w, law=Tresca(w.c_other)),
+        "threshold of Tresca is a Constant of another mesh",
+    ),
+    "friction by places of another mesh": (
+        lambda w: discretised(w, law=Coulomb(ufl.SpatialCoordinate(w.other)[0])),
+        "friction of Coulomb belongs to another mesh",
+    ),
+    "friction vector": (lambda w: discretised(w, law=Coulomb(w.u)), "must be a nonnegative number"),
+    "friction True": (lambda w: discretised(w, law=Coulomb(True)), "must be a nonnegative number"),
+    "friction 1j": (lambda w: discretised(w, law=Coulomb(1j)), "must be a nonnegative number"),
+    "friction None": (lambda w: discretised(w, law=Coulomb(None)), "must be a nonnegative number"),
+    "law class": (lambda w: discretised(w, law=Coulomb), "the law must be"),
+    "law that raises": (lambda w: discretised(w, law=BadLaw()), "in the law", UsersError),
+    "obstacle class": (lambda w: discretised(w, obstacle=HalfSpace), "the obstacle must be"),
+    "point of another mesh": (
+        lambda w: discretised(w, obstacle=HalfSpace(fem.Constant(w.other, (0.0, 0.0)), (0, 1))),
+        "the point of the half-space is a Constant of another mesh",
+    ),
+    "radius of another mesh": (
+        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), w.c_other)),
+        "the radius is a Constant of another mesh",
+    ),
+    "radius vector": (
+        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), fem.Constant(w.domain, (1.0, 1.0)))),
+        "the radius must be a number",
+    ),
+    "radius word": (
+        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), "1")),
+        "the radius must be positive",
+    ),
+    "radius inf": (
+        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), np.inf)),
+        "the radius must be positive",
+    ),
+    "normal word": (
+        lambda w: discretised(w, obstacle=HalfSpace((0, 0), "up")),
+        "2 finite components",
+    ),
+    "ragged point": (
+        lambda w: discretised(w, obstacle=HalfSpace((0, (1, 2)), (0, 1))),
+        "2 finite components",
+    ),
+    "cylinder in 2D": (
+        lambda w: discretised(w, obstacle=Cylinder((0, 0), (0, 1), 1.0)),
+        "needs a 3D mesh",
+    ),
+    "level set of another mesh": (
+        lambda w: discretised(w, obstacle=LevelSet(lambda x: x[1] + w.f_other)),
+        "the level set contains a Function of another mesh",
+    ),
+    "level set number": (
+        lambda w: discretised(w, obstacle=LevelSet(lambda x: 1.0)),
+        "scalar UFL expression",
+    ),
+    "level set that is none": (
+        lambda w: discretised(w, obstacle=LevelSet(1.0)),
+        "must be a function of position",
+    ),
+    "level set that raises": (
+        lambda w: discretised(w, obstacle=LevelSet(raising(UsersError("in the level set")))),
+        "in the level set",
+        UsersError,
+    ),
+    "no name": (lambda w: discretised(w, name=""), "the name of a contact surface"),
+    "name 3": (lambda w: discretised(w, name=3), "the name of a contact surface"),
+    "quadrature degree word": (
+        lambda w: discretised(w, method="integral", quadrature_degree="4"),
+        "the quadrature degree of P. with P. must be",
+    ),
+    "displacement expression": (
+        lambda w: ContactSurface(2 * w.u, facets(w.domain, 1, 0.0), obstacle=FLOOR, law=BadLaw()),
+        "the displacement must be a Function",
+    ),
+    # problems
+    "bulk with a Constant of another mesh": (
+        lambda w: problem(w, w.energy - w.c_other * w.u[1] * ufl.dx(domain=w.domain)),
+        "the bulk contains a Constant of another mesh",
+    ),
+    "bulk with a Function of another mesh": (
+        lambda w: problem(w, w.energy - w.f_other * w.u[1] * ufl.dx(domain=w.domain)),
+        "the bulk contains a Function of another mesh",
+    ),
+    "bulk over another mesh": (
+        lambda w: problem(w, w.energy + w.u[1] * ufl.dx(domain=w.other)),
+        "the bulk belongs to another mesh",
+    ),
+    "bulk number": (lambda w: problem(w, 1.0), "the bulk must be a UFL form"),
+    "Dirichlet condition of another mesh": (
+        lambda w: problem(w, bcs=[clamp(w.v_other)]),
+        "a Dirichlet condition, or its value, is on a space of another mesh",
+    ),
+    "Dirichlet Function of another mesh": (
+        lambda w: problem(w, bcs=[fem.dirichletbc(w.v_other, two_spaces(w), w.V)]),
+        "a Dirichlet condition, or its value, is on a space of another mesh",
+    ),
+    "surfaces of words": (lambda w: problem(w, surfaces=["floor"]), "a list of ContactSurface"),
+    "conditions of words": (lambda w: problem(w, bcs=["top"]), "a list of Dirichlet conditions"),
+    "conditions None": (lambda w: problem(w, bcs=None), "must be a list"),
+    "displacement number": (
+        lambda w: ContactProblem(w.energy, 1.0, [w.surface]),
+        "the displacement must be a Function",
+    ),
+    "r nan": (lambda w: problem(w, r=np.nan), "r must be positive"),
+    "r word": (lambda w: problem(w, r="1"), "r must be positive"),
+    # PETSc options
+    "options list": (lambda w: problem(w, petsc_options=["snes_rtol"]), "must be a dictionary"),
+    "option 3": (lambda w: problem(w, petsc_options={3: 1}), "must be words"),
+    "option with prefix": (
+        lambda w: problem(w, petsc_options={"contact_snes_rtol": 1e-8}),
+        "without dash and prefix, as 'snes_rtol'",
+    ),
+    "option with dash and prefix": (
+        lambda w: problem(w, petsc_options={"-contact_ksp_type": "gmres"}),
+        "without dash and prefix, as 'ksp_type'",
+    ),
+    "option with dash": (
+        lambda w: problem(w, petsc_options={"-snes_rtol": 1e-8}),
+        "without dash and prefix, as 'snes_rtol'",
+    ),
+    "option misspelt": (
+        lambda w: problem(w, petsc_options={"snes_rtoll": 1e-8}),
+        "petsc_options: snes_rtoll: there is no such option; snes_rtol is meant",
+    ),
+    "option in the database misspelt": (
+        lambda w: with_option(w, "contact_linear_solvr", "amg"),
+        "-contact_linear_solvr: there is no such option; linear_solver is meant",
+    ),
+    "tolerance in the database": (
+        lambda w: with_option(w, "contact_snes_rtol", -1e-8),
+        "-contact_snes_rtol must be a positive number",
+    ),
+    "tolerance < 0": (
+        lambda w: problem(w, petsc_options={"snes_rtol": -1e-8}),
+        "snes_rtol must be a positive number",
+    ),
+    "tolerance 0": (lambda w: problem(w, petsc_options={"snes_rtol": 0}), "must be a positive"),
+    "tolerance nan": (
+        lambda w: problem(w, petsc_options={"snes_rtol": np.nan}),
+        "must be a positive number",
+    ),
+    "tolerance word": (
+        lambda w: problem(w, petsc_options={"snes_rtol": "small"}),
+        "must be a positive number, got 'small'",
+    ),
+    "iterations 2.5": (
+        lambda w: solved(options={"linear_solver": "amg", "ksp_max_it": 2.5}),
+        "PETSc: Input string 2.5 has no integer value",
+    ),
+    "prefix with dash": (
+        lambda w: problem(w, petsc_options_prefix="-contact_"),
+        "must be a word without dash",
+    ),
+    "prefix 3": (lambda w: problem(w, petsc_options_prefix=3), "must be a word without dash"),
+    **{
+        f"snes_type {kind}": (
+            lambda w, kind=kind: problem(w, petsc_options={"snes_type": kind}),
+            f"snes_type must be one of newtonls, .*; got '{kind}'",
+        )
+        for kind in ("ksponly", "nrichardson", "ngmres", "qn", "ncg", "vinewtonrsls", "magic")
+    },
+    **{
+        f"{name} {value}": (
+            lambda w, name=name, value=value: solved(options={name: value}),
+            words,
+        )
+        for name, value, words in (
+            ("snes_convergence_test", "skip", "no other test of PETSc's can take its place"),
+            ("snes_divergence_tolerance", 0.5, "PETSc: Divergence tolerance 0.5"),
+            ("snes_lag_preconditioner", -1, "PETSc: Cannot set the lag to -1"),
+        )
+    },
+    "multigrid without Newton": (
+        lambda w: solved(options={"linear_solver": "amg", "snes_type": "newtontr"}),
+        "with the linear solver amg only newtonls goes",
+    ),
+    "unknown KSP": (
+        lambda w: solved(options={"ksp_type": "magic"}),
+        "PETSc: Unable to find requested KSP type magic",
+    ),
+    "unknown PC": (
+        lambda w: solved(options={"pc_type": "magic"}),
+        "PETSc: Unable to find requested PC type magic",
+    ),
+    "unknown multigrid": (
+        lambda w: solved(options={"linear_solver": "amg", "amg_pc_type": "magic"}),
+        "PETSc: Unable to find requested PC type magic",
+    ),
+    "unknown factorisation": (
+        lambda w: solved(options={"pc_factor_mat_solver_type": "magic"}),
+        "PETSc: Could not locate solver type magic",
+    ),
+    # solves
+    "start 1e200": (lambda w: started(1e200), "the residual overflows at the start"),
+    "start inf": (lambda w: started(np.inf), "the displacement at the start is not finite"),
+    "stiffness 1e300": (lambda w: solved(young=1e300), "the residual overflows at the start"),
+    "motion 1e200": (lambda w: solved(top=(0.0, -1e200)), "the residual overflows at the start"),
+    "monitor that raises": (
+        lambda w: block().solve(monitor=raising(UsersError("in the monitor"))),
+        "in the monitor",
+        UsersError,
+    ),
+    "monitor interrupted": (
+        lambda w: block().solve(monitor=raising(KeyboardInterrupt("enough"))),
+        "enough",
+        KeyboardInterrupt,
+    ),
+    "monitor number": (lambda w: block().solve(monitor=3), "monitor must be a function"),
+    # level sets and obstacles
+    **{
+        f"level set {what}": (
+            lambda w, phi=phi: discretised(w, obstacle=LevelSet(lambda x: phi(w, x))),
+            "the level set does not depend on the position",
+        )
+        for what, phi in {
+            "constant": lambda w, x: fem.Constant(w.domain, 1.0),
+            "number": lambda w, x: 1.0 + 0 * x[0],
+            "Function": lambda w, x: w.u[0],
+        }.items()
+    },
+    **{
+        f"{what} by {which}": (
+            lambda w, made=made, field=field: problem(w, surfaces=[made(w, field(w))]).solve(),
+            f"contains {words}",
+        )
+        for what, made in {
+            "level set": lambda w, f: surface(w, obstacle=tilted(f)),
+            "level set of a rigid body": lambda w, f: surface(
+                w, obstacle=RigidBody(tilted(f), about=(0.0, 0.0), held=["x", "y", "rz"])
+            ),
+            "centre": lambda w, f: surface(
+                w, obstacle=Sphere(ufl.as_vector([0.5, 0.3 * f - 1.0]), 1.0)
+            ),
+            "radius": lambda w, f: surface(w, obstacle=Sphere((0.5, -2.0), 1.0 + 0.3 * f)),
+        }.items()
+        for which, field, words in (
+            ("a Function", lambda w: w.field, "the Function slope, which varies"),
+            ("the position", lambda w: ufl.SpatialCoordinate(w.domain)[0], "the position on"),
+        )
+    },
+    "normals of two": (
+        lambda w: problem(w, surfaces=[surface(w, obstacle=LongNormals())]).solve(),
+        "normals of the obstacle must have the length 1, and one has 2",
+    ),
+    **{
+        f"radius {what}": (
+            lambda w, given=given: problem(
+                w, surfaces=[surface(w, obstacle=Sphere((0.5, -2.0), given(w)))]
+            ).solve(),
+            "the radius of the obstacle must be positive, and is -1 now",
+        )
+        for what, given in {
+            "of a Constant": lambda w: fem.Constant(w.domain, -1.0),
+            "in UFL": lambda w: 1.0 - fem.Constant(w.domain, 2.0),
+        }.items()
+    },
+    "obstacle that moves with the body": (
+        lambda w: discretised(w, obstacle=LevelSet(lambda x: x[1] + w.u[1])),
+        "the obstacle depends on the displacement",
+    ),
+    "normal that turns with the body": (
+        lambda w: discretised(w, obstacle=Sphere(w.u, 2.0)),
+        "the obstacle depends on the displacement",
+    ),
+    # options
+    **{
+        name: (
+            lambda w, name=name: problem(w, petsc_options={name: None}),
+            f"petsc_options: {name} cannot be used: the linear solvers need the assembled",
+        )
+        for name in ("snes_mf", "snes_mf_operator", "snes_fd")
+    },
+    "snes_fd in the database": (
+        lambda w: with_option(w, "contact_snes_fd", True),
+        "-contact_snes_fd cannot be used: the linear solvers need",
+    ),
+    # problems with a parameter
+    "parameter of another mesh": (lambda w: parametric(w, w.c_other), "gamma is a Constant of"),
+    "parameter number": (lambda w: parametric(w, 0.5), "gamma must be a scalar Constant"),
+    "parameter vector": (
+        lambda w: parametric(w, fem.Constant(w.domain, (0.0, 1.0))),
+        "gamma must be a scalar Constant",
+    ),
+    "no problem": (lambda w: parametric(w, problem=w.energy), "a ContactProblem is needed"),
+    "driven of another mesh": (
+        lambda w: parametric(w, driven=[(w.v_other, vector(w.gamma))]),
+        "is of another mesh",
+    ),
+    "driven by another mesh": (
+        lambda w: parametric(w, driven=[(w.held, vector(w.c_other))]),
+        "that drives f.* contains a Constant of another mesh",
+    ),
+    "driven of another shape": (
+        lambda w: parametric(w, driven=[(w.held, w.gamma)]),
+        r"has shape \(2,\), its expression \(\)",
+    ),
+    "driven by a word": (lambda w: parametric(w, driven=[(w.held, "gamma")]), "no UFL expression"),
+    "driven nowhere": (
+        lambda w: parametric(w, driven=[(fem.Function(w.V), vector(w.gamma))]),
+        "is in no Dirichlet condition",
+    ),
+    "driven twice": (
+        lambda w: parametric(w, driven=[(w.held, vector(w.gamma)), (w.held, vector(w.gamma))]),
+        "is driven twice",
+    ),
+    "driven and a load": (
+        lambda w: parametric(
+            w,
+            problem=problem(w, w.energy - ufl.dot(w.held, w.u) * ufl.dx, bcs=w.problem.bcs),
+            driven=[(w.held, vector(w.gamma))],
+        ),
+        "in the form of the body is a driven one",
+    ),
+    "driven and a coefficient of friction": (
+        lambda w: parametric(
+            w,
+            problem=problem(
+                w, surfaces=[surface(w, law=Coulomb(0.3 + abs(w.held[0])))], bcs=w.problem.bcs
+            ),
+            driven=[(w.held, vector(w.gamma))],
+        ),
+        "is a driven one",
+    ),
+    "driven by a driven one": (
+        lambda w: parametric(w, driven=[(w.held, vector(w.gamma) + 0.5 * w.held)]),
+        "is a driven one",
+    ),
+    "driven by the displacement": (
+        lambda w: parametric(w, driven=[(w.held, vector(w.gamma) + w.u)]),
+        "is an unknown",
+    ),
+    "parameter that is held": (
+        lambda w: parametric(
+            w,
+            problem=problem(
+                w,
+                bcs=[
+                    fem.dirichletbc(
+                        w.gamma,
+                        fem.locate_dofs_topological(w.V.sub(1), 1, facets(w.domain, 1, 1.0)),
+                        w.V.sub(1),
+                    )
+                ],
+            ),
+        ),
+        "gamma is the value of a Dirichlet condition",
+    ),
+    "driven no list": (
+        lambda w: parametric(w, driven=(w.held, vector(w.gamma))),
+        "a list of pairs",
+    ),
+    "driven number": (lambda w: parametric(w, driven=[(1.0, w.gamma)]), "must be a Function"),
+    "parameter nan": (lambda w: w.system.set_parameter(np.nan), "gamma must be a finite number"),
+    # branches
+    "range inf": (lambda w: followed(w, gamma_range=(0, np.inf)), "must be 2 finite numbers"),
+    "range nan": (lambda w: followed(w, gamma_range=(np.nan, 1)), "must be 2 finite numbers"),
+    "range 1e-300": (lambda w: followed(w, gamma_range=(0, 1e-300)), "too short or too long"),
+    "range 1e300": (lambda w: followed(w, gamma_range=(0, 1e300)), "too short or too long"),
+    "range of round-off": (
+        lambda w: followed(w, gamma=1.0, gamma_range=(1, 1 + 1e-14)),
+        "too short or too long",
+    ),
+    "range reversed": (lambda w: followed(w, gamma_range=(1, 0)), "of gamma is empty"),
+    "range empty": (lambda w: followed(w, gamma_range=(0, 0)), "of gamma is empty"),
+    "range of three": (
+        lambda w: followed(w, gamma_range=(0, 1, 2)),
+        "gamma_range must be 2 finite numbers",
+    ),
+    "range of words": (lambda w: followed(w, gamma_range="01"), "must be 2 finite numbers"),
+    "range number": (
+        lambda w: followed(w, gamma_range=1.0),
+        "gamma_range must be 2 finite numbers",
+    ),
+    "start beyond": (lambda w: followed(w, gamma=2.0), "must lie in the range"),
+    "start nan": (lambda w: followed(w, gamma=np.nan), "gamma must be a finite number"),
+    **{
+        f"stop answers {answer}": (
+            lambda w, answer=answer: followed(w, stop=lambda *_: answer),
+            f"it answered {answer}",
+        )
+        for answer in (True, False, None, 3)
+    },
+    "stop word": (lambda w: followed(w, stop="now"), "stop must be a function"),
+    "stop raises": (
+        lambda w: followed(w, stop=raising(UsersError("in stop"))),
+        "in stop",
+        UsersError,
+    ),
+    "stop interrupted": (
+        lambda w: followed(w, stop=raising(KeyboardInterrupt("enough"))),
+        "enough",
+        KeyboardInterrupt,
+    ),
+    "observer word": (lambda w: followed(w, observer="me"), "must be an Observer"),
+    "observers word": (lambda w: Observers(Observer(), "me"), "must be an Observer"),
+    "record function": (lambda w: followed(w, record=print), "must be a records.BranchRecord"),
+    "progress word": (lambda w: followed(w, progress="yes"), "progress must be True, False or"),
+    "observer raises": (
+        lambda w: followed(w, observer=Telling(raising(UsersError("in the observer")))),
+        "in the observer",
+        UsersError,
+    ),
+    "control dictionary": (
+        lambda w: followed(w, control={"initial": 0.1}),
+        "control must be a StepControl",
+    ),
+    "no steps": (lambda w: followed(w, max_steps=0), "max_steps must be a whole number >= 1"),
+    "half a step": (lambda w: followed(w, max_steps=2.5), "max_steps must be a whole number >= 1"),
+    "unknown route": (
+        lambda w: followed(w, route="fast"),
+        "route must be one of auto, pivoting, steps",
+    ),
+    "scale 0": (
+        lambda w: follower_for(w.system, w.x, 0.0, gamma_scale=0.0),
+        "gamma_scale must be a positive number",
+    ),
+    "state too short": (lambda w: followed(w, x=w.short), "x does not fit the unknowns"),
+    "state Function": (lambda w: followed(w, x=w.u), "x must be a Vec, a PETSc vector"),
+    "state nan": (lambda w: followed(w, x=w.infinite), "x has an entry that is not finite"),
+    "system problem": (lambda w: followed(w, system=w.problem), "such as a ParametricContact"),
+    "system None": (lambda w: followed(w, system=None), "such as a ParametricContact"),
+    "control nan": (
+        lambda w: StepControl(initial=np.nan),
+        "initial of a StepControl must be a fin",
+    ),
+    "control inf": (lambda w: StepControl(maximum=np.inf), "maximum of a StepControl must be a f"),
+    "control word": (lambda w: StepControl(tolerance="1e-9"), "tolerance of a StepControl must be"),
+    "no starts": (lambda w: explored(w, []), "at least one start"),
+    "starts that are no pairs": (lambda w: explored(w, [1.0]), "pairs of a state and its gamma"),
+    "a start too short": (lambda w: explored(w, [(w.short, 0.0)]), "a start does not fit"),
+    "a start at nan": (lambda w: explored(w, [(w.x, np.nan)]), "gamma of a start must be a finite"),
+    "no branches": (lambda w: explored(w, [(w.x, 0.0)], max_branches=0), "must be a whole number"),
+    "no time": (
+        lambda w: explored(w, [(w.x, 0.0)], max_seconds=np.nan),
+        "must be a positive number",
+    ),
+    "branches nan": (
+        lambda w: explored(w, [(w.x, 0.0)], max_branches=np.nan),
+        "max_branches must be a whole number >= 1, got nan",
+    ),
+    "half a branch": (
+        lambda w: explored(w, [(w.x, 0.0)], max_branches=2.5),
+        "max_branches must be a whole number",
+    ),
+    # solutions at one gamma
+    "solutions at nan": (lambda w: found(w, gamma=np.nan), "gamma must be a finite number"),
+    "solutions at inf": (lambda w: found(w, gamma=np.inf), "gamma must be a finite number"),
+    "solutions at a word": (lambda w: found(w, gamma="0"), "gamma must be a finite number"),
+    "no guess": (lambda w: found(w, []), "at least one guess"),
+    "guess no list": (lambda w: found(w, w.x), "must be lists of states"),
+    "guess too short": (lambda w: found(w, [w.short]), "a guess does not fit the unknowns"),
+    "guess nan": (lambda w: found(w, [w.infinite]), "a guess has an entry that is not finite"),
+    "guess array": (lambda w: found(w, [w.x.array]), "a guess must be a Vec, a PETSc vector"),
+    "known too short": (lambda w: found(w, known=[w.short]), "a known solution does not fit"),
+    "lengths < 0": (lambda w: found(w, lengths=(-1.0,)), "must be a positive number"),
+    "half an iteration": (
+        lambda w: found(w, max_iterations=2.5),
+        "max_iterations must be a whole number >= 1, got 2.5",
+    ),
+    "half an iteration of Uzawa": (
+        lambda w: Uzawa(max_iterations=2.5),
+        "uzawa: max_iterations must not be 2.5",
+    ),
+    "expected numbers": (lambda w: w.problem.solve(expected=[1, 2]), "expected must be a list"),
+    "range of mu": (
+        lambda w: contact_family(w.system, fem.Constant(w.V.mesh, 1.0), mu_range=(2.0, 1.0)),
+        r"the range .2\.0, 1\.0. of mu is empty",
+    ),
+    "tolerance of solutions nan": (
+        lambda w: found(w, tolerance=np.nan),
+        "must be a positive number",
+    ),
+    # materials
+    "stress of a trial function": (
+        lambda w: MATERIAL.stress(ufl.TrialFunction(w.V)),
+        "needs the displacement, a Function .* got Argument",
+    ),
+    "full stress of a trial function": (
+        lambda w: MATERIAL.full_stress(ufl.TrialFunction(w.V)),
+        "got Argument",
+    ),
+    "energy of an expression": (lambda w: MATERIAL.energy(2 * w.u), "needs the displacement"),
+    "energy of a test function": (
+        lambda w: NeoHookean(1.0, 1.0).energy(ufl.TestFunction(w.V)),
+        "got Argument",
+    ),
+    "stress of a number": (lambda w: StVenantKirchhoff(1.0, 1.0).stress(1.0), "got float"),
+    "Young's modulus in words": (
+        lambda w: LinearElastic.from_young("a", 0.3),
+        "Young's modulus must be positive, got 'a'",
+    ),
+    "Poisson's ratio in words": (
+        lambda w: LinearElastic.from_young(1.0, "a"),
+        "Poisson's ratio must lie in .-1, 1/2., got 'a'",
+    ),
+    **{
+        f"{material.__name__} {coefficients}": (
+            lambda w, m=material, c=coefficients: m(*c),
+            "a must lie between 0 and mu/2" if name == "a" else "Lame coefficients, numbers or UFL",
+        )
+        for material, name, coefficients in (
+            (LinearElastic, "lambda", (np.inf, 1.0)),
+            (StVenantKirchhoff, "mu", (1.0, np.inf)),
+            (NeoHookean, "lambda", (np.inf, 1)),
+            (NeoHookean, "lambda", ("a", 1.0)),
+            (NeoHookean, "mu", (1.0, np.nan)),
+            (CiarletGeymonat, "a", (1.0, 1.0, np.nan)),
+        )
+    },
+    "vector for a coefficient": (
+        lambda w: NeoHookean(1.0, ufl.as_vector([1.0, 2.0])),
+        "Lame coefficients, numbers or UFL",
+    ),
+    "energy of a scalar": (lambda w: MATERIAL.energy(w.f_other), "must be a vector Function"),
+}
+
+
+def differs(a, b):
+    return b if LAST else a
+
+
+#: What is done with other arguments on the last rank, and what the message says.
+DISAGREEMENT = {
+    "friction": (
+        lambda w: discretised(w, law=Coulomb(differs(0.3, 0.4))),
+        r"law differs between ranks: 'Coulomb\(friction 0\.3 .* rank 0, 'Coulomb\(friction 0\.4 ",
+    ),
+    "friction nan": (
+        lambda w: discretised(w, law=Coulomb(differs(0.3, np.nan))),
+        "finite and nonnegative",
+    ),
+    "friction word": (
+        lambda w: discretised(w, law=Coulomb(differs(0.3, "0.3"))),
+        "nonnegative number",
+    ),
+    "friction of another mesh": (
+        lambda w: discretised(w, law=Coulomb(differs(fem.Constant(w.domain, 1.0), w.c_other))),
+        "Constant of another mesh",
+    ),
+    "friction Constant": (
+        lambda w: discretised(w, law=Coulomb(fem.Constant(w.domain, differs(0.3, 0.4)))),
+        "law differs between ranks",
+    ),
+    "friction expression": (
+        lambda w: discretised(w, law=Coulomb(differs(2, 3) * ufl.SpatialCoordinate(w.domain)[0])),
+        "law differs between ranks",
+    ),
+    "kind of law": (
+        lambda w: discretised(w, law=differs(Coulomb(0.3), Frictionless())),
+        "law differs between ranks",
+    ),
+    "law or word": (
+        lambda w: discretised(w, law=differs(Coulomb(0.3), "Coulomb")),
+        "the law must be",
+    ),
+    "threshold": (
+        lambda w: discretised(w, law=Tresca(differs(0.3, 0.4))),
+        "law differs between ranks",
+    ),
+    "law that raises": (
+        lambda w: discretised(w, law=differs(WorseLaw(False), WorseLaw(True))),
+        "in the law",
+        (UsersError, RuntimeError),
+    ),
+    "point": (
+        lambda w: discretised(w, obstacle=HalfSpace((0.0, differs(0.0, -0.1)), (0, 1))),
+        "obstacle differs between ranks",
+    ),
+    "radius": (
+        lambda w: discretised(w, obstacle=Sphere((0.5, -2.0), differs(2.0, 1.9))),
+        "obstacle differs between ranks",
+    ),
+    "radius of one rank": (
+        lambda w: discretised(w, obstacle=Sphere((0.5, -2.0), differs(2.0, -1.9))),
+        "obstacle differs between ranks",
+    ),
+    "kind of obstacle": (
+        lambda w: discretised(w, obstacle=differs(FLOOR, Sphere((0.5, -2.0), 2.0))),
+        "obstacle differs between ranks",
+    ),
+    "level set": (
+        lambda w: discretised(w, obstacle=LevelSet(lambda x: differs(1.0, 1.1) + x[1])),
+        "obstacle differs between ranks",
+    ),
+    "level set that raises": (
+        lambda w: discretised(
+            w, obstacle=LevelSet(differs(lambda x: x[1], raising(KeyError("k"))))
+        ),
+        "k",
+        KeyError,
+    ),
+    "method": (
+        lambda w: discretised(w, method=differs("nodal", "integral")),
+        "method differs between ranks: 'nodal' on rank 0, 'integral'",
+    ),
+    "unknown method": (
+        lambda w: discretised(w, method=differs("nodal", "x")),
+        "method must be one of",
+    ),
+    "quadrature degree": (
+        lambda w: discretised(w, method="integral", quadrature_degree=differs(2, 4)),
+        "quadrature degree differs between ranks",
+    ),
+    "name": (lambda w: discretised(w, name=differs("a", "b")), "name differs between ranks"),
+    "tag": (
+        lambda w: discretised(w, tags_of(w.domain), tag=differs(7, 8)),
+        "tag differs between ranks: 7 on rank 0, 8",
+    ),
+    "kind of facets": (
+        lambda w: discretised(w, differs(tags_of(w.domain), facets(w.domain, 1, 0.0)), tag=7),
+        "kind of facets differs between ranks",
+    ),
+    "tags of another mesh": (
+        lambda w: discretised(w, differs(tags_of(w.domain), tags_of(w.other)), tag=7),
+        "of another mesh",
+    ),
+    "facets outside": (
+        lambda w: discretised(w, differs(facets(w.domain, 1, 0.0), np.array([10**6]))),
+        "facet indices outside the mesh",
+    ),
+    "facets as words": (
+        lambda w: discretised(w, differs(facets(w.domain, 1, 0.0), ["bottom"])),
+        "array of integer indices",
+    ),
+    "surfaces": (
+        lambda w: problem(w, surfaces=differs([w.surface], [w.surface] * 2)),
+        "need different names",
+    ),
+    "surfaces of one rank": (
+        lambda w: problem(w, surfaces=differs([w.surface], ["floor"])),
+        "a list of ContactSurface",
+    ),
+    "conditions": (
+        lambda w: problem(w, bcs=differs([clamp(w.u)], [])),
+        "Dirichlet data differs between ranks",
+    ),
+    "Dirichlet value": (
+        lambda w: problem(w, bcs=[clamp(w.u, np.array([0.0, differs(-0.01, -0.02)]))]),
+        r"Dirichlet data differs between ranks: .*-0\.01.* on rank 0, .*-0\.02",
+    ),
+    "Dirichlet Constant": (
+        lambda w: problem(w, bcs=[clamp(w.u, fem.Constant(w.domain, (0.0, differs(0.1, 0.2))))]),
+        "Dirichlet data differs between ranks",
+    ),
+    "r": (lambda w: problem(w, r=differs(10.0, 20.0)), "r differs between ranks: .*10.0"),
+    "r of one rank": (lambda w: problem(w, r=differs(None, 20.0)), "r differs between ranks"),
+    "r nan": (lambda w: problem(w, r=differs(10.0, np.nan)), "r must be positive"),
+    "bulk": (
+        lambda w: problem(w, fem.Constant(w.domain, differs(1.0, 2.0)) * w.energy),
+        "bulk differs between ranks",
+    ),
+    "kind of bulk": (
+        lambda w: problem(w, differs(w.energy, w.energy + w.u[1] * ufl.dx)),
+        "bulk differs between ranks",
+    ),
+    "bulk of one rank": (lambda w: problem(w, differs(w.energy, 1.0)), "must be a UFL form"),
+    "options": (
+        lambda w: problem(w, petsc_options={"snes_rtol": differs(1e-8, 1e-9)}),
+        "petsc options differs between ranks",
+    ),
+    "options of one rank": (
+        lambda w: problem(w, petsc_options=differs({}, {"snes_rtol": -1.0})),
+        "must be a positive number",
+    ),
+    "prefix": (
+        lambda w: problem(w, petsc_options_prefix=differs("a_", "b_")),
+        "petsc options prefix differs between ranks",
+    ),
+    "database": (
+        lambda w: with_option(w, differs("contact_snes_rtol", "contact_snes_max_it"), 9),
+        "PETSc database differs between ranks",
+    ),
+    "parameter": (
+        lambda w: parametric(w, fem.Constant(w.domain, differs(0.0, 1.0))),
+        "gamma differs between ranks",
+    ),
+    "parameter of another mesh": (
+        lambda w: parametric(w, differs(w.gamma, w.c_other)),
+        "gamma is a Constant of another mesh",
+    ),
+    "driven": (
+        lambda w: parametric(w, driven=differs([], [(w.held, vector(w.gamma))])),
+        "driven differs between ranks",
+    ),
+    "driven by": (
+        lambda w: parametric(w, driven=[(w.held, differs(1.0, 2.0) * vector(w.gamma))]),
+        "driven differs between ranks",
+    ),
+    "parameter that is set": (
+        lambda w: w.system.set_parameter(differs(0.0, 1.0)),
+        "gamma differs between ranks",
+    ),
+    "range": (
+        lambda w: followed(w, gamma_range=(0.0, differs(1.0, 2.0))),
+        "gamma range differs between ranks",
+    ),
+    "range of one rank": (
+        lambda w: followed(w, gamma_range=(0.0, differs(1.0, np.inf))),
+        "must be 2 finite numbers",
+    ),
+    "start": (lambda w: followed(w, gamma=differs(0.0, 0.5)), "gamma differs between ranks"),
+    "direction": (
+        lambda w: followed(w, gamma=0.5, direction=differs("increasing", "decreasing")),
+        "direction differs between ranks",
+    ),
+    "control": (
+        lambda w: followed(w, control=StepControl(initial=differs(0.01, 0.02))),
+        "control differs between ranks",
+    ),
+    "steps": (lambda w: followed(w, max_steps=differs(5, 6)), "max steps differs between ranks"),
+    "route": (lambda w: followed(w, route=differs("auto", "steps")), "route differs between ranks"),
+    "stop of one rank": (
+        lambda w: followed(w, stop=differs(None, lambda *_: "enough")),
+        "stop differs between ranks: None on rank 0, given",
+    ),
+    "answers of stop": (
+        lambda w: followed(w, stop=lambda *_: differs("", "enough")),
+        "the answer of stop differs between ranks",
+    ),
+    "stop raises": (
+        lambda w: followed(w, stop=on_last(ZeroDivisionError("in stop"))),
+        "in stop",
+        ZeroDivisionError,
+    ),
+    "stop answers True": (
+        lambda w: followed(w, stop=lambda *_: differs("", True)),
+        "answered True",
+    ),
+    "observer raises": (
+        lambda w: followed(w, observer=Telling(on_last(ZeroDivisionError("in the observer")))),
+        "in the observer",
+        ZeroDivisionError,
+    ),
+    "state too short": (
+        lambda w: followed(w, x=differs(w.x, PETSc.Vec().createSeq(3))),
+        "x does not fit the unknowns",
+    ),
+    "monitor raises": (
+        lambda w: block().solve(monitor=on_last(ZeroDivisionError("in the monitor"))),
+        "in the monitor",
+        ZeroDivisionError,
+    ),
+    "monitor interrupted": (
+        lambda w: block().solve(monitor=on_last(KeyboardInterrupt("enough"))),
+        "enough",
+        KeyboardInterrupt,
+    ),
+    "gamma of solutions": (lambda w: found(w, gamma=differs(0.0, 0.1)), "gamma differs between"),
+    "gamma of solutions nan": (lambda w: found(w, gamma=differs(0.0, np.nan)), "a finite number"),
+    "lengths": (
+        lambda w: found(w, lengths=differs((0.5,), (0.25,))),
+        "lengths differs between ranks",
+    ),
+    "guesses": (
+        lambda w: found(w, differs([w.x], [w.x, w.x])),
+        "guesses differs between ranks: 1 of them on rank 0, 2",
+    ),
+    "max_branches must be a whole number": (
+        lambda w: explored(w, [(w.x, 0.0)], max_branches=differs(3, 4)),
+        "max branches differs between ranks",
+    ),
+}
+
+
+def two_spaces(w):
+    spaces = w.V, w.v_other.function_space
+    parts = [fem.locate_dofs_topological(W, 1, facets(W.mesh, 1, 1.0)) for W in spaces]
+    least = min(len(p) for p in parts)
+    return [p[:least] for p in parts]
+
+
+def with_option(w, name, value):
+    """A problem made while an option is in PETSc's database, as from the command line."""
+    options = PETSc.Options()
+    options.setValue(name, value)
+    try:
+        return problem(w)
+    finally:
+        options.delValue(name)
+
+
+def refused(w, do, message, error=ValueError):
+    """The call raises, the same on every rank, and the displacement is as it was."""
+    before = w.u.x.array.copy()
+    with pytest.raises(error, match=message) as info:
+        do(w)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+    np.testing.assert_array_equal(w.u.x.array, before)
+
+
+@pytest.mark.parametrize("name", MISUSE)
+def test_misuse(w, name):
+    refused(w, *MISUSE[name])
+
+
+#: What is written with other arguments on the last rank, below a folder; and what is said.
+WRITTEN_DIFFERENTLY = {
+    "format": (
+        lambda w, f: write_fields(f, w.problem, format=differs("vtx", "vtk")),
+        "format differs between ranks: 'vtx' on rank 0, 'vtk'",
+    ),
+    "stress": (
+        lambda w, f: write_fields(f, w.problem, stress=differs(None, MATERIAL.full_stress(w.u))),
+        "stress differs between ranks: None on rank 0",
+    ),
+    "kind of stress": (
+        lambda w, f: write_fields(f, w.problem, stress=differs(1, 2) * MATERIAL.full_stress(w.u)),
+        "stress differs between ranks",
+    ),
+    "stress of another mesh": (
+        lambda w, f: write_fields(
+            f, w.problem, stress=MATERIAL.full_stress(differs(w.u, w.v_other))
+        ),
+        "the stress contains a Function of another mesh",
+    ),
+    "folder": (
+        lambda w, f: write_fields(f / differs("a", "b"), w.problem),
+        "folder differs between ranks",
+    ),
+    "folder of one rank": (
+        lambda w, f: output_folder(COMM, differs(f, 3)),
+        "should be a str or",
+        TypeError,
+    ),
+    "picture with stress": (
+        lambda w, f: picture_of_body(
+            f / "p.png", w.problem, stress=differs(None, MATERIAL.full_stress(w.u))
+        ),
+        "stress differs between ranks",
+    ),
+    "scale": (
+        lambda w, f: picture_of_body(f / "p.png", w.problem, scale=differs(1.0, 2.0)),
+        "scale differs between ranks: 1.0 on rank 0, 2.0",
+    ),
+    "picture": (
+        lambda w, f: picture_of_body(f / differs("a.png", "b.png"), w.problem),
+        "file differs between ranks",
+    ),
+    "picture of a surface": (
+        lambda w, f: picture_of_contact(f / differs("a.png", "b.png"), w.problem),
+        "file differs between ranks",
+    ),
+    "picture of another surface": (
+        lambda w, f: picture_of_contact(f / "p.png", w.problem, surface=differs(None, "floor")),
+        "the surface 'floor' is not one of the problem",
+    ),
+    "number of states": (
+        lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 2)),
+        "points differs between ranks",
+    ),
+    "states of one rank": (
+        lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 0)),
+        "at least one point",
+    ),
+    "scale of states": (
+        lambda w, f: picture_of_states(f / "p.png", w.system, [None], scale=differs(1, 2)),
+        "scale differs between ranks",
+    ),
+    "states in files": (
+        lambda w, f: picture_of_states(f / differs("a.png", "b.png"), w.system, [None]),
+        "file differs between ranks",
+    ),
+    "record in folders": (
+        lambda w, f: BranchRecord(f / differs("a", "b"), w.system),
+        "folder differs between ranks",
+    ),
+    "resume in folders": (
+        lambda w, f: resume(f / differs("a", "b"), w.system),
+        "folder differs between ranks",
+    ),
+    "resume": (
+        lambda w, f: BranchRecord(f, w.system, resume=differs(False, True)),
+        "resume differs between ranks",
+    ),
+    "every": (
+        lambda w, f: BranchRecord(f, w.system, every=differs(5, 6)),
+        "every differs between ranks",
+    ),
+    "every of one rank": (
+        lambda w, f: BranchRecord(f, w.system, every=differs(5, 0)),
+        "every 1 or more points, got 0",
+    ),
+    "names of functionals": (
+        lambda w, f: BranchRecord(f, w.system, {differs("a", "b"): w.u[0] * ufl.dx}),
+        r"functionals differs between ranks: \['a'\] on rank 0, \['b'\]",
+    ),
+    "order of functionals": (
+        lambda w, f: BranchRecord(
+            f, w.system, {k: w.u[0] * ufl.dx for k in differs(("a", "b"), ("b", "a"))}
+        ),
+        "functionals differs between ranks",
+    ),
+    "functionals": (
+        lambda w, f: BranchRecord(f, w.system, {"a": w.u[0] * differs(1, 2) * ufl.dx}),
+        "functionals differs between ranks",
+    ),
+    "functional of one rank": (
+        lambda w, f: BranchRecord(f, w.system, {"a": differs(w.u[0] * ufl.dx, 1.0)}),
+        "neither a UFL form nor a function",
+    ),
+}
+
+
+@several
+@pytest.mark.parametrize("name", WRITTEN_DIFFERENTLY)
+def test_ranks_that_write_different_things(w, folder, name):
+    """Nothing is written then."""
+    do, *said = WRITTEN_DIFFERENTLY[name]
+    refused(w, lambda w: do(w, folder), *said)
+    assert not list(folder.iterdir())
+
+
+@several
+def test_ranks_that_write_different_series(w, folder):
+    with BranchRecord(folder / "record", w.system) as record:
+        follow(w.system, w.x, 0.0, gamma_range=(0.0, 1.0), max_steps=2, record=record)
+        for said, options in {
+            "branch": {"branch": differs(0, 1)},
+            "format": {"format": differs("vtx", "vtk")},
+            "folder": {"folder": folder / differs("a", "b")},
+        }.items():
+            do = {"folder": folder / "series", **options}
+            match = f"{said} differs between ranks"
+            refused(w, lambda _, do=do: write_series(record=record, **do), match)
+        refused(w, lambda _: record.go_on(differs(0, 1)), "branch differs between ranks")
+        refused(w, lambda _: record.go_on(max_steps=differs(3, 4)), "max steps differs between")
+
+
+@several
+@pytest.mark.parametrize("name", DISAGREEMENT)
+def test_ranks_that_disagree(w, name):
+    refused(w, *DISAGREEMENT[name])

@@ -1,0 +1,422 @@
+"""What is said of options, loads and linear solvers, and answers that hold in spite of them."""
+
+import faulthandler
+import logging
+import traceback
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import block, box, facets, same_tables
+from support.textbook import coulomb_system
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    RigidSurface,
+)
+from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact.continuation import Observer, find_solutions, follow, solutions
+from dolfinx_contact.continuation.rays import Rays, outgoing
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.records import BranchRecord
+from dolfinx_contact.solvers.history import Attempt, LinearSolverError
+from dolfinx_contact.solvers.linear import Direct
+from dolfinx_contact.solvers.newton import Newton
+
+#: What ranks do to each other is tested in all cases on two of them.
+pytestmark = pytest.mark.ranks(2, every_case=True)
+
+COMM = MPI.COMM_WORLD
+LAST = COMM.rank == COMM.size - 1
+
+
+@pytest.fixture(autouse=True)
+def nothing_hangs():
+    faulthandler.dump_traceback_later(60, exit=True)
+    yield
+    faulthandler.cancel_dump_traceback_later()
+
+
+def loaded(n=4, friction=0.3):
+    """A block on a floor, pressed down at its top and pushed at all its sides by gamma."""
+    domain = box(COMM, n, "tri")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    gamma = fem.Constant(domain, 0.0)
+    push = ufl.dot(ufl.as_vector([gamma, -1.0]), u) * ufl.ds
+    s = ContactSurface(
+        u,
+        facets(domain, 1, 0.0),
+        obstacle=HalfSpace((0.0, 0.0), (0.0, 1.0)),
+        law=Coulomb(friction),
+    )
+    top = fem.locate_dofs_topological(u.function_space, 1, facets(domain, 1, 1.0))
+    bc = fem.dirichletbc(np.array([0.0, -0.01]), top, u.function_space)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy - push, u, [s], bcs=[bc])
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    x = problem.create_vector()
+    problem.write(x)
+    return system, x
+
+
+def warnings_of(caplog, part):
+    """How many warnings with a part were given on this rank; they are all rank 0's."""
+    found = [r.getMessage() for r in caplog.records if part in r.getMessage()]
+    assert COMM.rank == 0 or not found
+    return COMM.bcast(found)
+
+
+# -- options ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["newtonls", "newtontr", "newtontrdc", "vinewtonssls"])
+@pytest.mark.verifies("options", reference="itself: the default", aspects=("2D",))
+def test_kinds_of_snes_that_are_taken_give_the_same(kind):
+    expected = block(n=8, law=Coulomb(1.0)).solve().tables["contact"]
+    table = block(n=8, law=Coulomb(1.0), options={"snes_type": kind}).solve().tables["contact"]
+    np.testing.assert_allclose(table.force, expected.force, rtol=0, atol=1e-8 * expected.rn.max())
+    assert table.status == expected.status
+
+
+# -- Dirichlet data --------------------------------------------------------------------------------
+
+
+def cornered(side, *, function=False):
+    """A block held at the top and, in x, at its left side, by ``side``."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    s = ContactSurface(
+        u,
+        facets(domain, 1, 0.0),
+        obstacle=HalfSpace((0.0, 0.0), (0.0, 1.0)),
+        law=Coulomb(0.3),
+    )
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    left = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
+    bcs = [
+        fem.dirichletbc(np.array([0.004, -0.01]), top, V),
+        fem.dirichletbc(side, left, V.sub(0)),
+    ]
+    return ContactProblem(LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx, u, [s], bcs=bcs)
+
+
+def test_contradictory_dirichlet_data_are_named_once(caplog):
+    problem = cornered(0.001)
+    problem.solve()
+    problem.solve()
+    (message,) = warnings_of(caplog, "contradict each other")
+    assert "component x at (0, 1) is 0.001 and 0.004; the later one in the list holds" in message
+    corner = fem.locate_dofs_geometrical(
+        problem.V, lambda x: np.isclose(x[0], 0.0) & np.isclose(x[1], 1.0)
+    )
+    values = COMM.allgather(problem.u.x.array.reshape(-1, 2)[corner, 0].tolist())
+    assert {v for part in values for v in part} == {0.001}
+
+
+def test_dirichlet_data_that_agree_are_no_contradiction(caplog):
+    cornered(0.004).solve()
+    assert not warnings_of(caplog, "contradict each other")
+
+
+# -- linear solvers --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"ksp_type": "preonly", "pc_type": "jacobi"}, ("did not solve", "preonly with jacobi")),
+        ({"ksp_type": "gmres", "pc_type": "none", "ksp_max_it": 2}, ("in 2 it", "DIVERGED_MAX_IT")),
+        ({"ksp_type": "cg", "pc_type": "jacobi"}, ("cg with jacobi", "KSP DIVERGED_")),
+    ],
+    ids=["wrong", "iterations", "breakdown"],
+)
+def test_a_linear_solver_that_fails_is_told_from_a_cycle(options, words):
+    problem = block(options=options)
+    attempt = Attempt("full steps")
+    x = problem.create_vector()
+    problem.write(x)
+    with Newton(problem.equations, problem.linear_solver, "none", None) as solver:
+        assert not solver.run(x, attempt)
+    assert len(set(COMM.allgather(attempt.reason))) == 1
+    assert "cycle" not in attempt.reason
+    for word in words:
+        assert word in attempt.reason
+
+
+def test_a_singular_matrix_is_named_with_reasons(monkeypatch):
+    problem = block()
+    attempt = Attempt("full steps")
+
+    def singular(self, state):
+        self.matrix.zeroEntries()
+        self.matrix.assemble()
+
+    monkeypatch.setattr(Direct, "update", singular)
+    x = problem.create_vector()
+    problem.write(x)
+    with Newton(problem.equations, problem.linear_solver, "none", None) as solver:
+        assert not solver.run(x, attempt)
+    for word in ("PC FACTOR_", "DIVERGED_PCSETUP_FAILED", "mumps INFOG(1:2) = -10", "singular"):
+        assert word in attempt.reason
+
+
+def test_iterative_solvers_work_without_a_factorisation_package():
+    """The package of the default factorisation is not asked for an incomplete one."""
+    options = {"ksp_type": "gmres", "ksp_rtol": 1e-12, "pc_type": "sor", "ksp_max_it": 500}
+    options |= {"ksp_gmres_restart": 200}
+    assert "pc_factor_mat_solver_type" not in block(options=options).linear_solver.defaults
+    assert block().linear_solver.defaults["pc_factor_mat_solver_type"] == "mumps"
+
+
+def test_a_linear_system_that_cannot_be_set_up_is_one_failed_strategy(monkeypatch):
+    """The error comes out of PETSc as itself, and the strategies after it work."""
+    expected = block().solve().tables["contact"]
+    problem = block()
+    update = Direct.update
+    calls = []
+
+    def failing(self, state):
+        calls.append(1)
+        if len(calls) == 1:
+            raise LinearSolverError("the surface is singular")
+        update(self, state)
+
+    monkeypatch.setattr(Direct, "update", failing)
+    result = problem.solve()
+    same_tables(result.tables["contact"], expected)
+    assert [a.strategy for a in result.attempts] == ["full steps", "pivoting"]
+    assert result.attempts[0].reason == "the surface is singular"
+
+
+def test_an_exception_in_a_residual_comes_out_as_itself():
+    problem = block()
+    problem.surfaces[0].kinematics = lambda *_: 1 / 0
+    with pytest.raises(ZeroDivisionError):
+        problem.solve()
+    system, x = loaded()
+    system.parameter_derivative = lambda *_: 1 / 0
+    with pytest.raises(ZeroDivisionError):
+        follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps")
+
+
+# -- data at the edge of numbers -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("far", [1e8, 1e20, -1e100])
+def test_a_start_far_away_does_not_matter(far):
+    """The residual of the start, however large, is no measure of the solution."""
+    expected = block().solve().tables["contact"]
+    problem = block()
+    problem.u.x.array[:] = far
+    result = problem.solve()
+    same_tables(result.tables["contact"], expected)
+    assert result.attempts[-1].strategy == "full steps"
+
+
+def test_back_to_no_force_at_all():
+    """From a state under load to one without, where every force is round-off."""
+    problem = block(top=(0.0, 0.01))
+    problem.u.interpolate(lambda x: np.vstack([0.1 * x[1], 0.3 * x[1]]))
+    result = problem.solve()
+    assert result.attempts[-1].strategy == "full steps"
+    assert result.attempts[-1].iterations <= 5
+    assert np.abs(result.tables["contact"].force).max() < 1e-9
+
+
+def test_ghosts_of_a_friction_field_follow_their_owners():
+    """Values that were set where they are owned alone: no rank computes with others."""
+    domain = box(COMM, 3, "tri")  # on two ranks, contact nodes of one are ghosts of the other
+    F = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
+    n = F.function_space.dofmap.index_map.size_local
+    F.x.array[:n] = 0.2 + 0.2 * F.function_space.tabulate_dof_coordinates()[:n, 0]
+    problem = block(domain=domain, law=Coulomb(F))
+    (s,) = problem.surfaces
+
+    def slope():
+        return problem.evaluate().surfaces[0].answers.unit_bound
+
+    np.testing.assert_allclose(slope(), 0.2 + 0.2 * s.positions[:, 0], rtol=1e-12)
+    F.x.array[:n] *= 2
+    np.testing.assert_allclose(slope(), 0.4 + 0.4 * s.positions[:, 0], rtol=1e-12)
+
+
+def test_numbers_of_numpy_are_numbers():
+    expected = block(law=Coulomb(0.25), r=64.0).solve().tables["contact"]
+    law = Coulomb(np.float32(0.25))
+    options = {"snes_max_it": np.int64(40), "snes_rtol": "1e-10"}
+    same_tables(block(law=law, r=np.int64(64), options=options).solve().tables["contact"], expected)
+
+
+# -- solutions -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gamma", [0.3, 1e12, -1e100])
+def test_a_solution_is_found_at_any_load(gamma):
+    """Under loads far beyond the stiffness as well: units do not matter."""
+    system, x = loaded(n=2)
+    there = find_solutions(system, [x], gamma)
+    assert there.complete
+    assert len(there.found) == 1
+    b = system.create_vector()
+    assert system.residual(there.found[0].x, gamma, b, None) < 1e-9
+
+
+def test_no_certificate_of_no_solution_where_one_must_exist(monkeypatch, caplog):
+    system, x = loaded(n=2)
+    assert system.condensed(x, 0.0).always_solvable
+    monkeypatch.setattr(solutions, "outgoing", lambda cone: Rays((), True, "nothing"))
+    there = find_solutions(system, [x], 0.3)
+    assert there.found == ()
+    assert not there.complete
+    (message,) = warnings_of(caplog, "a solution exists")
+    assert "positive definite" in message
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_no_certificate_from_data_that_are_not_finite(bad):
+    for S, rate in ((np.eye(2), [bad, 1.0]), (np.diag([1.0, bad]), [1.0, 1.0])):
+        with pytest.raises(ValueError, match="are not finite"):
+            outgoing(coulomb_system(S, np.zeros(2), rate, 0.5))
+    assert outgoing(coulomb_system(np.eye(2), np.zeros(2), [0.1, -1.0], 0.5)).complete
+
+
+def test_no_certificate_of_pieces_that_overflow():
+    """Every entry is a number, and so is none of the states."""
+    found = outgoing(coulomb_system(1e-200 * np.eye(2), np.zeros(2), [1e200, -1e200], 0.5))
+    assert not found.complete
+    assert "overflow" in found.method
+
+
+def test_loads_that_are_not_finite_have_no_solutions(monkeypatch):
+    system, x = loaded(n=2)
+    residual = system.residual
+
+    def spoilt(x, gamma, b, piece):
+        error = residual(x, gamma, b, piece)
+        b.array[:] = np.nan
+        return error
+
+    monkeypatch.setattr(system, "residual", spoilt)
+    with pytest.raises(ValueError, match="are not finite"):
+        find_solutions(system, [x], 0.3)
+
+
+# -- code of the user ------------------------------------------------------------------------------
+
+
+def recorded(folder, functional):
+    system, x = loaded(n=2)
+    with BranchRecord(folder / "record", system, {"mine": functional}) as record:
+        follow(system, x, 0.0, gamma_range=(0.0, 1.0), record=record)
+
+
+@pytest.mark.parametrize(
+    ("functional", "error", "message"),
+    [
+        (lambda _p: 1 / 0 if LAST else 1.0, ZeroDivisionError, "division"),
+        (lambda _p: "many" if LAST else 1.0, ValueError, "did not return a number"),
+        (lambda _p: None, ValueError, "did not return a number"),
+        (lambda _p: [1.0, 2.0], ValueError, "did not return a number"),
+    ],
+    ids=["raises", "word", "nothing", "list"],
+)
+def test_functionals_that_fail(folder, functional, error, message):
+    with pytest.raises(error, match=message) as info:
+        recorded(folder, functional)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+@pytest.mark.skipif(COMM.size == 1, reason="for ranks that differ")
+def test_functionals_that_differ(folder):
+    with pytest.raises(ValueError, match=r"differs between ranks .*: sum over them"):
+        recorded(folder, lambda _p: 1.0 + COMM.rank)
+
+
+def test_a_branch_that_fails_leaves_everything_as_it_was():
+    system, x = loaded()
+    fields = system.problem.fields
+    before = [f.x.array.copy() for f in fields]
+    statuses = system.problem.statuses
+
+    class Impatient(Observer):
+        def step(self, step, state):
+            if step.index == 1:
+                raise TimeoutError("enough")
+
+    with pytest.raises(TimeoutError):
+        follow(system, x, 0.0, gamma_range=(0.0, 1.0), observer=Impatient())
+    for f, values in zip(fields, before, strict=True):
+        np.testing.assert_array_equal(f.x.array, values)
+    assert float(system.constant.value) == 0.0
+    for codes, held in zip(system.problem.statuses, statuses, strict=True):
+        np.testing.assert_array_equal(codes, held)
+
+
+def test_monitors_and_observers_of_one_rank():
+    """One that prints need not be on every rank."""
+    heard = []
+
+    class Heard(Observer):
+        def step(self, *_):
+            heard.append("point")
+
+    def monitor(_step):
+        heard.append("step")
+
+    block().solve(monitor=monitor if LAST else None)
+    steps = COMM.allreduce(len(heard))
+    assert 3 <= steps <= 6
+    system, x = loaded()
+    branch = follow(
+        system, x, 0.0, gamma_range=(0.0, 1.0), observer=Heard() if COMM.rank == 0 else None
+    )
+    assert COMM.allreduce(len(heard)) - steps == len(branch.points)
+
+
+def test_interruptions_reach_every_rank():
+    def on_last(error):
+        with everywhere(COMM):
+            if LAST:
+                raise error
+
+    with pytest.raises(KeyboardInterrupt, match="now"):
+        on_last(KeyboardInterrupt("now"))
+    with pytest.raises(SystemExit, match="3"):
+        on_last(SystemExit(3))
+
+
+@pytest.mark.skipif(COMM.size == 1, reason="for ranks that differ")
+def test_what_differs_is_named_with_its_place():
+    with pytest.raises(ValueError, match=r"^floor: the law differs between ranks: 0 on rank 0, 1"):
+        same_everywhere(COMM, "floor", the_law=min(COMM.rank, 1))
+
+
+def test_the_log_is_the_users():
+    assert logging.getLogger("dolfinx_contact").level == logging.NOTSET
+
+
+def test_a_result_prints_round_off_as_zero():
+    result = block(n=3).solve()
+    assert "loads and springs: (0, 0)" in str(result)
+
+
+def test_an_error_of_rank_0_has_its_traceback(folder):
+    """On rank 0 as the traceback, on others as a note."""
+    if COMM.rank == 0:
+        (folder / "tool.stl").write_text("solid tool\nfacet normal 0 0 1\n")
+    COMM.barrier()
+    with pytest.raises(ValueError, match="truncated") as failure:
+        RigidSurface.read(folder / "tool.stl")
+    text = "".join(traceback.format_exception(failure.value))
+    assert "rigid_surfaces" in text
+    assert "files.py" in text

@@ -1,0 +1,631 @@
+"""Adhesion that damage weakens (RCCM), against closed forms."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from _triangle import linear_triangle
+from support.blocks import block, box, facets
+from test_law import randomise, remainders
+from test_pair import displacement, held, stacked
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, HalfSpace, io
+from dolfinx_contact.analysis import stability_at_rest
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.laws.status import DAMAGING
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.points.memory import Memory
+
+COMM = MPI.COMM_WORLD
+C = 100.0
+W = 1.0
+U0 = np.sqrt(W / C)
+TIGHT = {"snes_rtol": 1e-13}
+
+
+def bonded(
+    cell="quad", n=2, *, law, method=None, degree=1, young=1000.0, pair=False, comm=COMM, **options
+):
+    """A block on a floor or on another block, nu = 0, and the Function by which its top moves."""
+    dim = 2 if cell in ("tri", "quad") else 3
+    energy = LinearElastic.from_young(young, 0.0).energy
+    if pair:
+        both = stacked(dim, cell, n)
+        domain = both.mesh
+        tags = both.facet_tags
+        u = displacement(domain)
+        surface = ContactPair(u, tags, slave=3, master=2, law=law)
+        below = [held(u, tags, 1, np.zeros(dim))]
+        above = tags.find(4)
+    else:
+        domain = box(comm, n, cell)
+        below = []
+        u = displacement(domain, degree)
+        floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+        given = {"obstacle": floor, "law": law, "method": method}
+        surface = ContactSurface(u, facets(domain, dim - 1, 0.0), **given)
+        above = facets(domain, dim - 1, 1.0)
+    V = u.function_space
+    top = fem.Function(V)
+    bcs = [fem.dirichletbc(top, fem.locate_dofs_topological(V, dim - 1, above)), *below]
+    return ContactProblem(
+        energy(u) * ufl.dx, u, [surface], bcs=bcs, petsc_options=TIGHT | options
+    ), top
+
+
+def put(top, motion):
+    top.x.array[:] = np.tile(motion, len(top.x.array) // len(motion))
+
+
+def along(top, *corners):
+    """A load from corner to corner, one in each unit of time."""
+    x = np.array([np.zeros_like(corners[0]), *corners], dtype=float)
+    return lambda t: put(top, [np.interp(t, np.arange(len(x)), v) for v in x.T])
+
+
+def weakest(table, before):
+    """Intensity at the jumps of a table without viscosity, from that before."""
+    energy = C * (np.maximum(table.un, 0.0) ** 2 + np.sum(table.ut**2, axis=1))
+    return np.minimum(before, W / np.maximum(energy, 1e-30))
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize(
+    ("cell", "given"),
+    [
+        ("tri", {}),
+        ("quad", {"method": "mixed"}),
+        ("quad", {"method": "integral", "degree": 2}),
+        ("quad", {"pair": True, "n": 1}),
+        ("hex", {}),
+        pytest.param("quad", {"pair": True}, marks=pytest.mark.long),
+        pytest.param("tet", {"method": "integral"}, marks=pytest.mark.long),
+        pytest.param("tet", {"pair": True, "n": 1}, marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "quasi-static",
+    reference="closed form: intensity, adhesion and friction from the jumps so far",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+@pytest.mark.verifies(
+    "integral contact",
+    reference="closed form: intensity and adhesion from the jumps so far",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+@pytest.mark.verifies(
+    "mixed contact",
+    reference="closed form: intensity, adhesion and friction from the jumps so far",
+    aspects=("2D",),
+)
+def test_closed_form_at_every_point(cell, given):
+    """Pressed, dragged, lifted and let down: intensity, adhesion and friction from the jumps."""
+    problem, top = bonded(cell, law=RCCM(C, C, W, 0.4), **given)
+    aside = [0.0] if cell in ("hex", "tet") else []
+    corners = (0.0, *aside, -0.02), (0.2, *aside, -0.02), (0.1, *aside, 0.3), (0.1, *aside, -0.01)
+    evolution = QuasiStatic(problem, along(top, *corners))
+    # The bonds of some of these bodies snap on the way; jumps are located in one of them.
+    jumps = {"locate_jumps": True, "at_jump": "jump"} if cell == "tri" else {"halve_steps": True}
+    history = evolution.run(np.linspace(0.0, 4.0, 33), **jumps)
+    before = 1.0
+    seen = set()
+    for step in history.steps:
+        t = step.result.tables["contact"]
+        assert step.result.kkt_violation < 1e-8 or given.get("method") == "integral"
+        np.testing.assert_allclose(t.beta, weakest(t, before), rtol=1e-8)
+        # What damages goes on to; what does not keeps its strength bit by bit.
+        np.testing.assert_array_equal((t.beta != before) & (t.bond != "d"), False)
+        opening = np.maximum(t.un, 0.0)
+        pull = (t.beta**2 * C * t.area)[:, None] * (opening[:, None] * t.n - t.ut)
+        np.testing.assert_allclose(t.adhesion, pull, rtol=0, atol=1e-8 * np.abs(pull).max() + 1e-9)
+        seen |= {*t.bond, *t.status}
+        before = t.beta
+        if given.get("method") == "integral":
+            continue
+        bound = 0.4 * (1 - t.beta) * np.maximum(t.rn, 0.0)
+        friction = np.linalg.norm(t.friction, axis=1)
+        size = 1e-7 * (np.abs(t.force).max() + C * U0)
+        assert (friction <= bound + size).all()
+        slips = np.isin(t.letters, list("+-s"))
+        np.testing.assert_allclose(friction[slips], bound[slips], rtol=0, atol=size)
+        assert (np.sum(t.friction * t.increment, axis=1)[slips] <= 1e-12).all()
+    assert {"i", "d", "o"} < seen
+    assert seen & set("+s")
+    assert before.max() < 0.5
+
+
+@pytest.mark.parametrize(
+    ("cell", "pair"),
+    [*(pytest.param(c, False, marks=pytest.mark.long) for c in ("quad", "hex")), ("tri", True)],
+)
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "energies of histories",
+    reference="closed form: R = C u up to u0, then w^2/(C u^3), and its work",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+def test_opening(cell, pair):
+    """R = C u, peak at u0, then w^2/(C u^3); the secant back; work up to 6 u0."""
+    problem, top = bonded(cell, law=RCCM(C, C, W), young=1e4, pair=pair)
+    aside = [0.0] * (1 if cell != "hex" else 2)
+    load = along(top, (*aside, 6.1 * U0), (*aside, 3 * U0), (*aside, -0.01))
+    history = QuasiStatic(problem, load).run([*np.linspace(0.0, 1.0, 25), 1.5, 2.0, 3.0])
+    way = []
+    peak = 0.0
+    for step in history.steps:
+        t = step.result.tables["contact"]
+        u = t.un.mean() / U0
+        pull = -t.pressure / np.sqrt(W * C)
+        np.testing.assert_allclose(t.un / U0, u, atol=1e-9)
+        if step.time <= 1.0:
+            assert abs(step.energies.residue) < 0.05 * W
+            np.testing.assert_allclose(pull, min(u, u**-3), rtol=1e-8)
+            bonds = step.energies.stored - step.result.energies["bulk"]
+            work = u**2 / 2 if u <= 1 else 1 - 1 / (2 * u**2)
+            assert bonds + step.energies.damage == pytest.approx(W * work, rel=1e-8)
+            assert step.energies.damage == pytest.approx(W * (1 - t.beta[0]), rel=1e-8, abs=1e-12)
+            end = u
+            peak = max(peak, pull.max())
+        elif t.un.max() > 1e-9:
+            np.testing.assert_allclose(pull, u * end**-4, rtol=1e-8)
+        way.append(u)
+    assert 6 < end < 6.2
+    assert 0.9 < peak <= 1
+    # Pressed, a bond does nothing, however strong it is.
+    np.testing.assert_allclose(t.adhesion, 0.0, atol=1e-9)
+    assert t.rn.min() > 0
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("m", [pytest.param(2.0, marks=pytest.mark.long), 1.0])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="closed form: R_T = w^2/(C u^3) + mu P (1 - w/(C u^2))",
+    aspects=("2D",),
+)
+def test_shear_under_pressure(m):
+    """R_T = w^2/(C u^3) + mu P (1 - w/(C u^2)); it softens after the peak if mu P < 1.5 sqrt(w C).
+
+    The minimum is then m - 4 m^3/27 at 3/(2 m) u0.
+    """
+    young = 1e7
+    mu = 0.1
+    problem, top = bonded("quad", 1, law=RCCM(C, C, W, mu), young=young, comm=MPI.COMM_SELF)
+    press = -m * np.sqrt(W * C) / mu / young
+    r = np.concatenate([[0.0], np.arange(1, 9) / 8, 1 + np.arange(1, 41) / 8])
+    history = QuasiStatic(problem, lambda t: put(top, (U0 * t, press * min(1.0, 100 * t)))).run(r)
+    force = []
+    for step in history.steps:
+        t = step.result.tables["contact"]
+        u = t.along(t.ut) / U0
+        np.testing.assert_allclose(u, step.time, rtol=1e-4)  # the block hardly gives way
+        pushed = mu * t.rn.sum() / np.sqrt(W * C)
+        assert pushed == pytest.approx(m, rel=1e-6)
+        beta = np.minimum(1.0, u**-2.0)
+        wanted = t.area * beta**2 * u + mu * t.rn * (1 - beta) / np.sqrt(W * C)
+        np.testing.assert_allclose(-t.along(t.rt) / np.sqrt(W * C), wanted, rtol=1e-7)
+        force.append(-t.along(t.rt).sum() / np.sqrt(W * C))
+    r = r[1:]
+    force = np.array(force)
+    slope = np.diff(force[r >= 1])
+    assert force[r == 1] == pytest.approx(1.0, rel=1e-3)
+    if m < 1.5:
+        least = np.argmin(force[r >= 1])
+        assert r[r >= 1][least] == 1.5 / m
+        assert force[r >= 1][least] == pytest.approx(m - 4 * m**3 / 27, rel=1e-6)
+        assert (slope[:least] < 0).all()
+        assert (slope[least:] > 0).all()
+    else:
+        assert (slope > 0).all()
+    assert force[-1] == pytest.approx(6.0**-3 + m * (1 - 1 / 36), rel=1e-5)
+
+
+@pytest.mark.long
+def test_residue_falls_with_the_steps():
+    residues = []
+    for n in (10, 20):
+        problem, top = bonded(n=1, law=RCCM(C, C, W), young=1e4, comm=MPI.COMM_SELF)
+        history = QuasiStatic(problem, along(top, (0.0, 4 * U0))).run(np.linspace(0.0, 1.0, n + 1))
+        residues.append(abs(history.energies.residue))
+    assert residues[1] < 0.5 * residues[0] < 0.05 * W
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("speed", "wanted"),
+    [
+        pytest.param(1.0, (0.7811538113, 0.4048318120, 0.1218560409), marks=pytest.mark.long),
+        (0.01, (0.4471181641, 0.2506289459, 0.1111935685)),
+    ],
+)
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "friction of speed and time",
+    reference="closed form: implicit Euler's steps of the intensity, and its limit",
+    aspects=("2D",),
+)
+def test_viscosity(speed, wanted):
+    """b |beta'| = (w - C u^2 beta)^- at u = V t, to first order in the step; the body gives way."""
+    errors = []
+    young = 1e4
+    b = speed * W
+    for n in (8, 16, 32) if speed == 1.0 else (16,):
+        law = RCCM(C, C, W, viscosity=b)
+        problem, top = bonded("quad", 1, law=law, young=young, comm=MPI.COMM_SELF)
+        times = np.linspace(0.0, 3.0, 3 * n + 1)
+        beta = [1.0]
+        for u in U0 * times[1:]:
+            beta.append(min(beta[-1], (b * beta[-1] + W / n) / (b + C * u**2 / n)))
+
+        def load(t, beta=beta, times=times, top=top):
+            pull = np.interp(t, times, beta) ** 2 * C * U0 * t
+            put(top, (0.0, U0 * t + pull / young))
+
+        history = QuasiStatic(problem, load).run(times)
+        tables = [s.result.tables["contact"] for s in history.steps]
+        for t, time, wanted_beta in zip(tables, times[1:], beta[1:], strict=True):
+            np.testing.assert_allclose(t.un, U0 * time, rtol=1e-9)
+            np.testing.assert_allclose(t.beta, wanted_beta, rtol=1e-8)
+        found = np.array([tables[i * n // 2 - 1].beta[0] for i in (3, 4, 6)])
+        errors.append(np.abs(found - wanted).max())
+        # What viscosity costs is b beta'^2 on top of w.
+        assert history.energies.damage > W * (1 - found[-1])
+    assert errors[-1] < 0.01
+    if speed == 1.0:
+        np.testing.assert_allclose(np.log2(errors[:-1]) - np.log2(errors[1:]), 1.0, atol=0.1)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("cell", "method"), [("quad", None), ("tet", None), ("tri", "integral")])
+@pytest.mark.parametrize("viscosity", [0.0, 0.3])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_jacobian_by_taylor(cell, method, viscosity):
+    """With a memory, friction, and points of all statuses, which are held."""
+    problem = block(n=2, cell=cell, method=method, law=RCCM(3e4, 2e4, 0.4, 0.3, viscosity))
+    x = randomise(problem, 1, 0.01, 10.0)
+    (surface,) = problem.surfaces
+    rng = np.random.default_rng(COMM.rank)
+    n = surface.points.number
+    memory = Memory(rng.normal(0, 0.002, (n, surface.dim)), {"beta": rng.uniform(0.3, 1, n)}, 0.1)
+    problem = problem.with_memory([memory])
+    sizes = remainders(problem, x, 2)
+    codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
+    assert (codes >= DAMAGING).any()
+    assert sizes[0] > 1e-9
+    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
+
+
+def test_rejected_steps_leave_nothing():
+    """As the run that takes the accepted times at once; on one rank bit by bit."""
+    runs = []
+    times = [0.0, 1.0, 2.0, 3.0]
+    for wanted in (0.2, 1.0):
+        problem, top = bonded(law=RCCM(C, C, W, 0.3, viscosity=0.1))
+        load = along(top, (0.0, -0.01), (0.2, -0.01), (0.3, 0.2))
+        evolution = QuasiStatic(problem, load)
+        history = evolution.run(times, accept=lambda s, w=wanted: s.time - s.start < 1.5 * w)
+        times = [0.0, *(s.time for s in history.steps)]
+        (memory,) = evolution.memory
+        runs.append((history, [*(f.x.array for f in problem.fields), *memory.fields.values()]))
+    (rejecting, first), (other, second) = runs
+    assert sum(s.rejected for s in rejecting.steps) > 0 == sum(s.rejected for s in other.steps)
+    for a, b in zip(first, second, strict=True):
+        tolerance = 0.0 if COMM.size == 1 else 1e-10  # else sums come in any order
+        np.testing.assert_allclose(a, b, rtol=tolerance, atol=tolerance)
+    for a, b in zip(rejecting.steps, other.steps, strict=True):
+        assert a.energies.damage == pytest.approx(b.energies.damage, rel=tolerance, abs=tolerance)
+    assert history.energies.damage > 0
+    beta = memory.fields["beta"]
+    with pytest.raises(ValueError, match="read-only"):
+        memory.fields["beta"][:] = 1.0
+    # The memory of the end is what stands: looking at the state again changes nothing.
+    found = problem.with_memory(evolution.memory).evaluate().surfaces[0].answers.bond("after.beta")
+    np.testing.assert_allclose(found, beta, rtol=1e-14)
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
+@pytest.mark.parametrize("cell", ["tri", "tet"])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="itself: the run on one rank",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_as_on_one_rank(cell):
+    tables = []
+    for comm in (COMM, MPI.COMM_SELF):
+        problem, top = bonded(cell, law=RCCM(C, C, W, 0.3, viscosity=0.02), comm=comm)
+        aside = [0.05] if cell == "tet" else []
+        load = along(top, (0.0, *aside, -0.01), (0.2, *aside, -0.01), (0.3, *aside, 0.1))
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 13))
+        tables.append([s.result.tables["contact"] for s in history.steps])
+    for a, b in zip(*tables, strict=True):
+        np.testing.assert_allclose(a.x, b.x, atol=1e-12)
+        np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(a.un, b.un, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(a.ut, b.ut, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(a.beta, b.beta, rtol=1e-8)
+        assert "".join(a.bond) == "".join(b.bond)
+
+
+def drawn_node(stiffness, **given):
+    """One node that a load gamma pulls off the floor, bonded by a stiffness."""
+    law = RCCM(stiffness, 0.0, W, **given)
+    return linear_triangle(
+        1, None, (0.0, -1.0), (1.0, 1.0), 1.0, law=lambda _: law, comm=MPI.COMM_SELF
+    )
+
+
+def gap_of_node(system):
+    (table,) = system.problem.solve().tables.values()
+    return float(table.un[table.letters != "d"][0])
+
+
+@pytest.mark.parametrize("k", [1.0, pytest.param(0.3, marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "branches",
+    reference="closed form: folds at 1 + 1/k and 4/3 (3/k)^(1/4) of the opening at the peak",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
+def test_snap_back(k):
+    """Drawn by a spring of k C: the peak, where damage begins, and a smooth fold (k < 3)."""
+    gaps = []
+    for stiffness in (0.0, 1.0):
+        system = drawn_node(stiffness)
+        system.set_parameter(1e-3)
+        gaps.append(gap_of_node(system))
+    free = gaps[0] / 1e-3
+    spring = gaps[1] / (gaps[0] - gaps[1])
+    stiffness = spring / k
+    u0 = np.sqrt(W / stiffness)
+    system = drawn_node(stiffness)
+    system.set_parameter(0.0)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 8 * u0 / free), max_steps=300)
+    folds = branch.folds
+    wanted = [1 + 1 / k, 4 / 3 * (3 / k) ** 0.25]
+    np.testing.assert_allclose([s.gamma * free / u0 for s in folds], wanted, rtol=1e-6)
+    assert [s.smooth for s in folds] == [False, True]
+    (change,) = folds[0].changes
+    assert (change.before, change.after) == (0, DAMAGING)
+    end = branch.points[-1]
+    system.set_parameter(end.gamma)
+    assert end.gamma * free == pytest.approx(8 * u0)
+    u = gap_of_node(system) / u0
+    assert u + k**-1 * u**-3 == pytest.approx(8.0, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        pytest.param({"viscosity": 0.5, "order": 2}, marks=pytest.mark.long),
+        pytest.param({"viscosity": 0.5}, marks=pytest.mark.long),
+        pytest.param({"viscosity": 0.5, "exponent": 2.0}, marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="closed form: the opening at which the remembered intensity damages",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
+def test_events_of_damage_within_a_step(given):
+    """Followed from a damaged state the bond damages anew where its memory says, to round-off.
+
+    Drawn by a spring of 5 times the stiffness of the bond, so that nothing folds.
+    """
+    k = 5.0
+    gaps = []
+    for stiffness in (0.0, 1.0):
+        system = drawn_node(stiffness)
+        system.set_parameter(1e-3)
+        gaps.append(gap_of_node(system))
+    free = gaps[0] / 1e-3
+    stiffness = gaps[1] / (gaps[0] - gaps[1]) / k
+    u0 = np.sqrt(W / stiffness)
+    system = drawn_node(stiffness, **given)
+    problem = system.problem
+    unit = u0 / free
+    system.set_parameter(0.0)
+    way = [0.0, 2.0, 3.0, 1.0, 0.5]
+
+    def load(t):
+        system.set_parameter(unit * np.interp(t, range(5), way))
+
+    evolution = QuasiStatic(problem, load)
+    evolution.run([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
+    (memory,) = evolution.memory
+    beta = float(memory.fields["beta"].min())
+    later = memory.later(0.5)
+    assert beta < 0.8
+    x = system.create_vector()
+    problem.write(x)
+    system = system.with_memory([later])
+    branch = follow(system, x, 0.5 * unit, gamma_range=(0.5 * unit, 6 * unit), max_steps=100)
+    (event,) = branch.special
+    (change,) = event.changes
+    assert (event.kind, event.located, event.smooth) == ("event", True, False)
+    assert (change.before, change.after) == (0, DAMAGING)
+    # E beta = w at the opening u: the load is that of the spring and of the bond.
+    u = beta**-0.5
+    assert event.gamma / unit == pytest.approx(u * (1 + beta**2 / k), rel=1e-9)
+    held = branch.points[event.index - 1]
+    damages = branch.points[-1]
+    for point, bond in ((held, "i"), (damages, "d")):
+        table = system.result_at(point).tables["contact"]
+        (row,) = np.flatnonzero(table.letters != "d")
+        u = table.un[row] / u0
+        now = table.beta[row]
+        assert table.bond[row] == bond
+        assert point.gamma / unit == pytest.approx(u * (1 + now**2 / k), rel=1e-8)
+        assert (now < beta) == (bond == "d")
+    if not given:
+        assert now == pytest.approx(u**-2, rel=1e-10)
+    elif given == {"viscosity": 0.5}:
+        assert now == pytest.approx((0.5 * beta + 0.5) / (0.5 + 0.5 * u**2), rel=1e-10)
+
+
+@pytest.mark.long
+def test_what_is_written(folder):
+    """Intensity and letters of bonds in tables, steps and fields; units do not matter."""
+    seen = []
+    for unit in (1.0, 1e6):  # of stress
+        law = RCCM(unit * C, unit * C, unit * W, 0.3)
+        problem, top = bonded(law=law, young=1e3 * unit)
+        evolution = QuasiStatic(problem, along(top, (0.05, -0.01), (0.1, 0.3)))
+        with io.EvolutionSeries(folder, problem, format="vtk") as series:
+            history = evolution.run([0.0, 0.5, 1.0, 2.0], observer=series)
+        rows = (folder / "steps.csv").read_text().splitlines()
+        t = history.steps[-1].result.tables["contact"]
+        seen.append([s.result.tables["contact"].beta for s in history.steps])
+        names = rows[0].split(",")
+        assert float(rows[-1].split(",")[names.index("beta_contact")]) == pytest.approx(
+            np.dot(t.beta, t.area) / t.area.sum()
+        )
+        assert float(rows[-1].split(",")[names.index("damage")]) > 0
+        assert set(t.bond) == {"d"}
+        io.write_contact_table(COMM, folder, [t])
+        lines = [line.split(",") for line in (folder / "contact.csv").read_text().splitlines()]
+        assert lines[0][-4:] == ["rn_adh", "rt_adh", "beta", "bond"]
+        assert lines[1][-1] == "d"
+        assert float(lines[1][-2]) == t.beta[0]
+        assert float(lines[1][-4]) == pytest.approx(float(lines[1][lines[0].index("rn")]))
+        f = problem.contact_fields(problem.surfaces[0])["beta"]
+        assert (f.x.array >= t.beta.min() * (1 - 1e-9)).all()
+        assert (f.x.array <= t.beta.max() * (1 + 1e-9)).all()
+    np.testing.assert_allclose(*seen, rtol=1e-9)
+    broken = block(law=RCCM(C, C, W, beta=1e-7), top=(0.0, 0.01)).solve().tables["contact"]
+    assert set(broken.bond) == {"b"}
+
+
+@pytest.mark.ranks(2)
+def test_a_field_of_bonds():
+    """Bonded on the right half alone; a static solve begins with that."""
+    domain = box(COMM, 4, "quad")
+    x = ufl.SpatialCoordinate(domain)
+    beta = ufl.conditional(ufl.gt(x[0], 0.4), 0.8, 0.0)
+    t = block(domain=domain, law=RCCM(C, C, W, beta=beta), top=(0.0, 0.01)).solve()
+    t = t.tables["contact"]
+    np.testing.assert_allclose(t.beta, np.where(t.x[:, 0] > 0.4, 0.8, 0.0), atol=1e-14)
+    np.testing.assert_allclose(t.pressure, -C * t.beta**2 * t.un, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.ranks(2)
+def test_bad_input():
+    for wrong, message in [
+        ({"beta": 1.1}, "beta of RCCM must be between 0 and 1, got 1.1"),
+        ({"beta": -0.1}, "beta of RCCM must be between 0 and 1"),
+        ({"beta": np.nan}, "beta of RCCM must be between 0 and 1"),
+        ({"work": 0.0}, "work of RCCM must be finite and positive"),
+        ({"work": -1.0}, "work of RCCM must be finite and positive"),
+        ({"normal": -1.0}, "normal of RCCM must be finite and nonnegative"),
+        ({"tangential": -1.0}, "tangential of RCCM must be finite and nonnegative"),
+        ({"viscosity": -1.0}, "viscosity of RCCM must be finite and nonnegative"),
+        ({"friction": np.inf}, "friction of RCCM must be finite and nonnegative"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            block(law=RCCM(**{"normal": C, "tangential": C, "work": W, **wrong}))
+    problem = block(law=RCCM(C, C, W))
+    (surface,) = problem.surfaces
+    problem.solve()
+    with pytest.raises(ValueError, match="needs a law without adhesion, not RCCM"):
+        stability_at_rest(problem, density=1.0)
+    surface.law.beta.value = 1.5
+    with pytest.raises(ValueError, match="contact: not between 0 and 1: beta of RCCM"):
+        problem.solve()
+    jump = np.zeros((surface.points.number, 2))
+    with pytest.raises(ValueError, match="memory belongs to other contact surfaces"):
+        problem.with_memory([Memory(jump, {"beta": np.ones(surface.points.number + 1)})])
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize(
+    ("n", "times"),
+    [
+        (1, (0.0, 0.4, 1.0)),
+        pytest.param(1, (0.0, 1.0), marks=pytest.mark.long),
+        pytest.param(2, (0.0, 0.58, 1.0), marks=pytest.mark.long),
+        pytest.param(2, (0.0, 0.2, 0.4, 0.6, 0.8, 1.0), marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.verifies(
+    "jumps",
+    "RCCM adhesion",
+    reference="closed form: a spring in series with the bond",
+    aspects=("2D",),
+)
+def test_a_bar_that_snaps_back(n, times):
+    """A spring E = 50 in series with a bond: its whole strength goes at once where the bond yields.
+
+    Beyond the jump R = w^2/(C u^3), and u + R/E is what is prescribed. The jump is a third of what
+    happens in the longest steps.
+    """
+    young = 50.0
+    problem, top = bonded(law=RCCM(C, C, W, 0.2), young=young, n=n)
+    evolution = QuasiStatic(problem, along(top, (0.0, 0.5)))
+    history = evolution.run(times, shortest=2e-3, locate_jumps=True, at_jump="jump")
+    assert history.complete
+    (jump,) = [step for step in history.steps if step.jump]
+    assert 0.596 < jump.start <= 0.6 + 1e-9 < jump.time < 0.606
+    u = history.steps[-1].result.tables["contact"].un
+    np.testing.assert_allclose(u + W**2 / (C * u**3) / young, 0.5, rtol=1e-9)
+    force = history.steps[-1].result.resultants["contact"]
+    np.testing.assert_allclose(force, [0.0, -(W**2) / (C * u[0] ** 3)], atol=1e-9)
+
+
+@pytest.mark.long
+def test_a_bar_that_does_not_snap_back():
+    """A stiff spring: steps that cannot be shorter are no jumps for that."""
+    problem, top = bonded(law=RCCM(C, C, W), young=310.0, n=1)
+    history = QuasiStatic(problem, along(top, (0.0, 1.0))).run([0.0, 0.1, 0.4, 1.0], shortest=0.1)
+    assert history.complete
+    assert [(s.time, s.jump) for s in history.steps] == [(t, False) for t in (0.1, 0.4, 1.0)]
+
+
+def test_bonds_that_break_in_one_step():
+    """From rest to beyond the jump in one step: the state at its end is that of many."""
+    ends = []
+    for steps in (1, 12):
+        problem, top = bonded(law=RCCM(C, C, W), young=20.0, n=2)
+        evolution = QuasiStatic(problem, along(top, (0.0, 3.0)))
+        history = evolution.run(np.linspace(0, 1, steps + 1))
+        assert history.complete
+        ends.append(history.steps[-1].result)
+    a, b = (r.tables["contact"] for r in ends)
+    np.testing.assert_allclose(a.un, b.un, rtol=1e-9)
+    assert a.un.min() > 2.9

@@ -1,0 +1,217 @@
+"""Steps of adhesion in time: orders, exponents, recovery, at one point whose jump is given."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from support.blocks import block
+
+import ufl
+
+from dolfinx_contact import RCCM
+from dolfinx_contact.laws import LawAtPoints, PointData
+from dolfinx_contact.laws.damage import DamageStep
+from dolfinx_contact.points.memory import Memory, with_memory
+
+COMM = MPI.COMM_WORLD
+C = 100.0
+W = 1.0
+U0 = np.sqrt(W / C)
+#: beta at 1.5, 2 and 3 u0 of a bond that opens at a constant speed, by b V/(u0 w).
+OPENED = {
+    1.0: (0.7811538113, 0.4048318120, 0.1218560409),
+    0.01: (0.4471181641, 0.2506289459, 0.1111935685),
+}
+#: Each is compiled by itself.
+EXPONENTS = [0.5, 2.0, *(pytest.param(p, marks=pytest.mark.long) for p in (3.0, 0.1, 5.0, 10.0))]
+
+
+class Point:
+    """A point on a floor at y = 0, led through jumps; open, or pressed with friction's slip."""
+
+    def __init__(self, law, dim=2, r=1.0):
+        self._r = r
+        self.law = law
+        self.at = LawAtPoints(law, dim, 1, COMM)
+        self._fields = {k: np.full(1, float(v)) for k, v in law.given.items()}
+        self._n = -np.eye(dim)[-1:]
+        self.time = 0.0
+        self.memory = None
+        self.answers = None
+        self.values = None
+
+    def to(self, time, jump, traction=None):
+        """The intensity at the end of a step."""
+        jump = np.array([jump], dtype=float)
+        traction = 0.0 * jump if traction is None else np.array([traction], dtype=float)
+        memory = None if self.memory is None else self.memory.later(time - self.time)
+        data = PointData(self._n, np.zeros(1), np.full(1, self._r), self._fields)
+        seen = jump if memory is None else jump - memory.reference(self._n)
+        self.answers = self.at(seen, traction, with_memory(self.at.compiled, memory, data))
+        names = self.law.memory(self._n.shape[1])
+        fields = {name: self.answers.bond(f"after.{name}") for name in names}
+        self.time = time
+        self.memory = Memory(jump, fields)
+        before = self.values
+        self.values = np.array([values[0] for values in fields.values()])
+        self.lost = 0.0 if before is None else float(before[0] - self.values[0])
+        return float(self.values[0]) if names[0] in self.law.given else self.values
+
+
+def opened(law, times, speed=U0):
+    point = Point(law)
+    return np.array([point.to(t, (0.0, speed * t)) for t in times])
+
+
+def exact(b, exponent=1.0):
+    """The same by an integrator of ordinary differential equations."""
+    p = exponent
+    found = solve_ivp(
+        lambda t, beta: [-((max(t**2 * beta[0] - 1, 0.0) / b) ** (1 / p))],
+        (1.0, 3.0), [1.0], method="Radau", rtol=1e-11, atol=1e-13, dense_output=True,
+    )  # fmt: skip
+    return found.sol([1.5, 2.0, 3.0])[0]
+
+
+def errors(law, wanted, steps):
+    """Largest errors at 1.5, 2, 3 u0 by steps for each u0."""
+    found = []
+    for n in steps:
+        beta = opened(law, np.arange(3 * n + 1) / n)
+        found.append(np.abs(beta[[3 * n // 2, 2 * n, 3 * n]] - wanted).max())
+    return np.array(found)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("b", OPENED)
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="independent code: an integrator of the equation of the intensity",
+    alone=True,
+)
+def test_orders(b, order):
+    np.testing.assert_allclose(exact(b), OPENED[b], rtol=1e-8)
+    law = RCCM(C, C, W, viscosity=b * W, order=order)
+    found = errors(law, OPENED[b], (16, 32, 64))
+    np.testing.assert_allclose(np.log2(found[:-1] / found[1:]), order, atol=0.15)
+    assert found[-1] < {1: 0.004, 2: 6e-5}[order]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("exponent", EXPONENTS[:3])
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="independent code: an integrator of the equation of the intensity",
+    alone=True,
+)
+def test_exponents(exponent):
+    """Against an integrator; damage that begins as a root of the time costs order: 1 + 1/p."""
+    for order, wanted in ((1, 1.0), (2, 1 + min(1, 1 / exponent))):
+        law = RCCM(C, C, W, viscosity=W, exponent=exponent, order=order)
+        found = errors(law, exact(1.0, exponent), (32, 64, 128))
+        rates = np.log2(found[:-1] / found[1:])
+        np.testing.assert_allclose(rates[-1], wanted, atol=0.1 if order == 1 else 0.35)
+        assert rates.min() > 0.85 * wanted
+        assert found[-1] < {1: 0.005, 2: 0.001}[order]
+
+
+@pytest.mark.parametrize("exponent", EXPONENTS)
+def test_local_equation(exponent):
+    """b ((beta_n - beta)/dt)^p = E beta - w over 24 decades of b, whatever the energy."""
+    accuracy = 1e-9 if 0.25 <= exponent <= 5 else 1e-6
+    for b in 10.0 ** np.arange(-12.0, 13.0, 3.0):
+        law = RCCM(C, C, W, viscosity=b, exponent=exponent)
+        for u in (1.0001, 1.1, 3.0, 1e3):
+            point = Point(law)
+            point.to(0.0, (0.0, 0.0))
+            beta = point.to(0.1, (0.0, u * U0))
+            assert u**-2 <= beta * (1 + 1e-9) <= 1 + 1e-9
+            most = 1 - u**-2
+            # In units of the drop without viscosity: y + k y^p = 1.
+            y = (1 - beta) / most
+            k = b * most ** (exponent - 1) / (0.1**exponent * u**2)
+            if 1e-3 < y < 1 - 1e-3:
+                assert y + k * y**exponent == pytest.approx(1.0, rel=max(accuracy, 1e-9 / y))
+            else:
+                assert y == pytest.approx(
+                    1.0 if k < 1 else k ** (-1 / exponent), rel=2e-3, abs=1e-9
+                )
+
+
+@pytest.mark.parametrize(("exponent", "order"), [(1.0, 1), (1.0, 2), (0.5, 1), (2.0, 2)])
+def test_without_viscosity_and_static(exponent, order):
+    """b = 0 is exact for every exponent and order, and so is the static law whatever b."""
+    beta = opened(RCCM(C, C, W, exponent=exponent, order=order), np.linspace(0.0, 3.0, 7))
+    u = np.maximum(np.linspace(0.0, 3.0, 7), 1.0)
+    np.testing.assert_allclose(beta, u**-2, rtol=1e-12)
+    law = RCCM(C, C, W, viscosity=2.0, exponent=exponent, order=order)
+    assert Point(law).to(0.0, (0.0, 2 * U0)) == pytest.approx(0.25, rel=1e-12)
+
+
+@pytest.mark.parametrize(("b", "beyond"), [(1e-6, 1e-6), (0.1, 0.006)])
+def test_second_order_stops_with_the_load(b, beyond):
+    """A bond that is held goes to its equilibrium, and a little beyond; let go it weakens no more.
+
+    The extrapolation of what it did before is wrong when the load stops.
+    """
+    law = RCCM(C, C, W, viscosity=b, order=2)
+    point = Point(law)
+    before = 1.0
+    for t in np.linspace(0.0, 2.0, 17):
+        before = point.to(t, (0.0, U0 * t))
+    held = [point.to(2.0 + 0.125 * k, (0.0, 2 * U0)) for k in range(1, 60)]
+    assert (np.diff([before, *held]) <= 1e-15).all()
+    assert min(held) >= 0.25 * (1 - beyond)
+    assert max(held[20:]) <= 0.25 * (1 + 1e-6)
+    freed = [point.to(20.0 + t, (0.0, 0.0)) for t in (0.1, 1.0, 50.0)]
+    np.testing.assert_array_equal(freed, held[-1])
+
+
+def test_second_order_with_steps_of_any_length():
+    """Steps that grow or shrink by up to 100: no worse than of first order."""
+    rng = np.random.default_rng(3)
+    lengths = 10.0 ** rng.uniform(-2.5, -0.5, 60)
+    times = np.concatenate([[0.0], np.cumsum(lengths)])
+    times *= 3.0 / times[-1]
+    found = {}
+    for order in (1, 2):
+        beta = opened(RCCM(C, C, W, viscosity=W, order=order), times)
+        assert (np.diff(beta) <= 0).all()
+        found[order] = abs(beta[-1] - OPENED[1.0][-1])
+    assert found[2] < max(found[1], 1e-3)
+
+
+def test_bad_exponents_and_orders():
+    for p in (0.0, -1.0, np.nan, np.inf, "1", None, True, 0.01, 100):
+        with pytest.raises(ValueError, match="exponent of RCCM must be a number from 1/10 to 10"):
+            RCCM(C, C, W, exponent=p)
+    for order in (0, 3, 1.5, None, True):
+        with pytest.raises(ValueError, match="order of RCCM in time must be 1 or 2"):
+            RCCM(C, C, W, order=order)
+    # Laws that differ in these are other laws.
+    kinds = {RCCM(C, C, W, exponent=p, order=o).kind for p in (1, 1.0, 2) for o in (1, 2)}
+    assert len(kinds) == 4
+    assert block(law=RCCM(C, C, W, order=2)).solve().converged
+
+
+@pytest.mark.verifies(
+    "RCCM adhesion", reference="closed form: the slope of a parabola through three states"
+)
+@pytest.mark.parametrize("ratio", [0.25, 1.0, 1.7, 2.0, 6.0])
+def test_second_order_by_the_parabola(ratio):
+    """b beta' = w - E beta with the slope at the end of steps of any lengths, as far as 2 to 1."""
+    before, now, step, w, b, energy = 0.95, 0.8, 0.3, 1.0, 0.7, 4.0
+    length = step / ratio
+    known = {"rate": (before - now) / length, "length": length, "rest": w / energy}
+    values = {name: ufl.as_ufl(v) for name, v in known.items()}
+    found = DamageStep(*map(ufl.as_ufl, (now, w, b)), 1.0, ufl.as_ufl(step), values)
+    # Where a step is longer, the state before is taken as if it were half as far back.
+    back = max(length, step / 2)
+    places = np.array([-back, 0.0, step])
+    slopes = [
+        np.polyval(np.polyder(np.polyfit(places, row, 2)), step) for row in np.eye(3)
+    ]  # of the three states
+    old = now + back * known["rate"]
+    wanted = (w - b * (slopes[0] * old + slopes[1] * now)) / (energy + b * slopes[2])
+    assert found.now(energy)(()) == pytest.approx(wanted, rel=1e-10)

@@ -1,0 +1,288 @@
+"""Bonds that recover, surfaces that give way, and both printed thresholds of friction."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import block
+from test_adhesion import U0, C, W, along, bonded
+from test_adhesion_in_time import Point
+from test_law import randomise, remainders
+
+from dolfinx_contact import RCCM, Coulomb, NormalCompliance, records
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.laws.status import DAMAGING
+from dolfinx_contact.points.memory import Memory
+
+COMM = MPI.COMM_WORLD
+PRESSED = (0.0, 5.0)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.verifies("RCCM adhesion", reference="closed form: beta_0 + w t/b, up to 1", alone=True)
+def test_grows_at_rest(order):
+    """From beta_0 by w t/b, up to 1; exactly, with steps of any length."""
+    law = RCCM(C, C, W, viscosity=2.0, beta=0.3, recovers=True, order=order)
+    point = Point(law)
+    assert point.to(0.0, (0.0, 0.0), PRESSED) == 0.3
+    for t in (0.1, 0.3, 0.35, 1.0, 1.39):
+        assert point.to(t, (0.0, 0.0), PRESSED) == pytest.approx(0.3 + t / 2, rel=1e-12)
+    for t in (1.5, 2.0, 3.0):
+        assert point.to(t, (0.0, 0.0), PRESSED) == 1.0
+    # What does not recover keeps its strength, bit by bit; so do open points.
+    point = Point(RCCM(C, C, W, viscosity=2.0, beta=0.3, order=order))
+    assert {point.to(t, (0.0, 0.0), PRESSED) for t in (0.0, 1.0, 3.0)} == {0.3}
+    point = Point(law)
+    assert {point.to(t, (0.0, 0.1 * U0)) for t in (0.0, 1.0, 3.0)} == {0.3}
+
+
+@pytest.mark.parametrize(("order", "most"), [(1, 0.005), (2, 5e-5)])
+@pytest.mark.parametrize(("start", "u"), [(0.9, 2.0), (0.1, 1.25)])
+@pytest.mark.verifies(
+    "RCCM adhesion", reference="closed form: exponentially to w/(C u^2)", alone=True
+)
+def test_at_a_fixed_jump(start, u, order, most):
+    """Exponentially to w/(C u^2), from above and from below; orders of the steps."""
+    b = 0.5
+    errors = []
+    law = RCCM(C, C, W, viscosity=b, beta=start, recovers=True, order=order)
+    for n in (64, 128, 256):
+        point = Point(law)
+        point.to(0.0, (0.0, 0.0), PRESSED)
+        point.to(1e-7, (u * U0, 0.0), PRESSED)
+        t = np.linspace(0.0, 0.5, n + 1)[1:]
+        beta = np.array([point.to(v + 1e-7, (u * U0, 0.0), PRESSED) for v in t])
+        wanted = u**-2 + (start - u**-2) * np.exp(-(u**2) * t / b)
+        errors.append(np.abs(beta - wanted).max())
+    assert errors[-1] < most
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    np.testing.assert_allclose(rates, order, atol=0.25)
+
+
+def test_a_new_bond_begins_where_it_is():
+    """Drawn off by 2000 u0 and put down aside; its springs are at rest there, and break anew."""
+    law = RCCM(C, C, W, viscosity=0.1, recovers=True)
+    point = Point(law)
+    aside = 5 * U0
+    point.to(0.0, (0.0, 0.0), PRESSED)
+    broken = point.to(100.0, (0.0, 2000 * U0))
+    assert broken < 1e-6
+    assert point.answers.bond("broken")[0] == 1
+    assert point.to(101.0, (aside, 0.0), PRESSED) == broken  # it was open until now
+    assert point.to(101.05, (aside, 0.0), PRESSED) == pytest.approx(0.5, rel=1e-5)
+    np.testing.assert_allclose(point.answers.bond("traction"), 0.0, atol=1e-12)
+    beta = point.to(101.06, (aside + 0.5 * U0, 0.0), PRESSED)
+    assert beta == pytest.approx((0.1 * 0.5 + 0.01) / (0.1 + 0.01 * 0.25), rel=1e-5)
+    traction = point.answers.bond("traction")[0]
+    np.testing.assert_allclose(traction, (-(beta**2) * C * 0.5 * U0, 0.0), rtol=1e-12)
+    assert point.answers.bond("stored")[0] == pytest.approx(beta**2 * W * 0.25 / 2, rel=1e-12)
+    assert point.to(200.0, (aside + 2 * U0, 0.0), PRESSED) == pytest.approx(0.25, rel=0.01)
+    # A bond that was not broken keeps its reference.
+    kept = Point(law)
+    kept.to(0.0, (0.0, 0.0), PRESSED)
+    weak = kept.to(100.0, (0.0, 20 * U0))
+    kept.to(101.0, (aside, 0.0), PRESSED)
+    assert weak < kept.to(1e3, (aside, 0.0), PRESSED) == pytest.approx(1 / 25, rel=1e-5)
+
+
+def test_what_springs_of_a_broken_bond_give_up():
+    """Drawn off a second time, and aside from where they were at rest: their energy is spent."""
+    point = Point(RCCM(C, C, W, viscosity=0.1, recovers=True))
+    aside = 5 * U0
+    for t, jump in [(0.0, (0.0, 0.0)), (100.0, (0.0, 2000 * U0)), (101.0, (aside, 0.0))]:
+        point.to(t, jump, PRESSED if jump[1] == 0 else None)
+    assert point.to(101.05, (aside, 0.0), PRESSED) == pytest.approx(0.5, rel=1e-5)
+    broken = point.to(300.0, (3 * aside, 2000 * U0))
+    assert 0 < broken < 1e-6
+    assert point.to(301.0, (4 * aside, 0.0), PRESSED) == broken
+    left = broken**2 * C * (2 * aside) ** 2 / 2
+    assert point.answers.bond("spent")[0] == pytest.approx(left, rel=1e-12)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
+def test_pressed_down_again(cell):
+    """Blocks drawn off and pressed down: bonds are there again, if they recover."""
+    ways = {}
+    aside = [0.0] * (1 if cell == "quad" else 2)
+    for recovers in (False, True):
+        law = RCCM(C, C, W, 0.3, viscosity=0.05, recovers=recovers)
+        problem, top = bonded(cell, 1 if cell == "hex" else 2, law=law, young=1e4)
+        up = (*aside, 4 * U0)
+        load = along(top, up, (*aside, -0.002), (*aside, -0.002), up)
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 4.0, 41))
+        tables = [s.result.tables["contact"] for s in history.steps]
+        pull = [-t.rn.sum() for t in tables]
+        ways[recovers] = max(pull[:10]), max(pull[30:]), tables
+        assert all(s.result.kkt_violation < 1e-8 for s in history.steps)
+    first, weak, _ = ways[False]
+    again, strong, tables = ways[True]
+    assert again == pytest.approx(first, rel=1e-9)
+    assert weak < 0.4 * first
+    # It grows at w/b = 20 for one in time, and so is whole again.
+    assert strong == pytest.approx(first, rel=0.02)
+    assert any(set(t.bond) == {"r"} for t in tables[10:30])
+    np.testing.assert_array_equal(tables[29].beta, 1.0)
+
+
+def thresholds(contact, young=1e3, steps=24):
+    """Histories of pressing and shearing by both thresholds."""
+    found = []
+    for threshold in ("pressure", "reaction"):
+        law = RCCM(C, C, W, 0.4, viscosity=0.02, contact=contact, threshold=threshold)
+        problem, top = bonded(law=law, young=young)
+        load = along(top, (0.0, -0.02), (0.3, -0.02), (0.3, 0.2))
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, steps + 1))
+        found.append([s.result.tables["contact"] for s in history.steps])
+        assert all(s.result.kkt_violation < 1e-8 for s in history.steps)
+    return found
+
+
+@pytest.mark.long
+def test_thresholds_are_one_under_signorini():
+    for a, b in zip(*thresholds(None), strict=True):
+        size = np.abs(a.force).max()
+        np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-11 * size)
+        np.testing.assert_allclose(a.beta, b.beta, rtol=1e-11)
+        np.testing.assert_allclose(a.ut, b.ut, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [pytest.param(2.0, marks=pytest.mark.long), 1.0])
+@pytest.mark.verifies(
+    "normal compliance",
+    "RCCM adhesion",
+    reference="closed form: pressures of springs and surface, and both bounds of friction",
+    aspects=("2D",),
+)
+def test_thresholds_with_compliance(exponent):
+    """They differ by mu (1 - beta) beta^2 C_N of the penetration; springs resist it as well."""
+    k = 2e3 if exponent == 1 else 1e5
+    slipped = []
+    differ = 0.0
+    pressure, reaction = thresholds(NormalCompliance(k, exponent))
+    for tables, whole in ((pressure, False), (reaction, True)):
+        for t in tables:
+            depth = np.maximum(-t.un, 0.0)
+            soft = k * depth**exponent
+            spring = t.beta**2 * C * -t.un
+            np.testing.assert_allclose(t.pressure, soft + spring, rtol=1e-7, atol=1e-8)
+            np.testing.assert_allclose(t.rn_adh, spring * t.area, rtol=1e-7, atol=1e-9)
+            bound = 0.4 * (1 - t.beta) * (soft + whole * np.maximum(spring, 0.0)) * t.area
+            friction = np.linalg.norm(t.friction, axis=1)
+            assert (friction <= bound + 1e-7).all()
+            slips = np.isin(t.letters, list("+-"))
+            np.testing.assert_allclose(friction[slips], bound[slips], rtol=1e-6, atol=1e-9)
+            slipped.append(slips.any())
+            energy = C * (t.un**2 + np.sum(t.ut**2, axis=1))
+            assert (t.beta >= np.minimum(1.0, W / np.maximum(energy, 1e-30)) * (1 - 1e-9)).all()
+    assert any(slipped)
+    for a, b in zip(pressure, reaction, strict=True):
+        differ = max(differ, np.abs(a.rt - b.rt).max() / np.abs(a.rt).max())
+    assert differ > 1e-3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "given",
+    [
+        pytest.param({}, marks=pytest.mark.long),
+        {"contact": NormalCompliance(2e3)},
+        {"recovers": True, "broken": 0.1},
+    ],
+)
+def test_energies(given):
+    """What is left falls with the steps: springs and the surface are counted once each."""
+    left = []
+    for n in (12, 24):
+        law = RCCM(C, C, W, 0.3, viscosity=0.2, **given)
+        problem, top = bonded(n=1, law=law, young=1e3, comm=MPI.COMM_SELF)
+        load = along(top, (0.0, -0.05), (0.1, 0.4), (0.05, -0.05))
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 3 * n + 1))
+        left.append(abs(history.energies.residue))
+        spent = [s.energies.damage for s in history.steps]
+        assert max(spent) > 0.5 * W
+        # A bond that grows freely gives back w, all of which viscosity takes: b beta'^2 = w beta'.
+        assert spent[-1] == pytest.approx(max(spent), rel=1e-6)
+    assert left[1] < 0.6 * left[0]
+    assert left[0] < 0.1 * history.energies.external
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("cell", "given"),
+    [
+        ("quad", {"exponent": 0.5}),
+        ("quad", {"exponent": 2.0, "order": 2}),
+        ("quad", {"recovers": True, "order": 2}),
+        ("quad", {"contact": NormalCompliance(2e4), "threshold": "reaction"}),
+        ("tet", {"recovers": True, "contact": NormalCompliance(2e4)}),
+    ],
+)
+def test_jacobian_by_taylor(cell, given):
+    """With a memory of everything that is kept, and points of all statuses, which are held."""
+    law = RCCM(3e4, 2e4, 0.4, 0.3, 0.3, broken=0.7, **given)
+    problem = block(n=8 if cell == "quad" else 2, cell=cell, law=law)
+    x = randomise(problem, 1, 0.01, 10.0)
+    (surface,) = problem.surfaces
+    rng = np.random.default_rng(COMM.rank)
+    n = surface.points.number
+    fields = {"beta": rng.uniform(0.5, 1, n), ".rate": rng.uniform(0, 0.5, n)}
+    fields |= {".length": np.full(n, 0.08), ".rest": rng.uniform(0.1, 0.3, n)}
+    fields |= {".closed": np.round(rng.uniform(0, 1, n))}
+    fields |= {f".origin_{i}": rng.normal(0, 0.002, n) for i in range(surface.dim)}
+    kept = {*law.memory(surface.dim)}
+    known = {k: v for k, v in fields.items() if k in kept}
+    problem = problem.with_memory([Memory(rng.normal(0, 0.002, (n, surface.dim)), known, 0.1)])
+    sizes = remainders(problem, x, 2)
+    codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
+    assert (codes >= DAMAGING).any()
+    assert sizes[0] > 1e-9
+    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
+
+
+@pytest.mark.verifies(
+    "records of histories",
+    "RCCM adhesion",
+    reference="itself: the memory that was recorded",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
+def test_records_have_what_recovers(folder):
+    """What a law keeps comes back from a record, on other ranks as well."""
+    law = RCCM(C, C, W, 0.3, viscosity=0.05, recovers=True, order=2)
+    problem, top = bonded(law=law)
+    load = along(top, (0.0, 3 * U0), (0.1, -0.01))
+    times = np.linspace(0.0, 2.0, 9)
+    evolution = QuasiStatic(problem, load)
+    record = records.EvolutionRecord(folder, evolution)
+    evolution.run(times, record=record)
+    (memory,) = evolution.memory
+    names = {".rate", ".length", ".rest", ".closed", ".origin_0", ".origin_1", "beta"}
+    assert set(memory.fields) == names
+    accepted = record._run_state(len(times) - 1).accepted
+    for name, values in accepted.memory[0].fields.items():
+        np.testing.assert_array_equal(values, memory.fields[name])
+
+
+@pytest.mark.ranks(2)
+def test_bad_input():
+    law = RCCM(C, C, W, recovers=True)
+    for wrong, message in [
+        ({"recovers": True, "exponent": 2.0}, "recover with the exponent 1 alone"),
+        ({"recovers": 1}, "recovers of RCCM must be True or False"),
+        ({"contact": 1e3}, "must be None or a NormalCompliance without friction"),
+        ({"contact": NormalCompliance(1e3, friction=Coulomb(0.3))}, "without friction"),
+        ({"contact": NormalCompliance(1e3, tangential=1.0)}, "without friction and tangential"),
+        ({"contact": law}, "must be None or a NormalCompliance"),
+        ({"threshold": "total"}, "threshold of RCCM must be one of"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            RCCM(C, C, W, **wrong)
+    for wrong, message in [
+        ({"contact": NormalCompliance(-1.0)}, "stiffness of RCCM must be finite and positive"),
+        ({"broken": 1.5}, "broken of RCCM must be between 0 and 1"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            bonded(law=RCCM(C, C, W, **wrong))

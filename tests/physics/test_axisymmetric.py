@@ -1,0 +1,699 @@
+"""Bodies of revolution: areas, patch tests, closed forms, what is refused."""
+
+from mpi4py import MPI
+
+import demo_press_fit
+import demo_two_spheres
+import numpy as np
+import pytest
+from _hertz import Hertz
+from _round import draw, quarter
+from scipy.optimize import brentq
+from support.blocks import box, facets, same_tables
+from test_pair import tagged
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    NonlocalCoulomb,
+    ParametricContact,
+    RigidBody,
+    Sphere,
+    io,
+)
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.grids import create_grid, graded
+from dolfinx_contact.io.fields import body_fields
+from dolfinx_contact.io.master import MasterFace
+from dolfinx_contact.materials import (
+    Axisymmetric,
+    CiarletGeymonat,
+    LinearElastic,
+    NeoHookean,
+    StVenantKirchhoff,
+)
+from dolfinx_contact.meshing import join, mesh_from_gmsh
+from dolfinx_contact.problem import discretise
+from dolfinx_contact.solvers.history import FloatingBodyError
+
+COMM = MPI.COMM_WORLD
+STEEL = Axisymmetric(LinearElastic.from_young(1000.0, 0.3))
+FLOOR = HalfSpace((0.0, 0.0), (0.0, 1.0))
+KINDS = [
+    *(("tri", 1, "nodal"), ("quad", 1, "nodal"), ("tri", 1, "mixed"), ("quad", 1, "mixed")),
+    *(("tri", 1, "integral"), ("quad", 2, "integral"), ("tri", 2, "integral")),
+]
+
+
+def held(V, i, domain, axis, place, value):
+    dofs = fem.locate_dofs_topological(V.sub(i), 1, facets(domain, axis, place))
+    return fem.dirichletbc(value, dofs, V.sub(i))
+
+
+def section(n=5, cell="tri", size=1.0):
+    """Of a disc of unit radius and height, cells of all shapes."""
+    domain = box(COMM, n, cell)
+    x = domain.geometry.x
+    x[:, 0] = x[:, 0] ** 1.3
+    x[:, 1] += 0.1 * np.sin(3 * x[:, 0]) * x[:, 1] * (1 - x[:, 1])
+    x *= size
+    return domain
+
+
+def disc(
+    domain, degree=1, method="nodal", *, size=1.0, modulus=1.0, law=None, lid=None, options=None
+):
+    """A disc on a floor, pressed by a hundredth of its height, free to widen."""
+    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    given = dict(obstacle=FLOOR, law=law or Frictionless(), method=method, axisymmetric=True)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), **given)
+    material = Axisymmetric(LinearElastic.from_young(1000.0 * modulus, 0.3))
+    energy = material.energy(u) * ufl.dx
+    bcs = [held(V, 1, domain, 1, size, -0.01 * size if lid is None else lid)]
+    options = {"snes_rtol": 1e-12} | (options or {})
+    return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("cell", "degree", "method"), KINDS)
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "nodal contact",
+    "mixed contact",
+    "integral contact",
+    reference="closed form: uniform pressure, hoop strain and energy of a disc",
+    aspects=("2D",),
+)
+def test_uniform_pressure_on_a_disc(cell, degree, method):
+    """Exact to round-off: pressure, areas, forces of the circumference, hoop strain, energy."""
+    problem = disc(section(5, cell), degree, method)
+    result = problem.solve()
+    table = result.tables["contact"]
+    assert table.area.sum() == pytest.approx(np.pi, rel=1e-12)
+    assert (table.area > 0).all()
+    np.testing.assert_allclose(table.pressure, 10.0, rtol=1e-9)
+    np.testing.assert_allclose(result.resultants["contact"], [0.0, 10.0 * np.pi], rtol=1e-9)
+    np.testing.assert_allclose(result.support, [0.0, -10.0 * np.pi], rtol=1e-9)
+    np.testing.assert_allclose(result.external, 0.0, atol=1e-9)
+    assert result.imbalance < 1e-10
+    assert result.energies["bulk"] == pytest.approx(0.05 * np.pi, rel=1e-9)
+    x = problem.V.tabulate_dof_coordinates()
+    u = problem.u.x.array.reshape(-1, 2)
+    np.testing.assert_allclose(u[:, 0], 0.003 * x[:, 0], atol=1e-11)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "bodies of revolution", "units", reference="itself: other units", aspects=("2D",)
+)
+def test_units():
+    """Millimetres and pascals: the same iterates, forces in the units of the input."""
+    plain, other = (
+        disc(section(4, size=size), law=Coulomb(0.1), size=size, modulus=modulus).solve()
+        for size, modulus in ((1.0, 1.0), (1e3, 1e6))
+    )
+    assert plain.iterations == other.iterations
+    a = plain.tables["contact"]
+    b = other.tables["contact"]
+    assert a.status == b.status
+    np.testing.assert_allclose(b.force, 1e12 * a.force, atol=1e2)
+    np.testing.assert_allclose(b.pressure, 1e6 * a.pressure, rtol=1e-9)
+
+
+def indented(shape, contact_radius, n=16):
+    """A cylinder of 40 contact radii that a rigid sphere of the radius 50 indents."""
+    a = contact_radius
+    across = graded(40 * a, a / n, 2 * n, n)
+    domain = create_grid(COMM, [across, across], mesh.CellType.quadrilateral)
+    domain.geometry.x[:, 1] *= -1.0
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    size = 40 * a
+    near = mesh.locate_entities_boundary(
+        domain, 1, lambda x: (x[1] > -1e-9) & (x[0] < across[2 * n] * (1 + 1e-9))
+    )
+    shape = RigidBody(shape, about=(0.0, 0.0), held=["x", "rz"], load={"y": -LOAD})
+    surface = ContactSurface(u, near, obstacle=shape, law=Frictionless(), axisymmetric=True)
+    energy = STEEL.energy(u) * ufl.dx
+    bcs = [held(V, 1, domain, 1, -size, 0.0), held(V, 0, domain, 0, size, 0.0)]
+    return ContactProblem(energy, u, [surface], bcs=bcs)
+
+
+HERTZ = Hertz(3, 50.0, 1000.0 / (1 - 0.3**2))
+LOAD = HERTZ.load(1.0)
+
+
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "spheres",
+    "rigid bodies",
+    reference="closed form: Hertz",
+    aspects=("2D",),
+)
+def test_hertz_rigid_sphere():
+    """A rigid sphere on a half-space: peak and radius at the given force, to 1 %."""
+    problem = indented(Sphere((0.0, 50.0), 50.0), 1.0)
+    result = problem.solve()
+    table = result.tables["contact"]
+    ball = result.rigid_bodies["rigid body"]
+    np.testing.assert_allclose(ball.contact, [0.0, LOAD, 0.0], rtol=1e-9)
+    np.testing.assert_allclose(result.resultants["contact"], [0.0, -LOAD], rtol=1e-9)
+    found = HERTZ.compare(table)
+    assert found["load"] == pytest.approx(LOAD, rel=1e-4)  # normals lean
+    assert found["peak_pressure"] == pytest.approx(HERTZ.peak(LOAD), rel=0.01)
+    assert found["radius"] == pytest.approx(1.0, rel=0.01)
+    assert found["profile_error"] < 0.01
+    assert -ball.displacement[1] == pytest.approx(HERTZ.approach(LOAD, 40.0, 0.3), rel=0.05)
+
+
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "Signorini",
+    reference="independent code: Code_Aster, SSNV104",
+    aspects=("2D",),
+)
+def test_hertz_sphere_on_a_plane():
+    """SSNV104 by symmetry: one sphere pressed by half, as two: 660.7 kN, 2912 MPa, 10.2 mm."""
+    size = 0.5
+    body = mesh_from_gmsh(COMM, lambda: draw({"upper": quarter(size, 1, 50.0)}))
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = ContactSurface(
+        u, body, tag="upper face", obstacle=FLOOR, law=Frictionless(), axisymmetric=True
+    )
+    energy = demo_two_spheres.MATERIAL.energy(u) * ufl.dx
+    down = fem.dirichletbc(-2.0, body.dofs(V.sub(1), "upper end"), V.sub(1))
+    result = ContactProblem(energy, u, [floor], bcs=[down]).solve()
+    table = result.tables["contact"]
+    found = Hertz(3, 50.0, 20e3 / (1 - 0.3**2)).compare(table)
+    assert found["load"] == pytest.approx(660.7e3, rel=3e-3)
+    assert found["peak_pressure"] == pytest.approx(2912, rel=2e-3)
+    assert found["peak_pressure_error"] < 1e-3
+    assert found["touching_radius"] == pytest.approx(10.3, abs=0.4)
+
+
+def stacked(sizes, degree, method, *, cell="tri", law=None, gap=None, cone=0.0):
+    """Two discs on each other, of different materials without Poisson's effect.
+
+    The lower face of the upper one may be a cone, with its tip on the axis, by its slope.
+    """
+    bodies = []
+    tags = []
+    for i, n in enumerate(sizes):
+        domain = box(COMM, n, cell)
+        x = domain.geometry.x
+        x[:, 1] += i
+        bodies.append(domain)
+        tags.append(tagged(domain, **{f"t{2 * i + 1}": (1, i), f"t{2 * i + 2}": (1, i + 1)}))
+        x[:, 1] += i * cone * x[:, 0] * (2 - x[:, 1])
+    both = join(bodies, facet_tags=tags)
+    V = fem.functionspace(both.mesh, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
+    energy = sum(
+        Axisymmetric(LinearElastic.from_young(E, 0.0)).energy(u) * dx(k)
+        for k, E in ((1, 1000.0), (2, 3000.0))
+    )
+    bcs = [held(V, 1, both.mesh, 1, z, value) for z, value in ((0.0, 0.0), (2.0, -0.01))]
+    given = dict(slave=3, master=2, method=method, axisymmetric=True)
+    pair = ContactPair(u, both, law=law or Frictionless(), **given)
+    options = {"snes_rtol": 1e-12}
+    return ContactProblem(energy, u, [pair], bcs=bcs, petsc_options=options)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "degree", "method"),
+    [
+        ((4, 4), 1, "nodal"),
+        ((4, 4), 1, "mixed"),
+        ((3, 3), 2, "integral"),
+        ((5, 7), 1, "nodal"),
+        ((7, 5), 1, "integral"),
+        ((3, 4), 2, "integral"),
+    ],
+)
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "mortar",
+    "points in common",
+    reference="closed form: uniform pressure between discs",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_uniform_pressure_between_discs(sizes, degree, method):
+    """Exact to round-off on any meshes, up to the axis."""
+    problem = stacked(sizes, degree, method)
+    result = problem.solve()
+    table = result.tables["contact"]
+    pressure = 0.01 / (1 / 1000 + 1 / 3000)
+    assert problem.surfaces[0].obstacle.opposite.matching == (sizes[0] == sizes[1])
+    assert table.area.sum() == pytest.approx(np.pi, rel=1e-12)
+    np.testing.assert_allclose(table.pressure, pressure, rtol=1e-9)
+    pair = result.pairs["contact"]
+    np.testing.assert_allclose(pair.slave, [0.0, np.pi * pressure], rtol=1e-9)
+    assert pair.imbalance < 1e-10
+    assert pair.moment is None
+    x = problem.V.tabulate_dof_coordinates()[:, 1]
+    u = problem.u.x.array.reshape(-1, 2)
+    np.testing.assert_allclose(u[:, 0], 0.0, atol=1e-11)
+    above = -0.01 - pressure * (x - 2) / 3000
+    exact = np.where(x > 1 + 1e-9, above, -pressure * x / 1000)
+    inside = np.abs(x - 1) > 1e-9
+    np.testing.assert_allclose(u[inside, 1], exact[inside], atol=1e-11)
+
+
+@pytest.mark.verifies(
+    "bodies of revolution", reference="closed form: the normals of a cone", aspects=("2D", "pairs")
+)
+@pytest.mark.parametrize("sizes", [(4, 4), (5, 7)])
+def test_the_tip_of_a_cone(sizes):
+    """On the axis the normal is the mean of those of opposite meridians: it is along the axis."""
+    table = stacked(sizes, 1, "nodal", cone=0.1).solve().tables["contact"]
+    tip = table.x[:, 0] < 1e-9
+    assert tip.sum() == 1
+    assert table.letters[tip] != "o"
+    np.testing.assert_allclose(table.n[tip], [[0.0, -1.0]], atol=1e-12)
+    aside = np.array([0.1, -1.0]) / np.sqrt(1.01)
+    np.testing.assert_allclose(table.n[~tip], np.tile(aside, (sizes[1], 1)), atol=1e-12)
+    np.testing.assert_allclose(table.force[tip, 0], 0.0, atol=1e-12)
+
+
+def fitted(n, ratio, method, degree=1, twist=None):
+    """The hub and the ring of `demo_press_fit.py` in a section of length 10, in plane strain."""
+    bodies = []
+    tags = []
+    for i, (name, k) in enumerate((("hub", n), ("ring", round(ratio * n)))):
+        a, b = demo_press_fit.RADII[name]
+        domain = mesh.create_rectangle(
+            COMM, [(a, 0.0), (b, 10.0)], [k, k], mesh.CellType.quadrilateral
+        )
+        bodies.append(domain)
+        tags.append(tagged(domain, **{f"t{2 * i + 1}": (0, a), f"t{2 * i + 2}": (0, b)}))
+    both = join(bodies, facet_tags=tags)
+    V = fem.functionspace(both.mesh, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
+    energy = 0
+    for k, name in ((1, "hub"), (2, "ring")):
+        elastic = LinearElastic.from_young(demo_press_fit.YOUNG[name], demo_press_fit.NU[name])
+        energy += Axisymmetric(elastic).energy(u) * dx(k)
+    bcs = [held(V, 1, both.mesh, 1, z, 0.0) for z in (0.0, 10.0)]
+    given = dict(slave=2, master=3, method=method, axisymmetric=True)
+    pair = ContactPair(u, both, law=Frictionless(), gap=-0.02, interference=True, **given)
+    return ContactProblem(energy, u, [pair], bcs=bcs)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("ratio", "method", "degree"),
+    [(1.0, "nodal", 1), (1.5, "nodal", 1), (1.0, "mixed", 1), (1.5, "integral", 2)],
+)
+@pytest.mark.verifies(
+    "press fits",
+    "bodies of revolution",
+    reference="closed form: Lame's pressure and radial displacement",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_lame(ratio, method, degree):
+    """A press fit: Lame's pressure and radial displacement, to the square of the mesh size."""
+    exact = demo_press_fit.lame(0.02)
+    errors = []
+    for n in (4, 8) if degree == 1 else (4,):
+        problem = fitted(n, ratio, method, degree)
+        result = problem.solve()
+        table = result.tables["contact"]
+        np.testing.assert_allclose(table.pressure, table.pressure.mean(), rtol=1e-3)
+        errors.append(abs(table.pressure.mean() / exact - 1))
+        np.testing.assert_allclose(result.resultants["contact"], 0.0, atol=1e-6 * table.rn.sum())
+        assert table.rn.sum() == pytest.approx(table.pressure.mean() * 500 * np.pi, rel=1e-6)
+    assert errors[-1] < (1e-3 if degree == 1 else 1e-4)
+    assert degree == 2 or errors[1] < 0.3 * errors[0]
+    x = problem.V.tabulate_dof_coordinates()
+    u = problem.u.x.array.reshape(-1, 2)
+    a = 15.0
+    c = 25.0
+    b = 40.0
+    size = problem.V.dofmap.index_map.size_local
+    for r, inner, outer, name, sign in ((a, a, c, "hub", -1), (b, c, b, "ring", 1)):
+        E = demo_press_fit.YOUNG[name]
+        nu = demo_press_fit.NU[name]
+        # Plane strain: u = (1 + nu)/E (A (1 - 2 nu) r + B/r), of the pressure on one face.
+        loaded = c**2 / (outer**2 - inner**2)
+        A = sign * exact * loaded
+        B = A * (inner**2 if sign < 0 else outer**2)
+        free = (1 + nu) / E * (A * (1 - 2 * nu) * r + B / r)
+        at = np.flatnonzero(np.abs(x[:size, 0] - r) < 1e-9)
+        np.testing.assert_allclose(u[at, 0], free, rtol=2e-3)
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "energies of histories",
+    reference="itself: half the step",
+    aspects=("2D",),
+)
+def test_energy_of_a_history():
+    """A disc that slips outwards as it is pressed and back: what is put in is stored or rubbed."""
+    residues = []
+    for steps in (4, 8):
+        domain = section(4, "quad")
+        lid = fem.Constant(domain, 0.0)
+        problem = disc(domain, law=Coulomb(0.2), lid=lid)
+        times = np.concatenate([np.linspace(0, 1, steps + 1), np.linspace(1, 1.5, steps + 1)[1:]])
+
+        def load(t, lid=lid):
+            lid.value = -0.01 * min(t, 2 - t)
+
+        energies = QuasiStatic(problem, load).run(times).energies
+        assert energies.dissipated > 1e-3 * energies.stored > 0
+        residues.append(abs(energies.residue) / energies.dissipated)
+    assert residues[0] < 0.2
+    assert residues[1] < 0.6 * residues[0]
+
+
+# -- rigid motions and solvers -------------------------------------------------------------------
+
+
+def lying(pull, law=None):
+    """A disc that lies on a floor, with a load on its top and no support but the axis."""
+    domain = section(4, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=FLOOR, law=law or Frictionless(), axisymmetric=True
+    )
+    top = mesh.meshtags(domain, 1, (f := np.sort(facets(domain, 1, 1.0))), np.ones_like(f))
+    load = pull * u[1]
+    energy = STEEL.energy(u) * ufl.dx
+    energy -= load * ufl.Measure("ds", domain, subdomain_data=top)(1)
+    return ContactProblem(energy, u, [floor])
+
+
+def test_a_loose_disc():
+    """One rigid motion is left, along the axis; the floor carries the load."""
+    problem = lying(-10.0)
+    motions = problem.equations.scaling.loose.of_body
+    assert motions.shape[0] == 1
+    np.testing.assert_allclose(motions[0, :, 0], 0.0)
+    result = problem.solve()
+    np.testing.assert_allclose(result.tables["contact"].pressure, 10.0, rtol=1e-8)
+    np.testing.assert_allclose(result.external, [0.0, -10.0 * np.pi], rtol=1e-9)
+    assert result.imbalance < 1e-9
+    with pytest.raises(FloatingBodyError, match="axial translation"):
+        lying(10.0).solve()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("cell", ["tri", "quad"])
+@pytest.mark.verifies(
+    "multigrid",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "bodies of revolution",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "multigrid",
+    ),
+)
+def test_multigrid(cell):
+    options = {"linear_solver": "amg", "snes_rtol": 1e-11, "ksp_rtol": 1e-11}
+    law = Coulomb(0.2)
+    domain = section(24, cell)
+    results = [disc(domain, law=law, options=o).solve() for o in ({}, options)]
+    same_tables(*(r.tables["contact"] for r in results), tolerance=1e-8)
+    assert max(s.krylov for s in results[1].history) < 60
+
+
+@pytest.mark.verifies(
+    "uniqueness",
+    "bodies of revolution",
+    reference="itself: the verdict of the certificate",
+    aspects=(
+        "2D",
+        "proofs",
+    ),
+)
+def test_the_only_solution():
+    """Certificates of the reduced problem hold as they do in the plane; here of a ring."""
+    ring = section(4)
+    ring.geometry.x[:, 0] += 0.5
+    for problem in (disc(ring, law=Coulomb(0.2)), disc(section(4))):
+        problem.solve()
+        assert problem.uniqueness().verdict == "proved"
+
+
+# -- materials and output ------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("kind", [LinearElastic, StVenantKirchhoff, NeoHookean, CiarletGeymonat])
+def test_uniform_strain(kind):
+    """Energy and stress of a uniform stretch in space, on the axis too."""
+    domain = section(3)
+    a = 1.02
+    b = 0.97
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    u.interpolate(lambda x: np.stack([(a - 1) * x[0], (b - 1) * x[1]]))
+    space = kind(120.0, 80.0, 10.0) if kind is CiarletGeymonat else kind(120.0, 80.0)
+    cube = box(COMM, 1, "tet") if COMM.size == 1 else box(COMM, 2, "tet")
+    v = fem.Function(fem.functionspace(cube, ("Lagrange", 1, (3,))))
+    v.interpolate(lambda x: np.stack([(a - 1) * x[0], (a - 1) * x[1], (b - 1) * x[2]]))
+
+    def integral(e):
+        return COMM.allreduce(fem.assemble_scalar(fem.form(e)))
+
+    turned = Axisymmetric(space)
+    stored = integral(space.energy(v) * ufl.dx)
+    around = 2 * np.pi * ufl.SpatialCoordinate(domain)[0]
+    assert integral(turned.energy(u) * around * ufl.dx) == pytest.approx(np.pi * stored, rel=1e-10)
+    radial, axial = (integral(space.stress(v)[i, i] * ufl.dx) for i in (0, 2))
+    for f in body_fields(u, turned.full_stress(u)):
+        values = f.x.array.reshape(-1, *f.ufl_shape)
+        if f.name == "stress":
+            exact = np.diag([radial, axial, radial])
+            np.testing.assert_allclose(values, np.tile(exact, (len(values), 1, 1)), atol=1e-9)
+        else:
+            np.testing.assert_allclose(values, abs(radial - axial), rtol=1e-8)
+    assert integral(turned.stress(u)[1, 1] * around * ufl.dx) == pytest.approx(
+        np.pi * axial, rel=1e-9
+    )
+
+
+@pytest.mark.verifies(
+    "hyperelastic bodies",
+    "bodies of revolution",
+    reference="closed form: a neo-Hookean disc under uniform stretches",
+    aspects=("2D",),
+)
+def test_large_strain():
+    """A neo-Hookean disc squeezed by a fifth between plates that hold nothing aside."""
+    domain = section(3, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    rubber = NeoHookean(120.0, 80.0)
+    plate = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=FLOOR, law=Frictionless(), axisymmetric=True
+    )
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    energy = Axisymmetric(rubber).energy(u) * dx
+    bcs = [held(V, 1, domain, 1, 1.0, -0.2)]
+    options = {"snes_rtol": 1e-12}
+    result = ContactProblem(energy, u, [plate], bcs=bcs, petsc_options=options).solve()
+    # No radial stress: mu (k^2 - 1) + lambda ln J = 0, J = k^2 b; P_zz = (mu (b^2 - 1) + .. )/b.
+    b = 0.8
+    k = brentq(lambda k: 80.0 * (k**2 - 1) + 120.0 * np.log(k**2 * b), 0.9, 1.5, xtol=1e-15)
+    axial = (80.0 * (b**2 - 1) + 120.0 * np.log(k**2 * b)) / b
+    assert result.resultants["contact"][1] == pytest.approx(-np.pi * axial, rel=1e-9)
+    x = V.tabulate_dof_coordinates()[:, 0]
+    np.testing.assert_allclose(u.x.array.reshape(-1, 2)[:, 0], (k - 1) * x, atol=1e-9)
+    assert result.min_det_F == pytest.approx(k**2 * b, rel=1e-8)
+
+
+@pytest.mark.verifies(
+    "files for ParaView",
+    "bodies of revolution",
+    reference="closed form: uniform pressure between discs",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_output(folder):
+    """Sections for ParaView, pictures, and a table with r and z under x and y."""
+    problem = stacked((3, 4), 1, "nodal", law=Coulomb(0.3))
+    result = problem.solve()
+    of_part = (Axisymmetric(LinearElastic.from_young(E, 0.0)) for E in (1000.0, 3000.0))
+    stress = {tag: part.full_stress(problem.u) for tag, part in enumerate(of_part, 1)}
+    files = io.write_fields(folder, problem, stress=stress)
+    assert {f.name for f in files} >= {"contact.bp", "contact_opposite.bp"}
+    master = MasterFace(problem, problem.surfaces[0])
+    fields = master.fields(problem)
+    pressure = 0.01 / (1 / 1000 + 1 / 3000)
+    assert COMM.allreduce(len(fields["pressure"].x.array)) > 0
+    np.testing.assert_allclose(fields["pressure"].x.array, pressure, rtol=0.02)
+    io.write_contact_table(COMM, folder, [result.tables["contact"]])
+    if COMM.rank == 0:
+        rows = np.genfromtxt(folder / "contact.csv", delimiter=",", names=True, dtype=None)
+        np.testing.assert_allclose(rows["x"], np.linspace(0, 1, 5), atol=1e-12)
+        np.testing.assert_allclose(rows["y"], 1.0)
+        assert rows["rn"].sum() == pytest.approx(np.pi * pressure, rel=1e-9)
+
+
+# -- what is refused -----------------------------------------------------------------------------
+
+
+def refused(reason, make):
+    with pytest.raises(ValueError, match=reason):
+        make()
+
+
+@pytest.mark.ranks(2)
+def test_surfaces_that_disagree():
+    domain = section(3)
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    given = dict(obstacle=FLOOR, law=Frictionless())
+    sides = [
+        ContactSurface(u, facets(domain, 1, z), name=str(z), axisymmetric=not z, **given)
+        for z in (0.0, 1.0)
+    ]
+    energy = STEEL.energy(u) * ufl.dx
+    refused(
+        "all contact surfaces are axisymmetric or none", lambda: ContactProblem(energy, u, sides)
+    )
+    plane = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    refused("bulk is that of a plane body", lambda: ContactProblem(plane, u, sides[:1]))
+
+
+@pytest.mark.refuses("bodies of revolution", aspects=("3D",))
+def test_surfaces_that_cannot_be():
+    def surface(domain, where, **given):
+        u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,))))
+        given = dict(obstacle=FLOOR, law=Frictionless(), axisymmetric=True) | given
+        return discretise(ContactSurface(u, where, **given))
+
+    domain = section(3)
+    bottom = facets(domain, 1, 0.0)
+    refused("True or False, got 'r'", lambda: surface(domain, bottom, axisymmetric="r"))
+    refused("nonlocal", lambda: surface(domain, bottom, law=NonlocalCoulomb(0.1, radius=0.3)))
+    refused("3 facets lie on the axis", lambda: surface(domain, facets(domain, 0, 0.0)))
+    for words in (dict(free=["x", "y", "rz"]), dict(held=["rz"], motion={"x": 0.1}, load={"y": 1})):
+        body = RigidBody(FLOOR, about=(0.0, 0.0), **words)
+        refused("hold x and rz", lambda body=body: surface(domain, bottom, obstacle=body))
+    given = dict(method="integral", quadrature_degree=2)
+    refused("must be a whole number >= 3, got 2", lambda: surface(domain, bottom, **given))
+    shifted = section(3)
+    shifted.geometry.x[:, 0] -= 0.5
+    refused("the mesh reaches to x = -0.5", lambda: surface(shifted, facets(shifted, 1, 0.0)))
+    cube = box(COMM, 2, "tet")
+    ground = HalfSpace((0, 0, 0), (0, 0, 1))
+    refused("meshed in 2D", lambda: surface(cube, facets(cube, 2, 0.0), obstacle=ground))
+
+
+def test_materials_that_cannot_be():
+    plane = LinearElastic.from_young(1.0, 0.3, plane_stress=True)
+    refused("plane stress", lambda: Axisymmetric(plane))
+    for wrong in (STEEL, 1.0):
+        refused("axisymmetric is a Material of space", lambda wrong=wrong: Axisymmetric(wrong))
+    cube = box(COMM, 2, "tet")
+    u = fem.Function(fem.functionspace(cube, ("Lagrange", 1, (3,))))
+    for make in (
+        lambda: STEEL.energy(u),
+        lambda: STEEL.full_stress(u),
+    ):
+        refused("is a 2D mesh", make)
+
+
+@pytest.mark.ranks(2)
+def test_the_axis_is_held(caplog):
+    """u_r = 0 there needs no condition of the user, and wins over one that says otherwise."""
+    domain = section(3)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=FLOOR, law=Coulomb(0.2), axisymmetric=True
+    )
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    moved = fem.dirichletbc(np.array([1e-4, -0.01]), top, V)
+    energy = STEEL.energy(u) * ufl.dx
+    result = ContactProblem(energy, u, [floor], bcs=[moved]).solve()
+    axis = np.abs(V.tabulate_dof_coordinates()[:, 0]) < 1e-12
+    np.testing.assert_array_equal(u.x.array.reshape(-1, 2)[axis, 0], 0.0)
+    assert COMM.rank > 0 or "two Dirichlet conditions contradict each other" in caplog.text
+    table = result.tables["contact"]
+    assert table.rt[0, 0] == table.bound[0] == 0.0
+    assert table.letters[0] == "k"
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("method", "degree"), [("nodal", 1), ("integral", 2)])
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "spheres",
+    "hyperelastic bodies",
+    reference="itself: points lie on the sphere, forces balance",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
+def test_large_sliding(method, degree):
+    """A rubber disc that follows a rigid sphere: points lie on it, forces balance."""
+    domain = box(COMM, 8, "quad")
+    domain.geometry.x[:, 1] -= 1
+    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    given = dict(obstacle=Sphere((0.0, 0.95), 1.0), law=Frictionless(), method=method)
+    top = ContactSurface(u, facets(domain, 1, 0.0), axisymmetric=True, **given)
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    energy = Axisymmetric(NeoHookean(120.0, 80.0)).energy(u) * dx
+    result = ContactProblem(energy, u, [top], bcs=[held(V, 1, domain, 1, -1.0, 0.0)]).solve()
+    assert min(result.counts["open"], result.counts["slip"]) > 0
+    assert result.misfit < 1e-12
+    assert result.imbalance < 1e-10
+    assert result.support[1] == pytest.approx(4.0, abs=0.1)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "friction as parameter",
+    reference="itself: a solve at the end of the branch",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
+def test_a_branch():
+    """The friction coefficient as a parameter leads to where a solve with it does."""
+    domain = section(4, "quad")
+    friction = fem.Constant(domain, 0.1)
+    problem = disc(domain, law=Coulomb(friction))
+    problem.solve()
+    system = ParametricContact(problem, friction)
+    x = system.create_vector()
+    problem.write(x)
+    branch = follow(system, x, 0.1, gamma_range=(0.1, 0.4))
+    assert branch.points[-1].gamma == pytest.approx(0.4)
+    table = system.result_at(branch.points[-1]).tables["contact"]
+    same_tables(table, disc(domain, law=Coulomb(0.4)).solve().tables["contact"], tolerance=1e-8)

@@ -1,0 +1,507 @@
+"""Compliant surfaces and regularised friction, against closed forms and the true law."""
+
+import logging
+
+from mpi4py import MPI
+
+import demo_only_solution
+import demo_regularised
+import numpy as np
+import pytest
+from demo_own_law import SlipWeakening
+from scipy.optimize import brentq, minimize_scalar
+from support.blocks import KINDS, block, box, facets, same_tables
+from test_axisymmetric import disc, section
+from test_law import randomise, remainders
+from test_mortar import sheared
+from test_pair import displacement, held, stacked
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    RCCM,
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    NormalCompliance,
+    ParametricContact,
+    Regularised,
+    Sphere,
+    Tresca,
+)
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.results.fields import vertex_state
+
+COMM = MPI.COMM_WORLD
+PHI = {
+    "tanh": np.tanh,
+    "sqrt": lambda x: x / np.sqrt(1 + x**2),
+    "polynomial": lambda x: np.where(x < 1, (3 * x - x**3) / 2, 1.0),
+    "linear": lambda x: np.minimum(x, 1.0),
+}
+MODULUS = 1000.0 * 0.7 / (1.3 * 0.4)  # of uniaxial strain
+
+
+def rollers(u, *axes_and_values):
+    """Normal displacements of planes that are held at 0."""
+    V = u.function_space
+    return [
+        fem.dirichletbc(
+            0.0,
+            fem.locate_dofs_topological(
+                V.sub(i), V.mesh.topology.dim - 1, facets(V.mesh, i, value)
+            ),
+            V.sub(i),
+        )
+        for i, value in axes_and_values
+    ]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("exponent", [1, 1.5])
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "normal compliance",
+    reference="closed form: a column on springs",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_uniform_compression(dim, cell, exponent):
+    """MODULUS (d - penetration) = C penetration^m, nodal and integral."""
+    stiffness = 4000.0
+    pressed = 0.1
+    depth = brentq(lambda d: stiffness * d**exponent - MODULUS * (pressed - d), 0, pressed,
+                   xtol=1e-16)  # fmt: skip
+    for degree in (1, 2) if cell in ("tri", "hex") else (1,):
+        domain = box(COMM, 2, cell)
+        u = displacement(domain, degree)
+        floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+        law = NormalCompliance(stiffness, exponent)
+        surface = ContactSurface(u, facets(domain, dim - 1, 0.0), obstacle=floor, law=law)
+        aside = [(i, x) for i in range(dim - 1) for x in (0.0, 1.0)]
+        top = np.zeros(dim)
+        top[-1] = -pressed
+        dofs = fem.locate_dofs_topological(u.function_space, dim - 1, facets(domain, dim - 1, 1.0))
+        ends = [fem.dirichletbc(top, dofs, u.function_space), *rollers(u, *aside)]
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        result = ContactProblem(energy, u, [surface], bcs=ends,
+                                petsc_options={"snes_rtol": 1e-13}).solve()  # fmt: skip
+        table = result.tables["contact"]
+        np.testing.assert_allclose(-table.un, depth, rtol=1e-10)
+        np.testing.assert_allclose(table.pressure, MODULUS * (pressed - depth), rtol=1e-10)
+        penetration = result.indicators.surfaces["contact"].penetration
+        assert penetration == pytest.approx(depth, rel=1e-10)
+        assert result.summary()["penetration_contact"] == penetration
+
+
+def sheared_block(law, dim, cell, s, pressed, shear):
+    """A block in simple shear, nu = 0; normal displacements are known but at the floor."""
+    domain = box(COMM, 2, cell)
+    u = displacement(domain)
+    up = dim - 1
+    V = u.function_space
+    floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    surface = ContactSurface(u, facets(domain, up, 0.0), obstacle=floor, law=law)
+    held = fem.Function(V)
+    normal = fem.Function(V.sub(up).collapse()[0])
+    held.x.array.reshape(-1, dim)[:] = [s, *[0.0] * (dim - 2), -pressed]
+    normal.interpolate(lambda x: -pressed * x[up])
+    above = fem.locate_dofs_geometrical((V.sub(up), normal.function_space), lambda x: x[up] > 1e-9)
+    ends = [
+        fem.dirichletbc(normal, above, V.sub(up)),
+        fem.dirichletbc(held, fem.locate_dofs_topological(V, up, facets(domain, up, 1.0))),
+        *rollers(u, *[(1, y) for y in (0.0, 1.0) if dim == 3]),
+    ]
+    aside = ufl.FacetNormal(domain)[0] * shear * u[up] * ufl.ds
+    energy = LinearElastic.from_young(1000.0, 0.0).energy(u) * ufl.dx - aside
+    options = {"snes_rtol": 1e-13}
+    return ContactProblem(energy, u, [surface], bcs=ends, petsc_options=options)
+
+
+@pytest.mark.parametrize(
+    ("dim", "cell", "shape"),
+    [
+        *((2, "tri", shape) for shape in PHI),
+        *(pytest.param(3, "hex", s, marks=[] if s == "tanh" else pytest.mark.long) for s in PHI),
+    ],
+)
+@pytest.mark.verifies(
+    "regularised friction",
+    reference="closed form: a block in simple shear",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_simple_shear(dim, cell, shape):
+    """A block of height 1 and shear modulus 500, drawn by s: 500 (s - u) = b phi(u/eps)."""
+    s = 0.03
+    eps = 0.004
+    pressed = 0.05
+    for law, bound in ((Tresca(5.0), 5.0), (Coulomb(0.2), 0.2 * 1000.0 * pressed)):
+        slid = brentq(
+            lambda u, b=bound: 500.0 * (s - u) - b * PHI[shape](u / eps), 0, s, xtol=1e-16
+        )
+        shear = bound * PHI[shape](slid / eps)
+        law = Regularised(law, eps, shape)
+        result = sheared_block(law, dim, cell, s, pressed, shear).solve()
+        table = result.tables["contact"]
+        np.testing.assert_allclose(table.ut[:, 0], slid, rtol=1e-10)
+        np.testing.assert_allclose(-table.shear[:, 0], shear, rtol=1e-10)
+        assert set(table.status) == {("s" if dim == 3 else "+") if slid > eps else "k"}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "normal compliance",
+    reference="closed form: springs up to the bound, slip at it",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_penalised_coulomb(dim):
+    """Shear springs hold up to the bound: stuck points move by shear / C_t, others slip."""
+    law = NormalCompliance(1e4, 1.0, Coulomb(0.3), tangential=2e4)
+    top = (0.02, *[0.0] * (dim - 2), -0.03)
+    result = block(n=6 if dim == 2 else 3, cell="quad" if dim == 2 else "hex", law=law, top=top,
+                   options={"snes_rtol": 1e-12}).solve()  # fmt: skip
+    t = result.tables["contact"]
+    np.testing.assert_allclose(t.pressure, 1e4 * np.maximum(-t.un, 0), atol=1e-9)
+    stuck = t.letters == "k"
+    size = np.linalg.norm(t.shear, axis=1)
+    assert 0 < stuck.sum() < len(stuck)
+    np.testing.assert_allclose(t.shear[stuck], -2e4 * t.ut[stuck], atol=1e-8)
+    slips = ~stuck & (t.letters != "o")
+    np.testing.assert_allclose(size[slips], 0.3 * t.pressure[slips], atol=1e-8)
+
+
+LAWS = [
+    NormalCompliance(3000.0, 2.5, Coulomb(0.5)),
+    NormalCompliance(3000.0, 1.0, Tresca(3.0), tangential=500.0),
+    *(Regularised(Coulomb(0.5), 0.01, shape) for shape in PHI),
+    NormalCompliance(3000.0, 1.5, Regularised(SlipWeakening(0.5, 0.2, 0.01), 0.005)),
+    Regularised(Tresca(3.0), 0.005, "sqrt"),
+]
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    ("cell", "degree", "method"),
+    [("quad", 1, "nodal"), ("tet", 1, "nodal"), ("tri", 2, "integral")],
+)
+@pytest.mark.verifies(
+    "normal compliance",
+    "regularised friction",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_jacobian_by_taylor(cell, degree, method, law):
+    """Also on a curved obstacle; of pieces that are smooth the remainder falls as h^2."""
+    floor = Sphere((0.5, *[0.5] * (cell == "tet"), -5.0), 5.0)
+    problem = block(n=2, cell=cell, degree=degree, law=law, obstacle=floor)
+    x = randomise(problem, 1, 0.02, 10.0)
+    sizes = remainders(problem, x, 2)
+    if sizes[0] > 1e-12:  # else the piece is affine
+        np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
+
+
+@pytest.mark.verifies(
+    "normal compliance",
+    "regularised friction",
+    reference="theorem: rates at which forces tend to those of the true law",
+    aspects=("2D",),
+)
+def test_limits():
+    """Forces tend to those of the true law as C grows and eps falls, at the rate of theory."""
+    options = {"snes_rtol": 1e-12}
+    true = block(n=6, cell="quad", top=(0.02, -0.03), options=options).solve().tables["contact"]
+    assert 0 < true.count("k") < 7
+
+    def order(law, sizes):
+        found = []
+        for size in sizes:
+            t = block(n=6, cell="quad", top=(0.02, -0.03), law=law(size), options=options).solve()
+            t = t.tables["contact"]
+            found.append(np.abs(t.force - true.force).max() / np.abs(true.force).max())
+        return np.diff(np.log(found)) / np.diff(np.log(sizes))
+
+    def spring(C):
+        return NormalCompliance(C, 1.0, Coulomb(0.3))
+
+    def square(C):
+        return NormalCompliance(C, 2.0, Coulomb(0.3))
+
+    np.testing.assert_allclose(order(spring, (1e6, 1e7, 1e8)), -1.0, atol=0.05)
+    np.testing.assert_allclose(order(square, (1e10, 1e12, 1e14)), -0.5, atol=0.05)
+    np.testing.assert_allclose(
+        order(lambda e: Regularised(Coulomb(0.3), e, "linear"), (1e-7, 1e-9)), 1.0, atol=0.05
+    )
+    np.testing.assert_allclose(
+        order(lambda e: Regularised(Coulomb(0.3), e, "polynomial"), (1e-4, 1e-5)), 1.0, atol=0.05
+    )
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [pytest.param(s, marks=[] if s in ("linear", "tanh") else pytest.mark.long) for s in PHI],
+)
+def test_forces_and_statuses_as_the_width_falls(shape):
+    """Forces of true friction at order 1; statuses but of points that creep by the width or more.
+
+    A stuck point whose shear is q times the bound creeps by phi^-1(q) eps, which is beyond eps,
+    and counts as a slip at any width, where q > phi(1): 1 of linear and polynomial.
+    """
+    block_ = dict(n=6, cell="quad", top=(0.02, -0.03), options={"snes_rtol": 1e-12})
+    true = block(**block_).solve().tables["contact"]
+    problem = block(**block_, law=Regularised(Coulomb(0.3), 1e-2, shape))
+    errors = []
+    widths = np.array([1e-2, 1e-4, 1e-6, 1e-7])
+    for width in widths:
+        problem.surfaces[0].law.width.value = width
+        t = problem.solve().tables["contact"]
+        errors.append(np.abs(t.force - true.force).max() / np.abs(true.force).max())
+    slopes = np.diff(np.log(errors)) / np.diff(np.log(widths))
+    assert slopes[-1] == pytest.approx(1.0, abs=0.05)
+    q = np.abs(true.along(true.rt)) / (0.3 * true.rn)
+    wrong = (true.letters == "k") & (q > PHI[shape](1.0))
+    assert ((t.letters != true.letters) == wrong).all()
+    assert wrong.any() == (shape in ("tanh", "sqrt"))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("solver", ["direct", "amg"])
+@pytest.mark.verifies(
+    "normal compliance",
+    "regularised friction",
+    reference="closed form: two columns with a spring between them",
+    aspects=(
+        "3D",
+        "pairs",
+        "multigrid",
+    ),
+)
+def test_between_bodies(solver):
+    """Two blocks of height 1 in a row with a spring of the interface, and friction as it is."""
+    both = stacked(3, "tet", 2)
+    u = displacement(both.mesh)
+    pressed = 0.1
+    depth = brentq(lambda d: 4000.0 * d**2 - MODULUS * (pressed - d) / 2, 0, pressed, xtol=1e-16)
+    law = NormalCompliance(4000.0, 2.0, Regularised(Coulomb(0.3), 0.01))
+    pair = ContactPair(u, both, slave=3, master=2, law=law)
+    ends = [held(u, both.facet_tags, 1, np.zeros(3)), held(u, both.facet_tags, 4, (0, 0, -pressed))]
+    aside = rollers(u, *[(i, x) for i in (0, 1) for x in (0.0, 1.0)])
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    options = {"snes_rtol": 1e-13, "linear_solver": solver}
+    problem = ContactProblem(energy, u, [pair], bcs=[*ends, *aside], petsc_options=options)
+    table = problem.solve().tables["contact"]
+    np.testing.assert_allclose(-table.un, depth, rtol=1e-9)
+    np.testing.assert_allclose(table.pressure, 4000.0 * depth**2, rtol=1e-9)
+
+
+@pytest.mark.verifies(
+    "regularised friction",
+    "normal compliance",
+    reference="itself: a solve at the end of the branch",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
+def test_width_and_stiffness_as_parameter():
+    """Branches in eps and in C end in the solutions there."""
+    for law in (
+        lambda g: Regularised(Coulomb(0.3), 0.01 * 10 ** (-3 * g), "tanh"),
+        lambda g: NormalCompliance(1e3 * 10 ** (4 * g), 1.5, Coulomb(0.3)),
+    ):
+        options = dict(n=4, cell="quad", top=(0.02, -0.03))
+        domain = box(COMM, 4, "quad")
+        gamma = fem.Constant(domain, 0.0)
+        problem = block(**options, domain=domain, law=law(gamma))
+        system = ParametricContact(problem, gamma)
+        problem.solve()
+        x = system.create_vector()
+        problem.write(x)
+        branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+        assert branch.reason == "gamma reached the end of its range"
+        found = system.result_at(branch.points[-1]).tables["contact"]
+        same_tables(found, block(**options, law=law(1.0)).solve().tables["contact"], 1e-6)
+
+
+@pytest.mark.verifies(
+    "pivoting",
+    "normal compliance",
+    reference="itself: the branch by steps",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
+def test_a_branch_by_pivoting():
+    """Springs and Coulomb friction are piecewise linear in 2D: the events are those of steps."""
+    law = NormalCompliance(3e4, 1.0, Coulomb(0.15), tangential=2e4)
+    events = []
+    for route in ("pivoting", "steps"):
+        system, x = sheared(law=law)
+        branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), route=route)
+        assert branch.reason == "gamma reached the end of its range"
+        events.append([s.gamma for s in branch.special if s.changes])
+    assert len(events[0]) > 3
+    np.testing.assert_allclose(*events, atol=1e-8)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("shape", ["tanh", "sqrt", "polynomial"])
+@pytest.mark.verifies(
+    "regularised friction",
+    "all solutions",
+    reference="closed form: the fold where a corner alone touches",
+    aspects=("2D",),
+)
+def test_what_regularised_friction_loses(folder, shape):
+    """Only the corner A touches: its forces are linear in its slip, and the fold has a formula."""
+    words = ["--n", "8", "--friction", "2.5", "--shape", shape, "--output", folder]
+    summary = demo_regularised.main([*map(str, words)])
+    slides, sticks = (
+        next(r for r in summary["true"] if r["status"][0] == letter) for letter in "-k"
+    )
+    inverse = {
+        "tanh": np.arctanh,
+        "sqrt": lambda q: q / np.sqrt(1 - q**2),
+        "polynomial": lambda q: 2 * np.sin(np.arcsin(q) / 3),  # of (3 x - x^3)/2 = q
+    }[shape]
+
+    def width(share):
+        rt, rn = ((1 - share) * sticks[k] + share * slides[k] for k in ("sum_rt", "sum_rn"))
+        return -share * abs(slides["ut_A"]) / inverse(abs(rt) / (2.5 * rn))
+
+    most = minimize_scalar(width, bounds=(0.01, 0.99), method="bounded", options={"xatol": 1e-12})
+    assert summary["lost_at"] == pytest.approx(-most.fun, rel=1e-6)
+    assert summary["end_slip"] == pytest.approx(slides["ut_A"], rel=1e-5)
+    # Who comes from a large eps arrives at the solution on which friction does not act.
+    opens = next(r for r in summary["true"] if r["status"][0] == "o")
+    assert summary["reached"]["status"].strip("d") == opens["status"]
+    assert summary["reached"]["ut_A"] == pytest.approx(opens["ut_A"], rel=1e-8)
+
+
+@pytest.mark.long
+@pytest.mark.verifies(
+    "regularised friction",
+    reference="theorem: the bound for one solution, eps^2/log h",
+    aspects=("2D",),
+)
+def test_up_to_where_regularised_friction_has_one_solution(folder):
+    """The bound of the theorem, eps^2/|log h|, falls by a hundred between these widths."""
+    words = ["--n", "8", "--friction", "2.5", "--output", folder]
+    summary = demo_only_solution.main([*map(str, words)])
+    friction = summary["critical_friction"]
+    assert friction["n = 8, eps = 0.0001"] == pytest.approx(
+        friction["n = 8, eps = 0.001"], rel=0.05
+    )
+    assert all(1e5 * summary["bound"][case] < F for case, F in friction.items())
+
+
+def test_a_history_warns_once(caplog):
+    """That a surface gives way by much; a solve by itself warns each time."""
+    problem = block(law=NormalCompliance(50.0), top=(0.0, -0.3))
+    with caplog.at_level(logging.WARNING):
+        QuasiStatic(problem, lambda t: None).run([0.0, 1.0, 2.0])
+        in_run = caplog.text.count("the surface gives way by")
+        problem.solve()
+        in_all = caplog.text.count("the surface gives way by")
+    assert (in_run, in_all) == ((1, 2) if COMM.rank == 0 else (0, 0))
+
+
+@pytest.mark.ranks(2)
+def test_warning_and_bad_laws(caplog):
+    with caplog.at_level(logging.WARNING):
+        block(law=NormalCompliance(50.0), top=(0.0, -0.3)).solve()
+    if COMM.rank == 0:
+        assert "the surface gives way by" in caplog.text
+    for make, message in [
+        (lambda: NormalCompliance(1.0, 0.5), "exponent of NormalCompliance must be at least 1"),
+        (lambda: NormalCompliance(1.0, np.nan), "exponent of NormalCompliance must be at least 1"),
+        (lambda: NormalCompliance(1.0, friction=0.3), "must be a law of friction"),
+        (lambda: block(law=NormalCompliance(-1.0)), "stiffness .* must be finite and positive"),
+        (lambda: block(law=NormalCompliance(np.nan)), "stiffness .* must be finite and positive"),
+        (lambda: block(law=NormalCompliance(1.0, tangential=-1.0)), "tangential .* and positive"),
+        (lambda: Regularised(Coulomb(0.3), 0.1, "cubic"), "shape of Regularised must be one of"),
+        (lambda: Regularised(0.3, 0.1), "takes a law of friction"),
+        (lambda: Regularised(NormalCompliance(1.0), 0.1), "a compliant surface goes around it"),
+        (lambda: block(law=Regularised(Coulomb(0.3), 0.0)), "width .* must be finite and positive"),
+        (lambda: block(law=Regularised(Coulomb(0.3), np.nan)), "width .* finite and positive"),
+        (lambda: block(law=Regularised(Coulomb(-0.3), 0.1)), "friction .* nonnegative"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            make()
+    problem = block(law=Regularised(Coulomb(0.3), 0.1))
+    problem.surfaces[0].law.width.value = 0.0
+    with pytest.raises(ValueError, match="not positive: width"):
+        problem.solve()
+
+
+def soft_contact(kind, law):
+    """The table of a body on a compliant surface; pictures have the same bounds."""
+    options = {"snes_rtol": 1e-12}
+    if kind == "disc":
+        problem = disc(section(5), law=law)
+    elif kind == "pair":
+        both = stacked(2, "quad", 3)
+        u = displacement(both.mesh)
+        tags = both.facet_tags
+        surface = ContactPair(u, tags, slave=3, master=2, law=law)
+        bcs = [held(u, tags, 1, (0.0, 0.0)), held(u, tags, 4, (0.02, -0.01))]
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        problem = ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
+    else:
+        problem = block(cell=kind, n=3, law=law, options=options)
+    (surface,) = problem.surfaces
+    (table,) = problem.solve().tables.values()
+    at_vertices = vertex_state(problem.equations, 0, problem.evaluate())
+    shown = np.concatenate(COMM.allgather(at_vertices["bound"]))
+    assert shown.max() == pytest.approx((table.bound / table.area).max(), rel=1e-10)
+    return table
+
+
+@pytest.mark.parametrize("kind", ["tri", "hex", "disc", "pair"])
+@pytest.mark.parametrize("given", [(1e4,), (1e5, 2.0)])
+def test_bound_of_friction(kind, given):
+    """F times the pressure of the law, whatever the augmented one is; slips are on it."""
+    t = soft_contact(kind, NormalCompliance(*given, friction=Coulomb(0.1)))
+    # Of a body of revolution the axis holds itself.
+    wanted = np.where(t.axisymmetric & (t.x[:, 0] < 1e-9), 0.0, 0.1 * t.rn)
+    np.testing.assert_allclose(t.bound, wanted, rtol=0, atol=1e-8 * t.rn.max())
+    shear = np.linalg.norm(t.rt, axis=1)
+    slips = np.isin(t.letters, list("+-s"))
+    assert slips.any()
+    np.testing.assert_allclose(shear[slips], t.bound[slips], rtol=0, atol=1e-7 * t.rn.max())
+
+
+@pytest.mark.parametrize(
+    ("contact", "threshold"),
+    [
+        *((NormalCompliance(1e4), "pressure"), (NormalCompliance(1e5, 2.0), "reaction")),
+        pytest.param(NormalCompliance(1e4), "reaction", marks=pytest.mark.long),
+        pytest.param(NormalCompliance(1e5, 2.0), "pressure", marks=pytest.mark.long),
+        *((None, threshold) for threshold in ("pressure", "reaction")),
+    ],
+)
+def test_bound_of_bonds(threshold, contact):
+    """Bonds half broken: F (1 - beta) times the pressure without, or with, that of the springs."""
+    law = RCCM(2e3, 100.0, 1.0, 0.3, beta=0.5, contact=contact, threshold=threshold)
+    t = soft_contact("tri", law)
+    pressure = t.rn if threshold == "reaction" else t.rn - t.rn_adh
+    wanted = 0.3 * (1 - t.beta) * pressure
+    np.testing.assert_allclose(t.bound, wanted, rtol=0, atol=1e-8 * t.rn.max())
+    assert (np.abs(t.rn_adh).max() > 0.01 * t.rn.max()) == (contact is not None)

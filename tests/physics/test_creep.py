@@ -1,0 +1,192 @@
+"""Regularised friction in histories: it resists the velocity of the slip, and creeps."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import block, box, facets
+from test_law import randomise, remainders
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    NormalCompliance,
+    ParametricContact,
+    Regularised,
+)
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.points.memory import Memory
+
+COMM = MPI.COMM_WORLD
+F = 0.4
+N = 30.0
+EPS = 2e-3
+Q = 0.9
+#: Velocity over eps at which the shear is Q of its bound; a cubic's by its trigonometric root.
+CREEP = {
+    "tanh": np.arctanh(Q),
+    "sqrt": Q / np.sqrt(1 - Q**2),
+    "polynomial": 2 * np.sin(np.arcsin(Q) / 3),
+    "linear": Q,
+}
+
+
+def loose(cell, law, *, n=2, comm=COMM, method=None):
+    """A block that nothing holds but the floor, and the Constant of its weight and its load."""
+    domain = box(comm, n, cell)
+    dim = domain.geometry.dim
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
+    force = fem.Constant(domain, -N * np.eye(dim)[-1])
+    floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    below = facets(domain, dim - 1, 0.0)
+    contact = ContactSurface(u, below, obstacle=floor, law=law, method=method)
+    energy = LinearElastic.from_young(1e5, 0.3).energy(u)
+    density = energy - ufl.dot(force, u)
+    tight = {"snes_rtol": 1e-12}
+    return ContactProblem(density * ufl.dx, u, [contact], petsc_options=tight), force
+
+
+def means(history):
+    """Mean slips over the areas (steps, dim)."""
+    tables = [s.result.tables["contact"] for s in history.steps]
+    return np.array([t.area @ t.ut / t.area.sum() for t in tables])
+
+
+def dragged(problem, force, way, times, **given):
+    """The history under a force of Q times the bound, from the weight alone."""
+
+    def load(t):
+        force.value[: len(way)] = Q * F * N * (t > 0) * way
+
+    load(0.0)
+    problem.solve()
+    return QuasiStatic(problem, load).run(times, **given)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("cell", "shape", "method"),
+    [
+        ("quad", "sqrt", None),
+        ("tri", "polynomial", "mixed"),
+        ("quad", "linear", "integral"),
+        ("hex", "sqrt", None),
+        ("tri", "tanh", None),
+    ],
+)
+@pytest.mark.verifies(
+    "regularised friction",
+    "friction of speed and time",
+    "quasi-static",
+    reference="closed form: the velocity eps phi^-1(q)",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_creep(cell, shape, method):
+    """For ever at the velocity eps phi^-1(q), in steps of any length; Coulomb holds the block."""
+    way = np.array([0.6, -0.8]) if cell == "hex" else np.array([1.0])
+    times = np.array([0.0, 1.0, 3.0, 5.0, 10.0, 20.0, 30.0, 31.0])
+    law = Regularised(Coulomb(F), width=1e-3, shape=shape, speed=EPS)
+    for each, velocity in ((law, EPS * CREEP[shape]), (Coulomb(F), 0.0)):
+        history = dragged(*loose(cell, each, method=method), way, times)
+        rates = np.diff(means(history), axis=0)[:, : len(way)] / np.diff(times[1:])[:, None]
+        np.testing.assert_allclose(rates[3:], np.tile(velocity * way, (3, 1)), atol=1e-8 * EPS)
+        # All that the force does from there on goes into friction.
+        before, after = (history.at(t).energies for t in (10.0, 31.0))
+        spent = 21.0 * velocity * Q * F * N
+        assert after.dissipated - before.dissipated == pytest.approx(spent, rel=1e-8, abs=1e-12)
+        assert after.residue == pytest.approx(before.residue, abs=1e-8 * spent + 1e-12)
+
+
+def test_another_speed():
+    """The creep follows a changed eps, as every field of a law."""
+    rates = []
+    for factor in (1.0, 2.0):
+        problem, force = loose("quad", Regularised(Coulomb(F), width=1e-3, speed=EPS))
+        problem.surfaces[0].law.speed.value *= factor
+        history = dragged(problem, force, np.array([1.0]), [0.0, 10.0, 20.0, 30.0])
+        rates.append(np.diff(means(history)[:, 0])[-1] / 10.0)
+    np.testing.assert_allclose(rates, EPS * CREEP["tanh"] * np.array([1.0, 2.0]), rtol=1e-8)
+
+
+def test_an_increment_at_its_velocity():
+    """A step of the length dt is the static law of the width eps dt, as `width` has it."""
+    dt = 0.25
+    tables = []
+    for law, step in (
+        (Regularised(Coulomb(F), speed=EPS), dt),
+        (Regularised(Coulomb(F), width=EPS * dt), 0.0),
+        (NormalCompliance(1e9, friction=Regularised(Coulomb(F), speed=EPS)), dt),
+    ):
+        problem = block(law=law, top=(2e-4, -0.01))
+        (surface,) = problem.surfaces
+        at_rest = np.zeros((surface.points.number, 2))
+        problem = problem.with_memory([Memory(at_rest, step=step)])
+        tables.append(problem.solve().tables["contact"])
+    for other, tolerance in zip(tables[1:], (1e-8, 1e-3), strict=True):
+        size = np.abs(tables[0].force).max()
+        np.testing.assert_allclose(tables[0].force, other.force, rtol=0, atol=tolerance * size)
+    assert tables[0].status == tables[1].status
+
+
+@pytest.mark.parametrize(("cell", "shape"), [("quad", "tanh"), ("tet", "sqrt")])
+def test_jacobian_by_taylor(cell, shape):
+    problem = block(n=2, cell=cell, law=Regularised(Coulomb(F), speed=0.05, shape=shape))
+    x = randomise(problem, 1, 0.01, 10.0)
+    (surface,) = problem.surfaces
+    jump = np.random.default_rng(COMM.rank).normal(0, 0.002, (surface.points.number, surface.dim))
+    problem = problem.with_memory([Memory(jump, step=0.1)])
+    sizes = remainders(problem, x, 2)
+    assert sizes[0] > 1e-9
+    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
+
+
+@pytest.mark.ranks(2)
+def test_what_is_lacking_is_said():
+    """A history knows no width, a static problem no speed; nothing is made of either."""
+    with pytest.raises(ValueError, match="needs a width, or a speed"):
+        Regularised(Coulomb(F))
+    with pytest.raises(ValueError, match=r"speed .* must be finite and positive"):
+        block(law=Regularised(Coulomb(F), speed=-1.0))
+    static = Regularised(Coulomb(F), 1e-3)
+    for law in (static, NormalCompliance(1e6, friction=static)):
+        with pytest.raises(ValueError, match=r"contact: the law .* lacks a speed"):
+            QuasiStatic(block(law=law), lambda _: None)
+    problem = block(law=Regularised(Coulomb(F), speed=1e-3))
+    before = problem.u.x.array.copy()
+    for algorithm in ("newton", "tresca"):
+        with pytest.raises(ValueError, match=r"contact: statically the law .* lacks a width"):
+            problem.solve(algorithm=algorithm)
+    np.testing.assert_array_equal(problem.u.x.array, before)
+    problem = block(law=static)
+    (surface,) = problem.surfaces
+    step = problem.with_memory([Memory(np.zeros((surface.points.number, 2)), step=0.1)])
+    with pytest.raises(ValueError, match=r"in a history the law .* lacks a speed"):
+        step.solve()
+
+
+def test_branches_need_a_time_as_well():
+    """A branch within a step has the velocities of the step."""
+    domain = box(COMM, 2, "quad")
+    gamma = fem.Constant(domain, 0.5)
+    problem = block(n=2, domain=domain, law=Regularised(Coulomb(gamma), speed=1e-2))
+    system = ParametricContact(problem, gamma)
+    x = system.create_vector()
+    with pytest.raises(ValueError, match="lacks a width"):
+        follow(system, x, 0.0, gamma_range=(0.0, 0.5))
+    (surface,) = problem.surfaces
+    problem = problem.with_memory([Memory(np.zeros((surface.points.number, 2)), step=0.1)])
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    problem.write(x)
+    branch = follow(system, x, 0.5, gamma_range=(0.4, 0.5), direction="decreasing")
+    assert branch.points[-1].gamma == pytest.approx(0.4)

@@ -1,0 +1,995 @@
+"""Friction on curved obstacles in large sliding, and rigid bodies that turn."""
+
+from itertools import pairwise
+
+from mpi4py import MPI
+
+import demo_belt
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+from support.blocks import box, facets, same_tables
+from test_large_sliding import DX, OBSTACLES, RUBBER, block, ellipse, shaken
+from test_sliding_pair import smooth
+
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    RCCM,
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    HalfSpace,
+    LevelSet,
+    NonlocalCoulomb,
+    ParametricContact,
+    RigidBody,
+    Sphere,
+    materials,
+    plot,
+)
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.meshing import join
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.records import EvolutionRecord
+
+COMM = MPI.COMM_WORLD
+STEEL = materials.LinearElastic.from_young(1000.0, 0.3)
+
+
+# -- slips along surfaces --------------------------------------------------------------------------
+
+
+def led(obstacle, dim, places):
+    """Increments of the slip, and normals, of contact nodes led from place to place (n, dim)."""
+    problem = block(obstacle, cell="quad" if dim == 2 else "hex", n=2, law=Coulomb(0.3))
+    (s,) = problem.surfaces
+    nodes = s.points.vertex_trace_dofs[: s.points.number]
+    x = s.node_positions
+    found = []
+    memory = None
+    for k, place in enumerate(places):
+        u = np.zeros_like(x)
+        u[nodes] = place - x[nodes]
+        at = s.kinematics(u, None, memory)
+        if k:
+            found.append((at.increment, at.data.n, at.slip))
+        whole = np.zeros_like(at.whole) if k == 0 else at.whole
+        memory = Memory(whole, place=at.place)
+    return found
+
+
+def on_circle(angle, radius, number):
+    turned = radius * np.array([np.sin(angle), np.cos(angle)])
+    return np.tile(turned, (number, 1)), np.tile([np.cos(angle), -np.sin(angle)], (number, 1))
+
+
+@pytest.mark.parametrize("step", [1e-9, 1e-3, 0.1, 0.11, 1.0, 2.5])
+@pytest.mark.verifies(
+    "spheres",
+    "Coulomb",
+    reference="closed form: arcs of circles",
+    aspects=("2D", "large sliding"),
+)
+def test_circle(step):
+    """A point that is led along a circle slips by the arc, in one step up to half a turn."""
+    obstacle = Sphere((0.0, 0.0), 2.0)
+    angles = [-0.3, -0.3 + step, -0.3 + step / 3]
+    number = block(obstacle, n=2).surfaces[0].points.number
+    places = [on_circle(a, 2.0, number)[0] for a in angles]
+    found = led(obstacle, 2, places)
+    for (a, b), (slip, _, _) in zip(pairwise(angles), found, strict=True):
+        exact = 2.0 * (b - a) * on_circle(b, 2.0, number)[1]
+        np.testing.assert_allclose(slip, exact, rtol=0, atol=1e-14 + 1e-12 * abs(b - a))
+    # What memory has turns with the surface.
+    whole = 2.0 * (angles[2] - angles[0]) * on_circle(angles[2], 2.0, number)[1]
+    np.testing.assert_allclose(found[1][2], whole, rtol=0, atol=1e-12)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("kind", ["sphere", "cylinder"])
+@pytest.mark.verifies(
+    "spheres",
+    "cylinders",
+    "Coulomb",
+    reference="closed form: great circles and helices",
+    aspects=("3D", "large sliding"),
+)
+def test_space(kind):
+    """Great circles on a sphere, helices on a cylinder."""
+    start, angle, along = 0.2, 1.3, 0.7
+    frame = Rotation.from_rotvec([0.4, -0.3, 0.8]).as_matrix()
+    axis = frame[:, 1]
+    shape = Sphere((0.0, 0.0, 0.0), 2.0)
+    if kind == "cylinder":
+        shape = Cylinder((0.0, 0.0, 0.0), axis, 2.0)
+    number = block(shape, cell="hex", n=2).surfaces[0].points.number
+
+    def place(part):
+        phi = start + part * angle
+        local = np.array([2 * np.sin(phi), part * along * (kind == "cylinder"), 2 * np.cos(phi)])
+        return np.tile(frame @ local, (number, 1))
+
+    ((slip, _, _),) = led(shape, 3, [place(0.0), place(1.0)])
+    phi = start + angle
+    tangent = np.array([np.cos(phi), 0.0, -np.sin(phi)])
+    exact = 2.0 * angle * frame @ tangent + along * (kind == "cylinder") * axis
+    np.testing.assert_allclose(slip, np.tile(exact, (number, 1)), atol=1e-12)
+
+
+@pytest.mark.verifies(
+    "level sets",
+    "Coulomb",
+    reference="closed form: the arc of an ellipse",
+    aspects=("2D", "large sliding"),
+)
+def test_ellipse():
+    """Where curvature changes a step is off by the fifth power of its length."""
+    obstacle = LevelSet(lambda x: x[0] ** 2 / 4 + x[1] ** 2 - 1.0)
+    number = block(obstacle, n=2).surfaces[0].points.number
+    ends = 0.2, 1.2
+
+    def speed(phi):
+        return np.hypot(2 * np.cos(phi), np.sin(phi))
+
+    exact = quad(speed, *ends, epsabs=1e-14, epsrel=1e-13)[0]
+    errors = []
+    for steps in (2, 4, 8):
+        phi = np.linspace(*ends, steps + 1)
+        places = [np.tile([2 * np.sin(p), np.cos(p)], (number, 1)) for p in phi]
+        found = led(obstacle, 2, places)
+        way = sum(np.linalg.norm(slip[:1], axis=1).sum() for slip, _, _ in found)
+        errors.append(abs(way - exact) if number else 0.0)
+        for slip, n, _ in found:
+            assert np.abs(np.sum(slip * n, axis=1)).max(initial=0.0) < 1e-14
+    if number:
+        assert errors[0] < 5e-3
+        assert errors[1] < errors[0] / 12
+        assert errors[2] < errors[1] / 12
+
+
+# -- derivatives -----------------------------------------------------------------------------------
+
+TURNED = {2: {"rz": 0.3}, 3: {"rx": 0.2, "ry": -0.3, "rz": 0.4}}
+
+
+def on_turned(dim, shape, **given):
+    """Of a body about (0.4, ..., -1) that is pressed, and turned as prescribed."""
+    motion = TURNED[dim] | {"x": 0.02} | ({"y": -0.01} if dim == 3 else {})
+    about = [0.4, *[0.5] * (dim - 2), -1.0]
+    return RigidBody(shape, about=about, motion=motion, load={"y" if dim == 2 else "z": 5.0})
+
+
+def remembering(problem):
+    """The problem of a step at whose beginning the contact points were somewhere else."""
+    (s,) = problem.surfaces
+    place = smooth(s.positions, 5, 0.05)
+    return problem.with_memory([Memory(np.zeros_like(place), place=place, step=1.0)])
+
+
+def errors_of_differences(problem, x, v, sizes):
+    """Of J v against central differences of these sizes at x, over its size. Collective.
+
+    Every status is somewhere, the same at x and beside it; of the rows of contact alone.
+    """
+    eq = problem.equations
+    (s,) = problem.surfaces
+    n = eq.owned_sizes[0]
+    codes = s.law_at_points.codes
+    mine = np.arange(s.points.number) + COMM.rank
+    statuses = [np.array(codes, dtype=np.int8)[mine % len(codes)]]
+    b, after, before, product = (x.duplicate() for _ in range(4))
+    jacobian = Jacobian(eq)
+    jacobian.update(eq.residual(x, b, statuses))
+    jacobian.matrix.mult(v, product)
+    errors = []
+    for eps in sizes:
+        for sign, f in ((eps, after), (-eps, before)):
+            y = x.copy()
+            y.axpy(sign, v)
+            eq.residual(y, f, statuses)
+        after.axpy(-1.0, before)
+        after.scale(0.5 / eps)
+        after.axpy(-1.0, product)
+        rows = [np.sum(f.array_r[n:] ** 2) for f in (after, product)]
+        errors.append(np.sqrt(np.divide(*COMM.allreduce(np.array(rows)))))
+    return errors
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize("remembers", [False, True])
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(
+    ("name", "cell", "given"),
+    [
+        ("disc", "quad", {}),
+        ("ellipse", "tri", {"method": "integral"}),
+        ("disc", "quad", {"degree": 2}),
+        ("ball", "tet", {}),
+        ("bumps", "hex", {}),
+        ("cylinder", "hex", {"method": "integral"}),
+    ],
+)
+@pytest.mark.verifies(
+    "spheres",
+    "cylinders",
+    "level sets",
+    "rigid bodies",
+    "Coulomb",
+    reference="differences: central differences",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_jacobian(name, cell, given, turned, remembers):
+    """Every status somewhere, normals, gaps and slips that follow the displacement."""
+    dim = 2 if cell in ("tri", "quad") else 3
+    shape = OBSTACLES[name]
+    obstacle = on_turned(dim, shape) if turned else shape
+    given = given | ({"sliding": "large"} if turned else {})
+    problem = block(obstacle, cell=cell, n=2, law=Coulomb(0.3), **given)
+    if remembers:
+        problem = remembering(problem)
+    eq = problem.equations
+    x, v = (shaken(problem, size, seed) for size, seed in ((0.05, 1.0), (1.0, 2.0)))
+    n = eq.owned_sizes[0]
+    v.array[:n][eq.fixed[:n]] = 0.0
+    if turned:
+        rest = n + eq.owned_sizes[1]
+        x.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, eq.rigid.prescribed(1.0), 0.03))
+        v.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, 0.0, 1.0))
+    x.array[:n][eq.fixed[:n]] = eq.prescribed.values().reshape(-1)[:n][eq.fixed[:n]]
+    errors = errors_of_differences(problem, x, v, (3e-5, 3e-6))
+    assert errors[0] < 1e-5
+    assert errors[1] < 0.02 * errors[0] + 1e-9
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("method", ["nodal", "integral"])
+@pytest.mark.parametrize("remembers", [False, True])
+@pytest.mark.verifies(
+    "rigid bodies",
+    "moving obstacles",
+    "Coulomb",
+    reference="differences: central differences",
+    aspects=("2D", "3D", "large sliding", "branches"),
+)
+def test_derivative_by_the_motion(dim, method, remembers):
+    """dH/dgamma where a body turns and moves, and of an obstacle that is moved by Constants."""
+    domain = box(COMM, 3 if dim == 2 else 2, "tri" if dim == 2 else "hex")
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    gamma = fem.Constant(domain, 0.3)
+    shape = OBSTACLES["ellipse" if dim == 2 else "bumps"]
+    turning = {name: value * gamma**2 for name, value in TURNED[dim].items()}
+    rest = {"x": 0.1 * gamma, "y": 0.02 * gamma}
+    rest |= {"z": 0.0 * gamma} if dim == 3 else {}
+    body = RigidBody(shape, about=[0.4, *[0.5] * (dim - 2), -1.0], motion=turning | rest)
+    moved = ellipse(domain, (0.4 + 0.3 * gamma, gamma**2 - 1.05), gamma)
+    for obstacle in (body, moved) if dim == 2 else (body,):
+        bottom = facets(domain, dim - 1, 0.0)
+        surface = ContactSurface(
+            u, bottom, obstacle=obstacle, law=Coulomb(0.3), method=method, sliding="large"
+        )
+        held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+        bcs = [fem.dirichletbc(np.zeros(dim), held, V)]
+        problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
+        if remembers:
+            problem = remembering(problem)
+        system = ParametricContact(problem, gamma)
+        x = shaken(problem, 0.05, 1.0)
+        eq = problem.equations
+        contact = slice(eq.owned_sizes[0], sum(eq.owned_sizes[:2]))
+
+        def residual(gamma_now, f, piece, x=x, system=system, eq=eq):
+            """With the body where it is to be, so that nothing is left to go."""
+            gamma.value = gamma_now
+            x.array[sum(eq.owned_sizes[:-1]) :] = eq.rigid.here(eq.prescribed_motions())
+            system.residual(x, gamma_now, f, piece)
+
+        b, c, d = (problem.create_vector() for _ in range(3))
+        x.array[sum(eq.owned_sizes[:-1]) :] = eq.rigid.here(eq.prescribed_motions())
+        piece = system.piece_at(x, 0.3)
+        system.parameter_derivative(x, 0.3, c, piece)
+        errors = []
+        for h in (2e-3, 1e-3):
+            residual(0.3 + h, b, piece)
+            residual(0.3 - h, d, piece)
+            b.axpy(-1.0, d)
+            b.scale(1 / (2 * h))
+            b.axpy(-1.0, c)
+            rows = [np.sum(f.array_r[contact] ** 2) for f in (b, c)]
+            errors.append(np.sqrt(np.divide(*COMM.allreduce(np.array(rows)))))
+        gamma.value = 0.3
+        assert errors[1] < 1e-3
+        assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+
+
+# -- what turns, what slides -----------------------------------------------------------------------
+
+
+class OnBody:
+    """A block held and moved at its top, on a body or another obstacle at its bottom."""
+
+    def __init__(self, dim, obstacle, law, *, n=3, comm=COMM, cell=None, **given):
+        cell = cell or ("quad" if dim == 2 else "hex")
+        domain = box(comm, n, cell)
+        lifted = given.pop("lifted", None)
+        if lifted is not None:
+            x = domain.geometry.x
+            x[:, dim - 1] += (1.0 - x[:, dim - 1]) * lifted(x[:, : dim - 1])
+        self.dim = dim
+        V = fem.functionspace(domain, ("Lagrange", given.pop("degree", 1), (dim,)))
+        self.X = V.tabulate_dof_coordinates()[:, :dim]
+        self.u = fem.Function(V)
+        self.top = fem.Function(V)
+        material = given.pop("material", RUBBER)
+        bottom = mesh.locate_entities_boundary(domain, dim - 1, self._below(dim, lifted))
+        obstacle = obstacle(domain) if callable(obstacle) else obstacle
+        surface = ContactSurface(self.u, bottom, obstacle=obstacle, law=law, **given)
+        held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+        bcs = [fem.dirichletbc(self.top, held)]
+        energy = material.energy(self.u) * DX
+        options = {"snes_rtol": 1e-11}
+        self.problem = ContactProblem(energy, self.u, [surface], bcs=bcs, petsc_options=options)
+        (self.surface,) = self.problem.surfaces
+
+    @staticmethod
+    def _below(dim, lifted):
+        """Which points are on the lower face."""
+
+        def at(x):
+            z = np.zeros(x.shape[1]) if lifted is None else lifted(x[: dim - 1].T)
+            return np.isclose(x[dim - 1], z, atol=1e-9)
+
+        return at
+
+    def move(self, motion):
+        """Prescribe displacements (n, dim) of the positions X (n, dim) at the top."""
+        self.top.x.array[:] = motion(self.X).reshape(-1)
+
+    def run(self, motion, times, **given):
+        """A history; its energies, tables and steps."""
+
+        def load(t):
+            self.move(lambda X: motion(t, X))
+
+        self.evolution = QuasiStatic(self.problem, load)
+        return self.evolution.run(times, **given)
+
+
+def pressed_and_led(t, X, press=0.06, shear=0.04):
+    """Down until t = 1, then to the side."""
+    moved = np.zeros_like(X)
+    moved[:, -1] = -press * min(t, 1.0)
+    moved[:, 0] = shear * max(t - 1.0, 0.0)
+    return moved
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("shape", ["disc", "ellipse", "ball", "cylinder", "bumps"])
+@pytest.mark.parametrize("method", ["nodal", "integral"])
+@pytest.mark.parametrize("angle", [0.2, 1.0])
+@pytest.mark.verifies(
+    "rigid bodies",
+    "spheres",
+    "cylinders",
+    "level sets",
+    "Coulomb",
+    "quasi-static",
+    reference="theorem: a rotation changes nothing",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_turned(shape, method, angle):
+    """A stuck block that turns with the body under it in one step sticks, its tractions turned."""
+    dim = 2 if shape in ("disc", "ellipse") else 3
+    about = np.array([0.4, *[0.5] * (dim - 2), -1.0])
+    names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+    axis = np.array([0.2, 0.9, 0.4]) if dim == 3 else np.array([0.0, 0.0, 1.0])
+    vector = angle * axis / np.linalg.norm(axis)
+    Q = Rotation.from_rotvec(vector).as_matrix()[:dim, :dim]
+    constants = {}
+
+    def body_on(domain):
+        for name in names:
+            constants[name] = fem.Constant(domain, 0.0)
+        return RigidBody(OBSTACLES[shape], about=about, motion=constants)
+
+    block_on = OnBody(dim, body_on, Coulomb(2.0), method=method, sliding="large")
+    body = block_on.surface.rigid_body
+    block_on.run(pressed_and_led, [0.0, 0.5, 1.0, 1.5, 2.0])
+    problem, u = block_on.problem, block_on.u
+    # Held where it is, for a step; then turned in that same step.
+    step = problem.with_memory(block_on.evolution.memory)
+    problem = problem.with_memory(step.equations.advanced(step.evaluate()))
+    still = problem.solve(expected=[problem.evaluate().statuses])
+    assert still.tables["contact"].letters.tolist().count("k") > 1
+    before = u.x.array.reshape(-1, dim).copy()
+    tractions = block_on.surface.multiplier.x.array.reshape(-1, dim).copy()
+    X = block_on.X
+    turned = (X + before - about) @ Q.T + about - X
+    for name, value in zip(names[dim:], vector[-len(names[dim:]) :], strict=True):
+        constants[name].value = value
+    block_on.top.x.array[:] = turned.reshape(-1)
+    u.x.array[:] = turned.reshape(-1)
+    block_on.surface.multiplier.x.array[:] = (tractions @ Q.T).reshape(-1)
+    body.values = body.numbers()
+    found = problem.evaluate()
+    for rows in found.rows:
+        assert np.abs(rows).max(initial=0.0) < 1e-9 * 1000.0
+    # From another start, where the body still has all the way to turn.
+    body.values = np.zeros(len(names))
+    u.x.array[:] = (turned + 1e-3 * smooth(X, 2, 1.0)).reshape(-1)
+    problem.solve(expected=[found.statuses])
+    size = COMM.allreduce(np.abs(tractions).max(initial=0.0), max)
+    off = block_on.surface.multiplier.x.array.reshape(-1, dim) - tractions @ Q.T
+    assert COMM.allreduce(np.abs(off).max(initial=0.0), max) < 1e-9 * size
+    table = problem.table(block_on.surface)
+    if method == "nodal":  # where conditions hold point by point
+        assert np.abs(table.increment[table.letters == "k"]).max() < 1e-9
+
+
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "rigid bodies",
+    reference="itself: an obstacle where the body has come",
+    aspects=("2D", "3D", "large sliding", "branches"),
+)
+def test_a_cam(dim):
+    """A disc or ball beside the axis about which it turns, against one that stands where it is."""
+    about = np.array([0.5, *[0.4] * (dim - 2), -1.45])
+    arm = np.array([0.5, *[0.1] * (dim - 2), 0.2])
+    vector = np.array([0.0, 0.0, 0.7]) if dim == 2 else np.array([0.3, -0.9, 0.2])
+    Q = Rotation.from_rotvec(vector).as_matrix()[:dim, :dim]
+    shift = np.array([0.03, *[0.02] * (dim - 2), 0.08])
+    names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+    gammas = []
+
+    def body_on(domain):
+        gammas.append(fem.Constant(domain, 1.0))
+        values = [*shift, *vector[-(len(names) - dim) :]]
+        motion = {name: v * gammas[0] for name, v in zip(names, values, strict=True)}
+        return RigidBody(Sphere(about + arm, 1.0), about=about, motion=motion)
+
+    law = Frictionless()
+    cam = OnBody(dim, body_on, law, sliding="large")
+    result = cam.problem.solve()
+    still = OnBody(dim, Sphere(about + shift + Q @ arm, 1.0), law).problem.solve()
+    table, expected = (r.tables["contact"] for r in (result, still))
+    assert table.count("o") < len(table.x)
+    for name in ("force", "n", "un"):
+        mine = getattr(expected, name)
+        np.testing.assert_allclose(
+            getattr(table, name), mine, rtol=0, atol=1e-9 * np.abs(mine).max()
+        )
+    assert result.misfit < 1e-9
+    # Forces pass through the centre: their moment about the axis is that of the resultant there.
+    found = result.rigid_bodies["rigid body"]
+    force = -table.force.sum(axis=0)
+    np.testing.assert_allclose(found.contact[:dim], force, atol=1e-9 * np.abs(force).max())
+    moment = np.cross(*(np.pad(v, (0, 3 - dim)) for v in (Q @ arm, force)))[-(len(names) - dim) :]
+    np.testing.assert_allclose(found.contact[dim:], moment, atol=1e-8 * np.abs(force).max())
+    # The same by a branch, along which the body turns.
+    cam.u.x.array[:] = 0.0
+    cam.surface.multiplier.x.array[:] = 0.0
+    cam.surface.rigid_body.values = np.zeros(len(names))
+    gammas[0].value = 0.0
+    system = ParametricContact(cam.problem, gammas[0])
+    cam.problem.solve()
+    x = system.create_vector()
+    cam.problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+    ended = system.result_at(branch.points[-1]).tables["contact"]
+    size = np.abs(expected.force).max()
+    np.testing.assert_allclose(ended.force, expected.force, rtol=0, atol=1e-7 * size)
+
+
+def is_dry(table, friction):
+    """Whether the friction of points that slip is mu p, and against the slip."""
+    slips = np.isin(table.letters, ["+", "-", "s"])
+    assert slips.sum() > 1
+    shear = table.shear[slips]
+    size = np.linalg.norm(shear, axis=1)
+    np.testing.assert_allclose(size, friction * table.pressure[slips], rtol=1e-8)
+    way = table.increment[slips]
+    along = np.sum(way * shear, axis=1) / (size * np.linalg.norm(way, axis=1))
+    assert along.max() < -1 + 1e-6
+    assert np.abs(np.sum(table.increment * table.n, axis=1)).max() < 1e-12
+
+
+def around(t, X, dim, press=0.08, angle=0.5):
+    """Pressed down until t = 1, then led around the axis y through (0.4, ., -1)."""
+    moved = np.zeros_like(X)
+    moved[:, -1] = -press * min(t, 1.0)
+    turn = angle * max(t - 1.0, 0.0)
+    c, s = np.cos(turn), np.sin(turn)
+    arm = X + moved
+    arm = np.stack([arm[:, 0] - 0.4, arm[:, -1] + 1.0])
+    turned = np.array([[c, s], [-s, c]]) @ arm
+    moved[:, 0] = turned[0] + 0.4 - X[:, 0]
+    moved[:, -1] = turned[1] - 1.0 - X[:, -1]
+    return moved
+
+
+@pytest.mark.parametrize(
+    ("dim", "cell", "shape"),
+    [
+        *((2, "quad", "sphere"), (3, "hex", "cylinder")),
+        pytest.param(3, "tet", "sphere", marks=pytest.mark.long),
+        pytest.param(2, "tri", "sphere", marks=pytest.mark.long),
+        pytest.param(3, "hex", "sphere", marks=pytest.mark.long),
+        pytest.param(3, "tet", "cylinder", marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.verifies(
+    "spheres",
+    "cylinders",
+    "Coulomb",
+    "quasi-static",
+    "balance of forces",
+    reference="closed form: slip around an axis, friction against it",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_led_around(dim, cell, shape):
+    """A block led around a cylinder or over a ball: forces balance, friction is mu p."""
+    centre = (0.4, *[0.5] * (dim - 2), -1.0)
+    obstacle = Sphere(centre, 1.0)
+    if shape == "cylinder":
+        obstacle = Cylinder(centre, (0.0, 1.0, 0.0), 1.0)
+    led_block = OnBody(dim, obstacle, Coulomb(0.3), cell=cell, n=4 if dim == 2 else 3)
+    times = [0.0, 0.5, 1.0, *np.linspace(1.1, 3.0, 20)]
+    history = led_block.run(lambda t, X: around(t, X, dim), times)
+    last = history.steps[-1].result
+    table = last.tables["contact"]
+    is_dry(table, 0.3)
+    assert last.imbalance < 1e-9
+    assert last.kkt_violation < 1e-9
+    force = last.resultants["contact"]
+    assert np.linalg.norm(force + last.support) < 1e-9 * np.linalg.norm(force)
+    if shape == "sphere" and dim == 3:
+        return
+    # When all slips nothing but the frame changes any more, and the slip is the angle.
+    tables = [s.result.tables["contact"] for s in history.steps]
+    sliding = [t for t in tables if not np.any(t.letters == "k")][-5:]
+    first = sliding[0]
+    assert len(sliding) == 5
+    np.testing.assert_allclose(first.pressure, table.pressure, atol=1e-3 * table.pressure.max())
+    touching = table.letters != "o"
+    step = np.linalg.norm(table.increment[touching], axis=1)
+    np.testing.assert_allclose(step, 0.5 * 0.1, rtol=1e-3)
+    whole = [np.linalg.norm(t.ut[touching], axis=1) for t in (first, table)]
+    np.testing.assert_allclose(whole[1] - whole[0], 4 * 0.5 * 0.1, rtol=2e-2)
+
+
+# -- against what is known otherwise ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("dim", "cell", "method"),
+    [
+        (2, "tri", "integral"),
+        pytest.param(3, "hex", "nodal", marks=pytest.mark.long),
+        pytest.param(2, "tri", "nodal", marks=pytest.mark.long),
+        pytest.param(3, "hex", "integral", marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.verifies(
+    "planes",
+    "level sets",
+    "rigid bodies",
+    "Coulomb",
+    "quasi-static",
+    reference="itself: the half-space in small sliding",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_on_a_plane(dim, cell, method):
+    """A plane that goes the way of curved obstacles gives the history of a half-space."""
+    normal = np.eye(dim)[-1]
+    point = np.zeros(dim)
+    about = np.array([0.3, *[0.0] * (dim - 1)])
+    held = ["x", "y", "rz"] if dim == 2 else ["x", "y", "z", "rx", "ry", "rz"]
+
+    def plane(x):
+        return 2.0 * x[dim - 1]
+
+    obstacles = [HalfSpace(point, normal), LevelSet(plane)]
+    obstacles.append(RigidBody(LevelSet(plane), about=about, held=held))
+    found = []
+    for obstacle in obstacles:
+        problem = OnBody(dim, obstacle, Coulomb(0.3), cell=cell, method=method, n=3)
+        assert (problem.problem.surfaces[0].displaced is None) == (obstacle is obstacles[0])
+        history = problem.run(pressed_and_led, [0.0, 1.0, 1.5, 2.5, 3.0])
+        found.append(history.steps)
+    assert "k" in found[0][1].result.tables["contact"].letters
+    for steps in found[1:]:
+        for a, b in zip(steps, found[0], strict=True):
+            same_tables(a.result.tables["contact"], b.result.tables["contact"], 1e-9)
+            energies = [e.energies.dissipated for e in (a, b)]
+            assert energies[0] == pytest.approx(energies[1], rel=1e-8, abs=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "spheres",
+    "Coulomb",
+    reference="itself: small sliding, of which it is the limit",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_small_slides(dim):
+    """The difference from small sliding is of second order in the load."""
+    middle = np.array([0.4, 0.6])[: dim - 1]
+
+    def lifted(x):
+        return np.sqrt(9.0 - np.sum((x - middle) ** 2, axis=1)) - 3.0
+
+    differences = []
+    for size in (1e-3, 1e-4):
+        found = []
+        for sliding in ("large", "small"):
+            given = {"material": STEEL, "sliding": sliding, "lifted": lifted}
+            on_ball = OnBody(dim, OBSTACLES["disc" if dim == 2 else "ball"], Coulomb(0.2), **given)
+
+            def motion(t, X, size=size):
+                moved = np.zeros_like(X)
+                moved[:, -1] = -size * min(t, 1.0)
+                moved[:, 0] = size * (0.1 + 0.1 * X[:, 0]) * t
+                return moved
+
+            history = on_ball.run(motion, [0.0, 1.0, 2.0])
+            letters = [step.result.tables["contact"].letters for step in history.steps]
+            assert "k" in letters[0]
+            assert np.isin(letters[1], ["+", "-", "s"]).any()
+            found.append(on_ball.u.x.array.copy())
+        off = COMM.allreduce(np.abs(found[0] - found[1]).max(initial=0.0), max)
+        differences.append(off / size)
+    assert differences[0] < 1e-2
+    assert differences[1] < 0.11 * differences[0]
+
+
+def drum_of_a_body(friction, moved, n, stiffness=1e5):
+    """A block on an elastic drum, as `OnBody` on a rigid one, by a pair that slides."""
+    upper = mesh.create_unit_square(COMM, n, n, mesh.CellType.quadrilateral)
+    lower = mesh.create_rectangle(
+        COMM, [np.array([0.0, 0.0]), np.array([1.0, 1.0])], [3 * n, 3], mesh.CellType.quadrilateral
+    )
+    tags = []
+    for domain, below, above in ((upper, 3, 4), (lower, 1, 2)):
+        low, high = facets(domain, 1, 0.0), facets(domain, 1, 1.0)
+        every = np.concatenate([low, high])
+        values = np.concatenate([np.full(len(low), below), np.full(len(high), above)])
+        order = np.argsort(every)
+        tags.append(mesh.meshtags(domain, 1, every[order], values[order].astype(np.int32)))
+    s, across = lower.geometry.x[:, :2].T.copy()
+    angle = 1.2 * (s - 0.4)
+    r = 0.7 + 0.3 * across
+    lower.geometry.x[:, 0] = 0.4 + r * np.sin(angle)
+    lower.geometry.x[:, 1] = r * np.cos(angle) - 1.0
+    both = join([lower, upper], facet_tags=tags[::-1])
+    V = fem.functionspace(both.mesh, ("Lagrange", 1, (2,)))
+    u, top = fem.Function(V), fem.Function(V)
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(friction), sliding="large")
+    bcs = []
+    for tag, value in ((1, np.zeros(2)), (4, top)):
+        dofs = fem.locate_dofs_topological(V, 1, both.facet_tags.find(tag))
+        bcs.append(fem.dirichletbc(value, dofs, V) if tag == 1 else fem.dirichletbc(value, dofs))
+    W = fem.functionspace(both.mesh, ("DG", 0))
+    scale = fem.Function(W)
+    middle = mesh.compute_midpoints(both.mesh, 2, np.arange(len(scale.x.array), dtype=np.int32))
+    scale.x.array[:] = np.where(middle[:, 1] > 0.0, 1.0, stiffness)
+    problem = ContactProblem(scale * RUBBER.energy(u) * DX, u, [pair], bcs=bcs)
+    X = V.tabulate_dof_coordinates()[:, :2]
+
+    def load(t):
+        top.x.array[:] = moved(t, X).reshape(-1)
+
+    return problem, load
+
+
+@pytest.mark.verifies(
+    "spheres",
+    "Coulomb",
+    "quasi-static",
+    reference="itself: a pair of bodies, one of which is nearly rigid",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_against_a_stiff_body():
+    """Forces of a block led around a rigid drum, and around one of 1e5 times its stiffness."""
+
+    def moved(t, X):
+        return around(t, X, 2, angle=0.2)
+
+    times = [0.0, 0.5, 1.0, *np.linspace(1.1, 2.0, 10)]
+    off = []
+    for n in (4, 8, 16):
+        rigid = OnBody(2, Sphere((0.4, -1.0), 1.0), Coulomb(0.3), n=n)
+        expected = rigid.run(moved, times).steps[-1].result.resultants["contact"]
+        problem, load = drum_of_a_body(0.3, moved, n)
+        history = QuasiStatic(problem, load).run(times)
+        force = history.steps[-1].result.resultants["contact"]
+        off.append(np.abs(force - expected).max() / np.abs(expected).max())
+    assert off[-1] < 0.02
+    assert off[1] < 0.6 * off[0]
+    assert off[2] < 0.6 * off[1]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("turning", [pytest.param(False, marks=pytest.mark.long), True])
+@pytest.mark.verifies(
+    "energies of histories",
+    "rigid bodies",
+    "Coulomb",
+    reference="closed form: external work less stored energy and friction is nothing",
+    aspects=("2D", "large sliding"),
+)
+def test_energy(turning):
+    """Of a block led over a drum, or held on one that turns: the residue falls with the steps."""
+    rests = []
+    for steps in (10, 20, 40):
+        constants = {}
+
+        def drum(domain, constants=constants):
+            constants["rz"] = fem.Constant(domain, 0.0)
+            shape = Sphere((0.4, -1.0), 1.0)
+            if not turning:
+                return shape
+            return RigidBody(shape, about=(0.4, -1.0), motion=constants, held=["x", "y"])
+
+        given = {"sliding": "large"} if turning else {}
+        on_drum = OnBody(2, drum, Coulomb(0.3), n=4, **given)
+
+        def load(t, on_drum=on_drum, constants=constants):
+            if turning:
+                constants["rz"].value = 0.3 * max(t - 1.0, 0.0)
+            on_drum.move(lambda X: around(t, X, 2, angle=0.0 if turning else 0.3))
+
+        times = np.linspace(0.0, 3.0, 3 * steps + 1)
+        history = QuasiStatic(on_drum.problem, load).run(times)
+        first = history.steps[2 * steps - 1].energies
+        last = history.steps[-1].energies
+        spent = last.dissipated - first.dissipated
+        table = history.steps[-1].result.tables["contact"]
+        force = float(np.sum(np.linalg.norm(table.rt, axis=1)))
+        assert spent == pytest.approx(0.3 * force, rel=1e-2)
+        rests.append(abs(last.residue) / last.external)
+    assert rests[-1] < 3e-3
+    assert rests[2] < 0.6 * rests[1] < 0.36 * rests[0]
+
+
+@pytest.mark.verifies(
+    "NSCD motion",
+    "energies of motions",
+    "Coulomb",
+    reference="closed form: the balance of energy",
+    aspects=("2D", "large sliding"),
+)
+def test_motion():
+    """A block led around a drum, by steps that dissipate: what is nowhere falls with the steps."""
+    rests = []
+    for steps in (40, 80):
+        on_drum = OnBody(2, Sphere((0.4, -1.0), 1.0), Coulomb(0.3), n=4)
+
+        def load(t, on_drum=on_drum):
+            on_drum.move(lambda X: around(1.0 + t**2, X, 2, angle=0.5))
+
+        load(0.0)
+        on_drum.problem.solve()
+        motion = NSCD(on_drum.problem, 1e-3, dt=1.0 / steps, load=load, theta=1.0)
+        last = motion.run([0.0, 1.0]).steps[-1].energies
+        assert last.dissipated > 5.0
+        rests.append(abs(last.residue) / last.external)
+    assert rests[1] < 0.03
+    assert rests[1] < 0.85 * rests[0]
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
+@pytest.mark.verifies(
+    "Coulomb",
+    "rigid bodies",
+    reference="itself: on one rank",
+    aspects=("2D", "3D", "large sliding"),
+)
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("method", ["nodal", "integral"])
+def test_ranks(dim, method):
+    """Tables and energies of a slide over a body that turns do not depend on ranks."""
+    names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+    found = []
+    for comm in (COMM, MPI.COMM_SELF):
+        constants = {}
+
+        def body_on(domain, constants=constants):
+            constants |= {name: fem.Constant(domain, 0.0) for name in names}
+            shape = OBSTACLES["ellipse" if dim == 2 else "bumps"]
+            return RigidBody(shape, about=[0.4, *[0.5] * (dim - 2), -1.0], motion=constants)
+
+        given = {"sliding": "large", "method": method, "comm": comm}
+        on_body = OnBody(dim, body_on, Coulomb(0.15), n=4 if dim == 2 else 3, **given)
+
+        def load(t, on_body=on_body, constants=constants):
+            constants[names[-2 if dim == 3 else -1]].value = -0.1 * max(t - 1.0, 0.0)
+            on_body.move(lambda X: pressed_and_led(t, X, press=0.12, shear=0.1))
+
+        evolution = QuasiStatic(on_body.problem, load)
+        history = evolution.run(np.arange(0.0, 2.6, 0.5))
+        found.append(history.steps[-1])
+    mine, alone = (step.result.tables["contact"] for step in found)
+    assert np.isin(mine.letters, ["+", "-", "s"]).any()
+    same_tables(mine, alone, 1e-8)
+    a, b = (step.energies for step in found)
+    for name in ("external", "stored", "dissipated"):
+        assert getattr(a, name) == pytest.approx(getattr(b, name), rel=1e-8)
+
+
+@pytest.mark.parametrize("method", [pytest.param("nodal", marks=pytest.mark.long), "integral"])
+@pytest.mark.verifies(
+    "records of histories",
+    "Coulomb",
+    reference="itself: a history without a stop",
+    aspects=("2D", "large sliding", "records"),
+)
+def test_resumed(folder, method):
+    """A history that is resumed from its record knows where its points were on the obstacle."""
+
+    def made():
+        on_disc = OnBody(2, OBSTACLES["disc"], Coulomb(0.3), method=method)
+
+        def load(t):
+            on_disc.move(lambda X: pressed_and_led(t, X, shear=0.2))
+
+        return on_disc, QuasiStatic(on_disc.problem, load)
+
+    times = [0.0, 1.0, 1.5, 2.0, 2.5]
+    _, whole = made()
+    expected = whole.run(times, rays=False).steps[-1].result.tables["contact"]
+
+    def watch(step):
+        if step.number == 2:
+            raise Stopped
+
+    _, begun = made()
+    with EvolutionRecord(folder, begun) as record, pytest.raises(Stopped):
+        begun.run(times, rays=False, record=record, observer=watch)
+    _, again = made()
+    with EvolutionRecord(folder, again, resume=True) as record:
+        found = record.go_on().steps[-1].result
+    same_tables(found.tables["contact"], expected, 1e-9)
+
+
+class Stopped(Exception):
+    """What an observer raises."""
+
+
+# -- what is not there -----------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses("rigid bodies", aspects=("2D", "large sliding"))
+def test_half_a_turn_in_a_step_is_refused():
+    """A rotation by a whole turn leaves every place as it was, and no slip could be seen."""
+    turns = []
+
+    def body(domain):
+        turns.append(fem.Constant(domain, 0.0))
+        motion = {"x": 0.0, "y": 0.0, "rz": turns[0]}
+        return RigidBody(Sphere((0.4, -1.0), 1.0), about=(0.4, -1.0), motion=motion)
+
+    on_body = OnBody(2, body, Coulomb(0.3), sliding="large")
+    on_body.move(lambda X: np.tile([0.0, -0.05], (len(X), 1)))
+    turn = turns[0]
+    for angle in (3.3, -2 * np.pi):
+        turn.value = angle
+        with pytest.raises(ValueError, match="rad in one step: slips on it are known below half"):
+            on_body.problem.solve()
+    turn.value = 3.0
+    assert on_body.problem.solve().converged
+    turn.value = 0.0
+    on_body.u.x.array[:] = 0.0
+    on_body.problem.solve()
+
+    def load(t):
+        turn.value = t
+
+    evolution = QuasiStatic(on_body.problem, load)
+    with pytest.raises(ValueError, match="rad in one step: slips on it are known below half"):
+        evolution.run([0.0, 2 * np.pi])
+    history = evolution.run([0.0, 2.0, 4.0])
+    assert history.energies.dissipated > 0
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses(
+    "mixed contact", "RCCM adhesion", "nonlocal friction", "NSCD motion", aspects=("large sliding",)
+)
+def test_refused():
+    """Laws that need more than increments of slip, and what is about velocities."""
+    disc = Sphere((0.4, -3.0), 3.0)
+    for given, message in (
+        ({"law": RCCM(0.3, 100.0, 100.0, 0.1)}, "no friction with the law RCCM, which has bonds"),
+        (
+            {"law": NonlocalCoulomb(0.3, radius=0.3)},
+            "no friction with the law .*, which averages the pressure around points",
+        ),
+        ({"law": Coulomb(0.3), "method": "mixed"}, "gaps of mixed contact are averages"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            OnBody(2, disc, sliding="large", **given)
+    on_disc = OnBody(2, disc, Coulomb(0.3))
+    with pytest.raises(ValueError, match="large sliding on a curved obstacle is about positions"):
+        NSCD(on_disc.problem, 1.0, dt=0.1, level="velocity", mass="lumped")
+    turned = RigidBody(disc, about=(0.0, 0.0), motion={"rz": 0.1}, held=["x"], load={"y": 1.0})
+    assert OnBody(2, turned, Coulomb(0.3)).surface.displaced is None  # by default it turns little
+    adhesive = RCCM(10.0, 10.0, 0.1)
+    with pytest.raises(ValueError, match="no friction with the law RCCM, which has bonds"):
+        OnBody(2, turned, adhesive, sliding="large")
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("component", [0, 1])
+def test_held_in_part(component):
+    """A node on a plane of symmetry of a drum; one that is held elsewhere is refused."""
+    domain = mesh.create_rectangle(
+        COMM, [np.array([0.0, 0.0]), np.array([0.5, 1.0])], [3, 4], mesh.CellType.quadrilateral
+    )
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+
+    def problem(centre, moved=0.0):
+        u = fem.Function(V)
+        drum = Sphere((centre, -1.0), 1.0)
+        surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=drum, law=Coulomb(0.3))
+        W = V.sub(component)
+        side = fem.locate_dofs_topological(W, 1, facets(domain, 0, 0.0))
+        top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+        bcs = [fem.dirichletbc(np.array([moved, -0.08]), top, V)]
+        bcs.append(fem.dirichletbc(moved, side, W))
+        return ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
+
+    if component == 1:
+        with pytest.raises(ValueError, match="fix the normal displacement alone"):
+            problem(0.0)
+        return
+    result = problem(0.0).solve()
+    assert result.kkt_violation < 1e-9
+    with pytest.raises(ValueError, match="neither normal nor tangential"):
+        problem(0.3)
+    with pytest.raises(ValueError, match="was tangential to the obstacle and is not where it is"):
+        problem(0.0, 0.1).solve()
+
+
+# -- the demo --------------------------------------------------------------------------------------
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "spheres",
+    "hyperelastic bodies",
+    "Coulomb",
+    "quasi-static",
+    reference="closed form: Euler's belt on a drum",
+    aspects=("2D", "large sliding"),
+)
+def test_demo(folder, monkeypatch):
+    """T2/T1 = exp(mu alpha), and its convergence with cells and thickness."""
+    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
+    off = []
+    for n in (64, 128):
+        words = [f"--n={n}", f"--steps={n // 2}", f"--output={folder / str(n)}"]
+        found = demo_belt.main(words)
+        assert found["kkt_violation"] < 1e-9
+        assert found["slid"] > 0.6 * found["way"] > 3 * found["cell"]
+        off.append(found["ratio"] / found["ratio_of_thickness"] - 1)
+    # A belt without thickness, to half a percent.
+    assert found["ratio"] == pytest.approx(found["ratio_closed_form"], rel=5e-3)
+    assert found["ratio_closed_form"] == pytest.approx(np.exp(0.3 * np.pi), rel=1e-15)
+    assert abs(off[1]) < 1e-3
+    assert abs(off[1]) < 0.4 * abs(off[0])
+    words = ["--n=128", "--steps=64", "--thickness=0.02", f"--output={folder / 'thick'}"]
+    found = demo_belt.main(words)
+    assert found["ratio"] == pytest.approx(found["ratio_of_thickness"], rel=2e-3)
+    assert found["ratio"] < 0.995 * found["ratio_closed_form"]

@@ -1,0 +1,775 @@
+"""Interfaces by an energy and a dissipation: what they are instances of, and closed forms."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from support.blocks import block
+from test_adhesion import along, bonded
+from test_adhesion_in_time import Point
+from test_arc_length import bar
+from test_law import randomise, remainders
+
+import ufl
+
+from dolfinx_contact import RCCM, BilinearCohesive, MaxwellLayer, Tresca
+from dolfinx_contact.evolution import ArcLength, QuasiStatic
+from dolfinx_contact.laws import Interface, Internal
+from dolfinx_contact.laws.status import BROKEN, DAMAGING
+from dolfinx_contact.points.memory import Memory
+
+COMM = MPI.COMM_WORLD
+C = 100.0
+W = 1.0
+
+
+def adhesion(exponent=1.0, end=None):
+    """RCCM as Raous, Cangemi and Cocou write it: energy (1), dissipation (4)."""
+
+    @dataclass(frozen=True)
+    class Adhesion(Interface):
+        normal: Any
+        tangential: Any
+        work: Any
+        friction: Any = 0.0
+        viscosity: Any = 0.0
+        beta: Any = 1.0
+        internal = (Internal("beta", "falls", end=end),)
+        needs_time = ("viscosity",)
+
+        def energy(self, state):
+            beta = state["beta"]
+            slid = ufl.dot(state.moved, state.moved)
+            springs = self.normal * state.opening**2 + self.tangential * slid
+            return beta**2 / 2 * springs + (1 - beta) * self.work
+
+        def dissipation(self, rates, state):
+            p = exponent
+            slips = self.friction * (1 - state["beta"]) * state.pressure * rates.slip
+            return slips + self.viscosity / (p + 1) * abs(rates["beta"]) ** (p + 1)
+
+    return Adhesion
+
+
+@dataclass(frozen=True)
+class Given(Interface):
+    """Tresca's friction."""
+
+    threshold: Any
+    needs_pressure = False
+
+    def dissipation(self, rates, state):
+        return self.threshold * rates.slip
+
+
+@dataclass(frozen=True)
+class Creeping(Interface):
+    """A Maxwell layer that damage weakens, with its threshold and viscosity: all is coupled."""
+
+    stiffness: Any
+    flows: Any
+    work: Any
+    viscosity: Any
+    damage: Any = 0.0
+    internal = (Internal("y", vector=True), Internal("damage", "grows", end=1.0))
+    needs_time = ("flows", "viscosity")
+
+    def energy(self, state):
+        elastic = state.jump - state["y"]
+        return (1 - state["damage"]) ** 2 * self.stiffness / 2 * ufl.dot(elastic, elastic)
+
+    def dissipation(self, rates, state):
+        flow = self.flows / 2 * ufl.dot(rates["y"], rates["y"])
+        return flow + self.work * rates["damage"] + self.viscosity / 2 * rates["damage"] ** 2
+
+
+POWERS = [
+    (2, 1.0, None),
+    (2, 0.5, 0.0),
+    (3, 2.0, None),
+    pytest.param(3, 0.5, 0.0, marks=pytest.mark.long),
+]
+
+
+@pytest.mark.each_value
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+@pytest.mark.parametrize(("dim", "exponent", "end"), POWERS)
+@pytest.mark.parametrize("viscosity", [0.0, 0.3])
+def test_adhesion_at_a_point(dim, exponent, end, viscosity):
+    """Statuses, intensity, answers and derivatives are those of the direct law at any state."""
+    given = dict(normal=100.0, tangential=60.0, work=1.0, friction=0.4, viscosity=viscosity)
+    laws = RCCM(exponent=exponent, **given), adhesion(exponent, end)(**given)
+    points = [Point(law, dim, r=1000.0) for law in laws]
+    rng = np.random.default_rng(3)
+    seen = set()
+    for k in range(120):
+        jump = 0.1 * rng.normal(size=dim) + 0.1 * (np.arange(dim) < dim - 1)
+        traction = 10 * rng.normal(size=dim)
+        a, b = (p.to(0.1 * k, jump, traction) for p in points)
+        assert b == pytest.approx(a, rel=1e-12)
+        one, other = (p.answers for p in points)
+        codes = one.required
+        np.testing.assert_array_equal(other.required, codes)
+        for name, size in (("traction", 10.0), ("by_jump", 1000.0), ("by_traction", 1.0)):
+            x = getattr(one, name)(codes)
+            y = getattr(other, name)(codes)
+            np.testing.assert_allclose(x, y, rtol=0, atol=1e-11 * size)
+        lost = [p.answers.bond("spent")[0] for p in points]
+        if k > 0:
+            assert lost[0] - lost[1] == pytest.approx(points[0].lost * W, rel=1e-10, abs=1e-13)
+        seen.add(int(codes[0]))
+    assert {0, 1, 2, DAMAGING} <= seen
+
+
+def senses(table):
+    """Letters of a table; a slip that is round-off, as where all is only pressed, has no sense."""
+    idle = np.linalg.norm(table.increment, axis=1) < 1e-12
+    return "".join(
+        "s" if none and a in "+-" else a for a, none in zip(table.letters, idle, strict=True)
+    )
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("cell", "given"),
+    [
+        pytest.param("quad", {}, marks=pytest.mark.long),
+        pytest.param("quad", {"method": "integral", "degree": 2}, marks=pytest.mark.long),
+        pytest.param("tri", {"pair": True}, marks=pytest.mark.long),
+        ("tet", {}),
+    ],
+)
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    "RCCM adhesion",
+    "quasi-static",
+    reference="itself: the law written out",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+def test_adhesion_of_a_block(cell, given):
+    """A history of all statuses is that of the direct law; what damage costs is stored."""
+    aside = [0.0] * (cell == "tet")
+    corners = (0.0, *aside, -0.02), (0.2, *aside, -0.02), (0.1, *aside, 0.3), (0.1, *aside, -0.01)
+    histories = []
+    for law in (RCCM(C, 0.6 * C, W, 0.4, 0.05), adhesion()(C, 0.6 * C, W, 0.4, 0.05)):
+        problem, top = bonded(cell, law=law, **given)
+        histories.append(QuasiStatic(problem, along(top, *corners)).run(np.linspace(0.0, 4.0, 25)))
+    seen = set()
+    for a, b in zip(*(h.steps for h in histories), strict=True):
+        s, t = (step.result.tables["contact"] for step in (a, b))
+        assert senses(s) == senses(t)
+        assert "".join(s.bond) == "".join(t.bond)
+        size = np.abs(s.force).max() + 1.0
+        np.testing.assert_allclose(t.beta, s.beta, rtol=1e-10)
+        np.testing.assert_allclose(t.force, s.force, rtol=0, atol=1e-10 * size)
+        np.testing.assert_allclose(t.adhesion, s.adhesion, rtol=0, atol=1e-10 * size)
+        damage = W * float(np.dot(1 - s.beta, s.area))
+        one = a.energies
+        other = b.energies
+        assert other.stored - one.stored == pytest.approx(damage, rel=1e-9, abs=1e-12)
+        assert one.damage - other.damage == pytest.approx(damage, rel=1e-9, abs=1e-12)
+        assert other.dissipated == pytest.approx(one.dissipated, rel=1e-9, abs=1e-12)
+        seen |= {*s.letters, *s.bond}
+    assert {"o", "i", "d"} < seen
+
+
+@pytest.mark.parametrize("cell", [pytest.param("tri", marks=pytest.mark.long), "hex"])
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    "Tresca",
+    reference="itself: Tresca's law",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_given_friction(cell):
+    """Tresca's law, at open points too: static, and in a history."""
+    found = []
+    for law in (Tresca(2.0), Given(2.0)):
+        problem = block(cell=cell, n=2, law=law)
+        problem.solve()
+        table = problem.table(problem.surfaces[0])
+        problem2, top = bonded(cell, law=law)
+        aside = [0.0] * (cell == "hex")
+        load = along(top, (0.01, *aside, -0.01), (0.01, *aside, 0.01), (-0.01, *aside, 0.01))
+        history = QuasiStatic(problem2, load).run(np.linspace(0.0, 3.0, 7))
+        found.append((table, [s.result.tables["contact"] for s in history.steps], history))
+    for a, b in zip([found[0][0], *found[0][1]], [found[1][0], *found[1][1]], strict=True):
+        assert a.status == b.status
+        size = np.abs(a.force).max() + 1.0
+        np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-10 * size)
+        assert b.bond is None
+    a = found[0][2].energies
+    b = found[1][2].energies
+    assert b.dissipated == pytest.approx(a.dissipated, rel=1e-9)
+    assert a.dissipated > 0
+    rubbed = [t.friction[t.letters == "o"] for t in found[1][1]]
+    assert max(np.abs(f).max(initial=0.0) for f in rubbed) > 0.1
+
+
+@dataclass(frozen=True)
+class Sticky(Interface):
+    """Friction by the pressure, and a part that needs none."""
+
+    threshold: Any
+    friction: Any
+    needs_pressure = False
+
+    def dissipation(self, rates, state):
+        return (self.threshold + self.friction * state.pressure) * rates.slip
+
+
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+def test_friction_with_and_without_pressure(cell):
+    """Both parts where points are closed, one where they are open."""
+    problem, top = bonded(cell, law=Sticky(2.0, 0.5))
+    aside = [0.0] * (cell == "hex")
+    load = along(top, (0.1, *aside, -0.01), (0.2, *aside, 0.05))
+    history = QuasiStatic(problem, load).run(np.linspace(0.0, 2.0, 9))
+    pressed, lifted = (history.steps[i].result.tables["contact"] for i in (3, 7))
+    for t in (pressed, lifted):
+        bound = 2.0 * t.area + 0.5 * t.rn
+        np.testing.assert_allclose(np.linalg.norm(t.rt, axis=1), bound, rtol=1e-9)
+        np.testing.assert_allclose(t.bound, bound, rtol=1e-9)
+    assert set("+s") & set(pressed.letters)
+    assert pressed.rn.max() > 1.0
+    assert set(lifted.letters) == {"o"}
+    assert (lifted.rn == 0).all()
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "Maxwell layer",
+    reference="closed form: relaxation of a jump that is held",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_maxwell_layer(dim):
+    """Relaxation of a jump that is held: implicit Euler's to round-off, of first order."""
+    k = 3.0
+    b = 0.6
+    c = 0.5
+    held = np.array([0.2, 0.1, 0.15])[-dim:]
+    off = []
+    for n in (10, 20, 40):
+        point = Point(MaxwellLayer(k, b, c), dim, r=1000.0)
+        dt = 0.4 / n
+        point.to(0.0, 0.0 * held)
+        y = 0.0 * held
+        for i in range(1, n + 1):
+            found = point.to(i * dt, held)
+            y = (y + dt * k / b * held) / (1 + dt * k / b)
+            np.testing.assert_allclose(found, y, rtol=1e-13)
+            traction = point.answers.bond("traction")[0]
+            np.testing.assert_allclose(traction, -k * (held - y) - c * held, rtol=1e-13)
+        exact = -(k * np.exp(-k * 0.4 / b) + c) * held
+        off.append(np.linalg.norm(traction - exact))
+    assert 0.9 < np.log2(off[0] / off[1]) < 1.1
+    assert 0.9 < np.log2(off[1] / off[2]) < 1.1
+
+
+@pytest.mark.verifies(
+    "Maxwell layer",
+    "energies of histories",
+    reference="closed form: a spring behind a dashpot",
+    aspects=("2D",),
+)
+def test_maxwell_layer_under_a_block():
+    """Lifted and held: pull falls to that of the other spring; what is spent is the rest."""
+    residues = []
+    spent = []
+    for n in (20, 40):
+        problem, top = bonded("quad", law=MaxwellLayer(50.0, 10.0, 5.0), young=1e4, snes_rtol=1e-10)
+        load = along(top, (0.0, 0.1), (0.0, 0.1), (0.0, 0.1))
+        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, n + 1))
+        lifted = history.steps[-1].result.tables["contact"]
+        residues.append(abs(history.energies.residue))
+        spent.append(history.energies.damage)
+    np.testing.assert_allclose(lifted.internal["flow_1"], lifted.un, rtol=1e-3)
+    np.testing.assert_allclose(-lifted.pressure, 5.0 * lifted.un, rtol=0.01)
+    assert set(lifted.bond) == {"i"}
+    # Of a spring k that is drawn at the speed V behind a dashpot, for 1, and then left: k e^2/tau.
+    V = lifted.un.mean()
+    tau = 10.0 / 50.0
+    drawn = 1 - 2 * tau * -np.expm1(-1 / tau) + tau / 2 * -np.expm1(-2 / tau)
+    exact = 50.0 * V**2 * tau * (drawn + tau / 2 * np.expm1(-1 / tau) ** 2)
+    assert 2 * spent[1] - spent[0] == pytest.approx(exact, rel=0.02)
+    assert residues[1] < 0.6 * residues[0]
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+@pytest.mark.verifies(
+    "bilinear cohesion", reference="closed form: traction, secant and cost", aspects=("2D",)
+)
+def test_cohesion_at_a_point():
+    """Rises, falls, unloads along the secant, breaks, and has cost what it says."""
+    strength = 2.0
+    a = 0.1
+    b = 0.3
+    point = Point(BilinearCohesive(strength, a, b), r=1000.0)
+    spent = 0.0
+    far = 0.0
+    ways = [0.05, 0.1, 0.15, 0.2, 0.1, 0.3, 0.399, 0.41, 0.5, 0.2]
+    for k, d in enumerate(ways):
+        jump = np.array([0.6, 0.8]) * d if k % 2 else np.array([0.0, d])
+        damage = point.to(k, jump)
+        far = max(far, d)
+        secant = strength / a if far <= a else max(strength * (a + b - far) / b / far, 0.0)
+        assert damage == pytest.approx(1 - secant / (strength / a), abs=1e-13)
+        np.testing.assert_allclose(point.answers.bond("traction")[0], -secant * jump, atol=1e-13)
+        spent += point.answers.bond("spent")[0]
+        code = 0 if d <= a or d < far else DAMAGING if d < a + b else BROKEN
+        assert point.answers.required[0] == (BROKEN if far >= a + b else code)
+        assert point.answers.bond("broken")[0] == (far >= a + b)
+    assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-13)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+@pytest.mark.parametrize(
+    ("strength", "a", "b"), [(2.0, 0.1, 0.3), (0.05, 0.01, 0.1), (7.0, 3.0, 1e-2)]
+)
+def test_cohesion_at_its_strength(strength, a, b):
+    """Where paths come to kinks: of what damages by less than round-off no digit is known."""
+    law = BilinearCohesive(strength, a, b)
+    for ulps in range(-3, 8):
+        point = Point(law, r=1000.0)
+        point.to(0, (0.0, 0.5 * a))
+        damage = point.to(1, (0.0, a * (1 + ulps * np.finfo(float).eps)))
+        assert 0.0 <= damage <= 20 * (1 + a / b) * np.finfo(float).eps
+        assert point.answers.bond("traction")[0, 1] == pytest.approx(-strength, rel=1e-12)
+        assert 0.0 <= point.answers.bond("spent")[0] <= 1e-12 * strength * (a + b)
+        later = point.to(2, (0.0, a + b / 2))
+        assert later == pytest.approx(1 - 0.5 * a / (a + b / 2), rel=1e-12)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+def test_what_a_brittle_bond_costs():
+    """Is what it says however few the steps: softening over a thousand times the elastic size."""
+    strength = 2.0
+    a = 1e-4
+    b = 0.1
+    for ways in ([1.0], [0.01, 0.03, 1.0], [0.01, 0.005, 0.0999, 0.2]):
+        point = Point(BilinearCohesive(strength, a, b), r=1000.0)
+        point.to(0, (0.0, 0.0))
+        spent = 0.0
+        far = a
+        for k, d in enumerate(ways, start=1):
+            point.to(k, (0.0, d))
+            spent += point.answers.bond("spent")[0]
+            far = min(max(far, d), a + b)
+            # What was put in, less the triangle under the secant.
+            under = strength * (a / 2 + (far - a) * (1 - (far - a) / b / 2))
+            under -= strength * (a + b - far) / b * far / 2
+            assert spent == pytest.approx(under, rel=1e-12)
+        assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-12)
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "bilinear cohesion",
+    "energies of histories",
+    reference="closed form: its cost, and the friction that is left",
+    aspects=("2D",),
+)
+def test_cohesion_with_friction():
+    """Dragged under pressure until it is broken: then friction alone is left."""
+    law = BilinearCohesive(2.0, 0.002, 0.01, 0.5)
+    problem, top = bonded("quad", law=law, young=1000.0)
+    history = QuasiStatic(problem, along(top, (0.0, -0.01), (0.05, -0.01))).run(
+        np.linspace(0.0, 2.0, 21)
+    )
+    first = history.steps[9]
+    last = history.steps[-1]
+    t = first.result.tables["contact"]
+    assert set(t.bond) == {"i"}
+    np.testing.assert_allclose(t.friction, 0.0, atol=1e-9)
+    t = last.result.tables["contact"]
+    assert set(t.bond) == {"b"}
+    np.testing.assert_array_equal(t.internal["damage"], 1.0)
+    np.testing.assert_allclose(t.adhesion, 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.abs(t.along(t.rt)), 0.5 * t.rn, rtol=1e-9)
+    assert set(last.status) == {"+"}
+    assert last.energies.damage == pytest.approx(2.0 * 0.012 / 2, rel=1e-9)
+
+
+@dataclass(frozen=True)
+class Magnet(Interface):
+    """It draws with the traction s, which fades with the opening; friction of what is pressed."""
+
+    strength: Any
+    reach: Any
+    friction: Any
+
+    def energy(self, state):
+        return -self.strength * self.reach * ufl.exp(-state.opening / self.reach)
+
+    def dissipation(self, rates, state):
+        return self.friction * state.pressure * rates.slip
+
+
+def test_a_traction_without_opening():
+    """What draws at closed points presses them, and friction knows; they open beyond it."""
+    problem, top = bonded("quad", law=Magnet(3.0, 0.01, 0.5))
+    load = along(top, (0.01, 0.0), (0.01, 0.0025), (0.01, 0.02))
+    problem.solve()
+    history = QuasiStatic(problem, load).run([0.0, 1.0, 2.0, 3.0])
+    drawn, lifted, away = (s.result.tables["contact"] for s in history.steps)
+    for table, resultant in ((drawn, 0.0), (lifted, -2.5)):
+        assert table.rn.sum() == pytest.approx(resultant, abs=1e-9)
+        shut = table.letters != "o"
+        assert shut.any()
+        bound = (0.5 * (table.pressure + 3.0) * table.area)[shut]
+        np.testing.assert_allclose(table.bound[shut], bound, rtol=1e-9)
+        assert set(table.letters[shut]) == {"+"}
+        np.testing.assert_allclose(table.along(table.rt)[shut], -bound, rtol=1e-9)
+    assert away.status == "ooo"
+    np.testing.assert_allclose(away.pressure, -3.0 * np.exp(-away.un / 0.01), rtol=1e-8)
+    assert away.un.min() > 0.01
+
+
+@pytest.mark.chatty
+def test_a_broken_bond_sticks_and_slips():
+    """Dragged to and fro: letters are those of the friction, stick within its bound, slip at it."""
+    law = BilinearCohesive(4.0, 0.004, 0.03, 0.5)
+    problem, top = bonded("quad", law=law)
+    corners = (0.0, -0.01), (0.1, -0.01), (-0.1, -0.01)
+    times = [0.0, 1.0, *np.linspace(1.25, 2.0, 4), 2.005, 2.02, 2.05, 2.5]
+    seen = set()
+    for step in QuasiStatic(problem, along(top, *corners)).run(times).steps:
+        t = step.result.tables["contact"]
+        if set(t.bond) != {"b"}:
+            continue
+        share = t.along(t.friction) / (0.5 * t.rn)
+        slip = t.along(t.increment)
+        assert (np.abs(share) < 1 + 1e-8).all()
+        np.testing.assert_allclose(share[t.letters == "+"], -1.0, rtol=1e-8)
+        np.testing.assert_allclose(share[t.letters == "-"], 1.0, rtol=1e-8)
+        np.testing.assert_allclose(slip[t.letters == "k"], 0.0, atol=1e-12)
+        seen |= set(t.letters)
+    assert seen == {"k", "+", "-"}
+
+
+@dataclass(frozen=True)
+class Strip(Interface):
+    """Rigid, then a strength that falls from one opening to another; along it nothing holds."""
+
+    strength: Any
+    first: Any
+    last: Any
+    damage: Any = 0.0
+    internal = (Internal("damage", "grows", end=1.0),)
+
+    def energy(self, state):
+        return (1 - state["damage"]) * self.strength * state.opening
+
+    def dissipation(self, rates, state):
+        reached = self.first + (self.last - self.first) * state["damage"]
+        return self.strength * reached * rates["damage"]
+
+
+@pytest.mark.parametrize("cell", [pytest.param("quad", marks=pytest.mark.long), "tet"])
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    reference="closed form: opened, closed, opened, broken",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_opening_alone(cell, caplog):
+    """What knows neither slip nor time remembers its damage: opened, closed, opened, broken."""
+    s = 10.0
+    a = 0.1
+    b = 0.5
+    young = 100.0
+    problem, top = bonded(cell, law=Strip(s, a, b), young=young, snes_rtol=1e-10)
+    aside = [0.0] * (cell == "tet")
+    corners = [(0.0, *aside, z) for z in (0.35, -0.05, 0.8)]
+    load = along(top, *corners)
+    lifts = np.array([0.0, 0.35, -0.05, 0.8])
+    times = np.linspace(0.0, 3.0, 31)
+    history = QuasiStatic(problem, load).run(times)
+    far = 0.0
+    for step in history.steps:
+        lift = np.interp(step.time, np.arange(4), lifts)
+        t = step.result.tables["contact"]
+        far = max(far, (young * lift - s * b / (b - a)) / (young - s / (b - a)) - a)
+        damage = np.clip(far / (b - a), 0.0, 1.0)
+        gap = max(lift - (1 - damage) * s / young, 0.0)
+        np.testing.assert_allclose(t.internal["damage"], damage, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(t.un, gap, rtol=0, atol=1e-10)
+        assert step.result.kkt_violation < 1e-4
+    assert set(t.bond) == {"b"}
+    assert history.energies.damage == pytest.approx(s * (a + b) / 2, rel=1e-9)
+    assert "no solution" not in caplog.text  # it began bonded, though no solve had said so
+
+
+@dataclass(frozen=True)
+class Exponential(Interface):
+    """A traction s exp(-u/e) by a damage that comes to its end at an infinite jump."""
+
+    strength: Any
+    length: Any
+    damage: Any = 0.0
+    internal = (Internal("damage", "grows", end=1.0),)
+
+    def _stiffness(self, damage):
+        return self.strength / self.length * (1 - damage)
+
+    def energy(self, state):
+        return self._stiffness(state["damage"]) * state.opening**2 / 2
+
+    def dissipation(self, rates, state):
+        reached = -self.length * ufl.ln(1 - state["damage"])
+        return self.strength / self.length * reached**2 / 2 * rates["damage"]
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+def test_an_end_that_is_never_reached():
+    """Also where the damage is the last number before 1, and its threshold infinite at it."""
+    point = Point(Exponential(2.0, 0.1), r=1000.0)
+    for k, far in enumerate([0.5, 5.0, 20.0, 30.0, 36.0, 40.0, 100.0, 1000.0], 1):
+        damage = point.to(k, (0.0, 0.1 * far))
+        assert damage == pytest.approx(-np.expm1(-far), rel=1e-12, abs=2e-16)
+        traction = point.answers.bond("traction")[0]
+        assert np.isfinite(point.answers.traction(point.answers.required)).all()
+        if far <= 20:
+            assert traction[1] == pytest.approx(-2.0 * far * np.exp(-far), rel=1e-6)
+        else:
+            assert abs(traction[1]) < 1e-12
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+@pytest.mark.parametrize("k", [pytest.param(1.0, marks=pytest.mark.long), 8.0])
+@pytest.mark.verifies(
+    "bilinear cohesion",
+    "arc length paths",
+    reference="closed form: a bar in series with the bond",
+    aspects=("2D",),
+)
+def test_a_bar_on_cohesion(k):
+    """By arc length, back where the bond softens faster than the bar, to where it is broken."""
+    strength = 2.0
+    a = 0.1
+    b = 0.3
+    law = BilinearCohesive(strength, a, b)
+    history = ArcLength(bar(k, 4, law=law)).run(gamma_range=(0.0, 3.0))
+    assert history.complete
+    stiffness = k * C
+    seen = set()
+    for step in history.steps:
+        d = step.result.tables["contact"].un
+        pull = np.where(d < a, strength * d / a, np.maximum(strength * (a + b - d) / b, 0.0))
+        np.testing.assert_allclose(step.gamma, d + pull / stiffness, rtol=1e-9)
+        seen |= set(step.result.tables["contact"].bond)
+    assert seen == {"i", "d", "b"}
+    assert history.energies.damage == pytest.approx(0.05 * strength * (a + b) / 2, rel=1e-6)
+
+
+@dataclass(frozen=True)
+class Torn(Interface):
+    """A spring whose energy is no number beyond an opening, though its traction is."""
+
+    stiffness: Any
+    limit: Any
+
+    def energy(self, state):
+        return self.stiffness / 2 * state.opening**2 + 1e-30 * ufl.ln(self.limit - state.opening)
+
+
+def test_energies_that_are_no_numbers():
+    """A path ends before, and says why."""
+    path = ArcLength(bar(1.0, 2, law=Torn(C, 0.5)))
+    history = path.run(gamma_range=(0.0, 3.0))
+    assert not history.complete
+    assert "a law gives a number that is not finite" in history.reason
+    assert 0.9 < history.steps[-1].gamma < 1.0
+    assert np.isfinite(history.energies.residue)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one point")
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    reference="independent code: a minimiser of scipy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_coupled_variables(dim):
+    """Each step is the least of energy and dissipation, that a minimiser finds."""
+    stiffness = 40.0
+    flows = 3.0
+    work = 0.1
+    viscosity = 0.02
+    point = Point(Creeping(stiffness, flows, work, viscosity), dim, r=1000.0)
+    rng = np.random.default_rng(1)
+    y = np.zeros(dim)
+    damage = 0.0
+    time = 0.0
+    seen = set()
+    point.to(0.0, y)
+    for _ in range(40):
+        dt = rng.uniform(0.01, 0.2)
+        jump = 0.15 * rng.normal(size=dim)
+        jump[-1] = abs(jump[-1])
+
+        def total(z, jump=jump, dt=dt, y=y, damage=damage):
+            e = jump - z[:-1]
+            lost = z[-1] - damage
+            stored = (1 - z[-1]) ** 2 * stiffness / 2 * (e @ e)
+            flow = flows / 2 * ((z[:-1] - y) @ (z[:-1] - y)) / dt
+            return stored + flow + work * lost + viscosity / 2 * lost**2 / dt
+
+        bounds = [(None, None)] * dim + [(damage, 1.0)]
+        wanted = minimize(
+            total, [*y, damage], bounds=bounds, method="L-BFGS-B",
+            options={"ftol": 1e-16, "gtol": 1e-11},
+        )  # fmt: skip
+        time += dt
+        point.to(time, jump)
+        memory = point.memory.fields
+        z = np.array([*(memory[f".y_{i}"][0] for i in range(dim)), memory["damage"][0]])
+        np.testing.assert_allclose(z, wanted.x, rtol=0, atol=2e-5)
+        assert total(z) <= wanted.fun * (1 + 1e-12)
+        y = z[:-1]
+        damage = z[-1]
+        seen.add(int(point.answers.required[0]))
+    assert {0, DAMAGING} <= seen
+
+
+@pytest.mark.parametrize("cell", ["tri", pytest.param("tet", marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "interfaces of one's own",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_jacobian_by_taylor(cell):
+    """Remainders of first order Taylor expansions fall by four a halving, of every variable."""
+    problem = block(n=3, cell=cell, law=Creeping(3e4, 2e3, 0.04, 0.3))
+    x = randomise(problem, 1, 0.01, 10.0)
+    (surface,) = problem.surfaces
+    rng = np.random.default_rng(COMM.rank)
+    n = surface.points.number
+    dim = surface.dim
+    fields = {f".y_{i}": rng.normal(0, 0.002, n) for i in range(dim)}
+    fields["damage"] = rng.uniform(0.0, 1.0, n)
+    memory = Memory(rng.normal(0, 0.002, (n, dim)), fields, 0.1)
+    problem = problem.with_memory([memory])
+    sizes = remainders(problem, x, 2)
+    codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
+    assert (codes >= DAMAGING).any()
+    assert sizes[0] > 1e-9
+    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("internal", "more", "message"),
+    [
+        ((Internal("x"),), {}, "needs a field x"),
+        ((Internal("d", hidden=True),), {}, "d of Own may not be hidden"),
+        ((Internal("d", "grows"), Internal("e", "falls")), {}, "one variable at most"),
+        ((Internal("d"), Internal("d")), {}, "of different names"),
+        ((Internal("d", vector=True),), {}, "is a vector, and so no field"),
+        ((Internal("d"),), {"power": 2}, "needs_time must name"),
+        (Internal("d", "grows"), {}, "internal of Own must be a tuple of Internal.* a comma"),
+        (("d",), {}, "must be a tuple of Internal"),
+        ((), {"time": "d"}, "needs_time of Own must be a tuple of str"),
+        ((), {"time": ("zeta",)}, "names zeta, which is no field"),
+        ((Internal("y", vector=True),), {}, "nothing determines y of Own"),
+        ((Internal("e"),), {}, "nothing determines e of Own"),
+        ((Internal("d", "grows", end=-1.0),), {}, "d of Own is beyond its end -1"),
+    ],
+)
+def test_interfaces_that_are_none(internal, more, message):
+    power = more.get("power", 1)
+    mine = internal
+    time = more.get("time", ())
+
+    @dataclass(frozen=True)
+    class Own(Interface):
+        d: Any = 0.0
+        e: Any = 0.0
+        internal = mine
+        needs_time = time
+
+        def energy(self, state):
+            return state.opening**2
+
+        def dissipation(self, rates, state):
+            return abs(rates["d"]) ** power if "d" in rates.internal else 0.0
+
+    with pytest.raises(ValueError, match=message):
+        block(n=1, law=Own()).solve()
+
+
+@pytest.mark.ranks(2)
+def test_law_that_is_not_finite():
+    """What has a kink at rest says so, and which law it is."""
+
+    @dataclass(frozen=True)
+    class Rooted(Interface):
+        strength: Any
+
+        def energy(self, state):
+            return self.strength * ufl.sqrt(ufl.dot(state.jump, state.jump))
+
+    with pytest.raises(ValueError, match="look at the law Rooted of contact, whose answer"):
+        block(n=2, law=Rooted(10.0)).solve()
+
+
+def test_resisted_without_bound_at_the_end():
+    """A bond that is broken at the start costs nothing, though its threshold is infinite there."""
+
+    @dataclass(frozen=True)
+    class Hardening(Interface):
+        stiffness: Any
+        work: Any
+        damage: Any = 0.0
+        internal = (Internal("damage", "grows", end=1.0),)
+
+        def energy(self, state):
+            return (1 - state["damage"]) * self.stiffness / 2 * ufl.dot(state.jump, state.jump)
+
+        def dissipation(self, rates, state):
+            return self.work / (1 - state["damage"]) * rates["damage"]
+
+    problem, top = bonded("quad", law=Hardening(100.0, 1.0, 1.0), snes_rtol=1e-10)
+    history = QuasiStatic(problem, along(top, (0.0, 0.1))).run(np.linspace(0.0, 1.0, 3))
+    np.testing.assert_allclose(history.steps[-1].result.tables["contact"].un, 0.1, rtol=1e-12)
+    assert history.energies.damage == 0.0
+    assert history.energies.residue == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"name": "2x"}, "needs a name"),
+        ({"change": "up"}, "not 'up'"),
+        ({"change": "falls", "vector": True}, "neither falls nor grows"),
+        ({"end": 1.0}, "of a variable that falls or grows"),
+        ({"change": "grows", "end": np.nan}, "must be a number"),
+    ],
+)
+def test_variables_that_are_none(given, message):
+    with pytest.raises(ValueError, match=message):
+        Internal(**{"name": "d", **given})

@@ -1,0 +1,694 @@
+"""Curved obstacles in large displacement: gap and normal where the contact points are now."""
+
+from itertools import pairwise
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import demo_around_a_cylinder
+import numpy as np
+import pytest
+from support.blocks import box, facets
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    HalfSpace,
+    LevelSet,
+    NormalCompliance,
+    ParametricContact,
+    RigidBody,
+    Sphere,
+    materials,
+    plot,
+)
+from dolfinx_contact.algorithms import Penalty, Uzawa
+from dolfinx_contact.analysis.stability import stability_at_rest
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.io import write_contact_table
+from dolfinx_contact.io.outside import patch
+from dolfinx_contact.laws.status import closed
+from dolfinx_contact.plot import picture_of_body, picture_of_contact
+from dolfinx_contact.results.fields import vertex_state
+
+COMM = MPI.COMM_WORLD
+DX = ufl.dx(metadata={"quadrature_degree": 2})  # assembly would take most of the time
+RUBBER = materials.NeoHookean(*materials.lame(1000.0, 0.3))
+STEEL = materials.LinearElastic.from_young(1000.0, 0.3)
+
+
+def block(obstacle, *, cell="quad", n=4, top=None, law=None, material=RUBBER, degree=1, **given):
+    """A unit block held and moved at its top, in contact at its bottom."""
+    domain = box(COMM, n, cell)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
+    u = fem.Function(V)
+    options = given.pop("options", None)
+    surface = ContactSurface(
+        u, facets(domain, dim - 1, 0.0), obstacle=obstacle, law=law or Frictionless(), **given
+    )
+    moved = np.array(top if top is not None else [*[0.0] * (dim - 1), -0.1])
+    held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+    bcs = [fem.dirichletbc(moved, held, V)]
+    energy = material.energy(u) * DX
+    return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
+
+
+def strip(n=4, push=-0.4, cell=mesh.CellType.quadrilateral, solid=False, **given):
+    """A band of rubber, held at its ends, pushed around a cylinder below its middle."""
+    if solid:
+        corners = [np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.25, 0.4])]
+        cells = (4 * n, 1, n)
+        domain = mesh.create_box(COMM, corners, cells, mesh.CellType.hexahedron)
+        obstacle = Cylinder((0.0, 0.0, -0.4), (0.0, 1.0, 0.0), 0.4)
+    else:
+        corners = [np.array([-1.0, 0.0]), np.array([1.0, 0.4])]
+        domain = mesh.create_rectangle(COMM, corners, (4 * n, n), cell)
+        obstacle = Sphere((0.0, -0.4), 0.4)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    ends = mesh.locate_entities_boundary(domain, dim - 1, lambda x: np.isclose(np.abs(x[0]), 1.0))
+    surface = ContactSurface(
+        u, facets(domain, dim - 1, 0.0), obstacle=obstacle, law=Frictionless(), **given
+    )
+    moved = np.array([*[0.0] * (dim - 1), push])
+    bcs = [fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, ends), V)]
+    return ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
+
+
+def places(problem):
+    """Contact nodes of this rank where they are now, their tractions and statuses."""
+    (s,) = problem.surfaces
+    dim = problem.equations.dim
+    n = s.points.number
+    nodes = s.points.vertex_trace_dofs
+    x = s.node_positions[nodes] + problem.u.x.array.reshape(-1, dim)[nodes]
+    return x[:n], s.multiplier.x.array.reshape(-1, dim)[:n], problem.statuses[0]
+
+
+def quadratic(history):
+    """Whether the last residuals of Newton's method fall like squares."""
+    r = [step.measures.worst for step in history][-4:]
+    small = [(a, b) for a, b in pairwise(r) if a < 0.05]
+    return len(small) >= 2 and all(b < 20 * a**2 + 1e-12 for a, b in small)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("solid", [False, True])
+@pytest.mark.verifies(
+    "Signorini",
+    "hyperelastic bodies",
+    reference="closed form: Signorini's law at the displaced points",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+    ),
+)
+@pytest.mark.verifies(
+    "cylinders",
+    reference="closed form: Signorini's law at the displaced points",
+    aspects=(
+        "3D",
+        "large sliding",
+    ),
+)
+@pytest.mark.verifies(
+    "spheres",
+    reference="closed form: Signorini's law at the displaced points",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
+def test_around_a_cylinder(solid):
+    """The law at displaced points, from nothing but nodal values and the definition of the disc."""
+    radius = 0.4
+    problem = strip(n=3 if solid else 6, solid=solid)
+    result = problem.solve()
+    assert quadratic(result.history)
+    assert result.kkt_violation < 1e-9
+    assert result.misfit < 1e-9 * radius
+    assert result.imbalance < 1e-9
+    x, t, codes = places(problem)
+    arm = (x - np.array([0.0, -radius]) if not solid else x - [0.0, 0.0, -radius])[:, [0, -1]]
+    gap = np.linalg.norm(arm, axis=1) - radius
+    out = arm / np.linalg.norm(arm, axis=1)[:, None]
+    touching = closed(codes)
+    assert np.abs(gap[touching]).max(initial=0.0) < 1e-9 * radius
+    assert gap.min(initial=1.0) > -1e-9 * radius
+    pressure = np.sum(t[:, [0, -1]] * out, axis=1)
+    largest = np.abs(t).max(initial=1.0)
+    assert pressure.min(initial=0.0) > -1e-9 * largest
+    across = t.copy()
+    across[:, [0, -1]] -= pressure[:, None] * out
+    assert np.abs(across).max(initial=0.0) < 1e-9 * largest
+    assert np.abs(t[~touching]).max(initial=0.0) < 1e-9 * largest
+    # It goes around by more than the contact is long.
+    (table,) = result.tables.values()
+    angles = np.arctan2(-table.n[:, 0], -table.n[:, -1])[table.rn > 0]
+    assert np.ptp(angles) > (0.7 if solid else 1.0)
+    size = np.linalg.norm(table.force, axis=1)
+    np.testing.assert_allclose(table.pressure * table.area, size, atol=1e-15 * size.max(initial=0))
+
+
+OBSTACLES = {
+    "disc": Sphere((0.4, -3.0), 3.0),
+    "ball": Sphere((0.4, 0.6, -3.0), 3.0),
+    "cylinder": Cylinder((0.4, 0.5, -2.0), (0.3, 1.0, 0.1), 2.0),
+    "ellipse": LevelSet(lambda x: (x[0] - 0.4) ** 2 / 4 + (x[1] + 1.0) ** 2 - 1.0),
+    "bumps": LevelSet(lambda x: x[2] + 0.1 * ufl.sin(3 * x[0]) * ufl.cos(2 * x[1])),
+}
+
+
+def shaken(problem, size, seed):
+    """Unknowns of some size, the same on any number of ranks."""
+    units = problem.equations.units
+    x = problem.create_vector()
+    for f, unit in zip(problem.fields, units, strict=False):
+
+        def waves(x, unit=unit, n=f.function_space.dofmap.index_map_bs):
+            phase = 12.99 * x[0] + 78.23 * x[1] + 37.72 * x[2] + seed
+            return unit * size * np.array([np.sin(43.76 * (phase + i)) for i in range(n)])
+
+        f.interpolate(waves)
+        f.x.scatter_forward()
+    problem.write(x)
+    return x
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize(
+    ("obstacle", "cell", "law", "given"),
+    [
+        ("disc", "quad", Frictionless(), {}),
+        ("ellipse", "tri", Frictionless(), {}),
+        ("ellipse", "tri", NormalCompliance(50.0, 1.5), {}),
+        ("ellipse", "quad", Frictionless(), {"degree": 2}),
+        ("disc", "tri", Frictionless(), {"degree": 2, "multiplier_degree": 2}),
+        ("cylinder", "hex", Frictionless(), {}),
+        ("ball", "tet", Frictionless(), {"method": "integral"}),
+        ("bumps", "tet", Frictionless(), {}),
+    ],
+)
+@pytest.mark.verifies(
+    "spheres",
+    "level sets",
+    "normal compliance",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+    ),
+)
+def test_jacobian_by_taylor(obstacle, cell, law, given):
+    """|H(x + h d) - H(x) - h J d| falls like h^2 with the statuses held, far from small slopes."""
+    problem = block(OBSTACLES[obstacle], cell=cell, n=2, law=law, **given)
+    x = shaken(problem, 0.1, 1.0)
+    d = shaken(problem, 0.02, 2.0)
+    fixed = problem.equations.fixed[: problem.equations.owned_sizes[0]]
+    prescribed = problem.equations.constraints.values().reshape(-1)[: len(fixed)]
+    x.array[: len(fixed)][fixed] = prescribed[fixed]
+    d.array[: len(fixed)][fixed] = 0.0
+    b0, b1, y, Jd = (problem.create_vector() for _ in range(4))
+    state = problem.residual(x, b0)
+    counts = COMM.allreduce(np.bincount(closed(state.statuses[0]).astype(int), minlength=2))
+    assert counts.min() > 0
+    jacobian = Jacobian(problem.equations)
+    jacobian.update(state)
+    jacobian.matrix.mult(d, Jd)
+    n = len(fixed)
+    sizes = []
+    for h in (1.0, 0.5, 0.25):
+        y.waxpy(h, d, x)
+        problem.residual(y, b1, state.statuses)
+        b1.axpy(-1.0, b0)
+        b1.axpy(-h, Jd)
+        # Rows of the contact alone: the body's are larger.
+        sizes.append(np.sqrt(COMM.allreduce(np.sum(b1.array_r[n:] ** 2))))
+    assert sizes[0] > 0
+    np.testing.assert_allclose(np.array(sizes[:2]) / sizes[1:], 4.0, rtol=0.2)
+
+
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "level sets",
+    "planes",
+    reference="itself: the half-space",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+    ),
+)
+def test_a_plane_is_a_plane(cell):
+    """As a level set it goes the way of curved obstacles, and gives the numbers of a half-space."""
+    dim = 2 if cell == "tri" else 3
+    normal = np.array([0.1, *[0.0] * (dim - 2), 1.0])
+    point = np.array([0.3, *[0.0] * (dim - 1)])
+    top = [0.4, *[0.0] * (dim - 2), -0.06]
+    plane = LevelSet(lambda x: 2.0 * sum(normal[i] * (x[i] - point[i]) for i in range(dim)))
+    a, b, c = (
+        block(obstacle, cell=cell, n=3, top=top, sliding=sliding)
+        for obstacle, sliding in (
+            (HalfSpace(point, normal), "small"),
+            (HalfSpace(point, normal), "large"),
+            (plane, None),
+        )
+    )
+    assert a.surfaces[0].displaced is b.surfaces[0].displaced is None
+    assert c.surfaces[0].displaced is not None
+    tables = [p.solve().tables["contact"] for p in (a, b, c)]
+    assert 0 < tables[0].count("o") < len(tables[0].x)
+    for other in tables[1:]:
+        for name in ("un", "ut", "n", "force", "pressure"):
+            mine = getattr(tables[0], name)
+            np.testing.assert_allclose(
+                getattr(other, name), mine, rtol=0, atol=1e-12 * np.abs(mine).max()
+            )
+
+
+def test_which_sliding():
+    """Large by default for bodies that are not linear, and for these alone."""
+    disc = Sphere((0.4, -3.0), 3.0)
+    for material, sliding, follows in (
+        (STEEL, None, False),
+        (RUBBER, None, True),
+        (STEEL, "large", True),
+        (RUBBER, "small", False),
+    ):
+        problem = block(disc, material=material, sliding=sliding)
+        assert (problem.surfaces[0].displaced is not None) is follows
+        # With small sliding friction is as ever.
+        if not follows:
+            block(disc, material=material, sliding=sliding, law=Coulomb(0.3))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"method": "mixed"}, "gaps of mixed contact are averages"),
+        ({"sliding": "huge"}, "sliding must be one of small, large, None; got 'huge'"),
+    ],
+)
+@pytest.mark.refuses("mixed contact", aspects=("large sliding",))
+def test_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        block(Sphere((0.4, -3.0), 3.0), **given)
+
+
+def orbiting(cell, n, angle, press=0.08):
+    """A block pressed on a cylinder, and then led around it by its top: the parameter is the part.
+
+    Nothing but the frame changes on the way, so that what is pressed is the solution everywhere.
+    """
+    domain = box(COMM, n, cell)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    moved = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    centre = np.array([0.4, *[0.5] * (dim - 2), -1.0])
+    last = dim - 1
+    obstacle = Sphere(centre, 1.0) if dim == 2 else Cylinder(centre, (0.0, 1.0, 0.0), 1.0)
+    bottom = facets(domain, last, 0.0)
+    surface = ContactSurface(u, bottom, obstacle=obstacle, law=Frictionless())
+    x = ufl.SpatialCoordinate(domain)
+    a = x[0] - centre[0]
+    b = x[last] - press - centre[last]
+    c = ufl.cos(angle * gamma)
+    s = ufl.sin(angle * gamma)
+    way = [c * a + s * b - x[0] + centre[0], *[0.0 * a] * (dim - 2), c * b - s * a - x[last] - 1.0]
+    held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, last, facets(domain, last, 1.0)))
+    problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=[held])
+    return ParametricContact(problem, gamma, driven=[(moved, ufl.as_vector(way))])
+
+
+@pytest.mark.parametrize(
+    ("cell", "n"), [("quad", 6), pytest.param("hex", 3, marks=pytest.mark.long)]
+)
+@pytest.mark.verifies(
+    "moving obstacles",
+    "hyperelastic bodies",
+    reference="itself: the forces of the start, turned",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+        "branches",
+    ),
+)
+def test_led_around_a_cylinder(cell, n):
+    """By far more than the contact is long, by Newton's method and along the branch."""
+    angle = 1.2
+    system = orbiting(cell, n, 1.2)
+    problem = system.problem
+    (s,) = system.problem.surfaces
+    system.set_parameter(0.0)
+    first = problem.solve().tables["contact"]
+    length = first.area[first.rn > 0].sum()
+    assert 0 < length < angle
+    turn = np.eye(s.dim)
+    places = np.ix_([0, -1], [0, -1])
+    turn[places] = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+
+    def agrees(table):
+        size = np.abs(first.force).max()
+        np.testing.assert_allclose(table.force, first.force @ turn.T, rtol=0, atol=1e-8 * size)
+        np.testing.assert_allclose(table.n, first.n @ turn.T, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(table.un, first.un, rtol=0, atol=1e-9)
+
+    x = system.create_vector()
+    problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+    assert branch.points[-1].gamma == 1.0
+    result = system.result_at(branch.points[-1])
+    assert result.kkt_violation < 1e-9
+    agrees(result.tables["contact"])
+    # Back to the start, and there in one solve.
+    problem.read(x)
+    system.set_parameter(1.0)
+    result = problem.solve()
+    assert quadratic(result.history)
+    agrees(result.tables["contact"])
+
+
+def powered(power):
+    """A disc by a power of its distance, whose gradient vanishes on the disc for 2 and more."""
+    return LevelSet(lambda x: (ufl.sqrt((x[0] - 0.4) ** 2 + (x[1] + 1.0) ** 2) - 1.0) ** power)
+
+
+@pytest.mark.ranks(2)
+def test_a_gradient_that_vanishes():
+    """Where a point touches, where one is at the start, and where the normal has no end."""
+    result = block(powered(1)).solve()
+    assert result.kkt_violation < 1e-9
+    pole = LevelSet(lambda x: ufl.dot(x, x) - 1.0)
+    for obstacle, place in (
+        (powered(3), r"\(-?0\.\d+, -0\.0\d+\)"),
+        (pole, r"\(0, 0\)"),
+        (Sphere((0.5, 0.0), 0.5), r"\(0\.25, 0\)"),
+    ):
+        problem = block(obstacle)
+        with pytest.raises(ValueError, match=f"no normal at a contact point that is at {place}"):
+            problem.solve()
+        assert not problem.u.x.array.any()
+
+
+def ellipse(domain, centre, angle):
+    """An ellipse about a centre that has turned by an angle; both may be UFL of Constants."""
+
+    def phi(x):
+        c = ufl.cos(angle)
+        s = ufl.sin(angle)
+        a = x[0] - centre[0]
+        b = x[1] - centre[1]
+        return (c * a + s * b) ** 2 / 4 + (c * b - s * a) ** 2 - 1.0
+
+    return LevelSet(phi)
+
+
+@pytest.mark.parametrize("method", ["nodal", "integral"])
+@pytest.mark.parametrize("law", [Frictionless(), NormalCompliance(50.0, 1.5)])
+@pytest.mark.verifies(
+    "moving obstacles",
+    "level sets",
+    reference="differences: central differences",
+    aspects=(
+        "2D",
+        "large sliding",
+        "branches",
+    ),
+)
+def test_derivative_by_the_motion_of_an_obstacle(method, law):
+    """dH/dgamma of an ellipse that moves and turns, by central differences, the statuses held."""
+    domain = box(COMM, 3, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    gamma = fem.Constant(domain, 0.3)
+    obstacle = ellipse(domain, (0.4 + 0.3 * gamma, gamma**2 - 1.05), gamma)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=obstacle, law=law, method=method)
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    bcs = [fem.dirichletbc(np.zeros(2), held, V)]
+    problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
+    system = ParametricContact(problem, gamma)
+    assert not system.is_linear
+    x = shaken(problem, 0.05, 1.0)
+    b, c, d = (problem.create_vector() for _ in range(3))
+    piece = system.piece_at(x, 0.3)
+    assert len(set("".join(COMM.allgather(str(piece.codes))))) > 3
+    system.parameter_derivative(x, 0.3, c, piece)
+    assert c.norm() > 0
+    errors = []
+    for h in (2e-3, 1e-3):
+        system.residual(x, 0.3 + h, b, piece)
+        system.residual(x, 0.3 - h, d, piece)
+        b.axpy(-1.0, d)
+        b.scale(1 / (2 * h))
+        b.axpy(-1.0, c)
+        errors.append(b.norm() / c.norm())
+    assert errors[1] < 1e-3
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
+
+
+@pytest.mark.verifies(
+    "moving obstacles",
+    "level sets",
+    reference="itself: the block that is moved over an obstacle at rest",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
+def test_an_obstacle_that_comes_and_turns():
+    """An ellipse moved and turned under a block held still is a block moved over one that waits."""
+    domain = box(COMM, 4, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    obstacle = ellipse(domain, (0.2 + 0.2 * gamma, 0.06 * gamma - 1.05), 0.4 * gamma)
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=obstacle, law=Frictionless())
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    bcs = [fem.dirichletbc(np.zeros(2), held, V)]
+    problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
+    assert branch.points[-1].gamma == 1.0
+    found = system.result_at(branch.points[-1])
+    assert found.kkt_violation < 1e-9
+    assert found.counts["open"] < 5
+    # The same by a solve at the end, and by another obstacle that stands where this one has come.
+    still = block(ellipse(domain, (0.4, -0.99), 0.4), n=4, top=[0.0, 0.0])
+    for p in (problem, still):
+        solved = p.solve().tables["contact"]
+        size = np.abs(solved.force).max()
+        assert size > 0
+        force = found.tables["contact"].force
+        np.testing.assert_allclose(force, solved.force, rtol=0, atol=1e-8 * size)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "rigid bodies",
+    "spheres",
+    reference="itself: an obstacle where the body has come",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+    ),
+)
+@pytest.mark.refuses("rigid bodies", aspects=("large sliding",))
+def test_a_rigid_body(dim):
+    """An indenter under a force, as it is and as an obstacle that stands where it has come."""
+    about = np.array([0.3, *[0.5] * (dim - 2), 1.5])
+    names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+    up = names[dim - 1]
+    others = [c for c in names if c not in (up, "x")]
+
+    def problem(obstacle, sliding=None):
+        domain = box(COMM, 5 if dim == 2 else 3, "quad" if dim == 2 else "hex")
+        V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+        u = fem.Function(V)
+        top = facets(domain, dim - 1, 1.0)
+        surface = ContactSurface(u, top, obstacle=obstacle, law=Frictionless(), sliding=sliding)
+        held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 0.0))
+        bcs = [fem.dirichletbc(np.zeros(dim), held, V)]
+        return ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
+
+    body = RigidBody(
+        Sphere(about, 0.5), about=about, load={up: -60.0}, motion={"x": 0.2}, held=others
+    )
+    pressed = problem(body)
+    result = pressed.solve()
+    assert pressed.surfaces[0].displaced is not None
+    assert quadratic(result.history)
+    assert result.kkt_violation < 1e-9
+    assert result.misfit < 1e-9 * 0.5
+    found = result.rigid_bodies["rigid body"]
+    assert found.force[-1] == pytest.approx(60.0, rel=1e-9)
+    still = problem(Sphere(about + found.displacement, 0.5)).solve()
+    a, b = (r.tables["contact"] for r in (result, still))
+    np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-8 * np.abs(b.force).max())
+    # The rotation of a rigid body is small by assumption: then sliding is small as well.
+    turning = RigidBody(
+        Sphere(about, 0.5),
+        about=about,
+        load={up: -60.0},
+        free=others[-1:],
+        held=["x", *others[:-1]],
+    )
+    assert problem(turning).surfaces[0].displaced is None
+    with pytest.raises(ValueError, match="a rigid body that turns freely turns little"):
+        problem(turning, "large")
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("solid", [False, True])
+@pytest.mark.verifies(
+    "multigrid",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "hyperelastic bodies",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "3D",
+        "large sliding",
+        "multigrid",
+    ),
+)
+@pytest.mark.verifies(
+    "cylinders",
+    reference="itself: factorised",
+    aspects=(
+        "3D",
+        "large sliding",
+        "multigrid",
+    ),
+)
+def test_multigrid(solid):
+    """The same by multigrid, whose surface block takes normals that turn."""
+    direct = strip(n=3, solid=solid).solve().tables["contact"]
+    PETSc.Options()["contact_linear_solver"] = "amg"
+    problem = strip(n=3, solid=solid)
+    table = problem.solve().tables["contact"]
+    assert problem.linear_solver.name == "amg"
+    np.testing.assert_allclose(
+        table.force, direct.force, rtol=0, atol=1e-6 * np.abs(direct.force).max()
+    )
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "penalty",
+    "Uzawa",
+    reference="itself: Newton's method",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
+@pytest.mark.refuses("stability at rest", "point problems in files", aspects=("large sliding",))
+def test_algorithms():
+    """Penalisation and the augmented Lagrangian follow the normal; what is reduced is refused."""
+    disc = Sphere((0.4, -1.0), 1.0)
+    algorithms = ("penalty", "uzawa")
+    table = block(disc).solve().tables["contact"]
+    for name, algorithm in zip(algorithms, (Penalty(), Uzawa(augmented=True)), strict=True):
+        found = block(disc).solve(algorithm=algorithm).tables["contact"]
+        tolerance = 1e-3 if name == "penalty" else 1e-7
+        size = np.abs(table.force).max()
+        np.testing.assert_allclose(found.force, table.force, rtol=0, atol=tolerance * size)
+    steel = block(disc, material=STEEL, sliding="large")
+    steel.solve()
+    assert steel.uniqueness().verdict == "not proved"
+    with pytest.raises(ValueError, match="the reduced problem needs small sliding"):
+        steel.reduced()
+    with pytest.raises(ValueError, match="this algorithm needs a body that is linear"):
+        steel.solve(algorithm="uzawa")
+    with pytest.raises(ValueError, match="contact: this needs small sliding"):
+        stability_at_rest(steel, density=1.0)
+
+
+@pytest.mark.parametrize("method", ["nodal", "integral"])
+def test_what_is_written(folder, method):
+    """Table, fields and pictures have the gap and the normal of now."""
+    problem = strip(n=4, method=method)
+    result = problem.solve()
+    (s,) = problem.surfaces
+    table = result.tables["contact"]
+    state = vertex_state(problem.equations, 0, problem.evaluate())
+    u = problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs]
+    x = s.node_positions[s.points.vertex_trace_dofs] + u
+    arm = x - np.array([0.0, -0.4])
+    length = np.linalg.norm(arm, axis=1)
+    np.testing.assert_allclose(state["un"], length - 0.4, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(state["n"], -arm / length[:, None], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(problem.contact_fields(s)["gap"].x.array, state["un"])
+    floor = patch(s)
+    if COMM.rank == 0:
+        on = floor["floor"] + floor["moved"] - [0.0, -0.4]
+        np.testing.assert_allclose(np.linalg.norm(on, axis=1), 0.4, rtol=1e-12)
+    if method == "nodal":
+        np.testing.assert_allclose(table.pressure * table.area, np.linalg.norm(table.force, axis=1))
+        assert np.abs(table.rt).max() < 1e-9 * table.rn.max()
+    assert np.linalg.norm(result.resultants["contact"] + result.support) < 1e-9 * table.rn.sum()
+    write_contact_table(COMM, folder, result.tables.values())
+    if COMM.rank == 0:
+        file = folder / "contact.csv"
+        rows = np.genfromtxt(file, delimiter=",", names=True, dtype=None, encoding=None)
+        np.testing.assert_allclose(rows["un"], table.un, atol=1e-12)
+        np.testing.assert_allclose(rows["rn"], table.rn, atol=1e-9 * table.rn.max())
+    if method == "nodal":
+        for draw in (picture_of_body, picture_of_contact):
+            draw(folder / "picture.png", problem)
+            assert COMM.rank > 0 or (folder / "picture.png").stat().st_size > 1000
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "spheres",
+    "hyperelastic bodies",
+    reference="closed form: the pressure of a ring",
+    aspects=(
+        "2D",
+        "large sliding",
+    ),
+)
+def test_demo(folder, monkeypatch):
+    """The pressure of a ring to second order, and no change of it on the way around."""
+    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
+    errors = []
+    for n, steps in ((2, 5), (3, 7)):
+        words = [f"--n={n}", f"--steps={steps}", f"--output={folder / str(n)}"]
+        summary = demo_around_a_cylinder.main(words)
+        assert summary["way"] > 1.2 * summary["contact_length"] > 2.0
+        assert summary["pressure_drift"] < 1e-8
+        assert summary["kkt_violation"] < 1e-9
+        assert summary["misfit"] < 1e-9
+        errors.append(summary["pressure"] / summary["pressure_closed_form"] - 1)
+    assert abs(errors[1]) < 3e-3
+    assert errors[0] / errors[1] == pytest.approx(9 / 4, rel=0.2)

@@ -1,0 +1,569 @@
+"""Bodies of quadrilaterals and hexahedra that are nearly incompressible, by a mean dilatation."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from support.blocks import CELLS, box, facets
+
+import dolfinx.fem.petsc
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
+from dolfinx_contact._forms import compiled_form
+from dolfinx_contact.io.fields import body_fields
+from dolfinx_contact.materials import (
+    Axisymmetric,
+    CiarletGeymonat,
+    LinearElastic,
+    NeoHookean,
+    StVenantKirchhoff,
+    lame,
+)
+from dolfinx_contact.plot import picture_of_body
+from dolfinx_contact.records.functionals import compiled
+
+COMM = MPI.COMM_WORLD
+YOUNG = 2.0
+PRESSURE = 0.3
+INNER, OUTER = 1.0, 2.0
+
+
+def quarter(n, cell="quad"):
+    """A quarter of a thick cylinder, in 3D one layer of it, n cells through the wall."""
+    low, high = [0.0, 0.0], [1.0, 1.0]
+    if cell in ("tri", "quad"):
+        domain = mesh.create_rectangle(COMM, [low, high], [n, 2 * n], CELLS[cell])
+    else:
+        corners = [[*low, 0.0], [*high, 0.5]]
+        domain = mesh.create_box(COMM, corners, [n, 2 * n, 1], CELLS[cell])
+    x = domain.geometry.x
+    r = INNER + (OUTER - INNER) * x[:, 0]
+    angle = 0.5 * np.pi * x[:, 1]
+    x[:, 0] = r * np.cos(angle)
+    x[:, 1] = r * np.sin(angle)
+    return domain
+
+
+def energy_of(material, u, kind):
+    if kind == "mean":
+        return material.mean_dilatation_energy(u)
+    return material.energy(u) * ufl.dx
+
+
+def symmetry(V, tol=1e-9):
+    """No motion across the planes x = 0 and y = 0, and in 3D across those of the layer."""
+    domain = V.mesh
+    tdim = domain.topology.dim
+    planes = [(0, 0.0), (1, 0.0), (2, 0.0), (2, 0.5)][: 2 if tdim == 2 else 4]
+    bcs = []
+    for axis, value in planes:
+        where = facets(domain, axis, value)
+        dofs = fem.locate_dofs_topological(V.sub(axis), tdim - 1, where)
+        bcs.append(fem.dirichletbc(0.0, dofs, V.sub(axis)))
+    return bcs
+
+
+def at_radius(domain, radius):
+    """Facets of the inner or outer face, all of whose vertices have that radius."""
+    return mesh.locate_entities_boundary(
+        domain, domain.topology.dim - 1, lambda x: np.isclose(np.hypot(x[0], x[1]), radius)
+    )
+
+
+def under_pressure(domain, poisson, kind, degree=1):
+    """Displacement of the quarter under a pressure inside; that of the closed form at a node."""
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
+    u = fem.Function(V)
+    inside = at_radius(domain, INNER)
+    tags = mesh.meshtags(domain, dim - 1, inside, np.full(len(inside), 1, dtype=np.int32))
+    ds = ufl.Measure("ds", domain, subdomain_data=tags)
+    material = LinearElastic.from_young(YOUNG, poisson)
+    test, trial = ufl.TestFunction(V), ufl.TrialFunction(V)
+    residual = ufl.derivative(energy_of(material, u, kind), u, test)
+    load = -PRESSURE * ufl.dot(ufl.FacetNormal(domain), test) * ds(1)
+    solve(ufl.derivative(residual, u, trial), load, symmetry(V), u)
+    return u, material
+
+
+def solve(stiffness, load, bcs, u):
+    """A linear problem with supports that do not move, by MUMPS."""
+    A = dolfinx.fem.petsc.assemble_matrix(fem.form(stiffness), bcs=bcs)
+    A.assemble()
+    b = dolfinx.fem.petsc.assemble_vector(fem.form(load))
+    b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    for bc in bcs:
+        dofs, owned = bc.dof_indices()
+        b.array[dofs[:owned]] = 0.0
+    ksp = PETSc.KSP().create(COMM)
+    ksp.setOperators(A)
+    ksp.setType("preonly")
+    ksp.getPC().setType("lu")
+    ksp.getPC().setFactorSolverType("mumps")
+    x = b.duplicate()
+    ksp.solve(b, x)
+    u.x.array[: x.getLocalSize()] = x.array_r
+    u.x.scatter_forward()
+
+
+def closed_form(poisson, r, pressure=PRESSURE):
+    """Radial displacement of a thick cylinder in plane strain under pressure inside (Lame)."""
+    share = INNER**2 / (OUTER**2 - INNER**2)
+    return (1 + poisson) / YOUNG * pressure * share * ((1 - 2 * poisson) * r + OUTER**2 / r)
+
+
+def error(u, poisson):
+    """Error of u in L2, relative."""
+    domain = u.function_space.mesh
+    x = ufl.SpatialCoordinate(domain)
+    r = ufl.sqrt(x[0] ** 2 + x[1] ** 2)
+    exact = [closed_form(poisson, r) * x[i] / r for i in range(2)] + [0.0] * (len(u) - 2)
+    dx = ufl.dx(metadata={"quadrature_degree": 6})
+    parts = [
+        COMM.allreduce(fem.assemble_scalar(fem.form(ufl.inner(e, e) * dx)))
+        for e in (u - ufl.as_vector(exact), ufl.as_vector(exact))
+    ]
+    return np.sqrt(parts[0] / parts[1])
+
+
+def middle_pressures(u, material):
+    """Mean stress at the middles of the cells of this rank."""
+    domain = u.function_space.mesh
+    dim = domain.topology.dim
+    middle = np.full((1, dim), 0.5)
+    stress = ufl.tr(material.full_stress(u)) / 3
+    expression = fem.Expression(stress, middle, comm=COMM)
+    cells = np.arange(domain.topology.index_map(dim).size_local, dtype=np.int32)
+    return expression.eval(domain, cells).ravel()
+
+
+@pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.parametrize("kind", ["linear", "neo", "ciarlet"])
+@pytest.mark.verifies(
+    "hyperelastic bodies",
+    "nearly incompressible bodies",
+    reference="closed form: a uniform strain of distorted cells",
+    aspects=("2D", "3D"),
+)
+def test_patch(cell, kind):
+    """Distorted cells held at their boundary by a uniform strain have that strain everywhere."""
+    domain = box(COMM, 3, cell)
+    dim = domain.geometry.dim
+    x = domain.geometry.x
+    inner = np.all((x[:, :dim] > 0.1) & (x[:, :dim] < 0.9), axis=1)
+    x[inner, :dim] += 0.06 * np.sin(7.0 * x[inner, :dim] + 3.0 * x[inner, dim - 1 : dim])
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    lmbda, mu = lame(YOUNG, 0.4999)
+    material = {
+        "linear": LinearElastic(lmbda, mu),
+        "neo": NeoHookean(lmbda, mu),
+        "ciarlet": CiarletGeymonat(lmbda, mu, mu / 4),
+    }[kind]
+    strain = 0.01 * np.array([[1.0, 2.0, 0.5], [-1.0, -0.8, 0.3], [0.2, 0.6, -0.3]])[:dim, :dim]
+    u.interpolate(lambda x: strain @ x[:dim])
+    residual = fem.form(ufl.derivative(material.mean_dilatation_energy(u), u, ufl.TestFunction(V)))
+    rows = fem.assemble_vector(residual)
+    rows.scatter_reverse(0)  # of the insert mode "add"
+    domain.topology.create_connectivity(dim - 1, dim)
+    at_edge = fem.locate_dofs_topological(V, dim - 1, mesh.exterior_facet_indices(domain.topology))
+    owned = V.dofmap.index_map.size_local
+    inside = np.setdiff1d(np.arange(owned), at_edge)
+    size = COMM.allreduce(np.abs(rows.array).max(), op=MPI.MAX)
+    assert np.abs(rows.array.reshape(-1, dim)[inside]).max(initial=0.0) < 1e-11 * size
+    # The energy is that of all quadrature points, as the strain is the same at all of them.
+    energies = [
+        COMM.allreduce(fem.assemble_scalar(fem.form(energy_of(material, u, way))))
+        for way in ("mean", "whole")
+    ]
+    assert energies[0] == pytest.approx(energies[1], rel=1e-11)
+
+
+@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "nearly incompressible bodies",
+    reference="closed form: Lame's thick cylinder",
+    aspects=("2D", "3D"),
+)
+def test_no_locking(cell):
+    """Under pressure inside the error does not depend on nu, has order 2, and pressures are even.
+
+    The mean stress of the cylinder is the same everywhere.
+    """
+    n = 4
+    errors = {}
+    for poisson in (0.3, 0.499, 0.499999):
+        domain = quarter(n, cell)
+        u, material = under_pressure(domain, poisson, "mean")
+        errors[poisson] = error(u, poisson)
+        mean = (1 + poisson) / 3 * 2 * PRESSURE * INNER**2 / (OUTER**2 - INNER**2)
+        off = middle_pressures(u, material) - mean
+        assert np.abs(off).max(initial=0.0) < 0.05 * PRESSURE
+    assert max(errors.values()) < 0.02
+    assert max(errors.values()) < 1.3 * errors[0.3]
+    # What it is there for: by the full rule the same mesh is far too stiff.
+    locked, _ = under_pressure(quarter(n, cell), 0.4999, "whole")
+    assert error(locked, 0.4999) > 0.5
+    finer, _ = under_pressure(quarter(2 * n, cell), 0.499, "mean")
+    assert np.log2(errors[0.499] / error(finer, 0.499)) == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.parametrize("cell", ["tri", "tet"])
+@pytest.mark.verifies(
+    "nearly incompressible bodies",
+    reference="closed form: Lame's thick cylinder",
+    aspects=("2D", "3D"),
+)
+def test_simplices_of_degree_two(cell):
+    """Linear simplices lock, quadratic ones do not; one point would not help the former."""
+    poisson = 0.4999
+    linear, _ = under_pressure(quarter(4, cell), poisson, "whole")
+    assert error(linear, poisson) > 0.3
+    quadratic, _ = under_pressure(quarter(4, cell), poisson, "whole", degree=2)
+    assert error(quadratic, poisson) < 0.01
+
+
+@pytest.mark.verifies(
+    "nearly incompressible bodies",
+    "bodies of revolution",
+    reference="closed form: Lame's thick cylinder",
+    aspects=("2D",),
+)
+def test_of_revolution():
+    """A section of the same cylinder, held at its ends, whose cells are rectangles."""
+    poisson = 0.4999
+    errors = {}
+    for kind in ("mean", "whole"):
+        domain = mesh.create_rectangle(
+            COMM, [[INNER, 0.0], [OUTER, 0.5]], [8, 4], mesh.CellType.quadrilateral
+        )
+        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        u = fem.Function(V)
+        material = Axisymmetric(LinearElastic.from_young(YOUNG, poisson))
+        if kind == "mean":
+            energy = material.mean_dilatation_energy(u)
+        else:
+            energy = material.energy(u) * ufl.dx
+        ends = [fem.locate_dofs_topological(V.sub(1), 1, facets(domain, 1, z)) for z in (0.0, 0.5)]
+        bcs = [fem.dirichletbc(0.0, dofs, V.sub(1)) for dofs in ends]
+        bore = HalfSpace((0.1, 0.0), (1.0, 0.0))  # far away: there for the problem alone
+        surface = ContactSurface(
+            u, facets(domain, 0, INNER), obstacle=bore, law=Coulomb(0.0), axisymmetric=True
+        )
+        inside = facets(domain, 0, INNER)
+        tags = mesh.meshtags(domain, 1, inside, np.full(len(inside), 1, dtype=np.int32))
+        ds = ufl.Measure("ds", domain, subdomain_data=tags)
+        energy -= PRESSURE * u[0] * ds(1)
+        ContactProblem(energy, u, [surface], bcs=bcs).solve()
+        x = ufl.SpatialCoordinate(domain)
+        off = (u[0] - closed_form(poisson, x[0])) ** 2 * ufl.dx(metadata={"quadrature_degree": 6})
+        size = closed_form(poisson, x[0]) ** 2 * ufl.dx(metadata={"quadrature_degree": 6})
+        parts = [COMM.allreduce(fem.assemble_scalar(fem.form(f))) for f in (off, size)]
+        errors[kind] = np.sqrt(parts[0] / parts[1])
+    assert errors["mean"] < 0.005
+    assert errors["whole"] > 0.02
+
+
+@pytest.mark.parametrize(
+    ("cell", "solver"),
+    [
+        *(("quad", "direct"), ("quad", "amg")),
+        pytest.param("hex", "amg", marks=pytest.mark.long),
+        pytest.param("hex", "direct", marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.verifies(
+    "nearly incompressible bodies",
+    "press fits",
+    reference="closed form: Lame's thick cylinder",
+    aspects=("2D", "3D", "multigrid"),
+)
+def test_contact_pressure(cell, solver):
+    """A shaft that is too thick by a little: the pressure on it is that of the closed form."""
+    poisson = 0.4999
+    overlap = 1e-3
+    pressure = overlap / closed_form(poisson, INNER, 1.0)
+    domain = quarter(6, cell)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    material = LinearElastic.from_young(YOUNG, poisson)
+    surface = ContactSurface(
+        u, at_radius(domain, INNER), obstacle=shaft(dim, INNER + overlap), law=Coulomb(0.0)
+    )
+    problem = ContactProblem(
+        material.mean_dilatation_energy(u),
+        u,
+        [surface],
+        bcs=symmetry(V),
+        petsc_options={"linear_solver": solver},
+    )
+    result = problem.solve()
+    (table,) = result.tables.values()
+    assert table.pressure == pytest.approx(pressure, rel=0.02)
+
+
+def shaft(dim, radius):
+    """A cylinder along z, in 2D a disc."""
+    if dim == 2:
+        return Sphere((0.0, 0.0), radius)
+    return Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), radius)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(COMM.size > 1, reason="the hierarchy, and what it is no use for, is another")
+def test_multigrid_that_stagnates_ends():
+    """A neo-Hookean body for which the hierarchy is no use: it is not built anew for ever."""
+    domain = box(COMM, 6, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    floor = HalfSpace(np.zeros(2), np.array([0.0, 1.0]))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    problem = ContactProblem(
+        NeoHookean(*lame(YOUNG, 0.4999)).mean_dilatation_energy(u),
+        u,
+        [surface],
+        bcs=[fem.dirichletbc(np.array([0.0, -0.02]), top, V)],
+        petsc_options={"linear_solver": "amg"},
+    )
+    assert problem.solve().kkt_violation < 1e-8
+
+
+@pytest.mark.parametrize("cell", ["quad", "hex"])
+def test_a_pressed_block(cell):
+    """A flat block between two rough plates is as stiff as one of twice as many cells."""
+    forces = {}
+    for n in (6, 12) if cell == "quad" else (4, 8):
+        for kind in ("mean", "whole"):
+            domain = box(COMM, n, cell)
+            dim = domain.geometry.dim
+            V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+            u = fem.Function(V)
+            top = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+            down = np.zeros(dim)
+            down[-1] = -0.01
+            surface = ContactSurface(
+                u,
+                facets(domain, dim - 1, 0.0),
+                obstacle=HalfSpace(np.zeros(dim), np.eye(dim)[-1]),
+                law=Coulomb(1.0),
+            )
+            material = LinearElastic.from_young(YOUNG, 0.4999)
+            problem = ContactProblem(
+                energy_of(material, u, kind),
+                u,
+                [surface],
+                bcs=[fem.dirichletbc(down, top, V)],
+            )
+            forces[kind, n] = problem.solve().resultants["contact"][-1]
+    low, high = sorted({n for _, n in forces})
+    change = {kind: forces[kind, low] / forces[kind, high] - 1 for kind in ("mean", "whole")}
+    assert abs(change["mean"]) < 0.06
+    assert change["whole"] > 3 * abs(change["mean"])
+
+
+@pytest.mark.parametrize("cell", ["quad", "hex"])
+def test_one_point_beside_other_rules(cell):
+    """Of cells that are distorted FFCx mixes a rule of one point with others; here it does not."""
+    domain = box(COMM, 2, cell)
+    dim = domain.geometry.dim
+    domain.geometry.x[:, :dim] += 0.1 * np.sin(7.0 * domain.geometry.x[:, :dim][:, ::-1])
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
+    u.interpolate(lambda x: np.sin(3.0 * x[:dim] + x[dim - 1]))
+
+    def forms(measure):
+        one = ufl.div(u) ** 2 * measure(domain, metadata={"quadrature_degree": 1})
+        full = ufl.inner(ufl.grad(u), ufl.grad(u)) * measure(metadata={"quadrature_degree": 4})
+        return one + full, one, full
+
+    together, *apart = [
+        COMM.allreduce(fem.assemble_scalar(compiled_form(form))) for form in forms(ufl.dx)
+    ]
+    assert together == pytest.approx(sum(apart), rel=1e-12)
+    with pytest.raises(ValueError, match="beside integrals by other rules over facets"):
+        compiled_form(forms(ufl.ds)[0])
+
+
+@pytest.mark.parametrize("rule", ["default scheme", "custom", "interior facets"])
+def test_one_point_that_cannot_be_mended(rule):
+    """A rule of one point beside others by other words is integrated as it says, or refused."""
+    domain = box(COMM, 2, "quad")
+    domain.geometry.x[:, :2] += 0.1 * np.sin(7.0 * domain.geometry.x[:, 1::-1])
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    u.interpolate(lambda x: np.sin(3.0 * x[:2] + x[1]))
+    if rule == "interior facets":
+        e = ufl.inner(ufl.grad(u)("+"), ufl.grad(u)("-"))
+        form = e * ufl.dS(domain, metadata={"quadrature_degree": 0})
+        form += e * ufl.dS(metadata={"quadrature_degree": 3})
+        with pytest.raises(ValueError, match="by one point stands beside"):
+            compiled_form(form)
+        return
+    full = ufl.inner(ufl.grad(u), ufl.grad(u)) * ufl.dx(domain, metadata={"quadrature_degree": 4})
+    if rule == "custom":
+        middle = {"quadrature_points": ((0.5, 0.5),), "quadrature_weights": (1.0,)}
+        own = ufl.div(u) ** 2 * ufl.dx(metadata={"quadrature_rule": "custom", **middle})
+        with pytest.raises(ValueError, match="by one point stands beside"):
+            compiled_form(own + full)
+        return
+    one = ufl.div(u) ** 2 * ufl.dx(domain, degree=1, scheme="default")
+    together, *apart = [
+        COMM.allreduce(fem.assemble_scalar(compiled_form(form))) for form in (one + full, one, full)
+    ]
+    assert together == pytest.approx(sum(apart), rel=1e-12)
+
+
+def test_one_point_where_others_are_not_defined():
+    """An energy that is defined at the middle of a cell alone stays so beside another rule."""
+    domain = box(COMM, 1, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    u.interpolate(lambda x: np.vstack([0.9 * (2 * x[0] - 1) * (2 * x[1] - 1), 0.0 * x[0]]))
+    e = ufl.ln(1.0 + u[0] / (0.1 * 0.81)) ** 2
+    form = e * ufl.dx(domain, metadata={"quadrature_degree": 1})
+    form += ufl.inner(u, u) * ufl.dx(metadata={"quadrature_degree": 4})
+    assert np.isfinite(fem.assemble_scalar(compiled_form(form)))
+
+
+@pytest.mark.parametrize(
+    "kind", ["quad", pytest.param("hex", marks=pytest.mark.long), "revolution"]
+)
+@pytest.mark.verifies(
+    "nearly incompressible bodies",
+    "stresses",
+    reference="closed form: means of the divergence over cells",
+    aspects=("2D", "3D"),
+)
+def test_stress_in_files(kind):
+    """The stress of a cell has the pressure of its mean dilatation, however it is distorted."""
+    domain = box(COMM, 3, "hex" if kind == "hex" else "quad")
+    dim = domain.geometry.dim
+    x = domain.geometry.x
+    x[:, :dim] += 0.05 * np.sin(7.0 * x[:, :dim] + 3.0 * x[:, dim - 1 : dim])
+    x[:, 0] += 0.1
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
+    u.interpolate(lambda x: 0.01 * np.sin(3.0 * x[:dim] + x[dim - 1]) * x[0])
+    lmbda, mu = lame(YOUNG, 0.4999)
+    material = LinearElastic(lmbda, mu)
+    weight, divergence = 1.0, ufl.div(u)
+    if kind == "revolution":
+        material = Axisymmetric(material)
+        weight = ufl.SpatialCoordinate(domain)[0]
+        divergence += u[0] / weight
+    stress, _ = body_fields(u, material.mean_dilatation_stress(u))
+    test = ufl.TestFunction(fem.functionspace(domain, ("DG", 0)))
+    dx = ufl.dx(metadata={"quadrature_degree": 8})
+    over, whole = (
+        fem.assemble_vector(fem.form(e * weight * test * dx(domain))).array
+        for e in (divergence, 1.0)
+    )
+    n = domain.topology.index_map(dim).size_local
+    middle = np.full((1, dim), 0.5)
+    at_middle = fem.Expression(divergence, middle, comm=COMM).eval(
+        domain, np.arange(n, dtype=np.int32)
+    )
+    expected = lmbda * over[:n] / whole[:n] + 2 * mu / 3 * at_middle.ravel()
+    found = np.trace(stress.x.array.reshape(-1, 2**dim, 3, 3), axis1=2, axis2=3)[:n] / 3
+    size = np.abs(lmbda * over[:n] / whole[:n]).max(initial=1e-300)
+    assert np.abs(found - expected[:, None]).max(initial=0.0) < 1e-9 * size
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "nearly incompressible bodies",
+    "stresses",
+    "pictures",
+    reference="closed form: means of the divergence over cells",
+    aspects=("2D",),
+)
+def test_stress_in_pictures():
+    """A picture has the pressure and von Mises stress of the cells, at its corners exactly.
+
+    Of u = (x^2 y, 0) the mean divergence of a square cell is 2 x y at its middle.
+    """
+    n = 4
+    domain = box(COMM, n, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    floor = HalfSpace((0.0, -1.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    material = LinearElastic(5000.0, 1.0)
+    problem = ContactProblem(material.mean_dilatation_energy(u), u, [surface])
+    u.interpolate(lambda x: np.stack([x[0] ** 2 * x[1], 0.0 * x[0]]))
+    stress = material.mean_dilatation_stress(u)
+    pressure = picture_of_body(None, problem, fields={"mean": ufl.tr(stress) / 3})
+    stressed = picture_of_body(None, problem, stress=stress)
+    _, mises = body_fields(u, stress)
+    ends = (
+        COMM.allreduce(mises.x.array.max(), MPI.MAX),
+        COMM.allreduce(mises.x.array.min(), MPI.MIN),
+    )
+    if COMM.rank:
+        return
+    mean = pressure.axes[0].collections[0].get_array()
+    middle = np.array([0.5 / n, 1 - 0.5 / n])
+    assert [mean.min(), mean.max()] == pytest.approx((5000 + 2 / 3) * 2 * middle**2, rel=1e-12)
+    seen = stressed.axes[0].collections[0].get_array()
+    assert (seen.max(), seen.min()) == pytest.approx(ends, rel=1e-12)
+
+
+def test_what_it_is_not_for():
+    """Simplices, a displacement of degree 2 and plane stress are refused by name."""
+    material = LinearElastic.from_young(YOUNG, 0.4999)
+    V = fem.functionspace(box(COMM, 2, "tri"), ("Lagrange", 1, (2,)))
+    with pytest.raises(ValueError, match="for which take u of degree 2"):
+        material.mean_dilatation_energy(fem.Function(V))
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 2, (2,)))
+    with pytest.raises(ValueError, match="of degree 1; got degree 2"):
+        material.mean_dilatation_energy(fem.Function(V))
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    thin = LinearElastic.from_young(YOUNG, 0.4999, plane_stress=True)
+    with pytest.raises(ValueError, match="plane stress does not lock"):
+        thin.mean_dilatation_energy(fem.Function(V))
+    u = fem.Function(V)
+    with pytest.raises(ValueError, match="of a StVenantKirchhoff is not known"):
+        StVenantKirchhoff(1.0, 1.0).mean_dilatation_energy(u)
+    for stiffer in (Stiffer(1.0, 1.0), Axisymmetric(Stiffer(1.0, 1.0))):
+        with pytest.raises(ValueError, match="of a Stiffer is not known"):
+            stiffer.mean_dilatation_energy(u)
+        with pytest.raises(ValueError, match="of a Stiffer is not known"):
+            stiffer.mean_dilatation_stress(u)
+    for measure in (ufl.ds, ufl.dx(1) + ufl.dx(2), 2.0):
+        with pytest.raises(ValueError, match="the measure must be one of cells"):
+            material.mean_dilatation_energy(u, measure)
+    three = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
+    with pytest.raises(ValueError, match="as many displacements"):
+        material.mean_dilatation_energy(three)
+    mean = ufl.tr(material.mean_dilatation_stress(u))
+    with pytest.raises(ValueError, match="known at the middles of cells alone"):
+        compiled_form(mean * ufl.dx)
+    compiled_form(mean * ufl.dx(metadata={"quadrature_degree": 1}))
+    jumping = fem.Function(fem.functionspace(domain, ("DG", 1, (2,))))
+    with pytest.raises(ValueError, match="needs Lagrange elements"):
+        material.mean_dilatation_energy(jumping)
+
+
+class Stiffer(NeoHookean):
+    """A user's energy, three times that of its base."""
+
+    def energy(self, u):
+        return 3.0 * super().energy(u)
+
+
+def test_a_functional_by_one_point_beside_another_rule():
+    """A user's functional in a record is compiled as the bulk is."""
+    domain = box(COMM, 2, "quad")
+    domain.geometry.x[:, :2] += 0.05 * np.sin(np.pi * domain.geometry.x[:, :2]) ** 2
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(YOUNG, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface])
+    u.interpolate(lambda x: np.sin(3.0 * x[:2] + x[1]))
+    one = ufl.div(u) ** 2 * ufl.dx(domain, metadata={"quadrature_degree": 1})
+    full = ufl.inner(ufl.grad(u), ufl.grad(u)) * ufl.dx(metadata={"quadrature_degree": 4})
+    functionals = {"together": one + full, "one": one, "full": full}
+    together, *apart = [value() for value in compiled(problem, functionals).values()]
+    assert together == pytest.approx(sum(apart), rel=1e-12)

@@ -1,0 +1,563 @@
+"""Contact between faces of different meshes."""
+
+from itertools import pairwise
+
+from mpi4py import MPI
+
+import demo_two_blocks
+import demo_two_cylinders
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support.blocks import CELLS
+from test_pair import MATERIAL, displacement, held, largest, tagged
+
+import ufl
+from dolfinx import fem, la
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    Coulomb,
+    Frictionless,
+    ParametricContact,
+    records,
+)
+from dolfinx_contact.continuation import StepControl, follow
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import join
+from dolfinx_contact.problem import discretise
+
+COMM = MPI.COMM_WORLD
+#: Cells along the lower and the upper face, and from where to where these reach.
+CASES = [
+    (5, 7, (0.0, 1.0), (0.0, 1.0)),
+    (20, 3, (0.0, 1.0), (0.0, 1.0)),
+    (7, 3, (-0.3, 1.45), (0.0, 1.0)),  # a short one on a long one, its ends inside facets
+    (3, 3, (-0.3, 1.45), (0.0, 1.0)),
+]
+SIDES = [(3, 2), (2, 3)]  # tags of slave and master: 3 is above
+BASE = np.array([[0.3, -0.1], [0.07, -0.4]])  # of the linear field of the patch test
+
+
+def stacked(below, above, x_below, x_above, cell="quad", *, angle=0.0, comm=COMM):
+    """Two boxes of height 1, face to face on y = 0; tags 1 below, 2 and 3, 4 above, 5, 6 aside."""
+    bodies = []
+    tags = []
+    for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
+        y = np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
+        body = create_grid(comm, [np.linspace(*reach, n + 1), y], CELLS[cell])
+        planes = {f"t{2 * i + 1}": (1, i - 1.0), f"t{2 * i + 2}": (1, float(i))}
+        tags.append(tagged(body, **planes, t5=(0, reach[0]), t6=(0, reach[1])))
+        bodies.append(body)
+    both = join(bodies, facet_tags=tags)
+    x = both.mesh.geometry.x
+    c = np.cos(angle)
+    s = np.sin(angle)
+    x[:, :2] = x[:, :2] @ np.array([[c, -s], [s, c]]).T
+    return both
+
+
+def hats(points, a, b):
+    """Exact integrals of the hat functions of sorted points from ``a`` to ``b``."""
+    found = np.zeros(len(points))
+    for k, (p, q) in enumerate(pairwise(points)):
+        c = max(p, a)
+        d = min(q, b)
+        if d > c:
+            share = ((d - p) ** 2 - (c - p) ** 2) / (2 * (q - p))
+            found[k + 1] += share
+            found[k] += d - c - share
+    return found
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+@pytest.mark.parametrize(("slave", "master"), SIDES)
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.verifies(
+    "mortar",
+    reference="closed form: integrals over the common part",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_uniform_tractions(case, slave, master, angle):
+    """Forces on both faces are integrals over what they have in common, node by node."""
+    both = stacked(*case, angle=angle)
+    u = displacement(both.mesh)
+    pair = discretise(ContactPair(u, both, slave=slave, master=master, law=Frictionless()))
+    assert not pair.obstacle.opposite.matching
+    ones, sums = pair.points.operator.B.createVecs()
+    ones.set(1.0)
+    pair.points.operator.B.mult(ones, sums)
+    assert largest(sums.array_r) < 1e-14
+    V = u.function_space
+    n = V.dofmap.index_map.size_local
+    uniform = np.tile([1.0, -2.0], (pair.points.number, 1))
+    force = pair.points.operator.transpose(uniform).reshape(-1, 2)[:n]
+    covered = ~pair.obstacle.opposite.none[pair.points.trace_dofs[: pair.points.number]]
+    force -= pair.points.operator.transpose(
+        np.where(covered[:, None], 0.0, np.tile([1.0, -2.0], (pair.points.number, 1)))
+    ).reshape(-1, 2)[:n]
+    common = max(case[2][0], case[3][0]), min(case[2][1], case[3][1])
+    along = V.tabulate_dof_coordinates()[:n, :2] @ [np.cos(angle), np.sin(angle)]
+    for tag, sign in ((slave, 1.0), (master, -1.0)):
+        count, reach = (case[0], case[2]) if tag == 2 else (case[1], case[3])
+        points = np.linspace(*reach, count + 1)
+        exact = hats(points, *common)
+        nodes = fem.locate_dofs_topological(V, 1, both.facet_tags.find(tag))
+        nodes = nodes[nodes < n]
+        at = np.searchsorted(points, along[nodes] - 1e-9)
+        np.testing.assert_allclose(force[nodes, 0], sign * exact[at], atol=1e-14)
+        np.testing.assert_allclose(force[nodes, 1], -2 * sign * exact[at], atol=1e-14)
+    x = V.tabulate_dof_coordinates()[:n, :2]
+    moment = COMM.allreduce(float(np.sum(x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0])))
+    assert abs(moment) < 1e-13
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.each_value
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+@pytest.mark.parametrize("cell", ["tri", "quad"])
+@pytest.mark.parametrize(("slave", "master"), SIDES)
+@pytest.mark.parametrize("case", CASES[:2])
+@pytest.mark.verifies(
+    "mortar",
+    "Coulomb",
+    reference="closed form: a linear displacement",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_patch(case, slave, master, cell, angle):
+    """A linear displacement, with pressure and a shear below the bound, to round-off."""
+    both = stacked(*case, cell=cell, angle=angle)
+    u = displacement(both.mesh)
+    c = np.cos(angle)
+    s = np.sin(angle)
+    R = np.array([[c, -s], [s, c]])
+    gradient = 1e-3 * R @ BASE @ R.T
+    strain = (gradient + gradient.T) / 2
+    lmbda = MATERIAL.lmbda
+    mu = MATERIAL.mu
+    stress = lmbda * np.trace(strain) * np.eye(2) + 2 * mu * strain
+    normal = R @ [0.0, 1.0]
+    pressure = -normal @ stress @ normal
+    shear = abs(R @ [1.0, 0.0] @ stress @ normal)
+    assert 0 < 3 * shear < pressure
+    exact = fem.Function(u.function_space)
+    exact.interpolate(lambda x: gradient @ x[:2])
+    pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(0.5))
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    traction = ufl.dot(fem.Constant(both.mesh, stress), ufl.FacetNormal(both.mesh))
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(traction, u) * ds((4, 5, 6))
+    dofs = fem.locate_dofs_topological(u.function_space, 1, both.facet_tags.find(1))
+    problem = ContactProblem(
+        energy,
+        u,
+        [pair],
+        bcs=[fem.dirichletbc(exact, dofs)],
+        petsc_options={"snes_rtol": 1e-14},
+    )
+    result = problem.solve()
+    table = result.tables["contact"]
+    assert set(table.status) == {"k"}
+    np.testing.assert_allclose(table.pressure, pressure, rtol=1e-11)
+    np.testing.assert_allclose(np.abs(table.along(table.shear)), shear, rtol=1e-11)
+    assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
+    assert result.imbalance < 1e-12
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("ratio", [1.5, 2, 3])
+@pytest.mark.parametrize(("slave", "master"), SIDES)
+@pytest.mark.verifies(
+    "mortar",
+    reference="itself: matching meshes",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_more_elements_converge_to_one_body(slave, master, ratio):
+    """A pressed pair with much friction: the energy of matching meshes, which are one body.
+
+    Among them meshes whose nodes on one side are some of those on the other.
+    """
+    errors = []
+    for n in (4, 8, 16):
+        energies = []
+        for below in (n, int(ratio * n)):
+            both = stacked(below, n, (0.0, 1.0), (0.0, 1.0))
+            u = displacement(both.mesh)
+            pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(50.0))
+            ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.02, -0.05))]
+            problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
+            assert problem.surfaces[0].obstacle.opposite.matching == (below == n)
+            result = problem.solve()
+            assert result.counts["slip"] == 0
+            energies.append(result.energies["bulk"])
+        errors.append(abs(energies[1] / energies[0] - 1))
+    assert errors[0] < 0.01
+    assert errors[2] < 0.5 * errors[1] < 0.25 * errors[0]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ratio", [pytest.param(2, marks=pytest.mark.long), 3])
+@pytest.mark.chatty
+def test_two_blocks_of_different_meshes(folder, ratio):
+    """Resultants near those of matching meshes, and the finer the nearer."""
+    off = []
+    for n in (8, 16):
+        runs = [
+            demo_two_blocks.main(["--static", f"--n={n}", f"--ratio={r}", f"--output={folder}"])
+            for r in (1, ratio)
+        ]
+        off.append(max(abs(runs[1][k] / runs[0][k] - 1) for k in ("sum_rn", "sum_rt_x")))
+        assert runs[1]["force_imbalance"] < 1e-12
+        assert runs[1]["kkt_violation"] < 1e-10
+    assert off[1] < 0.4 * off[0] < 0.4 * 0.01
+
+
+@pytest.mark.ranks(2)
+def test_a_rounded_face():
+    """A gap that opens to both sides: the same with either mesh as the slave, to some percent."""
+    forces = []
+    for slave, master in SIDES:
+        both = stacked(40, 32, (-1.0, 1.0), (-1.0, 1.0))
+        x = both.mesh.geometry.x
+        upper = np.unique(both.mesh.geometry.dofmap[both.cell_tags.find(2)])
+        x[upper, 1] += 0.1 * x[upper, 0] ** 2 * (1 - x[upper, 1])
+        u = displacement(both.mesh)
+        pair = ContactPair(u, both, slave=slave, master=master, law=Frictionless())
+        ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.0, -0.02))]
+        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+        assert result.counts["open"] > 0
+        forces.append(abs(result.resultants["contact"][1]))
+    assert forces[0] == pytest.approx(forces[1], rel=5e-3)
+
+
+@pytest.mark.ranks(2)
+def test_bad_mortars():
+    both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
+    u = displacement(both.mesh)
+    with pytest.raises(ValueError, match=r"do not match: .*, as mixed contact needs"):
+        discretise(ContactPair(u, both, slave=3, master=2, law=Frictionless(), method="mixed"))
+    with pytest.raises(ValueError, match="slave and master touch at 1 nodes of the mesh"):
+        discretise(ContactPair(u, both, slave=3, master=6, law=Frictionless()))
+
+
+# -- in space --------------------------------------------------------------------------------------
+
+SOLID_CASES = [
+    (2, 3, (0.0, 1.0), (0.0, 1.0)),
+    (4, 2, (0.0, 1.0), (0.0, 1.0)),  # nodes of one are some of the other's
+    (4, 2, (-0.3, 1.45), (0.0, 1.0)),
+    (3, 3, (-0.3, 1.45), (0.0, 1.0)),
+]
+TILT = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
+
+
+def solids(below, above, x_below, x_above, cells, *, comm=COMM):
+    """As `stacked`, in 3D and turned: the interface is tilted; tags 7 and 8 aside as well."""
+    bodies = []
+    tags = []
+    for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
+        x = np.linspace(*reach, n + 1)
+        z = np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
+        body = create_grid(comm, [x, x, z], CELLS[cells])
+        planes = {f"t{2 * i + 1}": (2, i - 1.0), f"t{2 * i + 2}": (2, float(i))}
+        aside = dict(t5=(0, reach[0]), t6=(0, reach[1]), t7=(1, reach[0]), t8=(1, reach[1]))
+        tags.append(tagged(body, **planes, **aside))
+        bodies.append(body)
+    both = join(bodies, facet_tags=tags)
+    both.mesh.geometry.x[:] = both.mesh.geometry.x @ TILT.T
+    return both
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("cells", ["tet", "hex"])
+@pytest.mark.parametrize(("slave", "master"), SIDES)
+@pytest.mark.parametrize("case", SOLID_CASES)
+@pytest.mark.verifies(
+    "mortar",
+    reference="closed form: integrals over the common part",
+    aspects=(
+        "3D",
+        "pairs",
+    ),
+)
+def test_uniform_tractions_in_space(case, slave, master, cells):
+    """Forces on a face that is covered are its integrals; forces and moments balance."""
+    both = solids(*case, cells)
+    u = displacement(both.mesh)
+    V = u.function_space
+    pair = discretise(ContactPair(u, both, slave=slave, master=master, law=Frictionless()))
+    ones, sums = pair.points.operator.B.createVecs()
+    ones.set(1.0)
+    pair.points.operator.B.mult(ones, sums)
+    assert largest(sums.array_r) < 1e-14
+    n = V.dofmap.index_map.size_local
+    t = np.array([1.0, -2.0, 3.0])
+    covered = ~pair.obstacle.opposite.none[pair.points.trace_dofs[: pair.points.number]]
+    force = pair.points.operator.transpose(np.where(covered[:, None], t, 0.0)).reshape(-1, 3)[:n]
+    x = V.tabulate_dof_coordinates()[:n]
+    assert np.abs(COMM.allreduce(force.sum(axis=0))).max() < 1e-14
+    assert np.abs(COMM.allreduce(np.cross(x, force).sum(axis=0))).max() < 1e-13
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    for tag, sign in ((slave, 1.0), (master, -1.0)):
+        nodes = fem.locate_dofs_topological(V, 2, both.facet_tags.find(tag))
+        nodes = nodes[nodes < n]
+        total = COMM.allreduce(force[nodes].sum(axis=0))
+        np.testing.assert_allclose(total, sign * t, rtol=1e-13)  # the common face has area 1
+        if case[2] == case[3] or tag == 3:  # all of it is covered
+            traction = ufl.dot(fem.Constant(both.mesh, sign * t), ufl.TestFunction(V)) * ds(tag)
+            exact = fem.assemble_vector(fem.form(traction))
+            exact.scatter_reverse(la.InsertMode.add)
+            wanted = exact.array.reshape(-1, 3)[nodes]
+            np.testing.assert_allclose(force[nodes], wanted, atol=1e-14)
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.each_value
+@pytest.mark.parametrize("cells", ["tet", "hex"])
+@pytest.mark.parametrize(("slave", "master"), SIDES)
+@pytest.mark.parametrize("case", SOLID_CASES[:2])
+@pytest.mark.verifies(
+    "mortar",
+    "Coulomb",
+    reference="closed form: a linear displacement",
+    aspects=(
+        "3D",
+        "pairs",
+    ),
+)
+def test_patch_in_space(case, slave, master, cells):
+    """A linear displacement, with pressure and a shear below the bound, to round-off."""
+    both = solids(*case, cells)
+    u = displacement(both.mesh)
+    base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
+    gradient = 1e-3 * TILT @ base @ TILT.T
+    strain = (gradient + gradient.T) / 2
+    stress = MATERIAL.lmbda * np.trace(strain) * np.eye(3) + 2 * MATERIAL.mu * strain
+    normal = TILT[:, 2]
+    traction = stress @ normal
+    pressure = -normal @ traction
+    shear = np.linalg.norm(traction + pressure * normal)
+    assert 0 < 3 * shear < pressure
+    exact = fem.Function(u.function_space)
+    exact.interpolate(lambda x: gradient @ x)
+    pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(0.5))
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    given = ufl.dot(fem.Constant(both.mesh, stress), ufl.FacetNormal(both.mesh))
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(given, u) * ds((4, 5, 6, 7, 8))
+    dofs = fem.locate_dofs_topological(u.function_space, 2, both.facet_tags.find(1))
+    ends = [fem.dirichletbc(exact, dofs)]
+    options = {"snes_rtol": 1e-13}
+    result = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options).solve()
+    table = result.tables["contact"]
+    assert set(table.status) == {"k"}
+    np.testing.assert_allclose(table.pressure, pressure, rtol=1e-11)
+    np.testing.assert_allclose(np.linalg.norm(table.shear, axis=1), shear, rtol=1e-11)
+    assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
+
+
+@pytest.mark.ranks(2)
+def test_a_warped_face_in_space():
+    """Faces that are curved alike, of different meshes: forces balance, and so do both roles."""
+    forces = []
+    for slave, master in SIDES:
+        both = solids(6, 4, (0.0, 1.0), (0.0, 1.0), "hex")
+        x = both.mesh.geometry.x @ TILT
+        x[:, 2] += 0.1 * x[:, 0] * (1 - x[:, 0]) * (1 - np.abs(x[:, 2]))
+        both.mesh.geometry.x[:] = x
+        u = displacement(both.mesh)
+        pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(0.3))
+        way = (0.01, 0.0, -0.05)
+        ends = [held(u, both.facet_tags, 1, (0, 0, 0)), held(u, both.facet_tags, 4, way)]
+        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+        assert result.imbalance < 1e-10
+        forces.append(np.abs(result.resultants["contact"]))
+    np.testing.assert_allclose(*forces, rtol=0.02, atol=0.01 * forces[0].max())
+
+
+def test_units():
+    """Pa and m, or GPa and mm: the same to round-off."""
+    tables = []
+    for metre, pascal in ((1.0, 1.0), (1e3, 1e-9)):
+        both = stacked(12, 8, (-0.3, 1.45), (0.0, 1.0))
+        both.mesh.geometry.x[:] *= metre
+        u = displacement(both.mesh)
+        pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
+        steel = LinearElastic.from_young(2.1e11 * pascal, 0.3)
+        way = metre * np.array([0.004, -0.02])
+        ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, way)]
+        result = ContactProblem(steel.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+        tables.append(result.tables["contact"])
+    a, b = tables
+    assert a.status == b.status
+    np.testing.assert_allclose(
+        b.pressure * 1e9, a.pressure, rtol=1e-8, atol=1e-8 * a.pressure.max()
+    )
+
+
+def sheared(options=None, law=Coulomb(0.15)):  # noqa: B008
+    """Two blocks of different meshes, pressed and then drawn more and more to the right."""
+    both = stacked(9, 6, (0.0, 1.0), (0.0, 1.0))
+    u = displacement(both.mesh)
+    V = u.function_space
+    gamma = fem.Constant(both.mesh, 0.0)
+    moved = fem.Function(V)
+    pair = ContactPair(u, both, slave=2, master=3, law=law)
+    top = fem.locate_dofs_topological(V, 1, both.facet_tags.find(4))
+    ends = [held(u, both.facet_tags, 1, (0, 0)), fem.dirichletbc(moved, top)]
+    energy = MATERIAL.energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options)
+    way = ufl.as_vector((0.02 * gamma, -0.02 + 0.012 * gamma))
+    system = ParametricContact(problem, gamma, driven=[(moved, way)])
+    system.set_parameter(0.0)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    return system, x
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "pivoting",
+    "mortar",
+    "records of branches",
+    reference="itself: the branch by steps",
+    aspects=(
+        "2D",
+        "pairs",
+        "branches",
+        "records",
+    ),
+)
+def test_a_branch_between_bodies(folder):
+    """By pivoting and by steps, cut short and resumed: the same events, and a solve at its end."""
+    system, x = sheared()
+    seen = {"energy": system.problem.energy, "force": records.total("rt")}
+    paths = []
+    for route in ("pivoting", "steps"):
+        control = StepControl(kinks="exact")
+        with records.BranchRecord(folder / route, system, seen, every=2) as record:
+            options = dict(gamma_range=(0.0, 1.0), control=control, record=record)
+            follow(system, x, 0.0, route=route, max_steps=3, **options)
+        branch = records.resume(folder / route, system, seen, every=2, max_steps=200)
+        assert branch.reason == "gamma reached the end of its range"
+        special = records.read_journal(folder / route).special()
+        found = special[special["kind"] == "event"].to_dict("records")
+        changes = [[(c["before"], c["after"]) for c in e["changes"]] for e in found]
+        paths.append(list(zip([e["gamma"] for e in found], changes, strict=True)))
+        last = records.read_journal(folder / route).to_pandas().iloc[-1]
+        fresh, _ = sheared()
+        fresh.set_parameter(1.0)
+        result = fresh.problem.solve()
+        assert result.tables["contact"].status == last["status"]
+        table = result.tables["contact"]
+        assert last["force"] == pytest.approx(table.along(table.rt).sum(), rel=1e-7)
+    assert len(paths[0]) == len(paths[1]) > 3
+    for a, b in zip(*paths, strict=True):
+        assert a[0] == pytest.approx(b[0], abs=1e-8)
+        assert a[1:] == b[1:]
+
+
+@pytest.mark.long
+@pytest.mark.verifies(
+    "mortar",
+    "Signorini",
+    reference="paper: NAFEMS, benchmark CB-1",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_steel_on_aluminium(folder):
+    """NAFEMS CB-1: the peak within 2 %, the radius within 2 % or a cell, and the force carried."""
+    levels = ["0.5"] if COMM.size > 1 else ["1", "0.5", "0.25"]
+    words = ["--output", str(folder), "--levels", *levels]
+    summary = demo_two_cylinders.main(words)
+    for level in summary["levels"]:
+        assert level["peak"] == pytest.approx(3585.37, rel=0.02)
+        assert level["radius"] == pytest.approx(6.21, abs=max(0.02 * 6.21, level["size"]))
+        assert level["peak"] == pytest.approx(level["hertz_peak"], rel=0.02)
+    assert summary["force_imbalance"] < 1e-10
+    assert (folder / "body.png").stat().st_size > 20_000
+    if COMM.size == 1:
+        # The other body as the finer one: nearer to each other than to the closed form's tolerance.
+        other = demo_two_cylinders.main(
+            ["--output", str(folder), "--levels", "0.5", "--ratio", "1.25"]
+        )
+        assert other["peak"] == pytest.approx(summary["levels"][1]["peak"], rel=0.01)
+
+
+@pytest.mark.parametrize("cells", [(12, 4), (16, 3), (8, 4), (7, 5)])
+@pytest.mark.verifies(
+    "mortar",
+    reference="closed form: uniform pressure",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_rollers_on_both_bodies(cells):
+    """A plane of symmetry through the interface: uniform pressure, and no shear on it."""
+    both = stacked(cells[1], cells[0], (0.0, 1.0), (0.0, 1.0))
+    u = displacement(both.mesh)
+    V = u.function_space
+    ends = [
+        fem.dirichletbc(
+            0.0, fem.locate_dofs_topological(V.sub(i), 1, both.facet_tags.find(tag)), V.sub(i)
+        )
+        for i, tag in ((0, 5), (1, 1))
+    ]
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
+    energy = MATERIAL.energy(u) * ufl.dx + 3 * u[1] * ds(4)
+    options = {"snes_rtol": 1e-12}
+    result = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options).solve()
+    table = result.tables["contact"]
+    np.testing.assert_allclose(table.pressure, 3.0, rtol=1e-9)
+    np.testing.assert_allclose(table.shear, 0.0, atol=1e-9)
+    assert result.reason == "full steps"
+
+
+@pytest.mark.ranks(2, 3)
+def test_a_slave_that_is_held():
+    """More constraints than nodes that can meet them are refused; exchanged they are met."""
+    both = stacked(4, 8, (0.0, 1.0), (0.0, 1.0))
+    u = displacement(both.mesh)
+    still = [held(u, both.facet_tags, t, (0, 0)) for t in (3, 4)]
+    ends = [*still, held(u, both.facet_tags, 1, (0, 0.01))]
+    bulk = MATERIAL.energy(u) * ufl.dx
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
+    with pytest.raises(ValueError, match="hold 9 nodes of the slave, more than the 5"):
+        ContactProblem(bulk, u, [pair], bcs=ends)
+    pair = ContactPair(u, both, slave=2, master=3, law=Coulomb(0.3))
+    result = ContactProblem(bulk, u, [pair], bcs=ends).solve()
+    assert result.counts["open"] == 0
+    # Between the stiffness of a strip and that of a body that is held aside.
+    force = -result.resultants["contact"][1]
+    assert 0.01 * 1000 < force < 0.01 * 1000 * 0.7 / (1.3 * 0.4)
+
+
+def test_a_small_overlap_presses_nothing():
+    """What is taken for the chords of curved faces is no gap; meant, it is a press fit."""
+    found = []
+    for interference in (False, True):
+        both = stacked(4, 8, (0.0, 1.0), (0.0, 1.0))
+        upper = np.unique(both.mesh.geometry.dofmap[both.cell_tags.find(2)])
+        both.mesh.geometry.x[upper, 1] -= 0.002
+        u = displacement(both.mesh)
+        options = dict(slave=3, master=2, law=Frictionless(), interference=interference)
+        ends = [held(u, both.facet_tags, t, (0, 0)) for t in (1, 4)]
+        pair = ContactPair(u, both, **options)
+        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+        found.append(result.resultants["contact"][1])
+    assert abs(found[0]) < 1e-12
+    assert found[1] > 0.5

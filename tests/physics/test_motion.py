@@ -1,0 +1,645 @@
+"""Bodies in motion: impacts, friction, energy, schemes, against closed forms and other codes."""
+
+from mpi4py import MPI
+
+import demo_bouncing_bar
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from support.blocks import box, facets
+from support.moving_bar import Bar
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    RCCM,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    ParametricContact,
+    RigidBody,
+)
+from dolfinx_contact.body.inertia import mass_matrix
+from dolfinx_contact.continuation import Ending, Observer
+from dolfinx_contact.evolution import NSCD
+from dolfinx_contact.materials import LinearElastic, NeoHookean
+
+COMM = MPI.COMM_WORLD
+QUAD = mesh.CellType.quadrilateral
+
+
+def largest(values):
+    return COMM.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max)
+
+
+def at_speed(problem, *speed):
+    """A velocity, the same everywhere."""
+    v = fem.Function(problem.V)
+    v.x.array[:] = np.tile(speed, len(v.x.array) // len(speed))
+    return v
+
+
+def forces(history):
+    return np.array([s.result.resultants["contact"] for s in history.steps])
+
+
+def times(history):
+    return np.array([history.start, *(s.time for s in history.steps)])
+
+
+# -- a bar, step by step ---------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("scheme", "theta", "level", "mass", "restitution", "damping"),
+    [
+        ("theta", 0.5, "position", "redistributed", 0.0, (0.3, 1e-3)),
+        ("theta", 0.6, "position", "lumped", 0.0, None),
+        ("theta-euler", 0.7, "position", "redistributed", 0.0, None),
+        ("modified-theta", 0.55, "position", "consistent", 0.0, (0.0, 1e-3)),
+        ("theta", 0.5, "velocity", "lumped", 0.5, None),
+        ("theta-euler", 0.5, "velocity", "consistent", 1.0, (0.3, 0.0)),
+        ("modified-theta", 0.7, "velocity", "lumped", 0.0, None),
+    ],
+)
+@pytest.mark.verifies(
+    "NSCD motion",
+    "restitution",
+    "energies of motions",
+    reference="independent code: a bar in numpy, scheme by scheme",
+    aspects=("2D",),
+)
+def test_a_bar_step_by_step(scheme, theta, level, mass, restitution, damping):
+    """Forces, gaps and energies of a bar that hits the floor and leaves it, as another code's."""
+    n = 6
+    a, b = damping or (0.0, 0.0)
+    problem = demo_bouncing_bar.bar(n, COMM, height=0.3)
+    velocity = at_speed(problem, 0.0, -10.0)
+    how = dict(scheme=scheme, theta=theta, level=level, mass=mass, restitution=restitution)
+    motion = NSCD(problem, 1.0, dt=0.07, velocity=velocity, damping=damping, **how)
+    history = motion.run([0.0, 0.09, 1.1], progress=False)
+    oracle = Bar(n, mass, height=0.3, velocity=-10.0, damping=(a, b))
+    wanted = oracle.run(times(history), scheme, theta, level, restitution)
+    force = forces(history)[:, 1]
+    assert 4 < np.count_nonzero(wanted[0]) < len(force) - 1
+    np.testing.assert_allclose(force, wanted[0], rtol=0, atol=1e-9 * wanted[0].max())
+    gaps = [s.result.tables["contact"].un.mean() for s in history.steps]
+    np.testing.assert_allclose(gaps, wanted[1], rtol=0, atol=1e-9)
+    account = [s.energies for s in history.steps]
+    energy = [e.kinetic + e.stored - e.external for e in account]
+    np.testing.assert_allclose(energy, wanted[2], rtol=0, atol=1e-9 * 500)
+    if scheme == "theta" and theta == 0.5:
+        assert max(abs(e.residue) for e in account) < 1e-10 * 500
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion",
+    "energies of motions",
+    reference="closed form: rests on (1, 2), pressed by 1/2",
+    aspects=("2D",),
+)
+def test_the_rod_of_a_unit_length():
+    """E = rho = 1, held at 1, u(x, 0) = (1 - x)/2, u(0) >= 0: rests on (1, 2), pressed by 1/2."""
+    errors = []
+    for n in (8, 16):
+        domain = mesh.create_rectangle(COMM, [[0.0, 0.0], [1.0, 1.0]], [1, n], QUAD)
+        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        u = fem.Function(V)
+        u.interpolate(lambda x: np.vstack([0 * x[0], (1 - x[1]) / 2]))
+        high = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 1))
+        floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+        below = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Frictionless())
+        energy = LinearElastic.from_young(1.0, 0.0).energy(u) * ufl.dx
+        bcs = [fem.dirichletbc(np.zeros(2), high, V)]
+        history = NSCD(ContactProblem(energy, u, [below], bcs=bcs), 1.0, dt=1 / n).run([0.0, 3.0])
+        t = times(history)
+        force = forces(history)[:, 1]
+        exact = 0.5 * np.diff(np.clip(t, 1, 2)) / np.diff(t)
+        un = [s.result.tables["contact"].un.mean() for s in history.steps]
+        gap = np.abs(t[1:] - 1.5) - 0.5
+        errors.append((np.abs(un - np.maximum(gap, 0) / 2).mean(), np.mean(np.abs(force - exact))))
+        first, last = np.flatnonzero(force > 0.25)[[0, -1]]
+        assert abs(t[first] - 1) < 1.5 / n
+        assert abs(t[last + 1] - 2) < 1.5 / n
+        account = history.energies
+        assert abs(account.residue) < 1e-12
+        assert abs(account.kinetic + account.stored + account.contact) < 1e-12
+        errors[-1] += (account.contact / 0.125,)
+    assert errors[1][0] < 0.6 * errors[0][0]
+    assert errors[1][1] < 0.8 * errors[0][1]
+    assert errors[1][2] < 0.6 * errors[0][2]
+
+
+def thrown(n, **how):
+    """A bar thrown at a floor that it touches, at the speed 10, until the waves have come back."""
+    problem = demo_bouncing_bar.bar(n, COMM, weight=0.0, height=0.0)
+    motion = NSCD(problem, 1.0, dt=1 / 3 / n, velocity=at_speed(problem, 0.0, -10.0), **how)
+    return motion.run([0.0, 0.8], progress=False)
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies("NSCD motion", reference="closed form: rho c v0 for 2 L/c", aspects=("2D",))
+def test_a_bar_thrown_at_a_wall():
+    """Pressed by rho c v0 for 2L/c it comes back with v0: to 1 % on 400 cells, 5 % on 16."""
+    history = thrown(16)
+    t = times(history)
+    force = forces(history)[:, 1]
+    kept = Bar(16, weight=0.0, height=0.0, velocity=-10.0).run(t)[0]
+    np.testing.assert_allclose(force, kept, rtol=0, atol=1e-9 * 300)
+    assert abs(history.energies.residue) < 1e-10 * 500
+    found = []
+    for n in (16, 400):
+        t = np.linspace(0.0, 0.8, round(2.4 * n) + 1)
+        force = Bar(n, weight=0.0, height=0.0, velocity=-10.0).run(t)[0]
+        rebound = force.sum() * t[1] / 10 - 10  # mean velocity
+        last = t[np.flatnonzero(force > 150)[-1] + 1]
+        inner = (t[1:] > 0.1) & (t[1:] < 0.5)
+        found.append([rebound / 10, last / (2 / 3), force[inner].mean() / 300])
+    np.testing.assert_allclose(found, 1.0, rtol=0, atol=0.05)
+    np.testing.assert_allclose(found[1], 1.0, rtol=0, atol=0.01)
+
+
+@pytest.mark.verifies(
+    "NSCD motion",
+    "rigid bodies",
+    reference="closed form: the energy of a bar that goes away at twice the speed",
+    aspects=("2D",),
+)
+def test_a_wall_that_hits_a_bar():
+    """A rigid body that moves at 10 throws a bar at rest as one at rest does that moves at -10.
+
+    It pushes with what the bar gets: the bar goes away with 20, and twice the impulse times 10 is
+    its energy.
+    """
+    n = 8
+    still = forces(thrown(n))[:, 1]
+    moved = []
+
+    def pushed(domain):
+        moved.append(fem.Constant(domain, 0.0))
+        shape = HalfSpace((0.0, 0.0), (0.0, 1.0))
+        return RigidBody(shape, about=(0.0, 0.0), motion={"y": moved[0]}, held=("x", "rz"))
+
+    problem = demo_bouncing_bar.bar(n, COMM, weight=0.0, height=0.0, obstacle=pushed)
+
+    def load(t):
+        moved[0].value = 10.0 * t
+
+    history = NSCD(problem, 1.0, dt=1 / 3 / n, load=load).run([0.0, 0.8], progress=False)
+    force = forces(history)[:, 1]
+    account = history.energies
+    np.testing.assert_allclose(force, still, rtol=0, atol=1e-9 * 300)
+    t = times(history)
+    assert account.external == pytest.approx(10.0 * force @ np.diff(t), rel=1e-10)
+    assert account.external == pytest.approx(2000.0, rel=0.05)
+    assert abs(account.residue) < 1e-10 * account.external
+
+
+# -- blocks ----------------------------------------------------------------------------------------
+
+
+def block(
+    cell="quad",
+    n=1,
+    *,
+    comm=COMM,
+    material=None,
+    weight=0.0,
+    friction=0.0,
+    degree=1,
+    height=0.0,
+    held=None,
+    size=1.0,
+):
+    """A block over a floor, with the Function on its top if that is held."""
+    domain = box(comm, n, cell, size=size)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
+    u = fem.Function(V)
+    up = np.eye(dim)[-1]
+    material = material or LinearElastic.from_young(1000.0, 0.3)
+    surface = ContactSurface(
+        u,
+        facets(domain, dim - 1, 0.0),
+        obstacle=HalfSpace(-height * up, up),
+        law=Coulomb(friction) if friction else Frictionless(),
+    )
+    pull = fem.Constant(domain, float(weight)) * u[dim - 1] * ufl.dx
+    bcs = []
+    if held is not None:
+        top = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, size))
+        held = fem.Function(V)
+        bcs = [fem.dirichletbc(held, top)]
+    return ContactProblem(material.energy(u) * ufl.dx + pull, u, [surface], bcs=bcs), held
+
+
+@pytest.mark.long
+def test_what_turns_back_is_not_at_rest():
+    """A block that is thrown up is slow for a while, high up, where nothing holds it."""
+    problem, _ = block(weight=10.0)
+    motion = NSCD(problem, 1.0, dt=1e-3, velocity=at_speed(problem, 0.0, 1.0))
+    history = motion.settle(0.15, rest=1e-2)
+    assert history.ending is Ending.BUDGET
+    assert not history.complete
+    slow = [s.energies.kinetic <= 1e-2 * 0.5 for s in history.steps]
+    assert sum(slow) > 12
+
+
+@pytest.mark.long
+def test_settling_is_one_run():
+    """An observer sees one run, which ends after ten steps with little kinetic energy."""
+
+    class Looks(Observer):
+        def __init__(self):
+            self.begins = []
+            self.ends = []
+
+        def begin(self, task, state):
+            self.begins.append((task.max_time, task.rest))
+
+        def step(self, step, state):
+            self.last = state
+
+        def end(self, ended):
+            self.ends.append(ended)
+
+    problem, _ = block(weight=10.0)
+    velocity = at_speed(problem, 0.0, -0.1)
+    motion = NSCD(problem, 1.0, dt=2e-3, velocity=velocity, damping=(200.0, 1e-2))
+    seen = Looks()
+    history = motion.settle(1.0, rest=1e-4, observer=seen, progress=False)
+    assert history.ending is Ending.REACHED
+    assert seen.begins == [(1.0, 1e-4)]
+    assert seen.ends == [history]
+    assert seen.last.ending is Ending.REACHED
+    energies = [s.energies.kinetic for s in history.steps]
+    times = np.array([s.time for s in history.steps])
+    loud = np.flatnonzero(energies > 1e-4 * np.maximum.accumulate(energies))[-1]
+    quiet = len(energies) - 1 - loud
+    assert quiet >= 10
+    # It ends at the first step at which both conditions hold.
+    needed = np.maximum(10 * 2e-3, 4 * 1e-2 * times)
+    at_rest = np.flatnonzero(times - times[loud] >= needed * (1 - 1e-9))
+    assert at_rest.tolist() == [len(energies) - 1]
+    # The next run counts again.
+    again = motion.settle(0.01, rest=1e-4, observer=seen, progress=False)
+    assert again.ending is Ending.BUDGET
+
+
+def shaken(problem, size=1.0):
+    """A velocity that is no rigid motion, none where the body is held."""
+    v = fem.Function(problem.V)
+    dim = problem.V.mesh.geometry.dim
+
+    def field(x):
+        way = np.array([np.sin(2 * x[0]), np.cos(x[0]) * x[dim - 1], x[0] * x[1]])
+        return size * way[:dim] * (1 - x[dim - 1])
+
+    v.interpolate(field)
+    return v
+
+
+def viscous(problem, velocity):
+    """A damping form: viscosity."""
+    w = ufl.TestFunction(problem.V)
+    return 2.0 * ufl.inner(ufl.sym(ufl.grad(velocity)), ufl.sym(ufl.grad(w))) * ufl.dx
+
+
+@pytest.mark.parametrize("e", [0.0, 0.4, 1.0])
+@pytest.mark.verifies(
+    "restitution",
+    reference="closed form: the speed after, the impulse and the loss",
+    aspects=("2D",),
+)
+def test_restitution_of_a_stiff_block(e):
+    """It comes back with e times its speed, in the step in which it hits."""
+    problem, _ = block(material=LinearElastic.from_young(1e9, 0.3), height=0.1)
+    how = dict(scheme="theta-euler", theta=1.0, level="velocity", mass="lumped", restitution=e)
+    motion = NSCD(problem, 2.0, dt=0.01, velocity=at_speed(problem, 0.0, -3.0), **how)
+    history = motion.run([0.0, 0.08], progress=False)
+    hits = [k for k, f in enumerate(forces(history)[:, 1]) if f > 1e-6]
+    assert len(hits) == 1
+    assert len(history.steps) == 8  # also where it passes its first place, free of forces
+    assert history.steps[hits[0]].time == pytest.approx(0.04)  # it would be there at 0.0333
+    speeds = motion.velocity.x.array.reshape(-1, 2) - (0.0, 3.0 * e)
+    assert largest(speeds) < 3e-5
+    assert forces(history)[:, 1].sum() * 0.01 == pytest.approx(6.0 * (1 + e), rel=1e-5)
+    assert history.energies.contact == pytest.approx(9.0 * (1 - e**2), abs=1e-4)
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion", "Coulomb", reference="closed form: v0/(mu g), v0^2/(2 mu g)", aspects=("2D",)
+)
+def test_a_stiff_block_slides_and_stops():
+    """At v0/(mu g), after v0^2/(2 mu g), to a step; friction has taken all of the motion."""
+    stiff = LinearElastic.from_young(1e9, 0.3)
+    problem, _ = block(material=stiff, weight=10.0, friction=0.25)
+    stop = 1 / 2.5
+    dt = 0.4 / 18.5
+    how = dict(scheme="theta-euler", theta=1.0, mass="lumped")
+    motion = NSCD(problem, 1.0, dt=dt, velocity=at_speed(problem, 1.0, 0.0), **how)
+    loss = []
+
+    def watch(step):
+        e = step.energies
+        loss.append((step.time, 0.5 - e.kinetic, e.dissipated, step.status))
+
+    motion.run([0.0, 0.5], observer=watch, progress=False)
+    t, lost, spent = (np.array([row[k] for row in loss]) for k in range(3))
+    np.testing.assert_allclose(spent, lost, rtol=0, atol=1e-8)
+    stopped = next(row[0] for row in loss if row[3] == "kk")
+    assert abs(stopped - stop) <= 1.01 * dt
+    assert lost[-1] == pytest.approx(0.5, abs=1e-8)
+    way = largest(problem.u.x.array[::2])
+    assert abs(way - 0.2) <= dt
+    # Coulomb's: the weight times mu times the way that mean velocities go.
+    speed = np.sqrt(2 * np.append(0.5, 0.5 - lost).clip(0))
+    np.testing.assert_allclose(
+        np.diff(np.append(0.0, spent))[:15],
+        2.5 * (np.diff(np.append(0.0, t)) * (speed[1:] + speed[:-1]) / 2)[:15],
+        rtol=1e-6,
+    )
+
+
+@pytest.mark.parametrize(
+    ("cell", "n", "degree", "damping"),
+    [
+        ("tri", 2, 1, None),
+        ("tri", 2, 2, (0.2, 1e-3)),
+        ("hex", 2, 1, "form"),
+        ("tet", 1, 2, None),
+    ],
+)
+@pytest.mark.verifies(
+    "energies of motions",
+    reference="theorem: theta = 1/2 keeps the energy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_energy_is_kept(cell, n, degree, damping):
+    """theta = 1/2, linear, nothing hits: to 1e-10 of the total, with loads and what is held."""
+    problem, top = block(cell, n, degree=degree, weight=3.0, height=1.0, held=True)
+    velocity = shaken(problem)
+    if damping == "form":
+        damping = viscous(problem, velocity)
+
+    def load(t):
+        top.x.array[:: problem.V.dofmap.index_map_bs] = 0.1 * (1 - np.cos(3 * t))
+
+    motion = NSCD(problem, 2.0, dt=0.05, load=load, velocity=velocity, damping=damping)
+    history = motion.run([0.0, 0.4], progress=False)
+    account = history.energies
+    total = account.at_start + abs(account.external)
+    assert account.at_start > 0.1
+    assert max(abs(s.energies.residue) for s in history.steps) < 1e-10 * total
+    if damping is not None:
+        assert account.damping > 1e-3 * total
+    held = problem.equations.fixed
+    assert largest(problem.u.x.array[: len(held)][held] - top.x.array[: len(held)][held]) < 1e-12
+
+
+@pytest.mark.verifies(
+    "energies of motions", reference="closed form: a body that drag slows", aspects=("2D",)
+)
+@pytest.mark.parametrize("theta", [0.5, 0.8])
+def test_drag_takes_what_the_body_loses(theta):
+    """m v' = -a m v by the theta scheme: velocities and the work of drag, step by step."""
+    a, h, m = 2.0, 0.1, 3.0
+    problem, _ = block(height=1.0)
+    velocity = at_speed(problem, 0.3, 0.2)
+    how = dict(theta=theta, mass="consistent", damping=(a, 0.0), velocity=velocity)
+    history = NSCD(problem, m, dt=h, **how).run([0.0, 3 * h], progress=False)
+    v = (
+        np.array([0.3, 0.2])
+        * ((1 - (1 - theta) * a * h) / (1 + theta * a * h)) ** np.arange(4)[:, None]
+    )
+    assert largest(velocity.x.array.reshape(-1, 2) - v[-1]) < 1e-12
+    dragged = a * h * m * (v[1:] + v[:-1]) / 2 * (theta * v[1:] + (1 - theta) * v[:-1])
+    wanted = dragged.sum(axis=1).cumsum()
+    np.testing.assert_allclose([s.energies.damping for s in history.steps], wanted, rtol=1e-10)
+    assert max(abs(s.energies.residue) for s in history.steps) < 1e-12
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "energies of motions", "hyperelastic bodies", reference="itself: half the step", aspects=("2D",)
+)
+def test_energy_of_a_hyperelastic_body():
+    """What does not close falls with the square of the steps."""
+    found = []
+    for dt in (0.02, 0.01):
+        problem, _ = block("tri", 2, material=NeoHookean(60.0, 40.0), height=1.0)
+        motion = NSCD(problem, 1.0, dt=dt, velocity=shaken(problem, 2.0))
+        history = motion.run([0.0, 0.2], progress=False)
+        found.append(np.abs([s.energies.residue for s in history.steps]).max())
+    assert 1.8 < np.log2(found[0] / found[1]) < 2.2
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "NSCD motion", "branches", reference="differences: of the rows of a step", aspects=("2D",)
+)
+def test_a_load_within_a_step():
+    """The derivative of the rows by a Constant of the load, which has the weight theta there."""
+    domain = box(COMM, 2, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    weight = fem.Constant(domain, 3.0)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    below = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx + weight * u[1] * ufl.dx
+    motion = NSCD(ContactProblem(energy, u, [below]), 2.0, dt=0.01, theta=0.8)
+    motion.run([0.0, 0.02], progress=False)
+    system = ParametricContact(motion.problem, weight)
+    x, up, down, found = (system.create_vector() for _ in range(4))
+    motion.problem.write(x)
+    piece = system.piece_at(x, 3.0)
+    system.residual(x, 4.0, up, piece)
+    system.residual(x, 2.0, down, piece)
+    system.parameter_derivative(x, 3.0, found, piece)
+    wanted = (up.array - down.array) / 2
+    assert largest(wanted) > 0.01
+    assert largest(found.array - wanted) < 1e-10
+    total = COMM.allreduce(found.array.sum())
+    assert total == pytest.approx(0.8)
+
+
+def dense(matrix):
+    return matrix.convert("dense").getDenseArray().copy()
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion", reference="independent code: the matrix exponential of scipy", aspects=("2D",)
+)
+def test_schemes_have_their_order():
+    """Against the exact solution of M u'' + C u' + K u = f, of the same matrices, nothing hit."""
+    problem, _ = block("tri", 2, comm=MPI.COMM_SELF, weight=3.0, height=1.0, held=True)
+    start = shaken(problem).x.array.copy()
+    velocity = fem.Function(problem.V)
+    how = dict(mass="consistent", damping=(0.2, 1e-3), velocity=velocity)
+    end = 0.02
+    n = len(start)
+    motion = NSCD(problem, 2.0, dt=0.1, **how)
+    body = motion.problem.equations.bulk
+    K = dense(body.body.stiffness(np.zeros(n)))
+    rows = body.body.residual_at(np.zeros(n))
+    inner = np.flatnonzero(~problem.equations.fixed)
+    M, C, K = (A[np.ix_(inner, inner)] for A in (dense(body.mass), dense(body.damping), K))
+    m = len(inner)
+    A = np.zeros((2 * m + 1, 2 * m + 1))
+    A[:m, m : 2 * m] = np.eye(m)
+    A[m:-1, :-1] = -np.linalg.solve(M, np.hstack([K, C]))
+    A[m:-1, -1] = -np.linalg.solve(M, rows[inner])
+    exact = (expm(end * A) @ np.concatenate([np.zeros(m), start[inner], [1.0]]))[:m]
+    cases = {("theta", 0.5): 2, ("modified-theta", 0.5): 2, ("theta", 0.6): 1}
+    for (scheme, theta), order in (cases | {("theta-euler", 0.5): 1}).items():
+        errors = []
+        for steps in (8, 16):
+            problem.u.x.array[:] = 0.0
+            velocity.x.array[:] = start
+            motion = NSCD(problem, 2.0, dt=end / steps, scheme=scheme, theta=theta, **how)
+            motion.run([0.0, end], start=problem.snapshot(), progress=False)
+            errors.append(np.abs(problem.u.x.array[inner] - exact).max())
+        assert order - 0.25 < np.log2(errors[0] / errors[1]) < order + 0.25
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize(("cell", "degree"), [("tri", 1), ("quad", 2), ("tet", 1), ("hex", 1)])
+def test_mass_matrices(cell, degree):
+    """All have the mass of the body; none is at what may touch, and it is positive elsewhere."""
+    problem, _ = block(cell, 2, degree=degree, comm=MPI.COMM_SELF)
+    V = problem.V
+    dim = problem.V.mesh.geometry.dim
+    x = ufl.SpatialCoordinate(V.mesh)
+    touching = np.repeat(np.isclose(V.tabulate_dof_coordinates()[:, dim - 1], 0), dim)
+    for kind in ("consistent", "lumped", "redistributed"):
+        M = dense(mass_matrix(V, 2.0 + x[0], kind, touching))
+        assert np.abs(M - M.T).max() < 1e-15
+        for i in range(dim):
+            ones = np.tile(np.eye(dim)[i], len(M) // dim)
+            assert ones @ M @ ones == pytest.approx(2.5)
+        where = ~touching if kind == "redistributed" else np.ones(len(M), dtype=bool)
+        assert not M[~where].any()
+        assert np.linalg.eigvalsh(M[np.ix_(where, where)]).min() > 1e-4
+        assert (
+            kind == "consistent" or degree == 1 or np.count_nonzero(M - np.diag(M.diagonal())) == 0
+        )
+
+
+# -- what must not matter --------------------------------------------------------------------------
+
+
+def hits_askew(comm, *, mass=1.0, length=1.0, time=1.0, steps=8, n=3):
+    """A block thrown at a rough floor askew, in other units."""
+    made = block(
+        "tri",
+        n,
+        comm=comm,
+        size=length,
+        material=LinearElastic.from_young(100.0 * mass / time**2, 0.3),
+        weight=5.0 * mass / length / time**2,
+        friction=0.3,
+        height=0.02 * length,
+    )[0]
+    speed = length / time
+    v = fem.Function(made.V)
+    v.interpolate(lambda x: speed * np.array([2 + x[1] / length, -1 - 0.6 * x[0] / length]))
+    motion = NSCD(made, mass / length**2, dt=0.02 * time, velocity=v)
+    return motion, motion.run([0.0, 0.02 * steps * time], progress=False)
+
+
+@pytest.mark.verifies("units", "NSCD motion", reference="itself: other units", aspects=("2D",))
+def test_units_change_nothing():
+    m = 1e-3
+    length = 1e3
+    t = 60.0
+    _, a = hits_askew(COMM)
+    _, b = hits_askew(COMM, mass=m, length=length, time=t)
+    force = m * length / t**2
+    assert {"+", "o"} <= set("".join(s.status for s in a.steps))
+    assert [s.status for s in a.steps] == [s.status for s in b.steps]
+    size = np.abs(forces(a)).max()
+    np.testing.assert_allclose(forces(b) / force, forces(a), rtol=0, atol=1e-9 * size)
+    other = b.energies.row()
+    for name, value in a.energies.row().items():
+        assert other[name] / (force * length) == pytest.approx(value, rel=1e-9, abs=1e-10)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies("NSCD motion", reference="itself: the motion on one rank", aspects=("2D",))
+def test_ranks_change_nothing():
+    """50 steps in which a block hits, slips and leaves: what all ranks find is what one finds."""
+    steps = 50 if COMM.size > 1 else 2
+    (_, all_), (_, one) = (hits_askew(c, steps=steps) for c in (COMM, MPI.COMM_SELF))
+    assert [s.status for s in all_.steps] == [s.status for s in one.steps]
+    size = np.abs(forces(one)).max()
+    np.testing.assert_allclose(forces(all_), forces(one), rtol=0, atol=1e-9 * size)
+    for a, b in zip(all_.steps, one.steps, strict=True):
+        s, t = (x.result.tables["contact"] for x in (a, b))
+        np.testing.assert_allclose(s.force, t.force, rtol=0, atol=1e-9 * size)
+        np.testing.assert_allclose(s.ut, t.ut, rtol=0, atol=1e-9)
+    for name, value in one.energies.row().items():
+        assert all_.energies.row()[name] == pytest.approx(value, rel=1e-9, abs=1e-10)
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+BAD = [
+    ({"density": 0.0}, "density must be positive"),
+    ({"density": -1.0}, "density must be positive"),
+    ({"density": np.nan}, "density must be positive"),
+    ({"density": "some"}, "density must be positive everywhere"),
+    ({"dt": 0.0}, "dt must be a positive time"),
+    ({"dt": -1.0}, "dt must be a positive time"),
+    ({"dt": np.nan}, "dt must be a positive time"),
+    ({"theta": 0.49}, "theta must be between 0.5 and 1"),
+    ({"theta": 1.01}, "theta must be between 0.5 and 1"),
+    ({"theta": np.nan}, "theta must be between 0.5 and 1"),
+    ({"restitution": 1.1, "level": "velocity"}, "restitution must be between 0 and 1"),
+    ({"restitution": -0.1, "level": "velocity"}, "restitution must be between 0 and 1"),
+    ({"restitution": 0.5}, "level='velocity'"),
+    ({"level": "velocity", "mass": "redistributed"}, "a node needs mass"),
+    ({"scheme": "newmark"}, "known are 'theta', 'theta-euler', 'modified-theta'"),
+    ({"level": "speed"}, "known are 'position', 'velocity'"),
+    ({"mass": "none"}, "known are 'consistent', 'lumped', 'redistributed'"),
+    ({"damping": (-1.0, 0.0)}, "must not be negative"),
+    ({"damping": 1.0}, "a form or a pair"),
+]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("given", "message"), BAD, ids=lambda x: str(x)[:30])
+def test_bad_input(given, message):
+    problem, _ = block("tri", 2)
+    if given.get("density") == "some":
+        given = {"density": ufl.SpatialCoordinate(problem.V.mesh)[0] - 0.5}
+    with pytest.raises(ValueError, match=message) as info:
+        NSCD(problem, **({"density": 1.0, "dt": 0.1, "mass": "lumped"} | given))
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+def test_a_start_within_the_floor():
+    problem, _ = block("tri", 2, height=-0.01)
+    with pytest.raises(ValueError, match=r"within the obstacle, by up to 0.01") as info:
+        NSCD(problem, 1.0, dt=0.1).run([0.0, 1.0])
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+@pytest.mark.ranks(2)
+def test_what_the_velocity_level_refuses():
+    problem, _ = block("tri", 2)
+    u = problem.u
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    below = facets(problem.V.mesh, 1, 0.0)
+    glued = ContactSurface(u, below, obstacle=floor, law=RCCM(10.0, 10.0, 1.0))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    with pytest.raises(ValueError, match="adhesion is about positions"):
+        NSCD(ContactProblem(energy, u, [glued]), 1.0, dt=0.1, level="velocity", mass="lumped")

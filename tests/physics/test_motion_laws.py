@@ -1,0 +1,414 @@
+"""Laws beside Coulomb's in motions: friction of velocities, compliance, adhesion."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from support.blocks import box, facets
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    RCCM,
+    BilinearCohesive,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    NormalCompliance,
+    Regularised,
+    RigidBody,
+)
+from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.materials import Axisymmetric, LinearElastic
+
+COMM = MPI.COMM_WORLD
+
+
+def block(law, *, young=1e6, height=0.0, weight=10.0):
+    """A unit block of four squares above a floor."""
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, -height), (0, 1)), law=law
+    )
+    energy = (LinearElastic.from_young(young, 0.0).energy(u) + weight * u[1]) * ufl.dx
+    return ContactProblem(energy, u, [surface])
+
+
+def velocity(problem, x, y):
+    v = fem.Function(problem.V)
+    v.x.array[:] = np.tile([x, y], len(v.x.array) // 2)
+    return v
+
+
+@pytest.mark.parametrize(
+    ("scheme", "theta", "mass"),
+    [
+        ("theta", 0.5, "redistributed"),
+        pytest.param("theta", 0.5, "consistent", marks=pytest.mark.long),
+        pytest.param("theta-euler", 1.0, "lumped", marks=pytest.mark.long),
+        pytest.param("modified-theta", 0.6, "redistributed", marks=pytest.mark.long),
+        pytest.param("modified-theta", 0.6, "lumped", marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.verifies(
+    "friction of speed and time",
+    "regularised friction",
+    "NSCD motion",
+    reference="closed form: sinh(v/eps) falls as an exponential",
+    aspects=("2D",),
+)
+def test_friction_of_the_velocity(scheme, theta, mass):
+    """v' = -mu g tanh(v/eps): sinh(v/eps) falls as an exponential of time."""
+    eps = 0.5
+    mu = 0.3
+    g = 10.0
+    end = 0.4
+    t = np.linspace(0.0, end, 2001)
+    speed = eps * np.arcsinh(np.sinh(1.0 / eps) * np.exp(-mu * g * t / eps))
+    way = np.trapezoid(speed, t)
+    off = []
+    for dt in (0.02, 0.01):
+        problem = block(Regularised(Coulomb(mu), width=1e-6, speed=eps), young=1e8, weight=g)
+        bound = problem.surfaces[0].law.friction.friction
+        bound.value = 0.0  # at rest under its weight
+        problem.solve()
+        bound.value = mu
+        how = dict(scheme=scheme, theta=theta, mass=mass, velocity=velocity(problem, 1.0, 0.0))
+        history = NSCD(problem, 1.0, dt=dt, **how).run([0.0, end], progress=False)
+        off.append(COMM.allreduce(np.abs(problem.u.x.array[::2] - way).max(), op=MPI.MAX) / way)
+        assert history.energies.dissipated == pytest.approx(0.5 * (1 - speed[-1] ** 2), rel=0.05)
+    assert off[1] < 0.6 * off[0]
+    assert off[1] < 0.02
+
+
+@pytest.mark.ranks(2)
+def test_a_speed_is_needed():
+    with pytest.raises(ValueError, match="lacks a speed"):
+        NSCD(block(Regularised(Coulomb(0.3), width=1e-3)), 1.0, dt=0.01)
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "normal compliance",
+    "NSCD motion",
+    reference="closed form: half a period of an oscillator",
+    aspects=("2D",),
+)
+def test_a_surface_that_gives_way():
+    """A stiff block on springs: half a period of an oscillator in contact, and away again."""
+    C = 1e4
+    v0 = 1.0
+    problem = block(NormalCompliance(C), young=1e8, height=0.0, weight=0.0)
+    motion = NSCD(problem, 1.0, dt=1e-4, velocity=velocity(problem, 0.0, -v0), mass="lumped")
+    history = motion.run([0.0, 0.04], progress=False)
+    force = np.array([s.result.resultants["contact"][1] for s in history.steps])
+    t = np.array([s.time for s in history.steps])
+    half = np.pi / np.sqrt(C)
+    np.testing.assert_allclose(t[force > 1e-3 * force.max()][-1], half, rtol=0.02)
+    assert force.max() == pytest.approx(v0 * np.sqrt(C), rel=0.01)
+    assert force.sum() * 1e-4 == pytest.approx(2 * v0, rel=0.01)
+    # The law is taken at the end of a step, which dissipates as much of an oscillation.
+    lost = 0.5 * np.pi / 2 * np.sqrt(C) * 1e-4
+    assert history.energies.residue == pytest.approx(lost, rel=0.02)
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    "NSCD motion",
+    "energies of motions",
+    reference="closed form: the cost of the bond",
+    aspects=("2D",),
+)
+def test_a_bond_that_breaks():
+    """A block that flies off loses what its bond costs: w of its kinetic energy."""
+    w = 0.1
+    C = 1e3
+    problem = block(RCCM(C, C, w), young=1e7, weight=0.0)
+    v = velocity(problem, 0.0, 1.0)
+    motion = NSCD(problem, 1.0, dt=5e-4, velocity=v, mass="lumped")
+    history = motion.run([0.0, 0.06], progress=False)
+    e = history.energies
+    u = problem.table(problem.surfaces[0]).un.min()
+    assert u > 4 * np.sqrt(w / C)
+    left = w * (1 - w / C / (2 * u**2))  # work of the bond up to there
+    assert e.damage + e.stored == pytest.approx(left, rel=0.01)
+    assert 0.5 - e.kinetic == pytest.approx(left, rel=0.02)
+    assert abs(e.residue) < 0.03 * w
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "bilinear cohesion",
+    "NSCD motion",
+    reference="closed form: the cost of the interface",
+    aspects=("2D",),
+)
+def test_an_interface_that_breaks():
+    """The same of an interface by energy and dissipation, whose cost is exact."""
+    problem = block(BilinearCohesive(10.0, 0.005, 0.015), young=1e7, weight=0.0)
+    motion = NSCD(problem, 1.0, dt=5e-4, velocity=velocity(problem, 0.0, 1.0), mass="lumped")
+    e = motion.run([0.0, 0.06], progress=False).energies
+    assert problem.table(problem.surfaces[0]).un.min() > 0.02
+    assert e.damage == pytest.approx(0.1, rel=1e-9)
+    assert 0.5 - e.kinetic == pytest.approx(0.1, rel=0.02)
+    assert abs(e.residue) < 0.03 * 0.1
+
+
+def test_a_load_that_is_changed_between_runs():
+    """From then on it is the new one, in the first half of the next step as well."""
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    pull = fem.Constant(domain, 2.0)
+    floor = HalfSpace((0, -5.0), (0, 1))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = (LinearElastic.from_young(1e3, 0.0).energy(u) - pull * u[0]) * ufl.dx
+    motion = NSCD(ContactProblem(energy, u, [surface]), 1.0, dt=0.1, mass="consistent")
+    motion.run([0.0, 0.5], progress=False)
+    pull.value = -2.0
+    history = motion.run([0.5, 1.0], progress=False)
+    # Forth with 2, back with -2: at rest again, after 2 (1/2)^2.
+    assert np.abs(motion.velocity.x.array).max(initial=0.0) < 1e-12
+    np.testing.assert_allclose(u.x.array[::2], 0.5, rtol=1e-12)
+    assert abs(history.energies.external) < 1e-12
+
+
+def test_an_obstacle_that_arrives():
+    """Where it reaches a body at rest at the very end of a step, it touches, and then hits."""
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    y = fem.Constant(domain, -0.05)
+    floor = HalfSpace((0.0 * y, y), (0, 1))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    problem = ContactProblem(LinearElastic.from_young(1e3, 0.0).energy(u) * ufl.dx, u, [surface])
+
+    def load(t):
+        y.value = -0.05 + t
+
+    history = NSCD(problem, 1.0, dt=0.002, load=load).run([0.0, 0.1], progress=False)
+    assert history.complete
+    assert len(history.steps) == 50
+    assert history.energies.kinetic > 0.5
+    assert abs(history.energies.residue) < 1e-11
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+def test_a_bond_on_springs():
+    """The energies are those of a quasi-static history, from which slow motion hardly differs."""
+    found = []
+    for moves in (False, True):
+        domain = box(COMM, 2, "quad")
+        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        u = fem.Function(V)
+        up = fem.Constant(domain, np.zeros(2))
+        dofs = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+        law = RCCM(100.0, 100.0, 1.0, viscosity=0.5, contact=NormalCompliance(1e4))
+        floor = HalfSpace((0, 0), (0, 1))
+        surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=law)
+        energy = LinearElastic.from_young(1e4, 0.0).energy(u) * ufl.dx
+        problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(up, dofs, V)])
+
+        def load(t, up=up):
+            up.value[1] = 0.2 * t
+
+        if moves:
+            how = dict(dt=0.01, load=load, damping=(100.0, 0.01))
+            history = NSCD(problem, 1e-3, **how).run([0.0, 1.0], progress=False)
+        else:
+            history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, 101), progress=False)
+        e = history.energies
+        found.append((e.external, e.stored, e.damage))
+        assert abs(e.residue) < 0.02 * e.external
+    np.testing.assert_allclose(*found, rtol=0.01)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("what", ["velocity", "damping"])
+def test_what_differs_between_ranks(what):
+    problem = block(Coulomb(0.3))
+    other = velocity(problem, 0.0, 0.0) if what == "velocity" else (1.0, 0.0)
+    given = {what: other if COMM.rank > 0 else None}
+    if COMM.size == 1:
+        NSCD(problem, 1.0, dt=0.1, **given)
+        return
+    with pytest.raises(ValueError, match=r"differs? between ranks"):
+        NSCD(problem, 1.0, dt=0.1, **given)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "NSCD motion",
+    reference="closed form: the kinetic energy of a cylinder",
+    aspects=("2D",),
+)
+def test_a_body_of_revolution():
+    """A cylinder of radius and height 1 that falls has the mass of all of it."""
+    domain = box(COMM, 3, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0, -5.0), (0, 1))
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3), axisymmetric=True
+    )
+    energy = Axisymmetric(LinearElastic.from_young(1e3, 0.3)).energy(u)
+    problem = ContactProblem(energy * ufl.dx, u, [surface])
+    for mass in ("consistent", "lumped", "redistributed"):
+        v = velocity(problem, 0.0, -2.0)
+        u.x.array[:] = 0.0
+        motion = NSCD(problem, 3.0, dt=0.1, velocity=v, mass=mass)
+        history = motion.run([0.0, 0.2], start=problem.snapshot(), progress=False)
+        assert history.energies.kinetic == pytest.approx(0.5 * 3.0 * np.pi * 4.0, rel=1e-12)
+
+
+@pytest.mark.verifies(
+    "bodies of revolution",
+    "energies of motions",
+    reference="closed form: a body that drag slows",
+    aspects=("2D",),
+)
+def test_drag_of_a_body_of_revolution():
+    """Rayleigh's factor of the mass is of the mass around: all nodes are slowed alike."""
+    domain = box(COMM, 3, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    floor = HalfSpace((0, -5.0), (0, 1))
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=floor, law=Frictionless(), axisymmetric=True
+    )
+    energy = Axisymmetric(LinearElastic.from_young(1e3, 0.3)).energy(u)
+    problem = ContactProblem(energy * ufl.dx, u, [surface])
+    v = velocity(problem, 0.0, -2.0)
+    how = dict(dt=0.1, velocity=v, mass="consistent", damping=(2.0, 0.0))
+    history = NSCD(problem, 3.0, **how).run([0.0, 0.2], progress=False)
+    slowed = -2.0 * (0.9 / 1.1) ** 2
+    off = np.abs(v.x.array.reshape(-1, 2) - [0.0, slowed]).max(initial=0.0)
+    assert COMM.allreduce(off, op=MPI.MAX) < 1e-11
+    assert history.energies.damping == pytest.approx(1.5 * np.pi * (4 - slowed**2), rel=1e-10)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "normal compliance",
+    "energies of motions",
+    "energies of histories",
+    reference="closed form: springs hold C/2 un^2",
+    aspects=("2D",),
+)
+@pytest.mark.parametrize("moves", [True, False])
+def test_what_a_compliant_floor_holds(moves):
+    """The mean force times the way is exact for linear springs, from where they are at rest."""
+    C = 200.0
+    domain = box(COMM, 2, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    below = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=NormalCompliance(C))
+    bulk = LinearElastic.from_young(1e3, 0.3).energy(u) * ufl.dx
+    if moves:
+        problem = ContactProblem(bulk, u, [below])
+        motion = NSCD(problem, 1.0, dt=0.01, velocity=velocity(problem, 0.0, -1.0))
+        history = motion.run([0.0, 0.05], progress=False)
+    else:
+        top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+        held = fem.Function(V)
+
+        def load(t):
+            held.x.array[1::2] = -0.01 * t
+
+        problem = ContactProblem(bulk, u, [below], bcs=[fem.dirichletbc(held, top)])
+        history = QuasiStatic(problem, load).run([0.0, 0.3, 1.0], progress=False)
+        assert abs(history.energies.residue) < 1e-12
+    assert len(history.steps) > 1
+    table = history.steps[-1].result.tables["contact"]
+    assert table.un.max() < -1e-3
+    springs = C / 2 * np.sum(table.area * table.un**2)
+    inner = COMM.allreduce(fem.assemble_scalar(fem.form(bulk)))
+    assert history.energies.stored == pytest.approx(inner + springs, rel=1e-9)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "NSCD motion",
+    "rigid bodies",
+    reference="closed form: what sticks to a floor moves as it does",
+    aspects=("2D",),
+)
+@pytest.mark.parametrize("how", ["dragged", "lifted"])
+def test_a_floor_carries_what_it_touches(how):
+    """With theta beyond 1/2, where what contact is about is no displacement of the step's end."""
+    speed = 0.2
+    domain = box(COMM, 2, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    way = fem.Constant(domain, 0.0)
+    if how == "dragged":
+        motion = {"x": way}
+        shape = HalfSpace((0.0, 0.0), (0.0, 1.0))
+        obstacle = RigidBody(shape, about=(0.0, 0.0), motion=motion, held=["y", "rz"])
+    else:
+        obstacle = HalfSpace(ufl.as_vector((0.0, way)), (0.0, 1.0))
+    given = dict(obstacle=obstacle, law=Coulomb(2.0))
+    below = ContactSurface(u, facets(domain, 1, 0.0), **given)
+    energy = LinearElastic.from_young(1e3, 0.3).energy(u) * ufl.dx + 50.0 * u[1] * ufl.dx
+    problem = ContactProblem(energy, u, [below])
+
+    def load(t):
+        way.value = speed * t
+
+    level = {"dragged": "position", "lifted": "velocity"}[how]
+    v = velocity(problem, 0.0, 0.0)
+    method = dict(theta=0.6, level=level, mass="lumped", velocity=v, load=load)
+    step = NSCD(problem, 1.0, dt=0.001, **method).run([0.0, 0.002], progress=False).steps[-1]
+    assert step.result.tables["contact"].letters.tolist() == ["k"] * 3
+    wanted = [speed, 0.0] if how == "dragged" else [0.0, speed]
+    nodes = fem.locate_dofs_topological(problem.V, 1, facets(domain, 1, 0.0))
+    off = np.abs(v.x.array.reshape(-1, 2)[nodes] - wanted)
+    along = 0 if how == "dragged" else 1
+    assert COMM.allreduce(off[:, along].max(initial=0.0), op=MPI.MAX) < 1e-9
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "NSCD motion",
+    "Coulomb",
+    reference="itself: factorised",
+    aspects=(
+        "3D",
+        "multigrid",
+    ),
+)
+def test_multigrid():
+    """The same impacts as by factorising."""
+    options = PETSc.Options()
+    found = []
+    for solver in ("direct", "amg"):
+        options["contact_linear_solver"] = solver
+        options["contact_snes_rtol"] = 1e-11
+        domain = box(COMM, 4, "hex")
+        V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+        u = fem.Function(V)
+        v = fem.Function(V)
+        v.x.array[:] = np.tile([1.0, 0.3, -1.0], len(v.x.array) // 3)
+        floor = HalfSpace((0, 0, -0.01), (0, 0.02, 1))
+        surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))
+        problem = ContactProblem(
+            LinearElastic.from_young(1e3, 0.3).energy(u) * ufl.dx, u, [surface]
+        )
+        motion = NSCD(problem, 1.0, dt=0.01, velocity=v)
+        history = motion.run([0.0, 0.06], progress=False)
+        assert motion.problem.linear_solver.name == solver
+        found.append(history)
+    forces = [np.array([s.result.resultants["contact"] for s in h.steps]) for h in found]
+    assert np.abs(forces[0]).max() > 1.0
+    np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=1e-7 * np.abs(forces[0]).max())
+    assert [s.status for s in found[0].steps] == [s.status for s in found[1].steps]

@@ -1,0 +1,493 @@
+"""Nonlocal friction, against dense numpy, closed forms and the local law."""
+
+import logging
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from _triangle import linear_triangle
+from scipy.spatial.distance import cdist
+from support.blocks import block, box, facets, same_tables
+from test_compliant import sheared_block
+from test_law import randomise, remainders
+from test_mortar import sheared
+from test_pair import displacement, held, stacked
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    NonlocalCoulomb,
+    NormalCompliance,
+    ParametricContact,
+    Regularised,
+    RigidBody,
+    Sphere,
+)
+from dolfinx_contact.analysis import critical_friction
+from dolfinx_contact.continuation import explore, follow
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.records.manifest import manifest_of
+from dolfinx_contact.reduced.scope import can_condense
+
+COMM = MPI.COMM_WORLD
+KERNELS = {
+    "mollifier": lambda x: np.exp(-1 / np.maximum(1 - x**2, 1e-3)) * (x < 1),
+    "biweight": lambda x: np.maximum(1 - x**2, 0) ** 2,
+}
+#: Integrals over the line and the plane, from rules of numpy alone.
+X, WEIGHTS = np.polynomial.legendre.leggauss(400)
+WHOLE = {
+    (name, dim): np.sum(WEIGHTS / 2 * omega((X + 1) / 2) * (2 if dim == 2 else np.pi * (X + 1)))
+    for name, omega in KERNELS.items()
+    for dim in (2, 3)
+}
+
+
+def averages(x, areas, radius, kernel="mollifier", *, normalised=True):
+    """The matrix N, dense."""
+    N = KERNELS[kernel](cdist(x, x) / radius) * areas
+    if normalised:
+        return N / N.sum(axis=1, keepdims=True)
+    return N / WHOLE[kernel, x.shape[1]] / radius ** (x.shape[1] - 1)
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("normalised", [True, False])
+@pytest.mark.parametrize(("dim", "cell"), [(2, "quad"), (3, "hex")])
+@pytest.mark.verifies(
+    "nonlocal friction",
+    reference="independent code: a dense compliance and projections in numpy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_against_dense_numpy(dim, cell, kernel, normalised):
+    """Compliance of the block, and a projection repeated until nothing changes."""
+    n, F, radius = (8, 0.2, 0.3) if dim == 2 else (4, 0.4, 0.6)
+    top = np.array([0.005, *[0.0025] * (dim - 2), -0.02])
+    floor = HalfSpace(np.zeros(dim), floor_normal(dim))
+    law = NonlocalCoulomb(F, radius, kernel, normalised)
+    options = {"snes_rtol": 1e-13}
+    result = block(n=n, cell=cell, law=law, top=top, obstacle=floor, options=options).solve()
+    t = result.tables["contact"]
+    counts = [result.counts[k] for k in ("open", "stick", "slip")]
+    assert all(counts)
+
+    domain = box(MPI.COMM_SELF, n, cell)
+    V = displacement(domain).function_space
+    v = ufl.TrialFunction(V)
+    w = ufl.TestFunction(V)
+    eps = lambda u: ufl.sym(ufl.grad(u))  # noqa: E731
+    lame = 1000.0 * 0.3 / (1.3 * 0.4)
+    mu = 1000.0 / 2.6
+    energy = lame * ufl.div(v) * ufl.div(w) + 2 * mu * ufl.inner(eps(v), eps(w))
+    K = fem.assemble_matrix(fem.form(energy * ufl.dx)).to_dense()
+    X = V.tabulate_dof_coordinates()[:, :dim]
+    above, below = (np.flatnonzero(np.isclose(X[:, -1], z)) for z in (1.0, 0.0))
+    below = below[np.lexsort(np.round(X[below], 9).T[::-1])]
+    free = np.setdiff1d(np.arange(len(X)), above)
+    dofs, fixed = ((dim * nodes[:, None] + np.arange(dim)).ravel() for nodes in (free, above))
+    C = np.linalg.inv(K[np.ix_(dofs, dofs)])
+    u0 = -C @ K[np.ix_(dofs, fixed)] @ np.tile(top, len(above))
+    mine = (dim * np.searchsorted(free, below)[:, None] + np.arange(dim)).ravel()
+    A = C[np.ix_(mine, mine)]
+    u0 = u0[mine]
+    x = X[below]
+    out = floor_normal(dim)
+    ends = [np.where(np.isclose(c, 0) | np.isclose(c, 1), 0.5, 1.0) / n for c in x.T[:-1]]
+    areas = np.prod(ends, axis=0)
+    N = averages(x, areas, radius, kernel, normalised=normalised)
+    gap = x @ out
+    r = np.zeros((len(x), dim))
+    rho = 1.0 / np.linalg.eigvalsh(A)[-1]
+    for _ in range(20_000):
+        u = (A @ r.ravel() + u0).reshape(r.shape)
+        rn = np.maximum(r @ out - rho * (gap + u @ out), 0.0)
+        rt = r - rho * u
+        rt -= np.outer(rt @ out, out)
+        size = np.linalg.norm(rt, axis=1)
+        bound = F * areas * (N @ (rn / areas))
+        rt *= np.minimum(1.0, bound / np.where(size > 0, size, 1.0))[:, None]
+        new = np.outer(rn, out) + rt
+        change = np.abs(new - r).max()
+        r = new
+        if change < 1e-15 * np.abs(r).max():
+            break
+    np.testing.assert_allclose(t.x, x, atol=1e-12)
+    np.testing.assert_allclose(t.force, r, rtol=0, atol=1e-10 * np.abs(r).max())
+    np.testing.assert_allclose(t.bound, bound, rtol=0, atol=1e-10 * np.abs(r).max())
+    # Friction acts on points that are open, next to those that are not.
+    assert np.linalg.norm(t.force[t.letters == "o"], axis=1).max() > 1e-3 * np.abs(r).max()
+
+
+def floor_normal(dim):
+    normal = np.array([0.02, *[0.0] * (dim - 2), 1.0])
+    return normal / np.linalg.norm(normal)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("dim", "cell"), [(2, "tri"), (3, "hex"), (3, "tet")])
+@pytest.mark.verifies(
+    "nonlocal friction",
+    reference="closed form: a constant pressure stays constant",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_constant_pressure(dim, cell):
+    """It stays constant, and friction is local; of the plain convolution the bound is known."""
+    pressed = 0.05
+    s = 0.03
+    F = 0.2
+    p = 1000.0 * pressed
+
+    def solved(law):
+        return sheared_block(law, dim, cell, s, pressed, F * p).solve().tables["contact"]
+
+    local = solved(Coulomb(F))
+    nonlocal_ = solved(NonlocalCoulomb(F, 0.7))
+    assert local.count("s" if dim == 3 else "+") == len(local.status)
+    same_tables(local, nonlocal_, 1e-12)
+    np.testing.assert_allclose(nonlocal_.bound, F * p * local.area, rtol=1e-12)
+    plain = solved(NonlocalCoulomb(F, 0.7, "biweight", normalised=False))
+    share = averages(plain.x, plain.area, 0.7, "biweight", normalised=False).sum(axis=1)
+    np.testing.assert_allclose(plain.bound, F * plain.area * share * plain.pressure[0], rtol=0.3)
+    N = averages(plain.x, plain.area, 0.7, "biweight", normalised=False)
+    np.testing.assert_allclose(plain.bound, F * plain.area * (N @ plain.pressure), rtol=1e-10)
+    assert share.min() < 0.6  # what is lost at the ends
+
+
+LAWS = [
+    NonlocalCoulomb(0.5, 0.6),
+    NonlocalCoulomb(0.5, 0.6, "biweight", normalised=False),
+    NormalCompliance(3000.0, 2.5, NonlocalCoulomb(0.5, 0.6)),
+    NormalCompliance(3000.0, 1.0, NonlocalCoulomb(0.5, 0.6), tangential=500.0),
+    Regularised(NonlocalCoulomb(0.5, 0.6), 0.005, "sqrt"),
+]
+
+
+def spread_share(problem, x):
+    """Largest entry of the Jacobian between two points, over the largest of the contact rows."""
+    state = problem.equations.contact(x)
+    (found,) = state.surfaces
+    step = np.zeros_like(found.jump)
+    step[:, -1] = 1.0
+    across = found.along(step) - np.einsum("nij,nj->ni", found.by_jump, step)
+    return COMM.allreduce(np.abs(across).max(initial=0.0), op=MPI.MAX)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    ("cell", "degree", "method"),
+    [("quad", 1, "nodal"), ("tet", 1, "nodal"), ("tri", 2, "integral"), ("quad", 1, "mixed")],
+)
+@pytest.mark.verifies(
+    "nonlocal friction",
+    reference="differences: Taylor remainders of second order",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_jacobian_by_taylor(cell, degree, method, law):
+    """Of pieces that are smooth the remainder falls as h^2."""
+    problem = block(n=4 if cell == "quad" else 2, cell=cell, degree=degree, method=method, law=law)
+    x = randomise(problem, 1, 0.02, 10.0)
+    assert spread_share(problem, x) > 1.0
+    sizes = remainders(problem, x, 2)
+    if sizes[0] > 1e-12:  # else the piece is affine
+        np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
+
+
+def test_jacobian_of_a_rigid_body():
+    """Columns of its motion go through the points around as well."""
+    indenter = RigidBody(
+        HalfSpace((0.0, 0.0), (0.0, 1.0)),
+        about=(0.4, 0.0),
+        load={"y": 5.0},
+        free=["rz"],
+        held=["x"],
+    )
+    problem = block(law=NonlocalCoulomb(0.5, 0.6), obstacle=indenter)
+    x = randomise(problem, 1, 0.02, 10.0)
+    assert remainders(problem, x, 2).max() < 1e-11
+
+
+def rate_of(problem, gamma, at=0.3, h=1e-4):
+    """The derivative of H by gamma, and that of central differences, the statuses held."""
+    system = ParametricContact(problem, gamma)
+    system.set_parameter(at)
+    x = randomise(problem, 1, 0.04, 10.0)
+    piece = system.piece_at(x, at)
+    c, a, b = (system.create_vector() for _ in range(3))
+    system.parameter_derivative(x, at, c, piece)
+    system.residual(x, at + h, a, piece)
+    system.residual(x, at - h, b, piece)
+    a.axpy(-1.0, b)
+    a.scale(0.5 / h)
+    a.axpy(-1.0, c)
+    return a.norm() / c.norm()
+
+
+@pytest.mark.parametrize("method", ["nodal", "integral", "mixed"])
+def test_rates(method):
+    """By the coefficient, the height and slope of the floor, and a compliance."""
+    domain = box(COMM, 4, "quad")
+    gamma = fem.Constant(domain, 0.0)
+    tilted = HalfSpace(ufl.as_vector((0.0, 0.02 * gamma)), ufl.as_vector((0.03 * gamma, 1.0)))
+    for law, floor in [
+        (NonlocalCoulomb(0.02 + 0.1 * gamma, 0.6), None),
+        (NonlocalCoulomb(0.5, 0.6), tilted),
+        (NormalCompliance(3000.0 * (1 + gamma), 1.5, NonlocalCoulomb(0.5, 0.6)), tilted),
+    ]:
+        problem = block(domain=domain, cell="quad", method=method, law=law, obstacle=floor)
+        assert rate_of(problem, gamma) < 1e-6
+
+
+def between_bodies(law, solver="direct", cell="tet"):
+    both = stacked(3, cell, 3)
+    u = displacement(both.mesh)
+    pair = ContactPair(u, both, slave=3, master=2, law=law)
+    top = held(u, both.facet_tags, 4, (0.05, 0.01, -0.04))
+    ends = [held(u, both.facet_tags, 1, np.zeros(3)), top]
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    options = {"snes_rtol": 1e-12, "linear_solver": solver}
+    return ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options)
+
+
+@pytest.mark.verifies(
+    "nonlocal friction",
+    reference="independent code: averages of the pressures in numpy",
+    aspects=(
+        "3D",
+        "pairs",
+        "multigrid",
+    ),
+)
+def test_between_bodies():
+    """The slave's points see each other: the bound is that of their pressures; by both solvers."""
+    law = NonlocalCoulomb(0.25, 0.5)
+    tables = []
+    for solver in ("direct", "amg"):
+        result = between_bodies(law, solver).solve()
+        assert result.kkt_violation < 1e-9
+        t = result.tables["contact"]
+        assert 0 < t.count("k") < len(t.status)
+        bound = 0.25 * t.area * (averages(t.x, t.area, 0.5) @ t.pressure)
+        np.testing.assert_allclose(t.bound, bound, rtol=1e-9)
+        slips = t.letters == "s"
+        np.testing.assert_allclose(np.linalg.norm(t.rt, axis=1)[slips], bound[slips], rtol=1e-9)
+        tables.append(t)
+    same_tables(*tables, 1e-8)
+
+
+@pytest.mark.ranks(2)
+def test_jacobian_between_bodies():
+    for problem in (between_bodies(LAWS[2]), sheared(law=LAWS[0])[0].problem):
+        sizes = remainders(problem, randomise(problem, 1, 0.02, 10.0), 2)
+        if sizes[0] > 1e-12:
+            np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
+@pytest.mark.parametrize(
+    ("cell", "method"), [("hex", "nodal"), ("quad", "mixed"), ("tri", "integral")]
+)
+@pytest.mark.verifies(
+    "nonlocal friction",
+    reference="itself: the solve on one rank",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_ranks(cell, method):
+    """The same numbers as on one rank."""
+    n, dim = (4, 3) if cell == "hex" else (12, 2)
+    top = (0.03, *[0.0] * (dim - 2), -0.03)
+    tables = []
+    for comm in (COMM, MPI.COMM_SELF):
+        law = NonlocalCoulomb(0.3, 0.4)
+        problem = block(domain=box(comm, n, cell), cell=cell, method=method, law=law, top=top,
+                        options={"snes_rtol": 1e-12})  # fmt: skip
+        tables.append(problem.solve().tables["contact"])
+    assert 0 < tables[0].count("k") < len(tables[0].status)
+    same_tables(*tables)
+
+
+@pytest.mark.verifies(
+    "nonlocal friction", reference="itself: the local law, as the radius falls", aspects=("2D",)
+)
+def test_limit_of_the_local_law():
+    """On a patch inside the surface: forces at order 4/3 or so (the pressure ends like a root),
+    resultants and slips at order 2."""
+    n = 64
+
+    def solved(law):
+        domain = mesh.create_unit_square(COMM, n, 6, mesh.CellType.quadrilateral)
+        round_ = Sphere((0.5, -2.0), 2.0)
+        problem = block(domain=domain, cell="quad", law=law, top=(0.06, -0.03), obstacle=round_)
+        return problem.solve().tables["contact"]
+
+    local = solved(Coulomb(0.3))
+    errors = []
+    assert 0 < local.count("o") < n
+    for radius in (0.2, 0.1, 0.05):
+        t = solved(NonlocalCoulomb(0.3, radius))
+        off = t.force - local.force
+        errors.append((
+            np.abs(off).sum() / np.abs(local.force).sum(),
+            np.abs(off.sum(axis=0)).max() / np.abs(local.force.sum(axis=0)).max(),
+            np.abs(t.ut - local.ut).max() / np.abs(local.ut).max(),
+        ))  # fmt: skip
+    orders = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
+    np.testing.assert_allclose(orders[:, 0], 1.3, atol=0.15)
+    np.testing.assert_allclose(orders[:, 1:], 1.9, atol=0.25)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "nonlocal friction",
+    "friction as parameter",
+    reference="itself: a solve at the end of the branch",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
+def test_a_branch():
+    """Followed in the coefficient by steps, to the solution at its end."""
+    domain = box(COMM, 4, "quad")
+    gamma = fem.Constant(domain, 0.6)
+    options = dict(n=4, cell="quad", top=(0.03, -0.03))
+    problem = block(**options, domain=domain, law=NonlocalCoulomb(gamma, 0.3))
+    system = ParametricContact(problem, gamma)
+    system.set_parameter(0.6)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    other = block(**options, domain=domain, law=NonlocalCoulomb(gamma, 0.31))
+    assert manifest_of(other)["forms"] != manifest_of(system.problem)["forms"]
+    branch = follow(system, x, 0.6, gamma_range=(0.3, 0.6), direction="decreasing")
+    assert branch.reason == "gamma reached the end of its range"
+    assert any(s.changes for s in branch.special)
+    found = system.result_at(branch.points[-1]).tables["contact"]
+    same_tables(found, block(**options, law=NonlocalCoulomb(0.3, 0.3)).solve().tables["contact"])
+
+
+def test_a_branch_of_points_that_lift_off():
+    """Where nothing presses nothing is held, and borders do not come and go with the bound."""
+    law = NonlocalCoulomb(1.7, 0.6)
+    system = linear_triangle(4, 1.7, law=lambda _: law)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0))
+    assert all(b.reason == "gamma reached the end of its range" for b in diagram.branches)
+    last = [p for b in diagram.branches for p in b.points if p.gamma == 1.0]
+    system.set_parameter(1.0)
+    known = system.problem.solve().tables["contact"]
+    assert set(known.letters) <= set("od")
+    for point in last:
+        t = system.result_at(point).tables["contact"]
+        np.testing.assert_allclose(t.ut, known.ut, atol=1e-8)
+        assert set(system.letters(point.piece)) <= set("PMd")
+    assert last
+
+
+@pytest.mark.verifies(
+    "Tresca's fixed point",
+    "nonlocal friction",
+    reference="itself: Newton's method",
+    aspects=("2D",),
+)
+def test_other_algorithms():
+    """Tresca's fixed point finds the same; what works on points is refused, with a reason."""
+    options = dict(n=4, cell="quad", top=(0.02, -0.02), law=NonlocalCoulomb(0.3, 0.4))
+    known = block(**options).solve().tables["contact"]
+    same_tables(known, block(**options).solve(algorithm="tresca").tables["contact"], 1e-7)
+    problem = block(**options)
+    problem.solve()
+    assert not can_condense(ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0)))
+    found = problem.uniqueness()
+    assert found.verdict != "proved"
+    assert "proofs are for the laws of Coulomb and Tresca" in found.reason
+    with pytest.raises(ValueError, match="needs the law of Coulomb or Tresca"):
+        problem.reduced()
+    with pytest.raises(ValueError, match="needs the law of Coulomb or Tresca"):
+        problem.solve(algorithm="lemke")
+    with pytest.raises(ValueError, match="needs a local law, not NonlocalCoulomb"):
+        critical_friction(problem, (1.0, 0.0))
+
+
+@pytest.mark.ranks(2)
+def test_bad_laws_and_a_small_radius(caplog):
+    for make, message in [
+        (
+            lambda: NonlocalCoulomb(0.3, np.nan),
+            "radius of NonlocalCoulomb must be a finite and pos",
+        ),
+        (
+            lambda: NonlocalCoulomb(0.3, np.inf),
+            "radius of NonlocalCoulomb must be a finite and pos",
+        ),
+        (
+            lambda: NonlocalCoulomb(0.3, -0.1),
+            "radius of NonlocalCoulomb must be a finite and posit",
+        ),
+        (
+            lambda: NonlocalCoulomb(0.3, 0.0),
+            "radius of NonlocalCoulomb must be a finite and positi",
+        ),
+        (
+            lambda: NonlocalCoulomb(0.3, "1"),
+            "radius of NonlocalCoulomb must be a finite and positi",
+        ),
+        (lambda: NonlocalCoulomb(0.3, 0.1, "hat"), "kernel of NonlocalCoulomb must be one of moll"),
+        (lambda: NonlocalCoulomb(0.3, 0.1, normalised=1), "normalised of .* True or False"),
+        (
+            lambda: block(law=NonlocalCoulomb(-0.3, 0.5)),
+            "friction of NonlocalCoulomb.* nonnegative",
+        ),
+        (lambda: block(law=NonlocalCoulomb(np.nan, 0.5)), "friction of NonlocalCoulomb.* nonnegat"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            make()
+    options = dict(n=4, cell="quad", top=(0.02, -0.02))
+    with caplog.at_level(logging.WARNING):
+        block(**options, law=NonlocalCoulomb(0.3, 0.25)).solve()
+    assert "below the mesh size" not in caplog.text
+    with caplog.at_level(logging.WARNING):
+        found = block(**options, law=NonlocalCoulomb(0.3, 0.2)).solve().tables["contact"]
+    if COMM.rank == 0:
+        assert "the radius of nonlocal friction, 0.2, is below the mesh size, 0.25" in caplog.text
+    same_tables(found, block(**options, law=Coulomb(0.3)).solve().tables["contact"], 1e-12)
+
+
+@pytest.mark.ranks(2, 3)
+def test_a_surface_on_one_rank_alone():
+    """Ranks without a point take part; a far obstacle touches nothing and nothing is held."""
+    domain = box(COMM, 6, "quad")
+    u = displacement(domain)
+    few = facets(domain, 1, 0.0)
+    few = few[mesh.compute_midpoints(domain, 1, few)[:, 0] < 0.4]
+    floor = HalfSpace((0.0, -0.5), (0.0, 1.0))
+    surface = ContactSurface(u, few, obstacle=floor, law=NonlocalCoulomb(0.3, 0.4))
+    top = fem.locate_dofs_topological(u.function_space, 1, facets(domain, 1, 1.0))
+    ends = [fem.dirichletbc(np.array([0.1, 0.0]), top, u.function_space)]
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    result = ContactProblem(energy, u, [surface], bcs=ends).solve()
+    assert result.counts["open"] == 3
+    assert np.abs(result.tables["contact"].force).max() < 1e-12

@@ -1,0 +1,323 @@
+"""Bodies that start in each other: refused, a press fit, or removed without stress."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from _surfaces import brick
+from support.blocks import CELLS
+from test_large_sliding import block
+from test_pair import displacement
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    HalfSpace,
+    LevelSet,
+    RigidBody,
+    RigidSurface,
+    SelfContact,
+    Sphere,
+)
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.materials import LinearElastic, lame
+from dolfinx_contact.meshing import join
+from dolfinx_contact.problem import discretise
+from dolfinx_contact.records import EvolutionRecord
+
+COMM = MPI.COMM_WORLD
+OVERLAP = 0.04
+LMBDA, MU = lame(1000.0, 0.3)
+KINDS = [(dim, kind) for dim in (2, 3) for kind in ("small", "large", "itself")]
+
+
+def strips(dim):
+    """Two bodies on each other, of height 1, of which the upper one starts in the lower one."""
+    parts = []
+    for name, low, cells in (("lower", -1.0, 2), ("upper", -OVERLAP, 3)):
+        aside = [np.linspace(0.0, 1.0, cells + 1)] * (dim - 1)
+        kind = "quad" if dim == 2 else "hex"
+        body = create_grid(COMM, [*aside, low + np.linspace(0.0, 1.0, 3)], CELLS[kind])
+        height = 0.0 if name == "lower" else -OVERLAP
+        tag = 1 if name == "lower" else 2
+
+        def here(x, height=height):
+            return np.isclose(x[dim - 1], height)
+
+        facets = np.sort(mesh.locate_entities_boundary(body, dim - 1, here))
+        tags = np.full(len(facets), tag, dtype=np.int32)
+        parts.append((body, mesh.meshtags(body, dim - 1, facets, tags)))
+    bodies, tags = zip(*parts, strict=True)
+    return join(bodies, facet_tags=tags)
+
+
+def surface(u, both, sliding, **given):
+    """A pair of both faces, or one face of both."""
+    if sliding == "itself":
+        facets = np.union1d(both.facet_tags.find(1), both.facet_tags.find(2))
+        return SelfContact(u, facets, law=Frictionless(), **given)
+    return ContactPair(u, both, slave=2, master=1, law=Frictionless(), sliding=sliding, **given)
+
+
+def pressed(dim, sliding, **given):
+    """The strips between plates, in uniaxial strain."""
+    both = strips(dim)
+    u = displacement(both.mesh)
+    V = u.function_space
+    pair = surface(u, both, sliding, **given)
+    bcs = []
+    for axis in range(dim):
+        ends = (-1.0, 1.0 - OVERLAP) if axis == dim - 1 else (0.0, 1.0)
+        W = V.sub(axis)
+
+        def here(x, axis=axis, ends=ends):
+            return np.isclose(x[axis], ends[0]) | np.isclose(x[axis], ends[1])
+
+        facets = mesh.locate_entities_boundary(both.mesh, dim - 1, here)
+        dofs = fem.locate_dofs_topological(W, dim - 1, facets)
+        bcs.append(fem.dirichletbc(fem.Constant(both.mesh, 0.0), dofs, W))
+    energy = LinearElastic(LMBDA, MU).energy(u) * ufl.dx
+    return ContactProblem(energy, u, [pair], bcs=bcs)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("dim", "sliding"), KINDS)
+@pytest.mark.verifies(
+    "press fits",
+    reference="closed form: uniaxial strain by half the overlap, or none where it is removed",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_two_strips(dim, sliding):
+    """A press fit has the pressure of half the overlap in each strip; removed it leaves nothing."""
+    modulus = LMBDA + 2 * MU
+    fit = pressed(dim, sliding, interference=1.01 * OVERLAP).solve()
+    table = fit.tables["contact"]
+    facing = np.isfinite(table.un)
+    assert facing.sum() >= 3 ** (dim - 1)
+    np.testing.assert_allclose(table.pressure[facing], 0.5 * OVERLAP * modulus, rtol=1e-8)
+    free = pressed(dim, sliding, remove_overlap=1.01 * OVERLAP)
+    result = free.solve()
+    np.testing.assert_allclose(result.tables["contact"].un[facing], 0.0, atol=1e-14)
+    np.testing.assert_allclose(result.tables["contact"].force, 0.0, atol=1e-10)
+    np.testing.assert_allclose(free.u.x.array, 0.0, atol=1e-13)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("dim", "sliding"), KINDS)
+@pytest.mark.refuses("press fits", aspects=("2D", "3D", "pairs", "large sliding"))
+def test_refused(dim, sliding):
+    """More than is allowed, and arguments that say two things or none."""
+    both = strips(dim)
+    u = displacement(both.mesh)
+    if sliding == "small":
+        beyond = ({"gap": -0.1, "interference": 0.09}, r"gap is -0\.1; interference allows 0\.09")
+    else:  # else they would not find each other, and nothing would press
+        beyond = (
+            {"interference": True, "search_distance": 0.9 * OVERLAP},
+            r"farther than the search distance 0\.036",
+        )
+    for options, words in (
+        beyond,
+        ({}, r"overlap by 0\.04; interference=True for a press fit"),
+        ({"interference": 0.9 * OVERLAP}, r"overlap by 0\.04; interference allows 0\.036"),
+        ({"remove_overlap": 0.9 * OVERLAP}, r"overlap by 0\.04; remove_overlap allows 0\.036"),
+        ({"interference": -1.0}, "interference must be True, False or the largest overlap"),
+        ({"remove_overlap": True}, "remove_overlap must be the largest overlap that is removed"),
+        ({"interference": True, "remove_overlap": 0.1}, "and not both"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            discretise(surface(u, both, sliding, **options))
+
+
+@pytest.mark.refuses("records of histories", aspects=("2D", "large sliding"))
+def test_other_overlaps_are_other_problems(folder):
+    """The removed overlap, the search distance, and planes of symmetry."""
+
+    def opened(resume=True, **given):
+        problem = pressed(2, "large", **({"remove_overlap": 0.1} | given))
+        EvolutionRecord(folder, QuasiStatic(problem, lambda t: None), resume=resume).close()
+
+    opened(resume=False)
+    opened(remove_overlap=0.2)
+    for other in (
+        {"interference": True, "remove_overlap": None},
+        {"search_distance": 0.3},
+        {"symmetry": {0: 0.0}},
+    ):
+        with pytest.raises(ValueError, match="differs: the kind of sliding of"):
+            opened(**other)
+
+
+def tool(dim, closed):
+    """A box whose top is by some more than a facet within the unit block, or that top alone."""
+    points, cells = brick([-1.0] * dim, [*[2.0] * (dim - 1), 0.1])
+    if not closed:
+        top = np.isclose(points[cells][..., -1], 0.1).all(axis=1)
+        used, cells = np.unique(cells[top], return_inverse=True)
+        points, cells = points[used], cells.reshape(-1, dim)
+    return RigidSurface(points, cells)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.each_value
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.refuses("surfaces of facets", aspects=("2D", "3D"))
+def test_a_body_within_a_tool(dim, closed, moves):
+    """A body that starts in a tool of facets is refused, unless it is to be pushed out."""
+    obstacle = tool(dim, closed)
+    if moves:
+        names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+        obstacle = RigidBody(obstacle, about=[0.0] * dim, held=names)
+    cell = "quad" if dim == 2 else "hex"
+    at_rest = dict(cell=cell, top=[0.0] * dim, sliding="small")
+    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference=True"):
+        block(obstacle, **at_rest)
+    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference allows 0\.09"):
+        block(obstacle, interference=0.09, **at_rest)
+    pushed = block(obstacle, interference=0.1, **at_rest).solve()
+    np.testing.assert_allclose(pushed.tables["contact"].un, 0.0, atol=1e-12)
+
+
+def on_tool(dim, height, *, law=None, bumps=0.0, moves=False, **given):
+    """A unit block above the top of a tool of facets, which has bumps, pressed and sheared."""
+    x = np.linspace(-1.0, 2.0, 13)
+    z = height + bumps * np.cos(7.0 * x)
+    segments = np.stack([np.arange(1, 13), np.arange(12)], axis=1)
+    points = np.stack([x, z], axis=1)
+    if dim == 3:
+        points = np.concatenate([np.stack([x, np.full(13, y), z], axis=1) for y in (-1.0, 2.0)])
+        a, b = segments[:, 1], segments[:, 0]
+        squares = [[a, b, b + 13], [a, b + 13, a + 13]]
+        segments = np.concatenate([np.stack(corners, axis=1) for corners in squares])
+    obstacle = RigidSurface(points, segments)
+    if moves:
+        names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+        obstacle = RigidBody(obstacle, about=[0.0] * dim, held=names)
+    cell = "quad" if dim == 2 else "hex"
+    return block(obstacle, cell=cell, n=3, law=law or Coulomb(0.3), **given)
+
+
+METHODS = [("nodal", "small"), ("nodal", "large"), ("integral", "large")]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.each_value
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("method", "sliding"), METHODS)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "Coulomb",
+    reference="closed form: no stress; itself: a body that starts on the tool",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_an_overlap_with_a_tool_is_removed(dim, method, sliding):
+    """A body starts in a tool with bumps without stress; in a flat one it is as on it later too."""
+    given = dict(method=method, sliding=sliding)
+    aside = [0.0] * dim
+    inside = on_tool(dim, 0.08, bumps=0.03, remove_overlap=0.2, moves=True, top=aside, **given)
+    result = inside.solve()
+    np.testing.assert_allclose(result.tables["contact"].un, 0.0, atol=1e-12)
+    np.testing.assert_allclose(result.tables["contact"].force, 0.0, atol=1e-9)
+    np.testing.assert_allclose(inside.u.x.array, 0.0, atol=1e-12)
+    pressed = [0.05, *[0.0] * (dim - 2), -0.1]
+    removed = on_tool(dim, 0.08, remove_overlap=0.1, top=pressed, **given).solve()
+    wanted = on_tool(dim, 0.0, top=pressed, **given).solve()
+    found, other = (r.tables["contact"] for r in (removed, wanted))
+    for name in ("un", "ut", "pressure", "shear"):
+        there = getattr(other, name)
+        size = np.abs(there).max() + (name == "un")
+        np.testing.assert_allclose(getattr(found, name), there, atol=1e-8 * size, err_msg=name)
+    assert found.pressure.max() > 50.0
+    assert removed.misfit < 1e-9
+    assert removed.indicators.surfaces["contact"].between_points < 1e-9
+
+
+@pytest.mark.refuses("surfaces of facets", aspects=("2D",))
+def test_overlaps_that_are_not_removed(folder):
+    """Larger ones, and what says two things; what is removed is known to records."""
+    for options, words in (
+        ({"remove_overlap": 0.05}, r"overlap by 0\.08; remove_overlap allows 0\.05"),
+        ({}, r"overlap by 0\.08; .*remove_overlap for a start without stress"),
+        ({"remove_overlap": 0.1, "interference": True}, "and not both"),
+        ({"remove_overlap": -0.1}, "remove_overlap must be the largest overlap that is removed"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            on_tool(2, 0.08, **options)
+    floor = HalfSpace((0.0, 0.1), (0.0, 1.0))
+    at_rest = dict(cell="quad", top=[0.0, 0.0], remove_overlap=0.1)
+    with pytest.raises(ValueError, match="which remove_overlap does not support"):
+        block(floor, method="mixed", **at_rest)
+    resting = block(floor, **at_rest)
+    np.testing.assert_allclose(resting.solve().tables["contact"].force, 0.0, atol=1e-9)
+    pushed = block(floor, cell="quad", top=[0.0, 0.0])
+    resting, pushed = (QuasiStatic(problem, lambda t: None) for problem in (resting, pushed))
+    EvolutionRecord(folder, resting).close()
+    with pytest.raises(ValueError, match="differs: the kind of sliding of"):
+        EvolutionRecord(folder, pushed, resume=True)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.refuses("press fits", aspects=("2D", "3D"))
+def test_a_body_within_a_floor(dim):
+    """It is pushed out unless something else is given, from no farther than is allowed."""
+    floor = HalfSpace([*[0.0] * (dim - 1), 0.1], np.eye(dim)[-1])
+    at_rest = dict(cell="quad" if dim == 2 else "hex", top=[0.0] * dim, sliding="small")
+    for given in ({}, {"interference": True}, {"interference": 0.1}):
+        (contact,) = block(floor, **given, **at_rest).surfaces
+        np.testing.assert_allclose(contact.points.gaps, -0.1, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference allows 0\.09"):
+        block(floor, interference=0.09, **at_rest)
+    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference=True for a press fit"):
+        block(floor, interference=False, **at_rest)
+    near = HalfSpace([*[0.0] * (dim - 1), 0.002], np.eye(dim)[-1])  # 1 % of a facet
+    for given in ("interference", "remove_overlap"):
+        with pytest.raises(ValueError, match=rf"overlap by 0\.002; {given} allows 0\.001"):
+            block(near, **{given: 0.001}, **at_rest)
+
+
+def round_obstacle(kind, dim, height):
+    """Of the radius 1, with its middle below or above the bottom of the unit block."""
+    middle = np.full(dim, 0.5)
+    middle[-1] = height
+    if kind == "sphere":
+        return Sphere(middle, 1.0)
+    if kind == "cylinder":
+        return Cylinder(middle, np.eye(3)[1], 1.0)
+    if kind == "level set":
+        return LevelSet(lambda x: ufl.sqrt(sum((x[i] - middle[i]) ** 2 for i in range(dim))) - 1.0)
+    t = 2 * np.pi * np.arange(24) / 24
+    points = middle + np.stack([np.cos(t), np.sin(t)], axis=1)
+    return RigidSurface(points, np.stack([np.arange(24), (np.arange(24) + 1) % 24], axis=1))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("kind", "dim", "method", "sliding"),
+    [
+        ("sphere", 2, "nodal", "small"),
+        ("sphere", 3, "integral", "large"),
+        ("cylinder", 3, "nodal", "large"),
+        ("level set", 2, "integral", "small"),
+        ("facets", 2, "nodal", "large"),
+    ],
+)
+@pytest.mark.refuses("press fits", aspects=("2D", "3D", "large sliding"))
+def test_beyond_the_middle_of_an_obstacle(kind, dim, method, sliding):
+    """There its nearest side is behind the body: no overlap is removed, but before it is."""
+    cell = "tri" if dim == 2 else "hex"
+    given = dict(cell=cell, n=2, method=method, sliding=sliding, remove_overlap=1.5)
+    given |= dict(top=[0.0] * dim)
+    with pytest.raises(ValueError, match="nearest side is behind the body, or beside it"):
+        block(round_obstacle(kind, dim, 0.1), **given)
+    resting = block(round_obstacle(kind, dim, -0.3), **given)
+    np.testing.assert_allclose(resting.surfaces[0].points.gaps.min(initial=0.0), 0.0, atol=1e-12)

@@ -1,0 +1,698 @@
+"""Contact between bodies with matching faces."""
+
+import json
+from functools import partial
+from inspect import signature
+from pathlib import Path
+
+from mpi4py import MPI
+
+import demo_linear_triangle
+import demo_two_blocks
+import numpy as np
+import pytest
+from _triangle import linear_triangle
+from support.blocks import CELLS, KINDS, box, facets
+
+import ufl
+from dolfinx import fem, mesh
+from dolfinx.fem.petsc import LinearProblem
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    ConvergenceError,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    ParametricContact,
+    Tresca,
+    io,
+    plot,
+    records,
+)
+from dolfinx_contact.algorithms import Penalty
+from dolfinx_contact.continuation import explore
+from dolfinx_contact.continuation.ray_finder import RayFinder
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import crack, join, mesh_from_gmsh
+from dolfinx_contact.problem import discretise
+from dolfinx_contact.solvers.history import FloatingBodyError
+
+COMM = MPI.COMM_WORLD
+# Since DOLFINx 0.10 it wants a prefix of its options.
+linear_problem = (
+    partial(LinearProblem, petsc_options_prefix="whole_")
+    if "petsc_options_prefix" in signature(LinearProblem).parameters
+    else LinearProblem
+)
+MATERIAL = LinearElastic.from_young(1000.0, 0.3)
+ORACLE = json.loads((Path(__file__).parents[1] / "data" / "two_blocks.json").read_text())
+
+
+def tagged(domain, **planes):
+    """MeshTags of the facets on coordinate planes, ``axis, value`` by tag."""
+    dim = domain.topology.dim
+    found = [facets(domain, *plane) for plane in planes.values()]
+    numbers = [int(k[1:]) for k in planes]
+    values = np.repeat(np.array(numbers, dtype=np.int32), [len(f) for f in found])
+    every = np.concatenate(found)
+    order = np.argsort(every)
+    return mesh.meshtags(domain, dim - 1, every[order], values[order])
+
+
+def stacked(dim, cell, n=3, *, gap=0.0, heights=(0.0, 1.0)):
+    """Two boxes one over the other, lower first: tags 1 below, 2 and 3 face to face, 4 above."""
+    bodies = []
+    tags = []
+    for i, z in enumerate(heights):
+        body = box(COMM, n, cell)
+        body.geometry.x[:, dim - 1] += z + gap * i
+        planes = {
+            f"t{2 * i + 1}": (dim - 1, z + gap * i),
+            f"t{2 * i + 2}": (dim - 1, z + 1 + gap * i),
+        }
+        bodies.append(body)
+        tags.append(tagged(body, **planes))
+    return join(bodies, facet_tags=tags)
+
+
+def displacement(domain, degree=1):
+    dim = domain.topology.dim
+    return fem.Function(fem.functionspace(domain, ("Lagrange", degree, (dim,))))
+
+
+def held(u, tags, tag, value):
+    V = u.function_space
+    fdim = tags.dim
+    return fem.dirichletbc(
+        np.asarray(value, dtype=float), fem.locate_dofs_topological(V, fdim, tags.find(tag)), V
+    )
+
+
+def largest(values):
+    return COMM.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max)
+
+
+@pytest.mark.parametrize("case", ["two_n8", pytest.param("rigid_n8", marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "matching meshes",
+    "Coulomb",
+    reference="independent code: both bodies condensed onto their jumps",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_two_blocks(folder, case):
+    """All nodal forces of another code, which condenses both bodies onto their jumps."""
+    given = ORACLE[case]
+    wanted = given["static_end_of_shear"]
+    words = ["--n", given["n"], "--friction", given["F"], "--upper", given["E1"], given["nu1"]]
+    if given["rigid_floor"]:
+        words += ["--rigid-floor"]
+    else:
+        words += ["--lower", given["E2"], given["nu2"]]
+    words += ["--top", wanted["ux"], wanted["uy"], "--output", folder]
+    summary = demo_two_blocks.main([*map(str, words), "--static", "-contact_snes_rtol", "1e-12"])
+    step = summary["steps"][0]
+    force = max(wanted["rn"])
+    assert step["status"] == wanted["status"]
+    for key, scale in {"rn": force, "rt": force, "ut": 0.01, "un": 0.01}.items():
+        np.testing.assert_allclose(step[key], wanted[key], rtol=0, atol=1e-10 * scale)
+    assert summary["force_imbalance"] < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("dim", "cell", "degree", "method"),
+    [
+        *((dim, cell, 1, "nodal") for dim, cell in KINDS),
+        *((dim, cell, 2, "integral") for dim, cell in KINDS),
+        (2, "tri", 1, "integral"),
+        (3, "tet", 1, "mixed"),
+    ],
+)
+@pytest.mark.verifies(
+    "matching meshes",
+    "integral contact",
+    reference="independent code: one body in plain DOLFINx",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+def test_what_sticks_everywhere_is_one_body(dim, cell, degree, method):
+    """To round-off, where jumps vanish at nodes: where multipliers are as many as these."""
+    both = stacked(dim, cell, 2)
+    u = displacement(both.mesh, degree)
+    shift = np.zeros(dim)
+    shift[0] = 0.01
+    shift[-1] = -0.05
+    multiplier = {"multiplier_degree": degree} if method == "integral" else {}
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(100.0), method=method, **multiplier)
+    ends = [held(u, both.facet_tags, 1, np.zeros(dim)), held(u, both.facet_tags, 4, shift)]
+    problem = ContactProblem(
+        MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends, petsc_options={"snes_rtol": 1e-12}
+    )
+    result = problem.solve()
+    assert result.counts["slip"] == result.counts["open"] == 0
+    assert largest(problem.evaluate().surfaces[0].jump) < 1e-12
+
+    create = mesh.create_rectangle if dim == 2 else mesh.create_box
+    whole = create(
+        COMM, [[0.0] * dim, [*[1.0] * (dim - 1), 2.0]], [*[2] * (dim - 1), 4], CELLS[cell]
+    )
+    one = displacement(whole, degree)
+    tags = tagged(whole, t1=(dim - 1, 0.0), t4=(dim - 1, 2.0))
+    ends = [held(one, tags, 1, np.zeros(dim)), held(one, tags, 4, shift)]
+    v = ufl.TestFunction(one.function_space)
+    energy = MATERIAL.energy(one) * ufl.dx
+    stiffness = ufl.derivative(ufl.derivative(energy, one, v), one)
+    nothing = ufl.dot(fem.Constant(whole, np.zeros(dim)), v) * ufl.dx
+    options = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+    solved = linear_problem(stiffness, nothing, bcs=ends, petsc_options=options).solve()
+    energies = [
+        COMM.allreduce(fem.assemble_scalar(fem.form(MATERIAL.energy(f) * ufl.dx)))
+        for f in (u, solved)
+    ]
+    assert energies[0] == pytest.approx(energies[1], rel=1e-11)
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "matching meshes",
+    "Signorini",
+    reference="itself: one body on a rigid plane",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+def test_mirrored_bodies(dim, cell):
+    """Without friction they carry the forces of one body on a rigid plane."""
+    press = np.zeros(dim)
+    press[-1] = -0.02
+    law = Frictionless()
+    both = stacked(dim, cell, 3, heights=(-1.0, 0.0))
+    if cell in ("tri", "tet"):  # the mirror image of the mesh
+        bodies = [box(COMM, 3, cell), box(COMM, 3, cell)]
+        bodies[0].geometry.x[:, dim - 1] *= -1.0
+        tags = [
+            tagged(bodies[0], t1=(dim - 1, -1.0), t2=(dim - 1, 0.0)),
+            tagged(bodies[1], t3=(dim - 1, 0.0), t4=(dim - 1, 1.0)),
+        ]
+        both = join(bodies, facet_tags=tags)
+    u = displacement(both.mesh)
+    pair = ContactPair(u, both, slave=3, master=2, law=law)
+    ends = [held(u, both.facet_tags, 1, -press), held(u, both.facet_tags, 4, press)]
+    options = {"snes_rtol": 1e-12}
+    found = ContactProblem(
+        MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends, petsc_options=options
+    ).solve()
+    domain = box(COMM, 3, cell)
+    w = displacement(domain)
+    plane = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    surface = ContactSurface(w, facets(domain, dim - 1, 0.0), obstacle=plane, law=law)
+    top = held(w, tagged(domain, t4=(dim - 1, 1.0)), 4, press)
+    alone = ContactProblem(
+        MATERIAL.energy(w) * ufl.dx, w, [surface], bcs=[top], petsc_options=options
+    ).solve()
+    a = found.tables["contact"]
+    b = alone.tables["contact"]
+    np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-10 * np.abs(b.force).max())
+    np.testing.assert_allclose(a.ut, 0.0, atol=1e-12)
+
+
+@pytest.mark.ranks(2)
+def test_a_gap_that_closes():
+    """The gap of the geometry, or one that is given, to the same solution."""
+    tables = []
+    for gap in (None, 0.01):
+        both = stacked(2, "quad", 4, gap=0.01 if gap is None else 0.0)
+        u = displacement(both.mesh)
+        pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3), gap=gap)
+        ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.004, -0.03))]
+        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+        tables.append(result.tables["contact"])
+    assert tables[0].rn.sum() > 0
+    np.testing.assert_allclose(tables[0].force, tables[1].force, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.verifies(
+    "press fits",
+    reference="closed form: uniaxial strain by half the overlap",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_a_press_fit():
+    """An overlap is an error, unless it is meant: then it is the displacement that presses."""
+    both = stacked(2, "quad", 2, gap=-0.02)
+    u = displacement(both.mesh)
+    with pytest.raises(ValueError, match=r"the bodies overlap by 0\.02; interference=True"):
+        discretise(ContactPair(u, both, slave=3, master=2, law=Frictionless()))
+    pair = ContactPair(u, both, slave=3, master=2, law=Frictionless(), interference=True)
+    ends = [held(u, both.facet_tags, t, (0, 0)) for t in (1, 4)]
+    sides = [
+        fem.dirichletbc(
+            0.0,
+            fem.locate_dofs_topological(u.function_space.sub(0), 1, facets(both.mesh, 0, x)),
+            u.function_space.sub(0),
+        )
+        for x in (0.0, 1.0)
+    ]
+    result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=[*ends, *sides]).solve()
+    # Both are shortened by half of it, in uniaxial strain.
+    modulus = 1000.0 * 0.7 / (1.3 * 0.4)
+    np.testing.assert_allclose(result.tables["contact"].pressure, 0.01 * modulus, rtol=1e-10)
+
+
+def test_a_body_that_only_contact_holds():
+    """Between a floor and a block that presses it; and one that nothing holds is named."""
+    both = stacked(2, "quad", 2)
+    u = displacement(both.mesh)
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.5), name="between")
+    plane = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    floor = ContactSurface(u, both, tag=1, obstacle=plane, law=Coulomb(0.5), name="floor")
+    top = held(u, both.facet_tags, 4, (0.001, -0.02))
+    bulk = MATERIAL.energy(u) * ufl.dx
+    result = ContactProblem(bulk, u, [pair, floor], bcs=[top]).solve()
+    force = [result.resultants[name] for name in ("between", "floor")]
+    np.testing.assert_allclose(force[0], force[1], rtol=1e-8)
+    assert result.imbalance < 1e-9
+    u.x.array[:] = 0.0
+    free = ContactPair(u, both, slave=3, master=2, law=Frictionless())
+    with pytest.raises(FloatingBodyError, match=r"translation x of part \d of 2"):
+        ContactProblem(bulk, u, [free], bcs=[top]).solve()
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize("side", ["slave", "master"])
+def test_one_side_is_clamped(side):
+    """What is held and what is free still push each other, as on a rigid plane."""
+    both = stacked(2, "quad", 4)
+    u = displacement(both.mesh)
+    # The lower body is held whole.
+    inside = mesh.locate_entities(both.mesh, 2, lambda x: x[1] < 1 + 1e-9)
+    lower = np.intersect1d(inside, both.cell_tags.find(1)).astype(np.int32)
+    V = u.function_space
+    still = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 2, lower), V)
+    tags = dict(slave=3, master=2) if side == "master" else dict(slave=2, master=3)
+    pair = ContactPair(u, both, law=Coulomb(0.3), **tags)
+    top = held(u, both.facet_tags, 4, (0.005, -0.02))
+    found = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=[still, top]).solve()
+    domain = box(COMM, 4, "quad")
+    w = displacement(domain)
+    plane = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(w, facets(domain, 1, 0.0), obstacle=plane, law=Coulomb(0.3))
+    top = held(w, tagged(domain, t4=(1, 1.0)), 4, (0.005, -0.02))
+    alone = ContactProblem(MATERIAL.energy(w) * ufl.dx, w, [surface], bcs=[top]).solve()
+    sign = 1.0 if side == "master" else -1.0
+    a = found.tables["contact"]
+    b = alone.tables["contact"]
+    assert a.status == b.status
+    np.testing.assert_allclose(sign * a.force, b.force, atol=1e-8 * np.abs(b.force).max())
+
+
+# -- branches --------------------------------------------------------------------------------------
+
+
+def triangle_on_a_body(n, friction):
+    """The linear triangle on its mirror image, which is held."""
+    upper = linear_triangle(n, friction).problem.V.mesh
+    lower = linear_triangle(n, friction).problem.V.mesh
+    lower.geometry.x[:, 1] *= -1.0
+    tags = [
+        tagged(upper, t1=(1, 0.0), t2=(0, 0.0)),
+        tagged(lower, t3=(1, 0.0)),
+    ]
+    both = join([upper, lower], facet_tags=tags)
+    domain = both.mesh
+    u = displacement(both.mesh)
+    V = u.function_space
+    gamma = fem.Constant(both.mesh, -1.0)
+    ds = ufl.Measure("ds", domain, subdomain_data=both.facet_tags)
+    load = -gamma * fem.Constant(domain, (26.0, 7.5))
+    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx - ufl.dot(load, u) * ds(2)
+    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + np.abs(x[1]), 1))
+    still = fem.locate_dofs_topological(V, 2, both.cell_tags.find(2))
+    ends = [
+        fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V),
+        fem.dirichletbc(np.zeros(2), still, V),
+    ]
+    pair = ContactPair(u, both, slave=1, master=3, law=Coulomb(friction))
+    return ParametricContact(ContactProblem(energy, u, [pair], bcs=ends), gamma)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("route", ["pivoting", pytest.param("steps", marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "all solutions",
+    "pivoting",
+    "matching meshes",
+    reference="itself: the triangle on a rigid floor",
+    aspects=(
+        "2D",
+        "pairs",
+        "branches",
+    ),
+)
+def test_branches_on_a_held_body(route):
+    """All three solutions of the linear triangle, at the same forces."""
+    ends = []
+    seen = demo_linear_triangle.FUNCTIONALS
+    for system in (triangle_on_a_body(4, 2.5), linear_triangle(4, 2.5)):
+        system.problem.solve()
+        x = system.create_vector()
+        system.problem.write(x)
+        diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=route)
+        rows = records.journal_of(system, diagram.branches, seen).rows()
+        last = [r for r in rows if abs(abs(r["gamma"]) - 1) < 1e-12]
+        last.sort(key=lambda r: (r["gamma"], r["status"]))
+        ends.append(last)
+        assert diagram.complete
+    assert len(ends[0]) == len(ends[1]) >= 4
+    for a, b in zip(*ends, strict=True):
+        assert a["status"] == b["status"]
+        for key in seen:
+            assert a[key] == pytest.approx(b[key], abs=1e-9)
+
+
+# -- cracks ----------------------------------------------------------------------------------------
+
+
+def cracked(dim, cell, reach, n=4):
+    """A box with a crack at mid height that reaches from -1 to ``reach``; tags as `stacked`."""
+    domain = box(COMM, n, cell)
+    fdim = dim - 1
+    up = dim - 1
+    domain.topology.create_entities(fdim)
+    inside = mesh.locate_entities(
+        domain, fdim, lambda x: np.isclose(x[up], 0.5) & (x[0] < reach + 1e-9)
+    )
+    ends = [facets(domain, up, 0.0), facets(domain, up, 1.0)]
+    every = np.concatenate([inside, *ends])
+    values = np.repeat(np.array([5, 1, 4], dtype=np.int32), [len(inside), *map(len, ends)])
+    order = np.argsort(every)
+    tags = mesh.meshtags(domain, fdim, every[order], values[order])
+    return domain, tags
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("reach", [0.5, 1.0])
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "cracks",
+    reference="closed form: how many nodes are doubled, and the balance of forces",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+def test_crack(dim, cell, reach):
+    """Nodes inside a crack and where it comes to the surface are doubled, its front is not."""
+    domain, tags = cracked(dim, cell, reach)
+    body = crack(domain, [5], facet_tags=tags)
+    along = 5 if reach == 1.0 else 2
+    doubled = along * 5 ** (dim - 2)
+    before, after = (m.geometry.index_map().size_global for m in (domain, body.mesh))
+    assert after == before + doubled
+    cells = body.mesh.topology.index_map(dim - 1).size_local
+    sizes = {
+        name: COMM.allreduce(int((body.facets(name) < cells).sum()))
+        if isinstance(name, str)
+        else COMM.allreduce(int((body.facet_tags.find(name) < cells).sum()))
+        for name in (1, 4, 5, "5_opposite")
+    }
+    assert sizes[5] == sizes["5_opposite"] == (4 if reach == 1.0 else 2) * sizes[1] // 4
+    assert sizes[1] == sizes[4]
+    u = displacement(body.mesh)
+    pair = ContactPair(u, body, slave=5, master="5_opposite", law=Coulomb(0.2))
+    shift = np.zeros(dim)
+    shift[0] = 0.02
+    shift[-1] = -0.02
+    ends = [held(u, body.facet_tags, 1, np.zeros(dim)), held(u, body.facet_tags, 4, shift)]
+    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
+    # The first side is the lower one, whose normal points up.
+    np.testing.assert_allclose(problem.surfaces[0].points.data.n[:, -1], 1.0)
+    result = problem.solve()
+    assert result.counts["clamped"] == (0 if reach == 1.0 else 5 ** (dim - 2))
+    assert result.counts["slip"] > 0
+    assert result.imbalance < 1e-12
+
+
+def test_a_crack_that_is_drawn_open():
+    """Without traction on its sides: the energy falls as the crack grows."""
+    energies = []
+    for reach in (0.25, 0.5, 0.75):
+        domain, tags = cracked(2, "tri", reach, n=8)
+        body = crack(domain, [5], facet_tags=tags)
+        u = displacement(body.mesh)
+        pair = ContactPair(u, body, slave=5, master="5_opposite", law=Coulomb(0.2))
+        ends = [held(u, body.facet_tags, 1, (0, 0)), held(u, body.facet_tags, 4, (0, 0.02))]
+        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
+        assert result.counts["stick"] == result.counts["slip"] == 0
+        energies.append(result.energies["bulk"])
+    assert energies == sorted(energies, reverse=True)
+
+
+def with_an_arm(n, cell):
+    """A box with facets to crack, 5 across it and 6 from there to its top."""
+    domain = box(COMM, n, cell)
+    domain.topology.create_entities(1)
+    flat = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5))
+    arm = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[0], 0.5) & (x[1] > 0.5 - 1e-9))
+    every = np.concatenate([flat, arm])
+    values = np.repeat(np.array([5, 6], dtype=np.int32), [len(flat), len(arm)])
+    order = np.argsort(every)
+    return domain, mesh.meshtags(domain, 1, every[order], values[order])
+
+
+def test_a_branched_crack():
+    """Three fans meet where an arm ends on another crack."""
+    domain, tags = with_an_arm(4, "quad")
+    body = crack(domain, [5, 6], facet_tags=tags)
+    # Five nodes of the long crack, two more of the arm; at the junction one copy more.
+    assert body.mesh.geometry.index_map().size_global == 25 + 5 + 2 + 1
+    one = mesh.meshtags(domain, 1, tags.indices, np.full_like(tags.values, 5))
+    with pytest.raises(ValueError, match="branched or crossing crack needs a group for each arm"):
+        crack(domain, [5], facet_tags=one)
+
+
+def two_rocks():
+    """Two materials, with an interface that has a name."""
+    import gmsh
+
+    model = gmsh.model
+    corners = [(0, 0), (1, 0), (1, 0.4), (0, 0.5), (1, 1), (0, 1)]
+    points = [model.geo.addPoint(x, y, 0, 0.2) for x, y in corners]
+    ends = [(0, 1), (1, 2), (2, 3), (3, 0), (2, 4), (4, 5), (5, 3)]
+    lines = [model.geo.addLine(points[a], points[b]) for a, b in ends]
+    loops = [[0, 1, 2, 3], [4, 5, 6, 2]]
+    signs = [[1, 1, 1, 1], [1, 1, 1, -1]]
+    faces = [
+        model.geo.addPlaneSurface(
+            [model.geo.addCurveLoop([s * lines[i] for i, s in zip(loop, sign, strict=True)])]
+        )
+        for loop, sign in zip(loops, signs, strict=True)
+    ]
+    model.geo.synchronize()
+    for name, face in zip(("rock", "soil"), faces, strict=True):
+        model.addPhysicalGroup(2, [face], name=name)
+    for name, line in {"floor": 0, "fault": 2, "top": 5}.items():
+        model.addPhysicalGroup(1, [lines[line]], name=name)
+    model.mesh.generate(2)
+
+
+def test_a_fault_by_its_name(folder):
+    """Through gmsh's groups, an oblique interface, and out again: fields, tables, pictures."""
+    body = mesh_from_gmsh(COMM, two_rocks)
+    before = body.mesh.geometry.index_map().size_global
+    body = crack(body, ["fault"])
+    assert set(body.names) == {"rock", "soil", "floor", "fault", "top", "fault_opposite"}
+    u = displacement(body.mesh)
+    fault = ContactPair(u, body, slave="fault", master="fault_opposite", law=Coulomb(0.4))
+    dx = ufl.Measure("dx", body.mesh, subdomain_data=body.cell_tags)
+    energy = sum(
+        LinearElastic.from_young(young, 0.3).energy(u) * dx(body.tag(name))
+        for name, young in {"rock": 1000.0, "soil": 100.0}.items()
+    )
+    ends = [
+        fem.dirichletbc(np.array(value), body.dofs(u.function_space, name), u.function_space)
+        for name, value in {"floor": (0.0, 0.0), "top": (0.06, -0.05)}.items()
+    ]
+    problem = ContactProblem(energy, u, [fault], bcs=ends)
+    points = problem.discrete(fault).points
+    assert body.mesh.geometry.index_map().size_global == before + points.number_everywhere
+    np.testing.assert_allclose(points.data.n @ [1.0, 10.0], np.sqrt(101))
+    result = problem.solve()
+    assert result.counts["slip"] > 0
+    assert result.kkt_violation < 1e-10
+    files = io.write_fields(folder, problem)
+    assert all(f.exists() for f in files)
+    plot.picture_of_body(folder / "body.png", problem)
+    plot.picture_of_contact(folder / "contact.png", problem)
+    assert all((folder / name).stat().st_size > 1000 for name in ("body.png", "contact.png"))
+    table = result.tables["contact"]
+    forces = table.force / np.abs(table.force).max()
+    assert len(set(COMM.allgather(np.round(forces, 9).tobytes()))) == 1
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+
+def refused(match, u, body, **options):
+    with pytest.raises(ValueError, match=match) as info:
+        discretise(ContactPair(u, body, law=Frictionless(), **{"slave": 3, "master": 2, **options}))
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+@pytest.mark.ranks(2)
+def test_bad_pairs():
+    both = stacked(2, "quad", 2)
+    u = displacement(both.mesh)
+    refused("contact: slave and master have 2 facets in common", u, both, master=3)
+    refused(r"contact, master: no facet has the tag 9", u, both, master=9)
+    refused("overlap by 2; .* look away", u, both, slave=4, master=1)
+    for gap in (np.nan, "x", ufl.SpatialCoordinate(both.mesh)):
+        refused("the gap must be", u, both, gap=gap)
+    refused(r"the given gap is -0\.1; interference=True", u, both, gap=-0.1)
+    refused("interference must be True, False or", u, both, interference="no")
+    indices = both.facet_tags.find(3)
+    with pytest.raises(ValueError, match="by their indices need master_facets"):
+        discretise(ContactPair(u, indices, law=Frictionless()))
+    with pytest.raises(ValueError, match="a crack needs names or tags of groups"):
+        crack(both, [])
+    pairs = [
+        ContactPair(u, both, slave=a, master=b, law=Frictionless(), name=str(a))
+        for a, b in ((2, 3), (3, 2))
+    ]
+    with pytest.raises(ValueError, match="2 and 3 are one pair with slave and master exchanged"):
+        ContactProblem(MATERIAL.energy(u) * ufl.dx, u, pairs)
+    refused("look the same way", u, both, slave=3, master=1)
+    with pytest.raises(ValueError, match="MeshTags of facets"):
+        crack(both.mesh, [5])
+    with pytest.raises(
+        ValueError, match=r"no facet has the tag 5; tags of the mesh: \[1, 2, 3, 4\]"
+    ):
+        crack(both, [5])
+    with pytest.raises(ValueError, match="2 facets of the crack lie on the boundary"):
+        crack(both, [1])
+    with pytest.raises(ValueError, match="meshes of different kinds"):
+        join([box(COMM, 2, "quad"), box(COMM, 2, "tri")])
+    with pytest.raises(ValueError, match="a list of meshes is needed"):
+        join([])
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses("mixed contact", aspects=("pairs",))
+def test_faces_of_different_meshes():
+    """But for nodal contact; also where nodes of one are some of the other's."""
+    for n, missing in ((3, r"12 of 16 nodes"), (4, r"16 of 25 nodes"), (1, "1 of 1 facets")):
+        a = box(COMM, 2, "hex")
+        b = box(COMM, n, "hex")
+        b.geometry.x[:, 2] += 1.0
+        both = join([a, b], facet_tags=[tagged(a, t2=(2, 1.0)), tagged(b, t3=(2, 1.0))])
+        u = displacement(both.mesh)
+        refused(f"the faces do not match: {missing} of the slave", u, both, method="mixed")
+
+
+def test_where_an_arm_ends():
+    """The unbroken side is no slave there: two nodes of the master meet one of its own."""
+    domain, tags = with_an_arm(6, "tri")
+    body = crack(domain, [5, 6], facet_tags=tags)
+    u = displacement(body.mesh)
+    sides = dict(slave=5, master="5_opposite")
+    refused("1 nodes of the slave have two or more of the master opposite", u, body, **sides)
+    ContactPair(u, body, slave="5_opposite", master=5, law=Frictionless())
+    crossing = mesh.locate_entities(
+        domain, 1, lambda x: np.isclose(x[0], 0.5) | np.isclose(x[1], 0.5)
+    )
+    one = mesh.meshtags(domain, 1, np.sort(crossing), np.full(len(crossing), 5, dtype=np.int32))
+    with pytest.raises(ValueError, match="crossing crack needs a group for each arm"):
+        crack(domain, [5], facet_tags=one)
+
+
+def test_a_block_that_slides_away():
+    """Sheared by more than friction holds it has no equilibrium, however small residuals get."""
+    both = stacked(3, "hex", 2)
+    u = displacement(both.mesh)
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)(4)
+    x = ufl.SpatialCoordinate(both.mesh)
+    twist = 0.4 * ufl.as_vector((0.5 - x[1], x[0] - 0.5, 0.0))
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
+    for shear, holds in ((1.0, True), (2.1, False)):
+        load = ufl.as_vector((-0.8 * shear, -0.6 * shear, -5.0)) + twist
+        bulk = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ds
+        u.x.array[:] = 0.0
+        problem = ContactProblem(bulk, u, [pair], bcs=[held(u, both.facet_tags, 1, np.zeros(3))])
+        if holds:
+            force = problem.solve().resultants["contact"]
+            np.testing.assert_allclose(force, (0.8, 0.6, 5.0), rtol=1e-8)
+            continue
+        with pytest.raises(ConvergenceError):
+            problem.solve()
+        assert largest(u.x.array) == 0.0
+
+
+def test_a_block_that_tips(monkeypatch):
+    """At no load all points of a face may be at a kink: more pieces than 64 bits count."""
+    tried = []
+
+    def counted(finder, piece, kinks, *given):
+        tried.append(len(kinks))
+        assert len(tried) < 50
+        return rays(finder, piece, kinks, *given)
+
+    rays = RayFinder.of_statuses
+    monkeypatch.setattr(RayFinder, "of_statuses", counted)
+    both = stacked(3, "hex", 2)
+    u = displacement(both.mesh)
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)(4)
+    rule = dict(method="integral", quadrature_degree=8)
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(2.3), **rule)
+    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(ufl.as_vector((-6.9, 1.2, -5.0)), u) * ds
+    bcs = [held(u, both.facet_tags, 1, np.zeros(3))]
+    with pytest.raises(ConvergenceError):
+        ContactProblem(energy, u, [pair], bcs=bcs).solve()
+    assert largest(u.x.array) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("dim", "cell", "bound", "shift", "press", "stiffness"),
+    [
+        (2, "tri", 2.0, 0.02, -0.001, 1000.0),
+        pytest.param(2, "tri", 20.0, 0.2, -0.05, 1000.0, marks=pytest.mark.long),
+        pytest.param(3, "hex", 2.0, 0.02, -0.001, 100.0, marks=pytest.mark.long),
+    ],
+)
+def test_penalisation_with_a_bound_given_in_advance(dim, cell, bound, shift, press, stiffness):
+    """Some stick and some slip; where full steps cycle, the statuses are pivoted on."""
+
+    def problem():
+        both = stacked(dim, cell)
+        u = displacement(both.mesh)
+        top = np.zeros(dim)
+        top[0] = shift
+        top[-1] = press
+        pair = ContactPair(u, both, slave=3, master=2, law=Tresca(bound))
+        ends = [held(u, both.facet_tags, 1, 0 * top), held(u, both.facet_tags, 4, top)]
+        return ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
+
+    wanted = problem()
+    penalised = problem()
+    counts = wanted.solve().counts
+    assert min(counts["stick"], counts["slip"]) > 0
+    assert penalised.solve(algorithm=Penalty(stiffness=stiffness)).counts == counts
+    difference = penalised.u.x.array - wanted.u.x.array
+    assert largest(difference) <= 1e-6 * largest(wanted.u.x.array)
+    if dim == 3:
+        said = "yields by 1e.03 times the augmentation was not solved .full steps: .*less may do"
+        with pytest.raises(ConvergenceError, match=said):
+            problem().solve(algorithm="penalty")

@@ -1,0 +1,887 @@
+"""Rigid bodies with unknowns of their own, as contact partners."""
+
+import itertools
+import json
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from support.blocks import box, facets, same_tables
+
+import dolfinx.fem.petsc
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    ConvergenceError,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    HalfSpace,
+    LevelSet,
+    ParametricContact,
+    RigidBody,
+    Sphere,
+    materials,
+    solve_nested,
+)
+from dolfinx_contact.continuation import find_solutions, follow
+from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.records import BranchRecord, resume
+from dolfinx_contact.results.fields import vertex_state
+from dolfinx_contact.solvers.classical import start_by_lemke
+from dolfinx_contact.solvers.following import follow_load
+from dolfinx_contact.solvers.history import Attempt, FloatingBodyError
+from dolfinx_contact.solvers.newton import Newton
+from dolfinx_contact.solvers.strategies import raise_load
+
+COMM = MPI.COMM_WORLD
+METHODS = [(None, 1), ("integral", 1), ("mixed", 1), ("integral", 2)]
+
+
+@pytest.mark.verifies(
+    "rigid bodies", reference="differences: of displacements of any size", aspects=("2D", "3D")
+)
+@pytest.mark.parametrize("size", [0.0, 5e-5, 1e-3, 0.7, 2.5])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_velocities_of_a_body_that_has_turned(dim, size):
+    """Velocities of material points against differences of where they come to.
+
+    In 3D the rate of a vector of rotation is no angular velocity but at the start.
+    """
+    rng = np.random.default_rng(0)
+    names = ["x", "y", "rz"] if dim == 2 else ["x", "y", "z", "rx", "ry", "rz"]
+    plane = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    body = RigidBody(plane, about=rng.normal(size=dim), held=names)
+    x = rng.normal(size=(3, dim))
+    turn = rng.normal(size=len(names) - dim)
+    change = rng.normal(size=len(names))
+    values = np.concatenate([rng.normal(size=dim), size * turn / np.linalg.norm(turn)])
+    there = x + body.carried(x, values)
+    h = 1e-6
+    wanted = (body.carried(x, values + h * change) - body.carried(x, values - h * change)) / (2 * h)
+    np.testing.assert_allclose(body.rate(there, values, change), wanted, rtol=0, atol=2e-9)
+
+
+def block(
+    obstacle,
+    dim=2,
+    n=4,
+    law=None,
+    *,
+    method=None,
+    degree=1,
+    comm=COMM,
+    size=1.0,
+    young=1000.0,
+    where=None,
+    more=(),
+    hyper=False,
+    options=None,
+):
+    """A block held at its bottom, with contact on its top (or on ``where``: (obstacle, facets))."""
+    domain = box(comm, n, "tri" if dim == 2 else "tet", size=size)
+    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
+    u = fem.Function(V)
+    low = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 0.0))
+    parts = where(domain) if where else [(obstacle, facets(domain, dim - 1, size))]
+    surfaces = [
+        ContactSurface(u, f, obstacle=o, law=law or Coulomb(0.3), method=method, name=f"top {i}")
+        for i, (o, f) in enumerate(parts)
+    ]
+    material = materials.LinearElastic.from_young(young, 0.3)
+    if hyper:
+        material = materials.NeoHookean(600.0, 400.0)
+    bcs = [fem.dirichletbc(np.zeros(dim), low, V), *(bc(V) for bc in more)]
+    return ContactProblem(material.energy(u) * ufl.dx, u, surfaces, bcs=bcs, petsc_options=options)
+
+
+def punch(dim=2, size=1.0, **given):
+    """A flat punch on the top of the block, about the middle of its face."""
+    up = np.eye(dim)[-1]
+    middle = size * (0.5 * np.ones(dim) + 0.5 * up)
+    return RigidBody(HalfSpace(size * up, -up), about=middle, name="punch", **given)
+
+
+def table(problem):
+    return problem.table(problem.surfaces[0])
+
+
+def others(dim, *free):
+    names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+    return [c for c in names if c not in free]
+
+
+def prescribed(body, shape=None):
+    """The same body with the motion that was found."""
+    motion = dict(zip(body.components, body.values, strict=True))
+    return RigidBody(shape or body.shape, about=body.about, motion=motion, name=body.name)
+
+
+def resultant(t, about):
+    """Force, and moment about a point, of a table of contact points."""
+    arm = t.x - about
+    moment = np.cross(
+        np.pad(arm, ((0, 0), (0, 3 - t.dim))), np.pad(t.force, ((0, 0), (0, 3 - t.dim)))
+    )
+    return np.concatenate([t.force.sum(axis=0), moment.sum(axis=0)[2 if t.dim == 2 else 0 :]])
+
+
+# -- forces and motions --------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.each_value
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("method", "degree"), METHODS)
+@pytest.mark.verifies(
+    "rigid bodies",
+    reference="closed form: the force that presses",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_a_punch_under_a_force(dim, method, degree):
+    """The resultant is the force, and the field that of the motion which is found."""
+    up = "xyz"[dim - 1]
+    n = 3 if dim == 3 or degree == 2 else 5
+    options = {"snes_rtol": 1e-13}  # as exact as the comparison
+    kind = {"method": method, "degree": degree, "n": n, "options": options}
+    body = punch(dim, load={up: -10.0}, held=others(dim, up))
+    problem = block(body, dim, **kind)
+    result = problem.solve()
+    assert abs(result.resultants["top 0"][-1] + 10.0) < 1e-11
+    found = result.rigid_bodies["punch"]
+    assert abs(found.force[-1] - 10.0) < 1e-11
+    np.testing.assert_allclose(found.contact + found.load + found.support, 0, atol=1e-11)
+    np.testing.assert_array_equal(found.motion, body.values)
+    assert np.count_nonzero(found.motion) == 1
+    again = block(prescribed(body), dim, **kind)
+    same_tables(table(problem), again.solve().tables["top 0"], 1e-9)
+    np.testing.assert_allclose(problem.u.x.array, again.u.x.array, atol=1e-9 * 0.01)
+
+
+def integral(problem, about):
+    """Force and moment of the tractions on the top in 2D, by integrals of UFL or vertex sums."""
+    s = problem.surfaces[0]
+    if s.method == "nodal":
+        return resultant(problem.table(s), about)[1:]
+    x = ufl.SpatialCoordinate(s.submesh.mesh)
+    t = s.multiplier
+    moment = (x[0] - about[0]) * t[1] - (x[1] - about[1]) * t[0]
+    parts = [fem.assemble_scalar(fem.form(e * ufl.dx)) for e in (t[1], moment)]
+    return [COMM.allreduce(v) for v in parts]
+
+
+class Tilted(Obstacle):
+    """The half-space above the line y = 1, moved and turned by a small motion q, by hand."""
+
+    def __init__(self, q):
+        self.q = q
+
+    def on(self, domain):
+        x = ufl.SpatialCoordinate(domain)
+        gap = 1.0 - x[1] + self.q[1] + self.q[2] * (x[0] - 0.5)
+        return gap, ufl.as_vector([0.0 * x[0], 1.0 + 0.0 * x[0]])
+
+
+@pytest.mark.parametrize("method", ["nodal", "integral", "mixed"])
+def test_a_tilting_punch(method):
+    """A punch under a force aside: moments balance, and an obstacle moved by hand is the same."""
+    body = punch(load={"y": -10.0, "rz": 2.5}, held=["x"])
+    problem = block(body, law=Frictionless(), method=method)
+    result = problem.solve()
+    t = result.tables["top 0"]
+    assert 0 < t.count("o") < len(t.letters)
+    np.testing.assert_allclose(result.rigid_bodies["punch"].contact[1:], [10.0, -2.5], atol=1e-10)
+    np.testing.assert_allclose(integral(problem, body.about), [-10.0, 2.5], atol=1e-10)
+    if method != "mixed":  # whose points have averages around them
+        np.testing.assert_allclose(resultant(t, body.about)[1:], [-10.0, 2.5], atol=1e-10)
+    fixed = block(Tilted(body.values), law=Frictionless(), method=method).solve()
+    same_tables(t, fixed.tables["top 0"], 1e-9)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("method", ["nodal", "integral"])
+def test_tilting_in_three_dimensions(method):
+    """Free in all components, under a force and moments about all axes, with friction."""
+    given = {"x": 1.0, "y": -0.5, "z": -20.0, "rx": -2.0, "ry": 3.0, "rz": 0.2}
+    body = punch(3, load=given)
+    problem = block(body, 3, 3, Coulomb(0.5), method=method)
+    result = problem.solve()
+    load = np.array([given[c] for c in body.components])
+    t = result.tables["top 0"]
+    assert {"k", "s"} <= set(t.letters)
+    np.testing.assert_allclose(resultant(t, body.about), load, atol=1e-9)
+    np.testing.assert_allclose(result.rigid_bodies["punch"].contact, -load, atol=1e-9)
+    again = block(prescribed(body), 3, 3, Coulomb(0.5), method=method).solve()
+    np.testing.assert_allclose(resultant(again.tables["top 0"], body.about), load, atol=1e-7)
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize(("method", "degree"), METHODS)
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "rigid bodies",
+    "spheres",
+    reference="itself: the approach prescribed",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_a_sphere_under_a_force(dim, method, degree):
+    """Pressed by a force it goes where the same approach, prescribed, has that force."""
+    up = "xyz"[dim - 1]
+    n = 3 if dim == 3 else 8 // degree
+    middle = np.append(0.55 * np.ones(dim - 1), 1.6)
+    body = RigidBody(Sphere(middle, 0.6), about=middle, load={up: -20.0}, held=others(dim, up))
+    kind = {"method": method, "degree": degree, "n": n}
+    problem = block(body, dim, **kind)
+    result = problem.solve()
+    assert result.reason == "full steps"
+    assert abs(result.resultants["top 0"][-1] + 20.0) < 1e-10
+    down = 0.5 * body.values[dim - 1]  # prescribed in two steps
+    again = block(prescribed(body), dim, **kind)
+    assert down < 0
+    same_tables(result.tables["top 0"], again.solve().tables["top 0"], 1e-8)
+
+
+@pytest.mark.verifies(
+    "rigid bodies",
+    "cylinders",
+    "level sets",
+    reference="itself: the cylinder as a level set",
+    aspects=("3D",),
+)
+def test_cylinders_and_level_sets():
+    """A cylinder across a block, free to roll and yaw, and the same as a level set."""
+    about = np.array([0.6, 0.5, 2.0])  # over two lines of nodes: on one it would roll away
+    given = {"load": {"z": -10.0}, "free": ["x", "ry", "rz"], "held": ["y", "rx"]}
+    shapes = (
+        Cylinder(about, (0, 1, 0), 1.0),
+        LevelSet(lambda x: ufl.sqrt((x[0] - 0.6) ** 2 + (x[2] - 2.0) ** 2) - 1.0),
+    )
+    tables = []
+    for shape in shapes:
+        result = block(RigidBody(shape, about=about, **given), 3).solve()
+        tables.append(result.tables["top 0"])
+    assert abs(tables[0].force[:, 2].sum() + 10.0) < 1e-10
+    same_tables(*tables, 1e-9)
+
+
+@pytest.mark.verifies(
+    "rigid bodies",
+    "hyperelastic bodies",
+    reference="closed form: force and moment that press",
+    aspects=("2D",),
+)
+def test_a_nonlinear_body():
+    body = punch(load={"y": -100.0, "rz": 4.0}, held=["x"])
+    problem = block(body, hyper=True)
+    result = problem.solve()
+    np.testing.assert_allclose(result.rigid_bodies["punch"].contact[1:], [100.0, -4.0], atol=1e-6)
+    again = block(prescribed(body), hyper=True).solve()
+    same_tables(result.tables["top 0"], again.tables["top 0"], 1e-7)
+
+
+def test_an_obstacle_that_is_held():
+    """A rigid body that does not move is an obstacle; one that moves along carries the body."""
+    held = block(RigidBody(Sphere((0.5, 1.4), 0.5), about=(0.5, 1.4), held=["x", "y", "rz"]))
+    plain = block(Sphere((0.5, 1.4), 0.5))
+    same_tables(held.solve().tables["top 0"], plain.solve().tables["top 0"], 1e-12)
+
+
+@pytest.mark.ranks(2)
+def test_two_surfaces_share_a_body():
+    """Half of the face each, and a second body beside."""
+
+    def halves(domain):
+        every = facets(domain, 1, 1.0)
+        fdim = domain.topology.dim - 1
+        x = mesh.compute_midpoints(domain, fdim, every)[:, 0]
+        parts = x < 0.5, (x > 0.5) & (x < 0.75), x > 0.75
+        return [(b, every[part]) for b, part in zip((body, other, body), parts, strict=True)]
+
+    body = punch(load={"y": -10.0, "rz": 1.0}, held=["x"])
+    other = RigidBody(body.shape, about=body.about, load={"y": -3.0}, held=["x", "rz"], name="b")
+    result = block(None, n=8, where=halves).solve()
+    found = result.rigid_bodies
+    assert set(found) == {"punch", "b"}
+    np.testing.assert_allclose(found["punch"].contact[1:], [10.0, -1.0], atol=1e-10)
+    assert abs(found["b"].force[1] - 3.0) < 1e-10
+    both = result.resultants["top 0"] + result.resultants["top 2"]
+    assert abs(both[1] + 10.0) < 1e-10
+    other = RigidBody(
+        body.shape, about=body.about, load={"y": -3.0}, held=["x", "rz"], name="punch"
+    )
+    with pytest.raises(ValueError, match="different names"):
+        block(None, n=8, where=halves)
+
+
+def test_a_plane_of_symmetry():
+    """Half a block, held across at its plane of symmetry, under half the force."""
+
+    def symmetric(V):
+        at = facets(V.mesh, 0, 1.0)
+        dofs = fem.locate_dofs_topological(V.sub(0), 1, at)
+        return fem.dirichletbc(0.0, dofs, V.sub(0))
+
+    body = RigidBody(Sphere((1.0, 1.5), 0.5), about=(1.0, 1.5), load={"y": -10.0}, held=["x", "rz"])
+    result = block(body, n=6, more=[symmetric]).solve()
+    found = result.rigid_bodies["rigid body"]
+    assert abs(found.force[1] - 10.0) < 1e-11
+    assert result.converged
+    # Free to tilt, the node on the axis holds it by friction: there its multiplier is kept.
+    body = RigidBody(
+        Sphere((1.0, 1.5), 0.5), about=(1.0, 1.5), load={"y": -10.0}, free=["rz"], held=["x"]
+    )
+    found = block(body, n=6, more=[symmetric]).solve().rigid_bodies["rigid body"]
+    np.testing.assert_allclose(found.contact[1:], [10.0, 0.0], atol=1e-11)
+
+
+# -- friction ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_punch_that_is_dragged(dim):
+    """Below F P it holds; above there is no static solution, and an error says what is free."""
+    up = "xyz"[dim - 1]
+    free = ("x", "xyz"[dim - 1])
+    body = punch(dim, load={up: -10.0, "x": 2.5}, held=others(dim, *free))
+    problem = block(body, dim, 3)
+    result = problem.solve()
+    found = result.rigid_bodies["punch"]
+    np.testing.assert_allclose(found.force[[0, -1]], [-2.5, 10.0], atol=1e-10)
+    body = punch(dim, load={up: -10.0, "x": 3.1}, held=others(dim, *free))
+    with pytest.raises(ConvergenceError, match="translation x of punch"):
+        block(body, dim, 3).solve()
+    np.testing.assert_array_equal(body.values, 0)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("method", ["nodal", "integral"])
+def test_bodies_that_nothing_holds(method):
+    """A load that pulls away, or a motion that no contact resists."""
+    away = punch(load={"y": 10.0}, held=["x", "rz"])
+    with pytest.raises(FloatingBodyError, match="translation y of punch"):
+        block(away, method=method).solve()
+    c = (0.5, 1.5)
+    rolling = RigidBody(Sphere(c, 0.5), about=c, load={"y": -10.0}, free=["rz"], held=["x"])
+    with pytest.raises(FloatingBodyError, match="rotation about z of rigid body"):
+        block(rolling, law=Frictionless(), method=method).solve()
+
+
+def test_a_body_that_does_not_touch_yet():
+    """A load brings it to the block."""
+    body = RigidBody(
+        Sphere((0.5, 1.51), 0.5), about=(0.5, 1.51), load={"y": -10.0}, held=["x", "rz"]
+    )
+    near = RigidBody(Sphere((0.5, 1.5), 0.5), about=(0.5, 1.5), load={"y": -10.0}, held=["x", "rz"])
+    far = [
+        block(b, law=Frictionless(), n=8).solve().rigid_bodies["rigid body"] for b in (body, near)
+    ]
+    assert abs(far[0].motion[1] + 0.01 - far[1].motion[1]) < 1e-4
+
+
+def by_increments(problem, x):
+    """The strategy of load increments."""
+    attempt = Attempt("load increments", "")
+    with Newton(problem.equations, problem.linear_solver, "none", None) as solver:
+        return raise_load(solver, x, attempt, 4)
+
+
+def by_following(problem, x):
+    """The strategy of load following."""
+    attempt = Attempt("load following", "")
+    return follow_load(problem.equations, lambda: problem.linear_solver, x, attempt, 40)
+
+
+# -- equations -----------------------------------------------------------------------------------
+
+
+def small():
+    """A square of four triangles: nodes of the top, stiffness with its bottom held, serially."""
+    domain = box(MPI.COMM_SELF, 2, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = ufl.TrialFunction(V)
+    v = ufl.TestFunction(V)
+    mu = 1000.0 / 2.6
+    lam = 1000.0 * 0.3 / (1.3 * 0.4)
+    strain = ufl.sym(ufl.grad(u))
+    stress = 2 * mu * strain + lam * ufl.tr(strain) * ufl.Identity(2)
+    K = dolfinx.fem.petsc.assemble_matrix(fem.form(ufl.inner(stress, ufl.grad(v)) * ufl.dx))
+    K.assemble()
+    dense = K.convert("dense", PETSc.Mat()).getDenseArray().copy()
+    x = V.tabulate_dof_coordinates()
+    top = np.flatnonzero(np.isclose(x[:, 1], 1.0))
+    top = top[np.argsort(x[top, 0])]
+    free = np.flatnonzero(np.repeat(~np.isclose(x[:, 1], 0.0), 2))
+    return dense, x[:, :2], top, free
+
+
+@pytest.mark.verifies(
+    "rigid bodies",
+    "Signorini",
+    reference="enumeration: all active sets, with matrices of numpy",
+    aspects=("2D",),
+    alone=True,
+)
+def test_against_active_sets_by_hand():
+    """Frictionless, free to sink and to tilt: all active sets tried with matrices of numpy."""
+    K, x, top, free = small()
+    load = np.array([-10.0, 3.2])  # force, moment about (0.5, 1)
+    found = []
+    for active in itertools.product([False, True], repeat=len(top)):
+        nodes = top[np.array(active)]
+        n = len(free)
+        k = len(nodes)
+        A = np.zeros((n + 2 + k, n + 2 + k))
+        b = np.zeros(n + 2 + k)
+        A[:n, :n] = K[np.ix_(free, free)]
+        b[n : n + 2] = -load
+        for i, node in enumerate(nodes):
+            row = n + 2 + i
+            dof = int(np.flatnonzero(free == 2 * node + 1)[0])
+            arm = x[node, 0] - 0.5
+            A[row, [dof, n, n + 1]] = 1.0, -1.0, -arm  # u_y = q_y + q_r arm
+            A[[dof, n, n + 1], row] = 1.0, 1.0, arm  # r downwards on the block, upwards on the body
+        if np.linalg.matrix_rank(A) < len(A):
+            continue
+        y = np.linalg.solve(A, b)
+        u = np.zeros(len(K))
+        u[free] = y[:n]
+        gaps = y[n] + y[n + 1] * (x[top, 0] - 0.5) - u[2 * top + 1]
+        r = y[n + 2 :]
+        if (gaps > -1e-12).all() and (r > -1e-12).all():
+            found.append((u, y[n : n + 2], r, active))
+    assert len(found) == 1
+    u, q, r, active = found[0]
+    assert 0 < sum(active) < len(top)
+    body = punch(load={"y": load[0], "rz": load[1]}, held=["x"])
+    problem = block(body, n=2, law=Frictionless(), comm=MPI.COMM_SELF)
+    t = problem.solve().tables["top 0"]
+    np.testing.assert_allclose(body.values[1:], q, rtol=1e-10)
+    np.testing.assert_allclose(problem.u.x.array, u, atol=1e-12)
+    np.testing.assert_allclose(t.rn[np.array(active)], r, rtol=1e-10)
+
+
+@pytest.mark.verifies(
+    "rigid bodies",
+    reference="independent code: one linear system of numpy",
+    aspects=("2D",),
+    alone=True,
+)
+def test_a_glued_punch_by_hand():
+    """All points stick: one linear system, with a reference point far off."""
+    K, x, top, free = small()
+    about = np.array([2.0, 3.0])
+    load = np.array([1.0, -50.0, 74.0])
+    n = len(free)
+    k = 2 * len(top)
+    A = np.zeros((n + 3 + k, n + 3 + k))
+    b = np.zeros(n + 3 + k)
+    A[:n, :n] = K[np.ix_(free, free)]
+    for i, node in enumerate(top):
+        for c in range(2):
+            row = n + 3 + 2 * i + c
+            dof = int(np.flatnonzero(free == 2 * node + c)[0])
+            arm = x[node] - about
+            motion = np.zeros(3)
+            motion[c] = 1.0
+            motion[2] = (-arm[1], arm[0])[c]
+            A[row, dof] = 1.0
+            A[row, n : n + 3] = -motion
+            A[dof, row] = -1.0
+            A[n : n + 3, row] = motion
+    b[n : n + 3] = load
+    y = np.linalg.solve(A, b)
+    body = RigidBody(
+        HalfSpace((0, 1), (0, -1)), about=about, load=dict(zip(("x", "y", "rz"), load, strict=True))
+    )
+    problem = block(body, n=2, law=Coulomb(50.0), comm=MPI.COMM_SELF)
+    t = problem.solve().tables["top 0"]
+    assert t.status == "kkk"
+    np.testing.assert_allclose(body.values, y[n : n + 3], rtol=1e-9)
+    np.testing.assert_allclose(t.force.reshape(-1), y[n + 3 :], atol=1e-9 * 50)
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize(("dim", "method", "degree"), [(2, *m) for m in METHODS] + [(3, None, 1)])
+@pytest.mark.verifies(
+    "rigid bodies",
+    reference="differences: central differences",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_the_jacobian(dim, method, degree):
+    """Against differences of H, at random unknowns and statuses held."""
+    up = "xyz"[dim - 1]
+    middle = np.append(0.55 * np.ones(dim - 1), 1.6)
+    rest = others(dim, up, "rz")
+    body = RigidBody(
+        Sphere(middle, 0.61),
+        about=middle,
+        load={up: -20.0, "rz": 1.0},
+        motion=dict.fromkeys(rest, 0.01),
+    )
+    problem = block(body, dim, 2, method=method, degree=degree)
+    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    x = system.probe(1)
+    v = system.probe(2)
+    x.scale(1e-2)
+    eq = problem.equations  # what is prescribed is in order: H has that linearly
+    q = np.where(eq.rigid.fixed, eq.prescribed_motions(), eq.motions(x))
+    x.array[x.getLocalSize() - eq.rigid.owned :] = eq.rigid.here(q)
+    state = eq.contact(x)
+    b = [system.create_vector() for _ in range(3)]
+    y = x.copy()
+    for vector, step in zip(b, (1e-6, -1e-6), strict=False):
+        x.copy(y)
+        y.axpy(step, v)
+        problem.residual(y, vector, state.statuses)
+    problem.linear_solver.update(state)
+    problem.linear_solver.matrix.mult(v, b[2])
+    b[0].axpy(-1.0, b[1])
+    b[0].scale(1 / 2e-6)
+    b[0].axpy(-1.0, b[2])
+    # Dirichlet columns are not in the Jacobian: H takes their data in all rows.
+    assert b[0].norm() < 1e-6 * b[2].norm()
+
+
+@pytest.mark.parametrize(("way", "load"), [(by_increments, {"rz": 2.0}), (by_following, {})])
+def test_loads_and_motions_in_increments(way, load):
+    """Strategies that raise the load raise what is prescribed to a body as well."""
+    given = {"motion": {"y": -0.02, "x": 0.004}, "load": load}
+    if not load:
+        given["motion"]["rz"] = 0.01
+    body = punch(**given)
+    problem = block(body, n=2)
+    problem.solve()
+    values = body.values
+    u = problem.u.x.array.copy()
+    problem = block(punch(**given), n=2)
+    x = problem.create_vector()
+    assert way(problem, x)
+    problem.read(x)
+    np.testing.assert_allclose(problem.rigid_bodies[0].values, values, rtol=1e-8)
+    np.testing.assert_allclose(problem.u.x.array, u, atol=1e-10)
+
+
+def test_from_a_coarser_mesh():
+    """Nested iteration takes the motion along."""
+    problems = [
+        block(
+            RigidBody(
+                Sphere((0.5, 1.5), 0.5), about=(0.5, 1.5), load={"y": -20.0}, held=["x", "rz"]
+            ),
+            n=n,
+        )
+        for n in (6, 12)
+    ]
+    coarse, fine = solve_nested(problems)
+    alone = block(problems[1].rigid_bodies[0], n=12)
+    alone.rigid_bodies[0].values = np.zeros(3)
+    cold = alone.solve()
+    assert fine.iterations <= cold.iterations
+    same_tables(fine.tables["top 0"], cold.tables["top 0"])
+    assert coarse.rigid_bodies["rigid body"].motion[1] != fine.rigid_bodies["rigid body"].motion[1]
+
+
+# -- ranks and units -----------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
+@pytest.mark.parametrize(("dim", "method"), [(2, "nodal"), (2, "integral"), (3, "nodal")])
+@pytest.mark.verifies(
+    "rigid bodies",
+    reference="itself: the solve on one rank",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_ranks(dim, method):
+    """The same numbers as in serial."""
+    up = "xyz"[dim - 1]
+    found = []
+    for comm in (MPI.COMM_SELF, COMM):
+        body = punch(
+            dim,
+            load={up: -10.0, "rz" if dim == 2 else "rx": 1.5, "x": 0.7},
+            held=others(dim, up, "rz" if dim == 2 else "rx", "x"),
+        )
+        problem = block(body, dim, 3, method=method, comm=comm)
+        found.append((problem.solve(), body.values))
+    np.testing.assert_allclose(found[0][1], found[1][1], rtol=1e-9, atol=1e-12)
+    same_tables(*(r.tables["top 0"] for r, _ in found))
+
+
+@pytest.mark.verifies("rigid bodies", "units", reference="itself: other units", aspects=("2D",))
+def test_units():
+    """Millimetres and pascals, the same steps."""
+    found = []
+    for size, young in ((1.0, 1e3), (1e3, 1e9), (1e-3, 1e-3)):
+        force = young * size * 0.01
+        moment = young * size**2 * 0.002
+        body = punch(size=size, load={"y": -force, "rz": moment, "x": 0.1 * force})
+        result = block(body, size=size, young=young).solve()
+        scale = np.array([size, size, 1.0])
+        found.append((body.values / scale, result.iterations, result.tables["top 0"].status))
+    for values, iterations, letters in found[1:]:
+        np.testing.assert_allclose(values, found[0][0], rtol=1e-9)
+        assert (iterations, letters) == found[0][1:]
+
+
+# -- branches ------------------------------------------------------------------------------------
+
+
+def parametric(method=None, law=None, about=(0.5, 1)):
+    """Force and moment are parts of a parameter."""
+
+    def where(domain):
+        loads["c"] = gamma = fem.Constant(domain, 0.0)
+        load = {"y": -10.0 - gamma, "rz": 0.6 * gamma, "x": 0.2 * gamma}
+        loads["body"] = RigidBody(HalfSpace((0, 1), (0, -1)), about=about, load=load, name="punch")
+        return [(loads["body"], facets(domain, 1, 1.0))]
+
+    loads = {}
+    problem = block(None, where=where, method=method, law=law)
+    return problem, loads["body"], ParametricContact(problem, loads["c"])
+
+
+@pytest.mark.parametrize(
+    ("method", "route"), [("nodal", "pivoting"), ("nodal", "steps"), ("integral", "steps")]
+)
+@pytest.mark.verifies(
+    "rigid bodies",
+    "pivoting",
+    reference="closed form: force and moment that press",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
+def test_a_branch_under_a_growing_force(method, route):
+    """Gamma is the force; both routes, against a solve at the end."""
+    problem, body, system = parametric(method)
+    problem.solve()
+    x = problem.create_vector()
+    problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 10.0), route=route)
+    last = branch.points[-1]
+    assert last.gamma == pytest.approx(10.0, abs=1e-12)
+    result = system.result_at(last)
+    np.testing.assert_allclose(result.rigid_bodies["punch"].contact, [-2.0, 20.0, -6.0], atol=1e-8)
+    assert len({system.letters(p.piece) for p in branch.points}) > 1
+    followed = body.values
+    system.set_parameter(10.0)
+    again = problem.solve()
+    np.testing.assert_allclose(again.rigid_bodies["punch"].motion, followed, rtol=1e-7)
+
+
+def test_the_rate_of_the_force():
+    """dH/dgamma against differences."""
+    _, _, system = parametric()
+    x = system.probe(3)
+    x.scale(1e-2)
+    piece = system.piece_at(x, 1.0)
+    b = [system.create_vector() for _ in range(3)]
+    system.residual(x, 1.5, b[0], piece)
+    system.residual(x, 0.5, b[1], piece)
+    system.parameter_derivative(x, 1.0, b[2], piece)
+    b[0].axpy(-1.0, b[1])
+    b[0].axpy(-1.0, b[2])
+    assert b[2].norm() > 0.1
+    assert b[0].norm() < 1e-10 * b[2].norm()
+
+
+def test_a_motion_as_the_parameter():
+    def where(domain):
+        made["c"] = gamma = fem.Constant(domain, 0.0)
+        body = punch(load={"y": -10.0}, motion={"x": gamma + gamma**2}, held=["rz"])
+        return [(body, facets(domain, 1, 1.0))]
+
+    made = {}
+    problem = block(None, where=where)
+    result = problem.solve()
+    system = ParametricContact(problem, made["c"])
+    assert not system.is_linear
+    x = problem.create_vector()
+    problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 0.002))
+    result = system.result_at(branch.points[-1])
+    found = result.rigid_bodies["punch"]
+    assert found.motion[0] == pytest.approx(0.002004, rel=1e-9)
+    system.set_parameter(0.002)
+    same_tables(problem.solve().tables["top 0"], result.tables["top 0"], 1e-7)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "rigid bodies", "all solutions", reference="itself: the solve", aspects=("2D",)
+)
+def test_all_solutions():
+    """The reduced problem carries the unknowns of the body."""
+    problem, _, system = parametric(law=Coulomb(0.5))
+    system.set_parameter(4.0)
+    problem.solve()
+    x = problem.create_vector()
+    problem.write(x)
+    assert system.is_piecewise_affine
+    found = find_solutions(system, [x], 4.0).found
+    assert len(found) == 1
+    x.axpy(-1.0, found[0].x)
+    assert x.norm() < 1e-9 * found[0].x.norm()
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies("Lemke", "rigid bodies", reference="itself: Newton's method", aspects=("2D",))
+def test_lemke():
+    """Lemke's method solves for a body whose motion is prescribed, and says where it cannot."""
+    body = punch(motion={"x": 0.001, "y": -0.01, "rz": 0.01})
+    problem = block(body)
+    problem.solve()
+    u = problem.u.x.array.copy()
+    x = problem.create_vector()
+    attempt = Attempt("Lemke's method", "")
+    assert start_by_lemke(problem.equations, lambda: problem.linear_solver, x, attempt)
+    problem.read(x)
+    np.testing.assert_allclose(problem.u.x.array, u, atol=1e-12)
+    problem, _, _ = parametric()
+    x = problem.create_vector()
+    assert not start_by_lemke(problem.equations, lambda: problem.linear_solver, x, attempt)
+    assert "not positive definite" in attempt.reason
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "rigid bodies",
+    "records of branches",
+    reference="itself: the branch that nothing ended",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
+def test_a_record_goes_on(folder):
+    """The fields of a point on the disk have the motion of the body."""
+    problem, body, system = parametric("integral")
+    problem.solve()
+    x = problem.create_vector()
+    problem.write(x)
+    with BranchRecord(folder / "run", system, every=1) as record:
+        follow(system, x, 0.0, gamma_range=(0.0, 2.0), max_steps=2, record=record)
+    whole = follow(system, x, 0.0, gamma_range=(0.0, 2.0))
+    values = body.values
+    problem, body, system = parametric("integral")
+    again = resume(folder / "run", system, every=1, max_steps=1000)
+    assert again.points[-1].gamma == whole.points[-1].gamma == 2.0
+    np.testing.assert_allclose(body.values, values, rtol=1e-9)
+    problem, body, system = parametric("integral", about=(1.5, 2.0))
+    with pytest.raises(ValueError, match="another problem"):
+        resume(folder / "run", system)
+
+
+# -- bad input -----------------------------------------------------------------------------------
+
+PLANE = HalfSpace((0, 1), (0, -1))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"load": {"y": -1.0}, "held": ["x"]}, "not given: rz"),
+        ({"load": {"y": -1.0}, "held": ["x", "y", "rz"]}, "y is given twice"),
+        ({"load": {"y": np.nan}, "held": ["x", "rz"]}, "must be a finite number"),
+        ({"load": {"z": -1.0}, "held": ["x", "y", "rz"]}, "unknown component 'z'"),
+        ({"load": {"y": "down"}, "held": ["x", "rz"]}, "number or a UFL scalar"),
+        ({"load": {"y": True}, "held": ["x", "rz"]}, "number or a UFL scalar"),
+        ({"load": -1.0, "held": ["x", "y", "rz"]}, "go by component"),
+        ({"held": "xy"}, "free and held must be a list"),
+        ({"held": ["x", "x", "y", "rz"]}, "named twice"),
+        ({"about": (0.0, np.inf), "held": ["x", "y", "rz"]}, "must be 2 finite numbers"),
+        ({"shape": None, "held": ["x", "y", "rz"]}, "its shape must be"),
+        ({"name": "", "held": ["x", "y", "rz"]}, "must be a word"),
+    ],
+)
+def test_bad_input(given, words):
+    given = {"shape": PLANE, "about": (0, 1), **given}
+    with pytest.raises(ValueError, match=words):
+        RigidBody(given.pop("shape"), **given)
+
+
+@pytest.mark.refuses("rigid bodies", aspects=("multigrid",))
+def test_input_that_does_not_fit_the_mesh():
+    domain = box(COMM, 2, "tri")
+    c = fem.Constant(domain, np.nan)
+    body = RigidBody(PLANE, about=(0, 1), load={"y": c}, held=["x", "rz"])
+    with pytest.raises(ValueError, match="Constant of another mesh"):
+        block(body)
+    with pytest.raises(ValueError, match="3 components, the mesh 2"):
+        block(RigidBody(PLANE, about=(0, 1, 0), held=others(3)))
+    x = ufl.SpatialCoordinate(domain)
+    with pytest.raises(ValueError, match="nor the position"):
+        RigidBody(PLANE, about=(0, 1), load={"y": x[0]}, held=["x", "rz"])
+    with pytest.raises(ValueError, match="no multigrid"):
+        block(punch(held=others(2)), options={"linear_solver": "amg"}).solve()
+    with pytest.raises(ValueError, match="its shape must be"):
+        RigidBody(punch(held=others(2)), about=(0, 1), held=others(2))
+
+
+@pytest.mark.ranks(2)
+def test_a_load_that_is_not_a_number():
+    made = {}
+
+    def where(domain):
+        made["c"] = fem.Constant(domain, -10.0)
+        body = punch(load={"y": 2 * made["c"]}, held=["x", "rz"])
+        return [(body, facets(domain, 1, 1.0))]
+
+    problem = block(None, where=where)
+    assert abs(problem.solve().resultants["top 0"][1] + 20.0) < 1e-10
+    made["c"].value = np.nan
+    with pytest.raises(ValueError, match="rigid body is not finite"):
+        problem.solve()
+    made["c"].value = -3.0
+    assert abs(problem.solve().resultants["top 0"][1] + 6.0) < 1e-10
+
+
+@pytest.mark.ranks(2)
+def test_loads_that_differ_between_ranks():
+    if COMM.size == 1:
+        pytest.skip("needs ranks")
+    body = punch(load={"y": -10.0 - COMM.rank}, held=["x", "rz"])
+    with pytest.raises(ValueError, match="rigid bodies differs between ranks"):
+        block(body)
+
+
+# -- results -------------------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+def test_what_is_told():
+    """The summary goes to JSON; large turns are told by the misfit."""
+    body = punch(load={"y": -10.0, "rz": 1.0}, held=["x"])
+    problem = block(body)
+    result = problem.solve()
+    told = json.loads(json.dumps(result.summary()["rigid_bodies"]))["punch"]
+    assert told["load"] == {"x": 0.0, "y": -10.0, "rz": 1.0}
+    assert told["contact"]["y"] == pytest.approx(10.0)
+    assert told["motion"]["rz"] == body.rotation[0] != 0
+    assert 0 < result.misfit < 1e-3
+    found = problem.evaluate()
+    gap = found.surfaces[0].kinematics.gap
+    np.testing.assert_array_less(-1e-12, gap)
+    vertices = vertex_state(problem.equations, 0, found)
+    np.testing.assert_allclose(vertices["un"][: len(gap)], gap, atol=1e-15)

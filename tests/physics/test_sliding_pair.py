@@ -1,0 +1,1175 @@
+"""Large sliding between the faces of two bodies."""
+
+from mpi4py import MPI
+
+import demo_ironing
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support.blocks import CELLS
+from test_mortar import hats, stacked
+from test_pair import displacement, tagged
+
+import basix.ufl
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    Coulomb,
+    Frictionless,
+    ParametricContact,
+    SelfContact,
+    Tresca,
+    records,
+)
+from dolfinx_contact._compat import create_mesh
+from dolfinx_contact.continuation import follow
+from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
+from dolfinx_contact.meshing import join
+from dolfinx_contact.points.clipping import Faces
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.sliding.candidates import candidates
+from dolfinx_contact.problem import discretise
+
+COMM = MPI.COMM_WORLD
+RUBBER = NeoHookean(*lame(1000.0, 0.3))
+KINDS = [(2, "tri"), (2, "quad"), (3, "tet"), (3, "hex")]
+
+
+def cubes(n, m, cell, *, offset=0.0):
+    """Two cubes on each other, with n and m cells along an edge; tags as `stacked`."""
+    bodies = []
+    tags = []
+    for i, k in enumerate((n, m)):
+        x = np.linspace(0.0, 1.0, k + 1) + i * offset
+        z = np.linspace(i - 1.0, i, max(k // 2, 1) + 1)
+        body = create_grid(COMM, [x, x, z], CELLS[cell])
+        planes = {f"t{2 * i + 1}": (2, i - 1.0), f"t{2 * i + 2}": (2, float(i))}
+        tags.append(tagged(body, **planes))
+        bodies.append(body)
+    return join(bodies, facet_tags=tags)
+
+
+def blocks(dim, cell, n=5, m=7):
+    if dim == 2:
+        return stacked(n, m, (0.0, 1.0), (-0.2, 1.2), cell)
+    return cubes(3, 4, cell, offset=0.1)
+
+
+class Bodies:
+    """Two blocks on each other; the lower one is held below, the upper one is moved above."""
+
+    def __init__(self, both, slave, law, material=RUBBER, options=None, **given):
+        self.both = both
+        domain = both.mesh
+        dim = domain.geometry.dim
+        self.dim = dim
+        self.u = u = displacement(domain)
+        V = u.function_space
+        given = {"sliding": "large"} | given
+        contact = ContactPair(u, both, slave=slave, master=5 - slave, law=law, **given)
+        self.below, self.above = fem.Function(V), fem.Function(V)
+        bcs = []
+        for tag, f in ((1, self.below), (4, self.above)):
+            nodes = fem.locate_dofs_topological(V, dim - 1, both.facet_tags.find(tag))
+            bcs.append(fem.dirichletbc(f, nodes))
+        energy = material.energy(u) * ufl.dx
+        self.problem = ContactProblem(energy, u, [contact], bcs=bcs, petsc_options=options)
+        (self.pair,) = self.problem.surfaces
+
+    def move(self, motion, below=None):
+        """Prescribe motions of positions X (n, dim), above and below."""
+        X = self.u.function_space.tabulate_dof_coordinates()[:, : self.dim]
+        self.above.x.array[:] = motion(X).reshape(-1)
+        if below is not None:
+            self.below.x.array[:] = below(X).reshape(-1)
+
+
+def of_upper(both, V):
+    """Owned nodes of the upper body."""
+    dim = both.mesh.topology.dim
+    cells = mesh.locate_entities(both.mesh, dim, lambda x: x[dim - 1] >= -1e-9)
+    nodes = np.unique(V.dofmap.list[cells])
+    return nodes[nodes < V.dofmap.index_map.size_local]
+
+
+def smooth(x, seed, size):
+    """A smooth vector field at positions x (n, dim)."""
+    rng = np.random.default_rng(seed)
+    dim = x.shape[1]
+    return size * np.sin(x @ rng.normal(size=(dim, dim)) * 2 + rng.normal(size=dim))
+
+
+def errors_with_parts_held(problem, pair, x, v, monkeypatch):
+    """State at x, and errors of J v against central differences of H over its size. Collective.
+
+    The parts that faces have in common are held, as are the statuses.
+    """
+    eq = problem.equations
+    n = eq.owned_sizes[0]
+    b, after, before, product = (x.duplicate() for _ in range(4))
+    state = eq.residual(x, b)
+    jacobian = Jacobian(eq)
+    jacobian.update(state)
+    jacobian.matrix.mult(v, product)
+    faces = pair.points.faces
+    u = x.array[:n].reshape(-1, eq.dim)
+    mine = faces._of_slave(faces._X + faces.spread(u))
+    theirs = faces._found_before + faces.of_master(u, faces.candidates)
+    held = faces._pieces(mine, theirs)
+    monkeypatch.setattr(faces, "_pieces", lambda *_: held)
+    errors = []
+    for eps in (1e-4, 1e-5):
+        for sign, f in ((eps, after), (-eps, before)):
+            y = x.copy()
+            y.axpy(sign, v)
+            eq.residual(y, f, state.statuses)
+        after.axpy(-1.0, before)
+        after.scale(0.5 / eps)
+        after.axpy(-1.0, product)
+        errors.append(after.norm() / product.norm())
+    return state, errors
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.each_value
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("law", [Frictionless(), Coulomb(0.3)], ids=["frictionless", "coulomb"])
+@pytest.mark.parametrize("remembers", [False, True])
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="differences: of the residual",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_jacobian(dim, cell, slave, law, remembers, monkeypatch):
+    """Central differences of H, with the parts that faces have in common held."""
+    both = blocks(dim, cell)
+    bodies = Bodies(both, slave, law, interference=True)
+    problem, pair, V = bodies.problem, bodies.pair, bodies.u.function_space
+    eq = problem.equations
+    n = eq.owned_sizes[0]
+    X = V.tabulate_dof_coordinates()[: n // dim, :dim]
+    moved = smooth(X, 3, 0.05)
+    upper = of_upper(both, V)
+    at = X[upper]
+    shift = np.full((len(at), dim), 0.07)
+    shift[:, -1] = -0.01 - 0.04 * (at[:, 0] - 0.5) ** 2 + 0.05 * (at[:, 0] - 0.5)
+    moved[upper] += shift
+    x = problem.create_vector()
+    x.array[:n] = moved.reshape(-1)
+    x.array[:n][eq.fixed[:n]] = 0.0
+    ids = pair.points.ids[:, 0]
+    x.array[n:] = 2e-3 * np.sin(np.outer(ids, np.arange(1.0, dim + 1))).reshape(-1)
+    if remembers:
+        before = smooth(X, 5, 0.04)
+        memory = Memory(np.zeros((len(ids), dim)), displacement=before, step=1.0)
+        problem = problem.with_memory([memory])
+    v = x.duplicate()
+    v.array[:n] = smooth(X, 8, 1.0).reshape(-1)
+    v.array[:n][eq.fixed[:n]] = 0.0
+    v.array[n:] = 0.1 * np.cos(np.outer(ids, np.arange(1.0, dim + 1))).reshape(-1)
+    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
+    assert errors[0] < 1e-5
+    assert errors[1] < 0.02 * errors[0] + 1e-9
+    used = COMM.allreduce(len(np.unique(np.concatenate(COMM.allgather(state.statuses[0])))), max)
+    assert used > 1
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="differences: of the residual",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_jacobian_of_bodies_that_spin(monkeypatch):
+    """By 60 and 20 degrees in a step; of a node of the slave hardly anything is left covered."""
+    both = blocks(3, "hex")
+    bodies = Bodies(both, 2, Coulomb(0.3), interference=True)
+    problem, pair, V = bodies.problem, bodies.pair, bodies.u.function_space
+    n = problem.equations.owned_sizes[0]
+    X = V.tabulate_dof_coordinates()[: n // 3]
+    upper = of_upper(both, V)
+    moved = X + smooth(X, 3, 0.04)
+    moved[upper] += (0.07, 0.07, -0.03)
+    # A rank may have no node of the upper body.
+    centre = COMM.allreduce(X[upper].sum(axis=0)) / COMM.allreduce(len(upper))
+    for nodes, angle in ((upper, 60.0), (np.setdiff1d(np.arange(len(X)), upper), 20.0)):
+        turn = Rotation.from_rotvec([0.0, 0.0, np.radians(angle)])
+        moved[nodes] = turn.apply(moved[nodes] - centre) + centre
+    for f in (bodies.below, bodies.above):
+        f.x.array[:n] = (moved - X).reshape(-1)
+        f.x.scatter_forward()
+    waves = np.outer(pair.points.ids[:, 0], np.arange(1.0, 4.0))
+    x = problem.create_vector()
+    v = x.duplicate()
+    x.array[:n] = (moved - X).reshape(-1)
+    x.array[n:] = 2e-3 * np.sin(waves).reshape(-1)
+    v.array[:n] = np.where(problem.equations.fixed[:n], 0.0, smooth(X, 8, 1.0).reshape(-1))
+    v.array[n:] = 0.1 * np.cos(waves).reshape(-1)
+    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
+    assert errors[0] < 1e-5
+    assert errors[1] < 0.02 * errors[0] + 1e-9
+    nodal = state.surfaces[0].kinematics.operator.facing.nodal
+    assert COMM.allreduce(np.degrees(nodal.spin).max(initial=0.0), MPI.MAX) > 35.0
+    assert COMM.allreduce((nodal.weight == 0.0).any(), MPI.LOR)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("depth", [0.05, 1.0])
+def test_candidates(dim, depth):
+    """What lies along the rays of random facets, as a look at all of them finds it."""
+    rng = np.random.default_rng(7)
+    middles = rng.random((2, 150, 1, dim))
+    x = middles + 0.05 * rng.random((2, 150, dim, dim))
+    normals = rng.normal(size=(2, 150, dim))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    nodes = np.arange(150 * dim).reshape(150, dim)
+    mine = np.arange(COMM.rank, 150, COMM.size)
+    slave, master = (Faces(x[i][mine], normals[i][mine], nodes[mine]) for i in range(2))
+    found = candidates(COMM, slave, master, np.ones(len(mine)), depth, 0.02)
+    i, k = found.pairs.T
+    pairs = np.stack([mine[i], found.nodes[k][:, 0] // dim], axis=1)
+    centre = x.mean(axis=2)
+    radius = np.linalg.norm(x - centre[:, :, None], axis=3).max(axis=2)
+    off = centre[1] - centre[0][:, None]
+    along = np.sum(off * normals[0][:, None], axis=2)
+    across = np.linalg.norm(off - along[..., None] * normals[0][:, None], axis=2)
+    reach = radius[0][:, None] + radius[1] + 0.02
+    wanted = np.argwhere((np.abs(along) <= depth + reach) & (across <= reach))
+    np.testing.assert_array_equal(pairs, wanted[np.isin(wanted[:, 0], mine)])
+    assert 50 < len(wanted) < 150**2 / 4
+
+
+# -- patches ---------------------------------------------------------------------------------------
+
+STRAIN = 0.1
+STIFF = 500.0  # mu of a material with nu = 0
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.each_value
+@pytest.mark.parametrize("cell", ["tri", "quad"])
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("part", [0.37, 0.61])
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="closed form: uniform compression",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_patch(cell, slave, part):
+    """A block that has slid by a part of a facet presses uniformly, a slave partly covered too."""
+    low, high = (0.0, 2.0), (0.2, 1.2)
+    n = 8
+    shift = part * 2.0 / n
+    both = stacked(n, 5, low, high, cell)
+    bodies = Bodies(both, slave, Frictionless(), NeoHookean(0.0, STIFF))
+    u, V = bodies.u, bodies.u.function_space
+    stretch = 1 - STRAIN
+    pressure = STIFF * (1 / stretch - stretch)
+    x = V.tabulate_dof_coordinates()[:, :2]
+    face = fem.locate_dofs_topological(V, 1, both.facet_tags.find(2))
+    points = np.linspace(*low, n + 1)
+    free = hats(points, low[0], high[0] + shift) + hats(points, high[1] + shift, low[1])
+    share = (free / hats(points, *low))[np.searchsorted(points, x[face, 0] - 1e-9)]
+    load = fem.Function(V)
+    load.x.array.reshape(-1, 2)[face, 1] = -pressure * share
+    at_vertices = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)(2, metadata=at_vertices)
+    part_of_load = fem.Constant(both.mesh, 0.0)
+    energy = NeoHookean(0.0, STIFF).energy(u) * ufl.dx - part_of_load * ufl.dot(load, u) * ds
+    options = {"snes_rtol": 1e-11}
+    problem = ContactProblem(
+        energy, u, bodies.problem.contacts, bcs=bodies.problem.bcs, petsc_options=options
+    )
+    bodies.move(lambda X: np.tile([shift, 0.0], (len(X), 1)))
+    problem.solve()
+    part_of_load.value = 1.0
+    bodies.move(lambda X: np.tile([shift, -2 * STRAIN], (len(X), 1)))
+    result = problem.solve()
+    off = u.x.array.reshape(-1, 2)[:, 1] + STRAIN * (x[:, 1] + 1)
+    assert COMM.allreduce(np.abs(off).max(), max) < 1e-10
+    table = result.tables["contact"]
+    touching = ~np.isnan(table.un)
+    # A node of which hardly anything is covered knows its pressure to fewer digits.
+    force = table.area * (table.pressure - pressure)
+    assert np.abs(force[touching]).max() < 1e-9 * pressure
+    balance = result.pairs["contact"]
+    assert balance.imbalance < 1e-14
+    assert balance.moment < 1e-12
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.each_value
+@pytest.mark.parametrize("cell", ["tet", "hex"])
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="closed form: uniform compression",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_patch_in_space(cell, slave):
+    """A cube that has turned by a right angle on another one presses uniformly."""
+    both = cubes(3, 4, cell)
+    bodies = Bodies(both, slave, Frictionless(), NeoHookean(0.0, STIFF))
+    V = bodies.u.function_space
+    turn = Rotation.from_euler("z", 90, degrees=True).as_matrix()
+    middle = np.array([0.5, 0.5, 0.0])
+
+    def turned(X):
+        return (X - middle) @ turn.T + middle - X
+
+    upper = of_upper(both, V)
+    X = V.tabulate_dof_coordinates()
+    bodies.u.x.array.reshape(-1, 3)[upper] = turned(X[upper])
+    bodies.u.x.scatter_forward()
+    bodies.move(lambda X: turned(X) - np.array([0.0, 0.0, 2 * STRAIN]))
+    result = bodies.problem.solve()
+    stretch = 1 - STRAIN
+    pressure = STIFF * (1 / stretch - stretch)
+    table = result.tables["contact"]
+    np.testing.assert_allclose(table.pressure, pressure, rtol=1e-8)
+    assert result.pairs["contact"].imbalance < 1e-14
+    x = X + bodies.u.x.array.reshape(-1, 3)
+    squeezed = -STRAIN * (X[:, 2] + 1)
+    assert COMM.allreduce(np.abs(x[:, 2] - X[:, 2] - squeezed).max(), max) < 1e-10
+    assert pair_searches(bodies) >= 2
+
+
+def pair_searches(bodies):
+    return bodies.pair.points.faces.searches
+
+
+# -- rotations, small slides -----------------------------------------------------------------------
+
+
+def pressed_and_sheared(bodies, shear=0.03):
+    """A history that presses the blocks on each other and shears them without slip."""
+    axis = bodies.dim - 1
+
+    def load(t):
+        def motion(X):
+            moved = np.zeros_like(X)
+            moved[:, axis] = -0.05 * min(t, 1.0)
+            moved[:, 0] = shear * max(t - 1.0, 0.0)
+            return moved
+
+        bodies.move(motion)
+
+    evolution = QuasiStatic(bodies.problem, load)
+    evolution.run([0.0, 0.5, 1.0, 1.5, 2.0], rays=False)
+    return evolution
+
+
+@pytest.mark.parametrize(
+    ("dim", "cell", "slave"),
+    [
+        *((2, "tri", 3), (2, "quad", 2)),
+        pytest.param(3, "tet", 2, marks=pytest.mark.long),
+        pytest.param(3, "hex", 3, marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.parametrize("angle", [0.3])
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="theorem: a rotation changes nothing",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_turned(dim, cell, slave, angle):
+    """A stuck state turned in one step stays stuck, with its tractions turned."""
+    bodies = Bodies(blocks(dim, cell), slave, Coulomb(2.0))
+    bodies.problem.petsc_options["snes_rtol"] = 1e-11
+    evolution = pressed_and_sheared(bodies)
+    u = bodies.u
+    before = u.x.array.reshape(-1, dim).copy()
+    step = bodies.problem.with_memory(evolution.memory)
+    table = step.table(bodies.pair)
+    assert (table.letters == "k").sum() > 0.5 * len(table.letters)
+    tractions = bodies.pair.multiplier.x.array.reshape(-1, dim).copy()
+    problem = bodies.problem.with_memory(step.equations.advanced(step.evaluate()))
+    axis = [0.2, 0.9, 0.4] if dim == 3 else [0.0, 0.0, 1.0]
+    Q = Rotation.from_rotvec(angle * np.array(axis) / np.linalg.norm(axis)).as_matrix()[:dim, :dim]
+    X = u.function_space.tabulate_dof_coordinates()[:, :dim]
+    turned = (X + before) @ Q.T - X
+    for f in (bodies.below, bodies.above):
+        f.x.array[:] = turned.reshape(-1)
+    u.x.array[:] = turned.reshape(-1)
+    bodies.pair.multiplier.x.array[:] = (tractions @ Q.T).reshape(-1)
+    state = problem.evaluate()
+    start = max(np.abs(rows).max(initial=0.0) for rows in state.rows)
+    assert COMM.allreduce(start, max) < 1e-9 * 1000.0
+    # From another start.
+    u.x.array[:] = (turned + 1e-3 * smooth(X, 2, 1.0)).reshape(-1)
+    problem.solve(expected=[state.statuses])
+    size = COMM.allreduce(np.abs(tractions).max(initial=0.0), max)
+    off = bodies.pair.multiplier.x.array.reshape(-1, dim) - tractions @ Q.T
+    assert COMM.allreduce(np.abs(off).max(initial=0.0), max) < 1e-9 * size
+
+
+@pytest.mark.parametrize(
+    ("dim", "cell"), [(2, "quad"), (2, "tri"), pytest.param(3, "hex", marks=pytest.mark.long)]
+)
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="itself: the pair of small sliding",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_small_slide_on_matching_faces(dim, cell):
+    """Linear bodies whose nodes match: mixed contact of small sliding is the limit."""
+    both = stacked(6, 6, (0.0, 1.0), (0.0, 1.0), cell) if dim == 2 else cubes(3, 3, cell)
+    differences = []
+    for size in (1e-4, 1e-5):
+        found = []
+        for given in ({"sliding": "large"}, {"sliding": "small", "method": "mixed"}):
+            bodies = Bodies(both, 3, Coulomb(0.05), LinearElastic(*lame(1000.0, 0.3)), **given)
+
+            def motion(X, size=size):
+                moved = np.zeros_like(X)
+                moved[:, -1] = -size
+                moved[:, 0] = size * (X[:, 0] - 0.3)
+                return moved
+
+            bodies.move(motion)
+            table = bodies.problem.solve().tables["contact"]
+            assert set(table.letters) & {"+", "-", "s"}
+            found.append(bodies.u.x.array.copy())
+        differences.append(COMM.allreduce(np.abs(found[0] - found[1]).max(initial=0.0), max) / size)
+    # The difference in u is of second order.
+    assert differences[0] < 1e-3
+    assert differences[1] < 0.11 * differences[0] + 1e-12
+
+
+# -- histories, records, branches ------------------------------------------------------------------
+
+
+def sliding_history(bodies):
+    """Pressed, then pulled by more than two facets, and back by one."""
+
+    def load(t):
+        def motion(X):
+            moved = np.zeros_like(X)
+            moved[:, -1] = -0.05 * min(t, 1.0)
+            moved[:, 0] = 0.5 * (max(t - 1.0, 0.0) - 2 * max(t - 2.0, 0.0))
+            return moved
+
+        bodies.move(motion)
+
+    return QuasiStatic(bodies.problem, load)
+
+
+class Killed(Exception):
+    """Raised where a run is to end."""
+
+
+TIMES = np.concatenate([[0.0, 0.5], np.linspace(1.0, 2.5, 13)])
+
+
+@pytest.mark.parametrize("slave", [pytest.param(s, marks=pytest.mark.long) for s in (2, 3)])
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="closed form: friction at every point that slips; an account of energies",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_history(slave):
+    """To and fro over two facets: shear at its bound, a balance of forces, energies."""
+    bodies = Bodies(stacked(10, 7, (-1.0, 2.0), (0.0, 1.0), "quad"), slave, Coulomb(0.3))
+    history = sliding_history(bodies).run(TIMES)
+    assert history.reason == "the last time is reached"
+    forth = next(s for s in history.steps if abs(s.time - 2.0) < 1e-9).result
+    back = history.steps[-1].result
+    sense = 1 if slave == 2 else -1
+    for result, sign in ((forth, sense), (back, -sense)):
+        table = result.tables["contact"]
+        closed = table.pressure > 0
+        assert closed.any()
+        slips = closed & (table.letters != "k")
+        assert slips.sum() >= closed.sum() - 1
+        force = result.resultants["contact"]
+        assert np.sign(force[0]) == sign
+        shear = np.linalg.norm(table.shear[slips], axis=1)
+        # A node of which hardly anything is covered has the mean around it.
+        whole = table.area[slips] > 0.06 * table.area.max()
+        np.testing.assert_allclose(shear[whole], 0.3 * table.pressure[slips][whole], rtol=1e-8)
+        pair = result.pairs["contact"]
+        assert pair.imbalance < 1e-13
+        assert pair.moment < 1e-3
+    energies = history.energies
+    assert energies.dissipated > 0
+    assert abs(energies.residue) < 0.03 * energies.external
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.each_value
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.2, 0.3])
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="closed form: F/G = (tan a + mu)/(1 - mu tan a)",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_wedge(friction, slave):
+    """A wedge with its weight, pushed up an incline by more than a facet."""
+    slope = 0.1
+    both = stacked(12, 5, (0.0, 3.0), (0.2, 1.2), "quad")
+    x = both.mesh.geometry.x
+    x[:, 1] += slope * x[:, 0]
+    u = displacement(both.mesh)
+    V = u.function_space
+    law = Coulomb(friction) if friction else Frictionless()
+    pair = ContactPair(u, both, slave=slave, master=5 - slave, law=law, sliding="large")
+    below = fem.locate_dofs_topological(V, 1, both.facet_tags.find(1))
+    W = V.sub(0)
+    back = mesh.locate_entities_boundary(both.mesh, 1, lambda x: np.isclose(x[0], 0.2))
+    behind = fem.locate_dofs_topological(W, 1, back)
+    way = fem.Constant(both.mesh, 0.0)
+    bcs = [fem.dirichletbc(np.zeros(2), below, V), fem.dirichletbc(way, behind, W)]
+    weight = 2.0
+    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
+    material = NeoHookean(*lame(1e5, 0.3))
+    energy = material.energy(u) * dx((1, 2)) + weight * u[1] * dx(2)
+
+    def load(t):
+        way.value = 0.4 * t
+
+    problem = ContactProblem(energy, u, [pair], bcs=bcs)
+    problem.solve()
+    history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, 5), rays=False)
+    assert history.reason == "the last time is reached"
+    reactions = problem.evaluate().reactions
+    assert reactions is not None
+    push = COMM.allreduce(reactions[behind[behind < len(reactions)]].sum())
+    exact = (slope + friction) / (1 - friction * slope)
+    # The bodies are not rigid: their strains are some 1e-5.
+    assert push / weight == pytest.approx(exact, rel=1e-4)
+
+
+@pytest.mark.long
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="itself: the run in one go",
+    aspects=("2D", "pairs", "large sliding", "records"),
+)
+def test_resumed(folder):
+    """A run that is resumed from its record ends where one in one go does."""
+
+    def made():
+        return Bodies(stacked(10, 7, (-1.0, 2.0), (0.0, 1.0), "quad"), 3, Coulomb(0.3))
+
+    def kill(step):
+        if step.time > 1.6:
+            raise Killed
+
+    whole = made()
+    sliding_history(whole).run(TIMES)
+    first = made()
+    evolution = sliding_history(first)
+    with records.EvolutionRecord(folder / "slide", evolution) as record, pytest.raises(Killed):
+        evolution.run(TIMES, record=record, observer=kill)
+    again = made()
+    evolution = sliding_history(again)
+    with records.EvolutionRecord(folder / "slide", evolution, resume=True) as record:
+        record.go_on()
+    for a, b in zip(whole.problem.fields, again.problem.fields, strict=True):
+        off = np.abs(a.x.array - b.x.array).max(initial=0.0)
+        assert COMM.allreduce(off, max) < 1e-11 * COMM.allreduce(
+            np.abs(a.x.array).max(initial=0.0), max
+        )
+
+
+@pytest.mark.parametrize(
+    ("dim", "cell", "slave"), [(2, "quad", 2), pytest.param(3, "tet", 3, marks=pytest.mark.long)]
+)
+@pytest.mark.verifies(
+    "sliding pairs",
+    "multigrid",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=("2D", "3D", "pairs", "multigrid"),
+)
+def test_multigrid(dim, cell, slave, monkeypatch):
+    """A slide beyond a facet, in which the pattern of the Jacobian changes."""
+    monkeypatch.setattr("dolfinx_contact.points.sliding.faces._FEW_PAIRS", 0)
+    found = []
+    for kind in ("amg", "direct"):
+        options = {"linear_solver": kind, "snes_rtol": 1e-10, "ksp_rtol": 1e-10}
+        bodies = Bodies(blocks(dim, cell), slave, Coulomb(0.3), options=options)
+
+        def load(t, bodies=bodies):
+            motion = np.zeros(bodies.dim)
+            motion[0] = 0.8 * max(t - 0.5, 0.0)
+            motion[-1] = -0.04 * min(2 * t, 1.0)
+            bodies.move(lambda X: np.tile(motion, (len(X), 1)))
+
+        history = QuasiStatic(bodies.problem, load).run([0.0, 0.5, 0.75, 1.0], rays=False)
+        solver = bodies.problem.linear_solver
+        assert solver.name == kind
+        assert bodies.pair.points.faces.searches > 1
+        table = history.steps[-1].result.tables["contact"]
+        assert (table.rn > 1e-3).sum() > 3
+        found.append((bodies.u.x.array.copy(), bodies.pair.multiplier.x.array.copy()))
+    for amg, direct in zip(*found, strict=True):
+        largest = COMM.allreduce(np.max(np.abs(direct), initial=0.0), op=max)
+        assert np.max(np.abs(amg - direct), initial=0.0) <= 1e-8 * largest
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "records"))
+def test_a_record_of_another_sliding(folder):
+    """A history of small sliding has as many unknowns, and does not continue in large sliding."""
+
+    def made(**given):
+        given = {"method": "mixed", "sliding": "small"} | given
+        bodies = Bodies(stacked(4, 4, (0.0, 1.0), (0.0, 1.0)), 3, Coulomb(0.3), **given)
+        return sliding_history(bodies)
+
+    evolution = made()
+    with records.EvolutionRecord(folder / "small", evolution) as record:
+        evolution.run([0.0, 0.5, 1.0], record=record)
+    evolution = made(sliding="large", method=None)
+    with pytest.raises(ValueError, match="the kind of sliding of 'contact'"):
+        records.EvolutionRecord(folder / "small", evolution, resume=True)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="itself: solves at single loads",
+    aspects=("2D", "pairs", "large sliding", "branches"),
+)
+def test_branch():
+    """A branch under a growing load meets the solutions at single loads."""
+    bodies = Bodies(stacked(6, 5, (-0.5, 1.5), (0.0, 1.0), "quad"), 3, Coulomb(0.3))
+    gamma = fem.Constant(bodies.both.mesh, 0.0)
+    V = bodies.u.function_space
+    motion = fem.Function(V)
+
+    def way(X):
+        moved = np.zeros_like(X)
+        moved[:, 1] = -0.1
+        moved[:, 0] = 0.5 * X[:, 1] - 0.1
+        return moved
+
+    motion.x.array[:] = way(V.tabulate_dof_coordinates()[:, :2]).reshape(-1)
+    system = ParametricContact(bodies.problem, gamma, driven=[(bodies.above, gamma * motion)])
+    system.set_parameter(0.0)
+    bodies.problem.solve()
+    x = system.create_vector()
+    bodies.problem.write(x)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps")
+    assert branch.reason == "gamma reached the end of its range"
+    for point in branch.points[:: max(len(branch.points) // 3, 1)]:
+        x.array[:] = point.y.array_r[: len(x.array)]
+        system.put(x, point.gamma, point.piece)
+        before = bodies.u.x.array.copy()
+        bodies.u.x.array[:] = 0.0
+        bodies.pair.multiplier.x.array[:] = 0.0
+        bodies.problem.solve()
+        off = np.abs(bodies.u.x.array - before).max(initial=0.0)
+        assert COMM.allreduce(off, max) < 1e-8
+
+
+# -- ironing ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="independent code: a prototype of its own, and five published curves of V and H",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_ironing(folder):
+    """The forces of another code on the same mesh (to its quadrature), at the published level."""
+    summary = demo_ironing.main(["--size=0.2", "--until=1.1", f"--output={folder}"])
+    V = summary["V_at"]
+    H = summary["H_at"]
+    assert V["1"] == pytest.approx(330.0852, abs=2e-3)
+    assert H["1"] == pytest.approx(69.9152, abs=2e-3)
+    assert V["1.1"] == pytest.approx(401.7, abs=0.5)
+    assert H["1.1"] == pytest.approx(125.8, abs=0.5)
+    assert 267.9 < V["1"] < 332.0  # of published curves
+    assert summary["failed_steps"] == 0
+    assert summary["newton_mean"] < 6
+
+
+# -- what is refused -------------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"gap": 0.1}, "does not support gap"),
+        ({"normal": (0.0, 1.0)}, "does not support normal"),
+        ({"method": "nodal"}, "does not support method"),
+        ({"search_distance": -1.0}, "search distance must be positive"),
+        ({"sliding": "huge"}, "sliding must be"),
+        ({"law": Tresca(1.0)}, "bounds the shear of open points"),
+        ({"master": 2}, "facets in common"),
+    ],
+)
+def test_refused(given, words):
+    both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
+    known = {"slave": 2, "master": 3, "law": Coulomb(0.3), "sliding": "large"} | given
+    with pytest.raises(ValueError, match=words):
+        discretise(ContactPair(displacement(both.mesh), both, **known))
+
+
+def lowered(by):
+    """Two blocks of which the upper one begins lower, in the other."""
+    both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
+    dim = both.mesh.topology.dim
+    upper = mesh.locate_entities(both.mesh, dim, lambda x: x[1] > -1e-9)
+    nodes = np.unique(both.mesh.geometry.dofmap[upper])
+    both.mesh.geometry.x[nodes, 1] -= by
+    return both
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.parametrize("distance", [None, 0.01])
+@pytest.mark.parametrize("by", [0.02, 0.3, 0.55])
+def test_overlap_is_refused(slave, distance, by):
+    """Bodies that begin in each other, but for a press fit no deeper than the search distance."""
+    both = lowered(by)
+    u = displacement(both.mesh)
+    given = {"slave": slave, "master": 5 - slave, "law": Frictionless(), "sliding": "large"}
+    given["search_distance"] = distance
+    with pytest.raises(ValueError, match=r"overlap by|behind the slave"):
+        discretise(ContactPair(u, both, **given))
+    if by > (0.25 if distance is None else distance):
+        with pytest.raises(ValueError, match="take a larger search_distance"):
+            discretise(ContactPair(u, both, interference=True, **given))
+        given["search_distance"] = 1.1 * by
+    discretise(ContactPair(u, both, interference=True, **given))
+
+
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
+def test_edge_of_a_slave_is_refused():
+    """One normal at the node of a corner would push aside what presses down."""
+    both = stacked(4, 4, (0.0, 2.0), (0.5, 1.0))
+    facets = mesh.locate_entities_boundary(
+        both.mesh, 1, lambda x: np.isclose(x[0], 0.5) & (x[1] > -1e-9)
+    )
+    bottom = both.facet_tags.find(3)
+    slave = np.union1d(bottom, facets).astype(np.int32)
+    given = {"law": Coulomb(0.3), "sliding": "large", "master_facets": both.facet_tags.find(2)}
+    with pytest.raises(ValueError, match="the slave has an edge"):
+        discretise(ContactPair(displacement(both.mesh), slave, **given))
+
+
+@pytest.mark.parametrize("slave", [2, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.verifies("sliding pairs", reference="itself: shorter steps", aspects=("2D", "pairs"))
+def test_bodies_that_pass_through_each_other(slave, caplog):
+    """A step longer than the search distance gives a warning, which shorter steps do not."""
+    both = lowered(-0.1)
+    warnings = []
+    for distance, steps in ((0.02, 1), (0.02, 20)):
+        bodies = Bodies(both, slave, Frictionless(), search_distance=distance)
+
+        def load(t, bodies=bodies):
+            bodies.move(lambda X: np.tile([0.0, -0.15 * t], (len(X), 1)))
+
+        history = QuasiStatic(bodies.problem, load).run(np.linspace(0.0, 1.0, steps + 1))
+        warnings.append(history.steps[-1].result.warnings)
+        closed = history.steps[-1].result.counts["open"] < len(
+            history.steps[-1].result.tables["contact"].x
+        )
+        assert closed == (steps > 1)
+    assert "passed through each other" in warnings[0]["approach of 'contact'"]
+    assert not warnings[1]
+    assert COMM.rank > 0 or "passed through each other" in caplog.text
+
+
+@pytest.mark.parametrize("slave", [2, 3])
+@pytest.mark.verifies("sliding pairs", reference="closed form: no force", aspects=("2D", "pairs"))
+def test_bodies_that_are_pulled_apart(slave):
+    """A step away from each other that is longer than the search distance gives no warning."""
+    bodies = Bodies(lowered(0.0), slave, Frictionless(), search_distance=0.02)
+
+    def load(t):
+        bodies.move(lambda X: np.tile([0.0, 0.15 * t], (len(X), 1)))
+
+    result = QuasiStatic(bodies.problem, load).run([0.0, 1.0]).steps[-1].result
+    assert result.counts["open"] + result.counts["clamped"] == len(result.tables["contact"].x)
+    assert result.indicators.surfaces["contact"].approach == 0.0
+    assert not result.warnings
+
+
+@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
+def test_what_needs_one_operator_is_refused():
+    bodies = Bodies(blocks(2, "quad"), 3, Coulomb(0.3), LinearElastic(*lame(1000.0, 0.3)))
+    bodies.move(lambda X: np.tile([0.0, -0.05], (len(X), 1)))
+    bodies.problem.solve()
+    with pytest.raises(ValueError, match="needs small sliding"):
+        bodies.problem.reduced()
+    with pytest.raises(ValueError, match=r"large sliding between bodies .* level='position'"):
+        NSCD(bodies.problem, 1.0, dt=0.1, level="velocity", mass="lumped")
+    with pytest.raises(ValueError, match="needs small sliding"):
+        bodies.problem.solve(algorithm="lemke")
+
+
+class Thrown:
+    """A block that is thrown along a slab and comes to rest."""
+
+    speed = 0.6
+    gravity = 10.0
+    friction = 0.3
+
+    def __init__(self, slave=3, mass="redistributed", material=NeoHookean, **given):
+        slab = create_grid(COMM, [np.linspace(0, 0.9, 19), np.linspace(-0.1, 0, 3)], CELLS["quad"])
+        block = create_grid(
+            COMM, [np.linspace(0.2, 0.5, 9), np.linspace(0, 0.15, 4)], CELLS["quad"]
+        )
+        planes = [{"t1": (1, -0.1), "t2": (1, 0.0)}, {"t3": (1, 0.0), "t4": (1, 0.15)}]
+        tags = [tagged(body, **p) for body, p in zip((slab, block), planes, strict=True)]
+        both = join([slab, block], facet_tags=tags)
+        self.u = u = displacement(both.mesh)
+        V = u.function_space
+        law = Coulomb(self.friction)
+        pair = ContactPair(u, both, slave=slave, master=5 - slave, law=law, sliding="large")
+        held = fem.locate_dofs_topological(V, 1, both.facet_tags.find(1))
+        energy = material(*lame(1e5, 0.2)).energy(u) * ufl.dx + self.gravity * u[1] * ufl.dx
+        bcs = [fem.dirichletbc(np.zeros(2), held, V)]
+        self.problem = ContactProblem(energy, u, [pair], bcs=bcs)
+        self.velocity = fem.Function(V)
+        upper = np.unique(V.dofmap.list[mesh.locate_entities(both.mesh, 2, above)])
+        self.velocity.x.array[2 * upper] = self.speed
+        given = {"dt": 0.01, "velocity": self.velocity, "mass": mass} | given
+        self.motion = NSCD(self.problem, 1.0, **given)
+
+    def distance(self):
+        """By which the block has moved."""
+        x = ufl.SpatialCoordinate(self.u.function_space.mesh)
+        moved = fem.form(ufl.conditional(x[1] > 0, self.u[0], 0.0) * ufl.dx)
+        return COMM.allreduce(fem.assemble_scalar(moved)) / (0.3 * 0.15)
+
+
+def above(x):
+    return x[1] >= -1e-9
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("slave", "mass"),
+    [
+        pytest.param(3, "redistributed", marks=pytest.mark.long),
+        pytest.param(3, "lumped", marks=pytest.mark.long),
+        (2, "redistributed"),
+    ],
+)
+@pytest.mark.verifies(
+    "sliding pairs",
+    "NSCD motion",
+    reference="closed form: a rigid block with friction, v^2/(2 mu g)",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_a_block_that_is_thrown_comes_to_rest(slave, mass):
+    """It slides by 1.2 facets; it is elastic, so that it comes to rest a little elsewhere."""
+    thrown = Thrown(slave, mass)
+    history = thrown.motion.run([0.0, 0.25])
+    wanted = thrown.speed**2 / (2 * thrown.friction * thrown.gravity)
+    assert thrown.distance() == pytest.approx(wanted, rel=2e-3)
+    energies = history.energies
+    assert energies.kinetic < 1e-3 * energies.at_start
+    assert energies.dissipated == pytest.approx(energies.at_start, rel=2e-3)
+    assert abs(energies.residue) < 1e-6 * energies.at_start
+
+
+@pytest.mark.verifies(
+    "sliding pairs",
+    "NSCD motion",
+    reference="theorem: theta-Euler has no memory of velocities without mass",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_velocities_without_mass_may_be_any():
+    """In free flight with them the cells of the face would be inside out."""
+    found = []
+    for speed in (0.0, 1e3):
+        thrown = Thrown(scheme="theta-euler")
+        X = thrown.u.function_space.tabulate_dof_coordinates()
+        face = np.isclose(X[:, 1], 0.0) & (thrown.velocity.x.array[::2] > 0)
+        thrown.velocity.x.array[1::2][face] = speed
+        thrown.motion.run([0.0, 0.02])
+        found.append(thrown.u.x.array.copy())
+    off = np.abs(found[0] - found[1]).max(initial=0.0)
+    assert COMM.allreduce(off, max) < 1e-10
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.verifies(
+    "sliding pairs",
+    reference="itself: a motion that nothing ended",
+    aspects=("2D", "pairs", "large sliding", "records"),
+)
+def test_a_motion_continues_from_its_record(folder):
+    """Slips are measured from where the faces were, also after a resume."""
+    times = [0.0, 0.06]
+
+    def kill(step):
+        if step.time > 0.035:
+            raise Killed
+
+    whole = Thrown()
+    whole.motion.run(times)
+    first = Thrown()
+    with records.EvolutionRecord(folder / "t", first.motion) as record, pytest.raises(Killed):
+        first.motion.run(times, record=record, observer=kill)
+    again = Thrown()
+    with records.EvolutionRecord(folder / "t", again.motion, resume=True) as record:
+        record.go_on()
+    off = np.abs(again.u.x.array - whole.u.x.array).max()
+    assert COMM.allreduce(off, max) < 1e-11
+
+
+# -- self contact ----------------------------------------------------------------------------------
+
+
+def hairpin(h=0.1, stretch=1.15, comm=COMM):
+    """A U of quadrilaterals whose upper arm has other nodes; its inner face has the tag 1."""
+    nx, ny = round(6 / h), round(2.5 / h)
+    grid = np.stack(np.meshgrid(np.linspace(0, 6, nx + 1), np.linspace(0, 2.5, ny + 1)), -1)
+    points = grid.reshape(-1, 2)
+    i, j = (v.reshape(-1) for v in np.meshgrid(np.arange(nx), np.arange(ny)))
+    first = j * (nx + 1) + i
+    cells = np.stack([first, first + 1, first + nx + 1, first + nx + 2], 1)
+    middle = points[cells].mean(axis=1)
+    hole = (middle[:, 0] > 1) & (middle[:, 1] > 1) & (middle[:, 1] < 1.5)
+    used, inverse = np.unique(cells[~hole], return_inverse=True)
+    points = points[used]
+    arm = (points[:, 1] >= 1.5 - 1e-9) & (points[:, 0] > 1)
+    points[arm, 0] = 1 + 5 * ((points[arm, 0] - 1) / 5) ** stretch
+    cells = inverse.reshape(-1, 4).astype(np.int64)
+    if comm.rank:
+        cells, points = cells[:0], points[:0]
+    element = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
+    domain = create_mesh(comm, cells, points, element)
+
+    def inner(x):
+        return (x[0] > 1 - 1e-9) & (x[1] > 1 - 1e-9) & (x[1] < 1.5 + 1e-9)
+
+    found = mesh.locate_entities_boundary(domain, 1, inner)
+    middles = mesh.compute_midpoints(domain, 1, found)
+    found = found[~np.isclose(middles[:, 0], 6.0)]
+    return domain, mesh.meshtags(domain, 1, np.sort(found), np.full(len(found), 1, np.int32))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "self contact",
+    reference="independent code: a prototype of its own",
+    aspects=("2D", "large sliding"),
+)
+@pytest.mark.parametrize(
+    ("friction", "force", "accuracy"),
+    [
+        (0.0, 193.671, 0.01),
+        # With friction the force depends on the steps.
+        pytest.param(0.3, 205.1, 0.4, marks=pytest.mark.long),
+    ],
+)
+def test_self_contact(friction, force, accuracy):
+    """The arms of a U pressed together, with friction; each place is looked at from one side."""
+    domain, tags = hairpin()
+    u = displacement(domain)
+    V = u.function_space
+    material = NeoHookean(*lame(1000.0, 0.3))
+    law = Coulomb(friction)
+    face = SelfContact(u, tags, tag=1, law=law, direction=(0, -1), search_distance=0.45)
+    below = fem.locate_dofs_geometrical(V, lambda x: x[1] < 1e-9)
+    W = V.sub(1)
+    facets = mesh.locate_entities_boundary(domain, 1, lambda x: (x[1] > 2.5 - 1e-9) & (x[0] > 4.5))
+    above = fem.locate_dofs_topological(W, 1, facets)
+    value = fem.Constant(domain, 0.0)
+    bcs = [fem.dirichletbc(np.zeros(2), below, V), fem.dirichletbc(value, above, W)]
+    problem = ContactProblem(material.energy(u) * ufl.dx, u, [face], bcs=bcs)
+
+    def load(t):
+        value.value = -t
+
+    times = np.linspace(0.0, 0.7, 8)
+    history = QuasiStatic(problem, load).run(times)
+    assert history.reason == "the last time is reached"
+    reactions = problem.evaluate().reactions
+    assert reactions is not None
+    mine = above[above < len(reactions)]
+    assert -COMM.allreduce(reactions[mine].sum()) == pytest.approx(force, abs=accuracy)
+    assert history.steps[-1].result.pairs["contact"].imbalance < 1e-13
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses("self contact", aspects=("2D",))
+def test_self_contact_is_refused():
+    domain, tags = hairpin(0.5)
+    u = displacement(domain)
+    for given, words in (
+        ({"direction": (0.0, 0.0)}, "direction must be"),
+        ({"direction": (0.0, 0.0, 1.0)}, "direction must be"),
+        ({"search_distance": 0.0}, "search distance must be positive"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            discretise(SelfContact(u, tags, tag=1, law=Coulomb(0.3), **given))
+    with pytest.raises(ValueError, match="SelfContact"):
+        discretise(ContactPair(u, tags, slave=1, master=1, law=Coulomb(0.3), sliding="large"))
+
+
+def disc_on_a_block(cell, slave, n=4, law=None):
+    """A disc of the radius 1 on a block, and the tags of their faces, 2 and 3."""
+    aside = [np.linspace(-1.0, 1.0, n + 1)] * 2
+    disc = create_grid(COMM, [*aside, [0.0, 0.5]], CELLS[cell])
+    x = disc.geometry.x
+    squares = x[:, :2] ** 2
+    x[:, :2] *= np.sqrt(1.0 - 0.5 * squares[:, ::-1])
+    wide = [np.linspace(-1.6, 1.6, n + 2)] * 2
+    block = create_grid(COMM, [*wide, [-0.5, 0.0]], CELLS[cell])
+    tags = [tagged(disc, t2=(2, 0.0), t4=(2, 0.5)), tagged(block, t3=(2, 0.0), t5=(2, -0.5))]
+    both = join([disc, block], facet_tags=tags)
+    u = displacement(both.mesh)
+    given = dict(law=law or Coulomb(0.2), sliding="large", search_distance=0.3)
+    return both, u, ContactPair(u, both, slave=slave, master=5 - slave, **given)
+
+
+@pytest.mark.parametrize(
+    ("cell", "slave", "common"),
+    [pytest.param("hex", 2, 1.0, marks=pytest.mark.long), ("tet", 2, 0.0), ("hex", 3, 1.0)],
+)
+@pytest.mark.verifies(
+    "sliding pairs",
+    "Coulomb",
+    reference="closed form: the torque of the pressures that are found",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_a_disc_that_spins(cell, slave, common):
+    """Friction acts around the axis however far the disc turns in a step, and the block with it."""
+    both, u, pair = disc_on_a_block(cell, slave)
+    V = u.function_space
+    moves = []
+    for tag in (4, 5):
+        move = fem.Function(V)
+        dofs = fem.locate_dofs_topological(V, 2, both.facet_tags.find(tag))
+        moves.append((move, fem.dirichletbc(move, dofs)))
+    energy = NeoHookean(*lame(10.0, 0.0)).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
+    problem = ContactProblem(energy, u, [pair], bcs=[bc for _, bc in moves])
+    (pair,) = problem.surfaces
+    step = np.radians(20.0)
+
+    def turned(angle, down):
+        c, s = np.cos(angle) - 1.0, np.sin(angle)
+        return lambda x: np.stack([c * x[0] - s * x[1], s * x[0] + c * x[1], 0.0 * x[2] - down])
+
+    def load(t):
+        angle = step * max(t - 1.0, 0.0)
+        moves[0][0].interpolate(turned(angle * (1.0 + common), 0.02 * min(t, 1.0)))
+        moves[1][0].interpolate(turned(angle * common, 0.0))
+
+    history = QuasiStatic(problem, load).run(np.arange(4.0))
+    last = history.steps[-1].result
+    assert last.indicators.surfaces["contact"].spin == pytest.approx(20.0, rel=5e-3)
+    assert "spin of 'contact'" not in last.warnings
+    found = problem.evaluate().surfaces[0]
+    moved = u.x.array.reshape(-1, 3)[pair.points.vertex_trace_dofs[: pair.points.number]]
+    x = pair.positions + moved
+    area = found.kinematics.operator.areas
+    force = found.traction * area[:, None]
+    pressure = -np.sum(found.traction * found.data.n, axis=1)
+    torque = x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]
+    pressed = 0.2 * pressure * area * np.hypot(x[:, 0], x[:, 1])
+    torque, bound = COMM.allreduce(np.array([torque.sum(), pressed.sum()]))
+    assert abs(torque) == pytest.approx(bound, rel=5e-3)  # of the mesh; 1.4e-3 of hexahedra
+
+
+@pytest.mark.parametrize("rubs", [True, False])
+@pytest.mark.verifies(
+    "sliding pairs",
+    "Coulomb",
+    reference="closed form: an angle",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_a_step_that_spins_too_far_gives_a_warning(rubs):
+    """By 60 degrees: friction works along a chord that is 4.5 % shorter than the arc."""
+    law = None if rubs else Frictionless()
+    both, u, pair = disc_on_a_block("hex", 2, 3, law)
+    V = u.function_space
+    turned = fem.Function(V)
+    held = [fem.locate_dofs_topological(V, 2, both.facet_tags.find(tag)) for tag in (4, 5)]
+    bcs = [fem.dirichletbc(turned, held[0]), fem.dirichletbc(np.zeros(3), held[1], V)]
+    energy = NeoHookean(*lame(100.0, 0.0)).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
+    problem = ContactProblem(energy, u, [pair], bcs=bcs)
+
+    def load(t):
+        turn = Rotation.from_rotvec([0.0, 0.0, np.radians(60.0 * max(t - 1.0, 0.0))]).as_matrix()
+        down = np.array([[0.0], [0.0], [0.01 * min(t, 1.0)]])
+        turned.interpolate(lambda x: turn @ x - x - down)
+
+    history = QuasiStatic(problem, load).run([0.0, 1.0, 2.0])
+    step = history.steps[-1]
+    angle = 60.0 * (step.time - history.steps[-2].time)
+    assert angle > 40.0
+    if not rubs:
+        assert step.result.indicators.surfaces["contact"].spin == 0.0
+        assert "spin of 'contact'" not in step.result.warnings
+        return
+    spin = step.result.indicators.surfaces["contact"].spin
+    assert spin == pytest.approx(angle, rel=5e-3)
+    assert "spin of 'contact'" in step.result.warnings
+
+
+def torque_of_a_punch(n, angle, pressure):
+    """Torque of friction by the normal force on a disc of the radius 1 that spins in one step.
+
+    Args:
+        n: cells across it.
+        angle: by which it turns.
+        pressure: of the distance from the axis, taken to the nodes by their means.
+    """
+    friction = 0.2
+    both, u, pair = disc_on_a_block("hex", 2, n)
+    pair = discretise(pair)
+    owned = pair.owned_nodes
+    X = u.function_space.tabulate_dof_coordinates()[:owned]
+    disc = np.unique(u.function_space.dofmap.list[both.cell_tags.find(1)])
+    disc = disc[disc < owned]
+    moved = np.zeros((owned, 3))
+    moved[disc] = Rotation.from_rotvec([0.0, 0.0, angle]).apply(X[disc]) - X[disc]
+    operator = pair.points.at(moved, np.zeros((owned, 3)))
+    facing = operator.facing
+    m = operator.number
+    at = np.einsum("pqa,pad->pqd", facing.basis, operator.x[facing.facet])
+    p = pressure(np.hypot(at[..., 0], at[..., 1]))
+    forces = pair.points.faces.sums(facing.facet, np.einsum("pqa,pq->pa", facing.weighted, p))[:m]
+    jump = facing.nodal.jump[:m]
+    size = np.linalg.norm(jump, axis=1)
+    way = np.divide(jump, size[:, None], out=np.zeros_like(jump), where=size[:, None] > 1e-9)
+    shear = -friction * (forces / operator.areas)[:, None] * way
+    on_bodies = operator.transpose(shear).reshape(-1, 3)[disc]
+    x = (X + moved)[disc]
+    torque = np.sum(x[:, 0] * on_bodies[:, 1] - x[:, 1] * on_bodies[:, 0])
+    torque, force = COMM.allreduce(np.array([torque, forces.sum()]))
+    return -torque / (friction * force)
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("angle", [1.0, 60.0])
+@pytest.mark.parametrize("pressure", ["uniform", "Boussinesq"])
+@pytest.mark.verifies(
+    "sliding pairs",
+    "Coulomb",
+    reference="closed form: the torque of a flat punch",
+    aspects=("3D", "pairs", "large sliding"),
+)
+def test_torque_of_a_flat_punch(pressure, angle):
+    """2/3 mu P a of a uniform pressure, of the second order in the mesh size; pi/4 mu P a of that
+    of a rigid punch without friction, of the first, since it has no bound at its rim.
+    """
+    known = {
+        "uniform": (np.ones_like, 2.0 / 3.0, 1.9, 0.02),
+        "Boussinesq": (lambda r: np.maximum(1.0 - r**2, 1e-9) ** -0.5, np.pi / 4.0, 1.0, 0.06),
+    }
+    of_radius, wanted, order, most = known[pressure]
+    off = [torque_of_a_punch(n, np.radians(angle), of_radius) / wanted - 1.0 for n in (4, 8)]
+    assert abs(off[1]) < most
+    assert np.log2(off[0] / off[1]) > order

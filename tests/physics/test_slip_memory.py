@@ -1,0 +1,221 @@
+"""Friction that depends on the distance slipped, in histories: it is remembered, and grows."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from demo_own_law import SlipWeakening
+from support.blocks import block, box, facets
+from test_evolution import put
+from test_evolution_record import Stop, require_same, stopping
+from test_law import randomise, remainders
+from test_pair import displacement, held, stacked
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactPair, ContactProblem, ContactSurface, HalfSpace, Regularised
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.io import write_contact_table
+from dolfinx_contact.laws.symbols import SLID
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.records import EvolutionRecord
+
+COMM = MPI.COMM_WORLD
+STATIC = 0.4
+KINETIC = 0.2
+D = 0.05
+LAW = SlipWeakening(STATIC, KINETIC, D)
+
+
+def mu(s):
+    return KINETIC + (STATIC - KINETIC) * np.exp(-s / D)
+
+
+def dragged(cell="quad", n=2, *, law=LAW, young=1e3, pair=False, method=None):
+    """A block on a floor or on another block, and the Function by which its top moves."""
+    dim = 2 if cell in ("tri", "quad") else 3
+    if pair:
+        both = stacked(dim, cell, n)
+        domain = both.mesh
+        tags = both.facet_tags
+        u = displacement(domain)
+        surface = ContactPair(u, tags, slave=3, master=2, law=law)
+        above = tags.find(4)
+        bcs = [held(u, tags, 1, np.zeros(dim))]
+    else:
+        domain = box(COMM, n, cell)
+        bcs = []
+        u = displacement(domain, 1)
+        floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+        below = facets(domain, dim - 1, 0.0)
+        surface = ContactSurface(u, below, obstacle=floor, law=law, method=method)
+        above = facets(domain, dim - 1, 1.0)
+    V = u.function_space
+    top = fem.Function(V)
+    bcs.append(fem.dirichletbc(top, fem.locate_dofs_topological(V, dim - 1, above)))
+    energy = LinearElastic.from_young(young, 0.3).energy(u) * ufl.dx
+    return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options={"snes_rtol": 1e-10}), top
+
+
+def along(top, *corners):
+    """A load from corner to corner, one in each unit of time."""
+    dim = top.function_space.mesh.geometry.dim
+    x = np.zeros((len(corners) + 1, dim))
+    x[1:, 0], x[1:, -1] = np.array(corners).T
+    return lambda t: put(top, [np.interp(t, np.arange(len(x)), v) for v in x.T])
+
+
+#: Pressed, dragged there and back, lifted, brought back in the air, pressed and dragged again.
+PATH = (
+    *((0, -0.01), (0.03, -0.01), (0, -0.01), (0, 0.01)),
+    *((0.01, 0.01), (0.01, -0.01), (0.05, -0.01)),
+)
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize(
+    ("cell", "given"),
+    [
+        pytest.param("quad", {"method": "mixed"}, marks=pytest.mark.long),
+        pytest.param("quad", {}, marks=pytest.mark.long),
+        ("tri", {"pair": True}),
+        ("hex", {}),
+    ],
+)
+@pytest.mark.verifies(
+    "friction of the slip",
+    "laws of one's own",
+    "quasi-static",
+    reference="closed form: the bound at the sum of slips so far",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+def test_every_point_by_its_way(cell, given):
+    """The shear of every point against the sum of its slips so far, which is found from tables."""
+    problem, top = dragged(cell, **given)
+    history = QuasiStatic(problem, along(top, *PATH)).run(np.linspace(0.0, 7.0, 22))
+    slid = 0.0
+    spent = 0.0
+    for step in history.steps:
+        t = step.result.tables["contact"]
+        assert step.result.kkt_violation < 1e-8
+        slid = slid + np.where(t.letters == "o", 0.0, np.linalg.norm(t.increment, axis=1))
+        shear = np.linalg.norm(t.rt, axis=1)
+        size = 1e-8 * np.abs(t.force).max() + 1e-10
+        assert (shear <= mu(slid) * t.rn + size).all()
+        slips = np.isin(t.letters, list("+-s"))
+        np.testing.assert_allclose(shear[slips], (mu(slid) * t.rn)[slips], rtol=0, atol=size)
+        np.testing.assert_allclose(t.slid, slid, rtol=1e-10, atol=1e-13)
+        spent -= np.sum(t.rt * t.increment)
+        assert step.energies.dissipated == pytest.approx(spent, rel=1e-9, abs=1e-12)
+    assert (mu(slid) < 0.75 * STATIC).all()
+    letters = "".join(s.status for s in history.steps)
+    assert {"o", "k"} < set(letters)
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "friction of the slip",
+    "energies of histories",
+    reference="closed form: mu(s) N against the way, and its work",
+    aspects=("2D",),
+)
+def test_a_stiff_block():
+    """T = mu(s) N against the way s, to the elastic slip; back and forth, what was lost stays."""
+    residues = []
+    for n in (6, 12):
+        problem, top = dragged(n=1, young=1e6)
+        load = along(top, (0.0, -1e-5), (0.03, -1e-5), (0.0, -1e-5), (0.03, -1e-5))
+        history = QuasiStatic(problem, load).run([0.0, *np.linspace(1.0, 4.0, 3 * n + 1)])
+        for step in history.steps[1:]:
+            way = 0.03 * (step.time - 1.0)
+            found = np.abs(step.result.resultants["contact"])
+            assert found[0] / found[1] == pytest.approx(mu(way), abs=1e-3)
+        residues.append(abs(history.energies.residue))
+    # The work of friction, integrated; what the steps leave is of first order.
+    spent = history.energies.dissipated - history.at(1.0).energies.dissipated
+    closed = KINETIC * way + (STATIC - KINETIC) * D * (1 - np.exp(-way / D))
+    assert spent == pytest.approx(found[1] * closed, rel=0.02)
+    assert residues[1] < 0.6 * residues[0] < 0.1 * spent
+
+
+@pytest.mark.ranks(2)
+def test_a_static_start_has_slipped(folder):
+    """What has slipped under the static law counts: friction goes on where it was."""
+    problem, top = dragged()
+    put(top, (0.02, -0.01))
+    before = problem.solve().tables["contact"]
+    load = along(top, (0.0, -0.01), (0.02, -0.01))
+    history = QuasiStatic(problem, lambda t: load(t + 2.0)).run([0.0, 1e-6])
+    after = history.steps[0].result.tables["contact"]
+    np.testing.assert_allclose(after.rt, before.rt, rtol=0, atol=1e-4 * np.abs(before.rt).max())
+    np.testing.assert_allclose(before.slid, np.linalg.norm(before.ut, axis=1), atol=1e-14)
+    np.testing.assert_allclose(after.slid, before.slid, atol=1e-4)
+    write_contact_table(COMM, folder, [after])
+    head, row, *_ = (folder / "contact.csv").read_text().splitlines()
+    assert head.split(",")[-1] == "slid"
+    assert float(row.split(",")[-1]) == after.slid[0]
+
+
+@pytest.mark.verifies(
+    "records of histories",
+    "friction of the slip",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
+def test_a_record_has_it(folder):
+    """Stopped and resumed it is the run that nothing ended."""
+    runs = []
+    for name in ("whole", "stopped"):
+        problem, top = dragged()
+        runs.append((folder / name, QuasiStatic(problem, along(top, *PATH[:3]))))
+    times = np.linspace(0.0, 3.0, 7)
+    (whole, first), (stopped, second) = runs
+    with EvolutionRecord(whole, first) as kept:
+        first.run(times, record=kept)
+    with EvolutionRecord(stopped, second) as kept, pytest.raises(Stop):
+        second.run(times, record=kept, observer=stopping(4))
+    problem, top = dragged()
+    third = QuasiStatic(problem, along(top, *PATH[:3]))
+    with EvolutionRecord(stopped, third, resume=True) as kept:
+        assert kept.go_on().complete
+    require_same(stopped, whole)
+    assert (third.memory[0].fields[SLID] > 0.01).all()
+
+
+@pytest.mark.chatty
+def test_creeping_slips_as_well():
+    """Regularised friction weakens with what has crept."""
+    law = Regularised(LAW, speed=0.01)
+    problem, top = dragged(young=1e6, law=law)
+    press = -1e-5
+    history = QuasiStatic(problem, along(top, (0.0, press), (0.03, press))).run(
+        [0.0, *np.linspace(1.0, 2.0, 11)]
+    )
+    for step in history.steps[2:]:
+        found = np.abs(step.result.resultants["contact"])
+        way = 0.03 * (step.time - 1.0)
+        assert found[0] / found[1] == pytest.approx(mu(way) * np.tanh(3.0), abs=1e-3)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("cell", ["quad", "tet"])
+def test_jacobian_by_taylor(cell):
+    problem = block(n=5 if cell == "quad" else 2, cell=cell, law=SlipWeakening(0.1, 0.05, 0.005))
+    x = randomise(problem, 1, 0.01, 10.0)
+    (surface,) = problem.surfaces
+    rng = np.random.default_rng(COMM.rank)
+    n = surface.points.number
+    memory = Memory(rng.normal(0, 0.002, (n, surface.dim)), {SLID: rng.uniform(0, 0.01, n)}, 0.1)
+    problem = problem.with_memory([memory])
+    sizes = remainders(problem, x, 2)
+    assert sizes[0] > 1e-9
+    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)

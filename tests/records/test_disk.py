@@ -1,0 +1,472 @@
+"""Full disks, things in the way, locks, and ranks that lose mpirun: OSError everywhere, no harm."""
+
+import errno
+import faulthandler
+import fcntl
+import os
+import resource
+import signal
+import subprocess
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support import recorded_run
+from support.blocks import block
+from support.recorded_run import moved_block, record
+
+from dolfinx_contact.continuation import Observer, follow
+from dolfinx_contact.io import write_contact_table, write_fields, write_summary
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
+from dolfinx_contact.records import BranchRecord, journal_file, read_journal, resume, write_series
+from dolfinx_contact.records.journal import FILE_NAME
+
+COMM = MPI.COMM_WORLD
+TREE = Path(__file__).resolve().parents[2]
+MATERIAL = LinearElastic.from_young(1000.0, 0.3)
+serial = pytest.mark.skipif(COMM.size > 1, reason="one process, or processes of its own")
+
+
+@pytest.fixture(autouse=True)
+def no_hang():
+    """A call that hangs ends the run, with the traceback."""
+    faulthandler.dump_traceback_later(120, exit=True)
+    yield
+    faulthandler.cancel_dump_traceback_later()
+
+
+@contextmanager
+def full(size):
+    """A disk on which no file may be larger than ``size`` bytes."""
+    COMM.barrier()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def contents(folder):
+    """Files below a folder, hidden ones too; the same on every rank."""
+    found = None
+    if COMM.rank == 0:
+        paths = sorted(p for p in folder.rglob("*") if p.is_file() or not any(p.iterdir()))
+        found = {str(p.relative_to(folder)): p.is_file() and p.read_bytes() for p in paths}
+    return COMM.bcast(found)
+
+
+@contextmanager
+def fails(path, number=errno.EFBIG):
+    """``OSError`` on every rank, the same, with the path and the reason."""
+    with pytest.raises(OSError, match=os.strerror(number)) as info:
+        yield
+    assert info.value.errno == number
+    assert info.value.filename == str(path)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+def on_root(do):
+    if COMM.rank == 0:
+        do()
+    COMM.barrier()
+
+
+# -- fields ----------------------------------------------------------------------------------------
+
+
+#: On a full disk, ADIOS2 makes ranks wait for each other.
+FORMATS = ["vtx", "vtk"] if COMM.size == 1 else ["vtk"]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("format", FORMATS)
+def test_fields_on_a_full_disk(folder, format):
+    """The state of before is still there, whole, and nothing else."""
+    problem = block(n=6, cell="tri")
+    problem.solve()
+    stress = MATERIAL.full_stress(problem.u)
+    write_fields(folder, problem, stress=stress, format=format)
+    before = contents(folder)
+    problem.u.x.array[:] *= 2.0
+    with full(3_000), pytest.raises(OSError, match=r"File too large|No space left") as info:
+        write_fields(folder, problem, stress=stress, format=format)
+    assert info.value.filename.startswith(str(folder))
+    assert contents(folder) == before
+    with full(3_000), pytest.raises(OSError, match=r"File too large|No space left"):
+        write_fields(folder / "new", problem, format=format)
+    assert set(contents(folder)) == {*before, "new"}
+    write_fields(folder, problem, stress=stress, format=format)
+    after = contents(folder)
+    assert after != before
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("format", "name", "make", "number"),
+    [
+        ("vtx", "body.bp", Path.touch, errno.ENOTDIR),
+        ("vtx", "contact.bp", lambda p: (p / "mine").mkdir(parents=True), errno.EEXIST),
+        ("vtk", "contact.pvd", Path.mkdir, errno.EISDIR),
+        ("vtk", "paraview.py", Path.mkdir, errno.EISDIR),
+    ],
+)
+def test_something_is_in_the_way_of_fields(folder, format, name, make, number):
+    on_root(lambda: make(folder / name))
+    before = contents(folder)
+    with fails(folder / name, number):
+        write_fields(folder, block(cell="tri"), format=format)
+    assert contents(folder) == before
+
+
+@pytest.mark.ranks(2)
+def test_what_a_killed_run_left_is_removed(folder):
+    on_root(lambda: (folder / ".write_fields.part/body.bp").mkdir(parents=True))
+    files = write_fields(folder, block(cell="tri"))
+    assert {p.split("/")[0] for p in contents(folder)} == {*(f.name for f in files), "paraview.py"}
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("theirs", [b"print(1)\n", b"", None])
+def test_a_script_of_the_users_own_stays(folder, caplog, theirs):
+    """It is left with a warning; one of ours is replaced without."""
+    problem = block(cell="tri")
+    script = folder / "paraview.py"
+    write_fields(folder, problem)
+    ours = contents(folder)["paraview.py"]
+    old = ours.replace(b"WRITTEN_TO", b"OLD") if theirs is None else theirs
+    on_root(lambda: script.write_bytes(old))
+    files = write_fields(folder, problem)
+    assert files[0].exists()
+    assert contents(folder)["paraview.py"] == (ours if theirs is None else theirs)
+    said = f"{script} is not one of this package, and is left"
+    warned = [r for r in caplog.records if said in r.getMessage()]
+    assert len(warned) == int(theirs is not None and COMM.rank == 0)
+
+
+# -- tables, summaries, pictures -------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+def test_table_and_summary(folder):
+    result = block(cell="tri").solve()
+    writers = {
+        "contact.csv": lambda f: write_contact_table(COMM, f, result.tables.values()),
+        "summary.json": lambda f: write_summary(COMM, f, {"numbers": list(range(200))}),
+    }
+    for name, write in writers.items():
+        write(str(folder))
+        before = contents(folder)
+        with full(100), fails(folder / name):
+            write(folder)
+        assert contents(folder) == before
+        with fails(folder / "missing" / name, errno.ENOENT):
+            write(folder / "missing")
+        on_root((folder / name).unlink)
+        on_root((folder / name).mkdir)
+        with fails(folder / name, errno.EISDIR):
+            write(folder)
+        assert contents(folder) == {name: False}
+        on_root((folder / name).rmdir)
+
+
+@pytest.mark.ranks(2)
+def test_pictures(folder):
+    system, _ = moved_block(COMM)
+    branch = record(system, {}, folder / "record", max_steps=2)
+    journal = read_journal(folder / "record")
+    states = folder / "states.png"
+    diagram = folder / f"diagram_{COMM.rank}.png"
+    picture_of_states(states, system, branch.points[-1:])
+    before = contents(folder)
+    with full(5000):
+        with fails(states):
+            picture_of_states(states, system, branch.points[-1:])
+        with pytest.raises(OSError, match=os.strerror(errno.EFBIG)) as info:
+            draw_diagram(diagram, journal)  # on this rank alone
+        assert info.value.filename == str(diagram)
+        COMM.barrier()
+        with fails(folder / "contact.png"):
+            picture_of_contact(folder / "contact.png", system.problem)
+    assert contents(folder) == before
+    on_root((folder / "contact.png").mkdir)
+    with fails(folder / "contact.png", errno.EISDIR):
+        picture_of_contact(folder / "contact.png", system.problem)
+    assert set(contents(folder)) == {*before, "contact.png"}
+
+
+# -- records ---------------------------------------------------------------------------------------
+
+
+class Fills(Observer):
+    """The disk is full from a point on."""
+
+    def __init__(self, at, size):
+        self.at = at
+        self.size = size
+
+    def step(self, step, state):
+        if step.index == self.at:
+            COMM.barrier()
+            hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+            resource.setrlimit(resource.RLIMIT_FSIZE, (self.size(), hard))
+            COMM.barrier()
+
+
+def run_until_full(folder, every, size):
+    """Nine steps on a disk that is full after the fifth point."""
+    system, functionals = moved_block(COMM)
+    fills = Fills(4, size)
+    with BranchRecord(folder, system, functionals, every=every) as r, full(resource.RLIM_INFINITY):
+        follow(
+            system,
+            recorded_run.start(system),
+            0.0,
+            gamma_range=(-0.1, 1.0),
+            control=recorded_run.CONTROL,
+            max_steps=9,
+            observer=fills,
+            record=r,
+        )
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("every", "room", "name"),
+    [
+        (100, 60, FILE_NAME),
+        (5, 0, "branch_0000_point_000005"),
+    ],
+)
+def test_a_record_on_a_full_disk_is_resumed(folder, every, room, name):
+    """Full in a line of the journal, or in a checkpoint: the points before it are kept."""
+    path = folder / "cut" / FILE_NAME
+    whole = folder / "whole"
+    place = path if name == FILE_NAME else path.parent / "checkpoints" / f"{name}.npz"
+    with fails(place):
+        run_until_full(folder / "cut", every, lambda: path.stat().st_size + room)
+    found = contents(folder / "cut")
+    assert not [p for p in found if "part" in p or "lock" in p]
+    assert not [p for p in found if "000005" in p]
+    journal = read_journal(folder / "cut")
+    assert not journal.torn  # a half line was cut off
+    assert len(journal.branches[0].points) == 5
+    system, functionals = moved_block(COMM)
+    record(system, functionals, whole, max_steps=9)
+    resume(folder / "cut", system, functionals, max_steps=9)
+    a, b = (read_journal(f).columns() for f in (folder / "cut", whole))
+    for key in ("gamma", "volume", "force"):
+        np.testing.assert_allclose(a[key], b[key], rtol=1e-8, atol=1e-8)
+    assert a["status"].tolist() == b["status"].tolist()
+
+
+@pytest.mark.ranks(2)
+def test_a_record_that_cannot_begin(folder):
+    """It leaves nothing that a second attempt would take for a record."""
+    system, functionals = moved_block(COMM)
+    with full(1000), fails(folder / "new" / FILE_NAME):
+        BranchRecord(folder / "new", system, functionals)
+    assert contents(folder) == {"new": False}
+    with full(0), fails(folder / "new" / journal_file.NOTE_NAME):
+        BranchRecord(folder / "new", system, functionals)
+    assert contents(folder) == {"new": False}
+    on_root(lambda: (folder / "new/checkpoints").touch())
+    with fails(folder / "new/checkpoints", errno.EEXIST):
+        record(system, functionals, folder / "new", max_steps=2)
+    on_root((folder / "new/checkpoints").unlink)
+    on_root((folder / "new" / FILE_NAME).unlink)
+    on_root((folder / "new" / FILE_NAME).mkdir)
+    with pytest.raises(FileExistsError, match="nothing is overwritten"):
+        BranchRecord(folder / "new", system, functionals)
+    with fails(folder / "new" / FILE_NAME, errno.EISDIR):
+        BranchRecord(folder / "new", system, functionals, resume=True)
+
+
+@pytest.mark.ranks(2)
+def test_a_record_that_nothing_is_in(folder):
+    """What an earlier run left of a journal on a full disk is none, and the next one begins."""
+    system, functionals = moved_block(COMM)
+    on_root((folder / FILE_NAME).touch)
+    with pytest.raises(FileNotFoundError, match=r"there is no journal\.jsonl in") as info:
+        resume(folder, system, functionals)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+    assert contents(folder) == {FILE_NAME: b""}
+    with BranchRecord(folder, system, functionals):
+        pass
+    with pytest.raises(FileExistsError, match="nothing is overwritten"):
+        BranchRecord(folder, system, functionals)
+    with pytest.raises(ValueError, match=r"follow it from its start, with .*resume=True"):
+        resume(folder, system, functionals)
+    record(system, functionals, folder, max_steps=1, resume=True)
+    assert len(read_journal(folder).branches[0].points) == 2
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("format", FORMATS)
+def test_a_series_on_a_full_disk(folder, format):
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder / "record", max_steps=8)
+    with BranchRecord(folder / "record", system, functionals, resume=True) as r:
+        files = write_series(folder / "series", r, format=format)
+        before = contents(folder / "series")
+        with full(1_000), pytest.raises(OSError, match=r"File too large|No space left") as info:
+            write_series(folder / "series", r, format=format)
+        assert len(set(COMM.allgather(str(info.value)))) == 1
+        assert info.value.filename.startswith(str(folder / "series"))
+        assert contents(folder / "series") == before
+        assert write_series(folder / "series", r, format=format) == files
+
+
+# -- the lock --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def here(folder):
+    """A folder with a new record, and a way to open it."""
+    system, functionals = moved_block(COMM)
+
+    def opened():
+        return BranchRecord(folder, system, functionals, resume="if_exists")
+
+    opened().close()
+    return folder, opened
+
+
+@pytest.mark.ranks(2)
+def test_the_lock_says_who_holds_it(folder):
+    system, functionals = moved_block(COMM)
+    with BranchRecord(folder, system, functionals):
+        with pytest.raises(BlockingIOError, match="another run records to") as info:
+            BranchRecord(folder, system, functionals, resume=True)
+        said = COMM.allgather(str(info.value))
+        assert len(set(said)) == 1
+        ranks = " ".join(str(pid) for pid in COMM.allgather(os.getpid()))
+        assert f"processes {ranks} on {COMM.bcast(os.uname().nodename)}" in said[0]
+        assert (folder / journal_file.NOTE_NAME).exists()
+        COMM.barrier()
+    COMM.barrier()
+    assert not (folder / journal_file.NOTE_NAME).exists()
+
+
+@serial
+def test_the_note_of_a_lock(here):
+    """A refused run gets the note; without one, or with an old one, the lock is flock alone."""
+    folder, opened = here
+    note = folder / journal_file.NOTE_NAME
+    with opened():
+        with pytest.raises(BlockingIOError, match=r"\d+ on .*since .*\. Their end frees the lock"):
+            opened()
+        note.unlink()
+        with pytest.raises(BlockingIOError, match="unknown processes"):
+            opened()
+    note.write_text("of a killed run")
+    opened().close()
+    theirs = folder / "theirs.txt"
+    theirs.write_text("mine")
+    note.symlink_to(theirs)
+    opened().close()
+    assert theirs.read_text() == "mine"
+
+
+@pytest.mark.ranks(2)
+@serial
+def test_a_process_that_has_the_journal_open_does_not_hold_it(here):
+    """As one that was forked while it was recorded to."""
+    folder, opened = here
+    with opened():
+        descriptors = Path("/proc/self/fd").iterdir()
+        path = os.path.realpath(folder / FILE_NAME)
+        (number,) = [int(d.name) for d in descriptors if os.path.realpath(d) == path]
+        child = subprocess.Popen(["sleep", "60"], pass_fds=[number])
+    try:
+        opened().close()
+    finally:
+        child.kill()
+        child.wait()
+
+
+@pytest.mark.ranks(2)
+@serial
+def test_a_file_system_without_flock(here, monkeypatch):
+    """The note is the lock then, until it is removed by hand."""
+    folder, opened = here
+
+    def refuse(*_):
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    note = folder / journal_file.NOTE_NAME
+    with opened():
+        with pytest.raises(BlockingIOError, match=f"If they are gone, remove {note}"):
+            opened()
+        assert note.exists()
+    assert not note.exists()
+    note.write_text("left by a killed run")
+    with pytest.raises(BlockingIOError, match=f"left by a killed run. .*remove {note}"):
+        opened()
+    note.unlink()
+    opened().close()
+
+
+def ranks_of(pid):
+    """Processes below a process."""
+    by_thread = [p.read_text().split() for p in Path(f"/proc/{pid}/task").glob("*/children")]
+    children = [int(p) for those in by_thread for p in those]
+    return [p for child in children for p in (child, *ranks_of(child))]
+
+
+def runs(pid):
+    """Whether a thread of a process is left: the first one may end before the others."""
+    return any(state(thread) not in "ZX" for thread in Path(f"/proc/{pid}/task").glob("*"))
+
+
+def state(thread):
+    """Letter of the state of a thread, X if it is gone."""
+    try:
+        return (thread / "stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return "X"
+
+
+@serial
+def test_ranks_that_outlive_a_killed_mpirun(folder):
+    """They hold the record, which says who they are; it is free when they have ended."""
+    taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
+    program = ["python3", str(TREE / "tests/support/recorded_run.py"), str(folder)]
+    process = subprocess.Popen(
+        [TREE / "docker/run", "mpirun", "-n", "2", *program],
+        # A killed mpirun leaves its folder, in whose way a later one of the same number would be.
+        env=clean | {"DOLFINX_CONTACT_ENV": "direct", "TMPDIR": str(folder)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    path = folder / FILE_NAME
+    end = time.monotonic() + 60
+    while not path.exists() or path.read_bytes().count(b"\n") < 6:
+        assert process.poll() is None
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    ranks = ranks_of(process.pid)
+    system, functionals = moved_block(COMM)
+    try:
+        assert len(ranks) == 2
+        os.kill(ranks[1], signal.SIGSTOP)  # the other one waits for it
+        process.kill()
+        process.wait()
+        if runs(ranks[0]):
+            with pytest.raises(BlockingIOError, match=r"processes \d+ \d+ on") as refused:
+                BranchRecord(folder, system, functionals, resume=True)
+            assert all(str(pid) in str(refused.value) for pid in ranks)
+    finally:
+        for pid in filter(runs, ranks):
+            os.kill(pid, signal.SIGKILL)
+    while any(map(runs, ranks)):
+        time.sleep(0.01)
+    with BranchRecord(folder, system, functionals, resume=True) as r:
+        assert len(r.journal.branches[0].points) > 2

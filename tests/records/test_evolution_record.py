@@ -1,0 +1,415 @@
+"""The record of evolutions: the journal, and runs that are interrupted or killed and resumed."""
+
+from contextlib import suppress
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import block, box, facets, same_tables
+from support.killing import killed_and_resumed, launch
+from support.recorded_evolution import CASES, LONGEST, TIMES, cracked, pair, record
+from test_evolution import dragged, put
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    RigidBody,
+)
+from dolfinx_contact.continuation import Ending
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
+from dolfinx_contact.records.journal import FILE_NAME
+
+COMM = MPI.COMM_WORLD
+serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
+ENERGIES = ("external", "stored", "dissipated", "residue", "kinetic", "contact")
+NUMBERS = ("time", "length", "external", "stored", "dissipated")
+
+
+def require_same(folder, other, tolerance=1e-10):
+    """The same states, in the journals and in what was kept of the points."""
+    a, b = (read_journal(path) for path in (folder, other))
+    assert [s.status for s in a.states] == [s.status for s in b.states]
+    rows = a.rows(), b.rows()
+    for name in rows[0][0]:
+        found, wanted = (np.array([row[name] for row in each]) for each in rows)
+        if wanted.dtype.kind != "f":
+            if name not in ("newton_iterations", "strategy"):
+                np.testing.assert_array_equal(found, wanted, err_msg=name)
+            continue
+        energy = name in ENERGIES
+        scale = max(r["external"] for r in rows[1]) if energy else np.abs(wanted).max(initial=0)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=tolerance * scale, err_msg=name)
+    norm = max(s.size for s in b.states)
+    for s, t in zip(a.states, b.states, strict=True):
+        assert abs(s.size - t.size) <= tolerance * norm
+    found = kept_of(folder, a)
+    wanted = kept_of(other, b)
+    length = max(np.abs(w[name]).max(initial=0.0) for w in wanted for name in w if "jump" in name)
+    for f, w in zip(found, wanted, strict=True):
+        assert sorted(f) == sorted(w)
+        for name in f:
+            scale = length if "jump" in name else np.abs(w[name]).max(initial=0)
+            atol = tolerance * scale if w[name].dtype.kind == "f" else 0
+            np.testing.assert_allclose(f[name], w[name], rtol=0, atol=atol, err_msg=name)
+
+
+def kept_of(folder, journal):
+    """The arrays of all states: statuses and memory."""
+    files = [folder / "checkpoints" / f"{s.checkpoint}.npz" for s in journal.states]
+    every = [dict(np.load(file)) for file in files]
+    return [{k: v for k, v in f.items() if k.startswith(("statuses", "memory"))} for f in every]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Runs that nothing ends, on all ranks of the test; made when they are asked for."""
+    made = {}
+
+    def get(case, longest=LONGEST):
+        if (case, longest) not in made:
+            folder = COMM.bcast(tmp_path_factory.mktemp(case) if COMM.rank == 0 else None)
+            assert record(CASES[case](COMM), folder, longest=longest).complete
+            made[case, longest] = folder
+        return made[case, longest]
+
+    return get
+
+
+class Stop(Exception):
+    """What an observer raises."""
+
+
+def stopping(number):
+    def observer(step):
+        if step.number == number:
+            raise Stop
+
+    return observer
+
+
+def test_the_journal_says_what_was_run(folder):
+    evolution = pair(COMM)
+    history = record(evolution, folder)
+    journal = read_journal(folder)
+    assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
+    columns = journal.columns()
+    assert list(columns) == list(journal.rows()[0])
+    np.testing.assert_array_equal(columns["time"], [s.time for s in history.steps])
+    assert columns["status"].tolist() == [s.status for s in history.steps]
+    assert columns["directions"].tolist() == [s.directions for s in history.steps]
+    assert [s.time for s in journal.states] == [0.0, *(s.time for s in history.steps)]
+    assert (journal.runs[0].reason, journal.runs[0].complete) == ("the last time is reached", True)
+    assert journal.runs[0].ending is Ending.REACHED
+    assert journal.runs[0].task["times"] == TIMES.tolist()
+    np.testing.assert_allclose(journal.places["contact"], [(x, 0) for x in np.arange(5) / 4])
+    letters = set("".join(s.status for s in journal.states))
+    assert {"o", "k", "+", "-"} <= letters
+    # A step that is shown is the step that was.
+    with EvolutionRecord(folder, evolution, resume=True) as kept:
+        at = history.at(3.0)
+        kept.show(history.steps.index(at) + 1)
+        found = evolution.problem.table(evolution.problem.surfaces[0])
+        same_tables(found, at.result.tables["contact"], 1e-12)
+        np.testing.assert_allclose(
+            found.increment, at.result.tables["contact"].increment, atol=1e-14
+        )
+        before = evolution.problem.u.x.array.copy()
+        state = kept.state(history.steps.index(at) + 1)
+        np.testing.assert_array_equal(evolution.problem.u.x.array, before)
+        np.testing.assert_allclose(state.displacement, at.state.displacement, atol=1e-14)
+        found = evolution.problem.table(evolution.problem.surfaces[0], state=state)
+        same_tables(found, at.result.tables["contact"], 1e-12)
+        again = kept.go_on()
+        assert (again.reason, again.steps) == ("the last time is reached", [])
+        assert again.energies == history.energies
+        # A second run of the same record.
+        evolution.load = lambda time: None
+        evolution.run([7.0, 8.0], record=kept)
+    assert [r.after for r in read_journal(folder).runs] == [0, len(history.steps)]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("case", ["crack", pytest.param("motion", marks=pytest.mark.long), "pair"])
+@pytest.mark.verifies(
+    "records of histories",
+    "cracks",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
+@pytest.mark.verifies(
+    "records of motions",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
+def test_an_interrupted_run_resumes(case, whole, folder):
+    """By an observer; then between the files of a step and its line, and in a line."""
+    with pytest.raises(Stop):
+        record(CASES[case](COMM), folder, observer=stopping(5))
+    assert len(read_journal(folder).states) == 6
+    seen = []
+    with EvolutionRecord(folder, CASES[case](COMM), resume=True) as kept, pytest.raises(Stop):
+        kept.go_on(observer=lambda step: (seen.append(step.number), stopping(8)(step)))
+    assert seen == [6, 7, 8]
+    path = folder / FILE_NAME
+    if COMM.rank == 0:
+        data = path.read_bytes()
+        path.write_bytes(data[: data.rindex(b'{"type": "state"') + 50])
+        (folder / "checkpoints/.state_000008.part.npz").touch()
+    COMM.barrier()
+    assert read_journal(folder).torn
+    with EvolutionRecord(folder, CASES[case](COMM), resume=True) as kept:
+        assert kept.go_on().complete
+    require_same(folder, whole(case))
+
+
+def test_a_damaged_checkpoint_is_passed_over(whole, folder):
+    with pytest.raises(Stop):
+        record(pair(COMM), folder, observer=stopping(6))
+    if COMM.rank == 0:
+        (folder / "checkpoints/state_000006.npz").write_bytes(b"nothing")
+    COMM.barrier()
+    seen = []
+    with EvolutionRecord(folder, pair(COMM), resume=True) as kept, pytest.raises(Stop):
+        kept.go_on(observer=lambda step: (seen.append(step.number), stopping(8)(step)))
+    assert seen == [6, 7, 8]
+    found, wanted = (read_journal(path).rows() for path in (folder, whole("pair")))
+    for name in NUMBERS:
+        values = ([row[name] for row in rows[:8]] for rows in (found, wanted))
+        np.testing.assert_allclose(*values, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.ranks(2)
+def test_what_is_refused(whole, folder):
+    """Records of other problems and loads, damaged ones, and those that would be overwritten."""
+    known = whole("pair")
+    before = (whole("pair") / FILE_NAME).read_bytes()
+    of_time = r"differs at the time \S+: the "
+    for other, message in [
+        (cracked(COMM), "differs: the mesh$"),
+        (pair(COMM, n=6), "differs: the mesh$"),
+        (
+            pair(COMM, friction=0.26),
+            of_time + r"friction of Coulomb of 'contact' \(0\.25 recorded, 0\.26 now\)$",
+        ),
+        (
+            pair(COMM, way=0.013),
+            of_time + "prescribed displacement$",
+        ),
+    ]:
+        with pytest.raises(ValueError, match=f"record of another problem; {message}"):
+            EvolutionRecord(known, other, resume=True)
+    evolution = pair(COMM)
+    with pytest.raises(FileExistsError, match="nothing is overwritten"):
+        EvolutionRecord(known, evolution)
+    with pytest.raises(FileNotFoundError, match="there is no journal"):
+        EvolutionRecord(folder / "nowhere", evolution, resume=True)
+    with pytest.raises(ValueError, match="a QuasiStatic or NSCD is needed, got ContactProblem"):
+        EvolutionRecord(folder, evolution.problem)
+    assert (known / FILE_NAME).read_bytes() == before
+    lines = before.splitlines(keepends=True)
+    if COMM.rank == 0:
+        (folder / FILE_NAME).write_bytes(b"".join([*lines[:5], *lines[6:]]))
+    COMM.barrier()
+    with pytest.raises(ValueError, match="line 6 of the journal is damaged: it is not line 6"):
+        EvolutionRecord(folder, evolution, resume=True)
+    problem, _ = dragged()
+    system = ParametricContact(problem, problem.surfaces[0].law.friction)
+    with pytest.raises(ValueError, match="the journal of an evolution, not of branches"):
+        BranchRecord(known, system, resume=True)
+
+
+def test_another_run_from_a_recorded_state(folder):
+    """It comes to the same steps as the recorded run from there."""
+    evolution = pair(COMM)
+    history = record(evolution, folder / "record")
+    with EvolutionRecord(folder / "record", pair(COMM), resume=True) as kept:
+        state = kept.state(4)
+        other = kept.evolution
+        again = other.run([state.time, history.steps[4].time], start=state, progress=False)
+    found, wanted = again.steps[-1].result.tables, history.steps[4].result.tables
+    same_tables(found["contact"], wanted["contact"], 1e-9)
+
+
+@pytest.mark.ranks(2)
+def test_a_submesh_is_refused(folder):
+    """Its cells have no numbers by which they could be found again."""
+    square = box(COMM, 2, "tri")
+    half = mesh.locate_entities(square, 2, lambda x: x[1] < 0.5 + 1e-9)
+    problem = block(
+        domain=mesh.create_submesh(square, 2, half)[0], where=lambda d: facets(d, 1, 0.0)
+    )
+    with pytest.raises(ValueError, match="a record needs a mesh whose cells have numbers"):
+        EvolutionRecord(folder, QuasiStatic(problem, lambda t: None))
+    COMM.barrier()
+    assert not (folder / FILE_NAME).exists()
+
+
+def test_a_run_begins_where_the_record_ends(whole, folder):
+    with EvolutionRecord(folder, pair(COMM)) as kept, pytest.raises(ValueError, match="no run is"):
+        kept.go_on()
+    with pytest.raises(Stop):
+        record(pair(COMM), folder / "run", observer=stopping(2))
+    evolution = pair(COMM)
+    with EvolutionRecord(folder / "run", evolution, resume=True) as kept:
+        with pytest.raises(ValueError, match="not at the end of the record"):
+            evolution.run(TIMES, record=kept)
+        with pytest.raises(ValueError, match="steps 0 to 2 are recorded, not 3"):
+            kept.show(3)
+
+
+def klarbring():
+    """The node with kt = kn = 2, k = 1 and friction 3, under (-t, -1): no stick beyond t = 3."""
+    domain = mesh.create_unit_square(COMM, 1, 1, diagonal=mesh.DiagonalType.left)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    pull = fem.Constant(domain, (0.0, 0.0))
+    tags = mesh.meshtags(domain, 1, facets(domain, 0, 0.0), 1)
+    side = ufl.Measure("ds", domain, subdomain_data=tags)(1)
+    energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx - ufl.dot(pull, u) * side
+    held = fem.locate_dofs_geometrical(V, lambda x: x[0] + x[1] > 0.9)
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(3.0))
+    bcs = [fem.dirichletbc(np.zeros(2), held, V)]
+
+    def load(t):
+        pull.value[:] = -2.0 * t, -2.0
+
+    return QuasiStatic(ContactProblem(energy, u, [surface], bcs=bcs), load)
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize("at_jump", ["jump", pytest.param("stop", marks=pytest.mark.long)])
+def test_steps_up_to_a_jump(at_jump, folder):
+    """Ended in the midst of the steps that were found with a jump: they are found once more."""
+
+    times = [0.0, 1.5, 2.5, 3.6, 4.0]
+    given = {"locate_jumps": True, "at_jump": at_jump, "shortest": 0.01}
+    with EvolutionRecord(folder / "whole", klarbring()) as kept:
+        history = kept.evolution.run(times, record=kept, **given)
+    journal = read_journal(folder / "whole")
+    between = [i for i, s in enumerate(journal.states[1:], 1) if not s.run.settled]
+    assert len(between) > 2
+    assert history.steps[between[-1] - 1].time == pytest.approx(3.0, abs=0.02)
+    stop = stopping(between[1])
+    with EvolutionRecord(folder / "parts", klarbring()) as kept, pytest.raises(Stop):
+        kept.evolution.run(times, record=kept, observer=stop, **given)
+    assert len(read_journal(folder / "parts").states) == between[1] + 1
+    seen = []
+    with EvolutionRecord(folder / "parts", klarbring(), resume=True) as kept:
+        again = kept.go_on(observer=lambda step: seen.append(step.number))
+    assert seen[0] == between[0]
+    assert (again.reason, again.complete) == (history.reason, history.complete)
+    assert [r["jump"] for r in journal.rows()].count(True) == (at_jump == "jump")
+    require_same(folder / "parts", folder / "whole")
+
+
+@pytest.mark.verifies(
+    "records of histories",
+    "rigid bodies",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "3D",
+        "records",
+    ),
+)
+def test_a_rigid_body_and_three_dimensions(folder):
+    """A floor that is pressed against a block by a force, free to move and tilt; small steps."""
+
+    def evolution():
+        def floor(domain):
+            return RigidBody(
+                HalfSpace((0, 0, 0), (0, 0, 1)),
+                about=(0.4, 0.5, 0),
+                load={"z": 8.0},
+                free=["rx", "ry"],
+                held=["x", "y", "rz"],
+            )
+
+        problem, top = dragged("hex", 2, obstacle=floor)
+        return QuasiStatic(problem, lambda t: put(top, (0.004 * t, 0.002 * t**2, 0.0)))
+
+    for name, stop in (("whole", 99), ("parts", 2)):
+        path = evolution()
+        with EvolutionRecord(folder / name, path) as kept, suppress(Stop):
+            path.run([0.0, 1.0, 2.0], longest=0.5, record=kept, observer=stopping(stop))
+    path = evolution()
+    with EvolutionRecord(folder / "parts", path, resume=True) as kept:
+        assert kept.go_on().complete
+    assert "s" in read_journal(folder / "whole").states[-1].status
+    require_same(folder / "parts", folder / "whole")
+
+
+# -- kills -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.long
+@serial
+@pytest.mark.parametrize(
+    ("case", "kills"),
+    [
+        ("crack", 1),
+        *(
+            pytest.param(case, 20, marks=pytest.mark.long)
+            for case in ("crack", "pair", "fine motion")
+        ),
+    ],
+)
+@pytest.mark.verifies(
+    "records of histories",
+    "cracks",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
+@pytest.mark.verifies(
+    "records of motions",
+    reference="itself: the run that nothing ended",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
+def test_killed_at_random_moments(case, kills, whole, folder):
+    """Every session on another number of ranks; each is killed, but for the last."""
+    longest = LONGEST if kills == 1 else 0.05
+    known = whole(case, longest)
+    words = ("--case", case)
+    script = "recorded_evolution.py"
+    first = ("--longest", longest)
+    killed_and_resumed(script, words, first, folder, known, kills)
+    require_same(folder, known)
+
+
+@serial
+@pytest.mark.long
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_errors_reach_every_rank(ranks, whole, folder):
+    """The journal of another problem, on several ranks: one message, no hang."""
+    content = (whole("pair") / FILE_NAME).read_bytes()
+    (folder / FILE_NAME).write_bytes(content)
+    options = ("--resume", "--friction", 0.4)
+    process = launch(ranks, "recorded_evolution.py", folder, *options)
+    assert process.wait(timeout=300) == 3
+    said = {(folder / f"said.{rank}").read_text() for rank in range(ranks)}
+    assert len(said) == 1
+    assert "record of another problem; differs at the time" in said.pop()
+    assert (folder / FILE_NAME).read_bytes() == content

@@ -1,0 +1,294 @@
+"""The record of paths by arc length: runs that are interrupted or killed and resumed, and back."""
+
+import shutil
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import same_tables
+from support.killing import killed_and_resumed, launch
+from support.recorded_path import CASES, LONGEST, STARTS, made, record, resume
+from test_evolution_record import Stop, require_same, stopping
+
+from dolfinx_contact.continuation import StepControl
+from dolfinx_contact.records import BranchRecord, EvolutionRecord, PathRecord, read_journal
+from dolfinx_contact.records.journal import FILE_NAME
+
+COMM = MPI.COMM_WORLD
+serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
+
+
+def require_same_path(folder, other):
+    """The same points to 1e-10: journals, memory, and unknowns and tangents where they end."""
+    require_same(folder, other)
+    a, b = (read_journal(path) for path in (folder, other))
+    np.testing.assert_allclose(a.gammas, b.gammas, rtol=0, atol=1e-10 * np.ptp(b.gammas))
+    for s, t in zip(a.states, b.states, strict=True):
+        assert s.run.reason == t.run.reason
+        for name in ("tangent", "piece", "step") if t.run.arrived else ():
+            found = getattr(s.run.arrived, name)
+            wanted = getattr(t.run.arrived, name)
+            assert found == (wanted if name == "piece" else pytest.approx(wanted, abs=1e-10))
+    assert [(r.reason, r.after) for r in a.runs] == [(r.reason, r.after) for r in b.runs]
+
+
+def fields_at(folder, case, index):
+    """Displacement and multipliers of a recorded point on this rank."""
+    path = made(case, anew=False)
+    with PathRecord(folder, path, resume=True) as kept:
+        kept.show(index)
+        return [f.x.array.copy() for f in path.problem.fields]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Runs that nothing ends, on all ranks of the test; made when they are asked for."""
+    found = {}
+
+    def get(case, longest=LONGEST):
+        if (case, longest) not in found:
+            folder = COMM.bcast(tmp_path_factory.mktemp(case) if COMM.rank == 0 else None)
+            assert record(case, folder, longest=longest).runs[-1].complete
+            found[case, longest] = folder
+        return found[case, longest]
+
+    return get
+
+
+@pytest.mark.ranks(2)
+def test_the_journal_says_what_was_followed(folder):
+    path = made("bonds")
+    control = StepControl(maximum=LONGEST)
+    ends = CASES["bonds"][1]
+    with PathRecord(folder, path) as kept:
+        history = path.run(gamma_range=ends, control=control, record=kept, max_steps=16)
+        journal = read_journal(folder)
+        assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
+        np.testing.assert_array_equal(journal.gammas, [0.0, *(s.gamma for s in history.steps)])
+        assert [r["gamma"] for r in journal.folds] == [s.gamma for s in history.folds]
+        assert [r["step"] for r in journal.kinks] == [s.number for s in history.kinks]
+        assert [r["event"] for r in journal.folds] == ["nonsmooth fold", "smooth fold"]
+        assert journal.runs[0].reason == "the budget of 16 steps is exhausted"
+        # A point that is shown is the point that was.
+        at = history.folds[1]
+        standing = path.problem.u.x.array.copy()
+        with kept.looking():
+            kept.show(at.number)
+            assert float(path.parametric.constant.value) == at.gamma
+            found = path.problem.table(path.problem.surfaces[0])
+            same_tables(found, at.result.tables["contact"], 1e-12)
+        np.testing.assert_array_equal(path.problem.u.x.array, standing)
+        assert float(path.parametric.constant.value) == history.steps[-1].gamma
+        state = kept.state(at.number)
+        np.testing.assert_allclose(state.displacement, at.state.displacement, atol=1e-13)
+        kept.write_contact(folder / "contact", at.number)
+        if COMM.rank == 0:
+            assert (folder / "contact/contact.csv").exists()
+        COMM.barrier()
+        # A run that has ended stays as it is, and the next one is on the same record.
+        again = kept.go_on()
+        assert (again.reason, again.steps) == (history.reason, [])
+        assert again.energies == history.energies
+        stop = {"stop": lambda step: "far enough" if step.number == 18 else ""}
+        assert (
+            path.run(gamma_range=ends, control=control, record=kept, **stop).reason == "far enough"
+        )
+    assert [r.after for r in read_journal(folder).runs] == [0, 16]
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param("bonds", marks=pytest.mark.long),
+        pytest.param("crack", marks=pytest.mark.long),
+        "pair",
+    ],
+)
+@pytest.mark.verifies(
+    "records of paths",
+    "cracks",
+    reference="itself: the path that nothing ended",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
+@pytest.mark.verifies(
+    "RCCM adhesion",
+    reference="itself: the path that nothing ended",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
+def test_an_interrupted_path_resumes(case, whole, folder):
+    """On the way there, by an observer; in the midst of a line; and on the way back."""
+    with pytest.raises(Stop):
+        record(case, folder, observer=stopping(5))
+    assert len(read_journal(folder).states) == 6
+    known = read_journal(whole(case))
+    seen = []
+    # A point that shows other statuses than those by which it was come to, if there is one.
+    shows = [s.index for s in known.states[7:] if s.status != s.run.arrived.piece]
+    later = min(shows, default=7)
+    assert (later > 7) == (case == "bonds")
+    with pytest.raises(Stop):
+        resume(case, folder, observer=lambda s: (seen.append(s.number), stopping(later)(s)))
+    assert seen == list(range(6, later + 1))
+    with pytest.raises(Stop):
+        resume(case, folder, observer=stopping(later + 1))
+    file = folder / FILE_NAME
+    if COMM.rank == 0:
+        data = file.read_bytes()
+        file.write_bytes(data[: data.rindex(b'{"type": "state"') + 50])
+        (folder / f"checkpoints/.state_{later + 1:06d}.part.npz").touch()
+    COMM.barrier()
+    assert read_journal(folder).torn
+    turn = known.runs[1].after
+    with pytest.raises(Stop):
+        resume(case, folder, observer=stopping(turn + 2))
+    assert len(read_journal(folder).runs) == 2
+    resume(case, folder)
+    require_same_path(folder, whole(case))
+    last = len(read_journal(folder).states) - 1
+    fields = (fields_at(path, case, last) for path in (folder, whole(case)))
+    for found, wanted in zip(*fields, strict=True):
+        scale = COMM.allreduce(np.abs(wanted).max(initial=0), op=MPI.MAX)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10 * scale)
+
+
+@pytest.mark.parametrize(
+    "after",
+    [
+        pytest.param("the start", marks=pytest.mark.long),
+        pytest.param("the last point", marks=pytest.mark.long),
+        pytest.param("the turn", marks=pytest.mark.long),
+    ],
+)
+def test_killed_between_two_points(after, whole, folder):
+    """When a run has begun there or back; when it is over, and the journal does not say so yet."""
+    known = whole("crack")
+    if COMM.rank == 0:
+        lines = (known / FILE_NAME).read_bytes().splitlines(keepends=True)
+        kinds = [line.split(b'"')[3].decode() for line in lines]
+        assert kinds[:4] == ["header", "session", "state", "run"]
+        turn = kinds.index("end")
+        ends = {"the start": 4, "the last point": turn, "the turn": turn + 2}
+        (folder / FILE_NAME).write_bytes(b"".join(lines[: ends[after]]))
+        (folder / "checkpoints").mkdir()
+        for state in range(kinds[: ends[after]].count("state")):
+            name = f"checkpoints/state_{state:06d}.npz"
+            shutil.copy(known / name, folder / name)
+        shutil.copy(known / "surface.npz", folder / "surface.npz")
+    COMM.barrier()
+    resume("crack", folder)
+    require_same_path(folder, known)
+
+
+@pytest.mark.long
+def test_a_damaged_checkpoint_is_passed_over(whole, folder, caplog):
+    with pytest.raises(Stop):
+        record("pair", folder, observer=stopping(6))
+    if COMM.rank == 0:
+        (folder / "checkpoints/state_000006.npz").write_bytes(b"nothing")
+    COMM.barrier()
+    seen = []
+    with pytest.raises(Stop):
+        resume("pair", folder, observer=lambda s: (seen.append(s.number), stopping(9)(s)))
+    assert seen == [6, 7, 8, 9]
+    assert COMM.rank or "going back to one before" in caplog.text
+    found, wanted = (read_journal(path).gammas for path in (folder, whole("pair")))
+    np.testing.assert_allclose(found, wanted[:10], rtol=0, atol=1e-10)
+
+
+def test_what_is_refused(whole, folder):
+    """Records of other problems, loads and ranges, and those that would be overwritten."""
+    known = whole("crack")
+    before = (whole("crack") / FILE_NAME).read_bytes()
+    for other, message in [
+        (made("pair", anew=False), "differs: the mesh$"),
+        (made("crack", friction=0.26, anew=False), "differs at the arc length .*: the friction"),
+        (made("crack", way=0.013, anew=False), "differs: the expression 1 that drives"),
+    ]:
+        with pytest.raises(ValueError, match=f"record of another problem; {message}"):
+            PathRecord(known, other, resume=True)
+    path = made("crack")
+    with pytest.raises(FileExistsError, match="nothing is overwritten"):
+        PathRecord(known, path)
+    with pytest.raises(FileNotFoundError, match="there is no journal"):
+        PathRecord(folder / "nowhere", path, resume=True)
+    with pytest.raises(ValueError, match="an ArcLength is needed, got ParametricContact"):
+        PathRecord(folder, path.parametric)
+    with pytest.raises(ValueError, match="the journal of a path, not of branches"):
+        BranchRecord(known, path.parametric, resume=True)
+    with pytest.raises(ValueError, match="a QuasiStatic or NSCD is needed, got ArcLength"):
+        EvolutionRecord(folder, path)
+    assert (known / FILE_NAME).read_bytes() == before
+    with PathRecord(folder / "run", path) as kept:
+        with pytest.raises(ValueError, match="no run is in"):
+            kept.go_on()
+        given = {"start": STARTS[path], "observer": stopping(2)}
+        with pytest.raises(Stop):
+            path.run(gamma_range=(-1.0, 1.0), record=kept, **given)
+        with pytest.raises(ValueError, match="steps 0 to 2 are recorded, not 3"):
+            kept.show(3)
+    with PathRecord(folder / "run", made("crack"), resume=True) as kept:
+        with pytest.raises(
+            ValueError,
+            match=r"in the task of the run: gamma_range \(-1\.0, 1\.0 recorded, -1\.0, 2\.0 now\)",
+        ):
+            kept.path.run(gamma_range=(-1.0, 2.0), start=STARTS[kept.path], record=kept)
+        with pytest.raises(ValueError, match="the path is at the arc length 0 and not at the end"):
+            kept.path.run(gamma_range=(-1.0, 1.0), start=STARTS[kept.path], record=kept)
+    before = (folder / "run" / FILE_NAME).read_bytes()
+    with pytest.raises(ValueError, match="is closed: open it with resume=True"):
+        kept.path.run(gamma_range=(-1.0, 1.0), start=STARTS[kept.path], record=kept)
+    assert (folder / "run" / FILE_NAME).read_bytes() == before
+
+
+# -- kills -----------------------------------------------------------------------------------------
+
+
+@serial
+@pytest.mark.parametrize(
+    ("case", "kills"),
+    [
+        ("bonds", 1),
+        *(pytest.param(case, 20, marks=pytest.mark.long) for case in ("bonds", "crack", "pair")),
+    ],
+)
+@pytest.mark.verifies(
+    "records of paths",
+    "RCCM adhesion",
+    reference="itself: the path that nothing ended",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
+@pytest.mark.long
+def test_killed_at_random_moments(case, kills, whole, folder):
+    """Every session on another number of ranks; each is killed, but for the last."""
+    longest = LONGEST if kills == 1 else LONGEST / 8
+    known = whole(case, longest)
+    words = ("--case", case, "--longest", longest)
+    killed_and_resumed("recorded_path.py", words, (), folder, known, kills)
+    require_same_path(folder, known)
+
+
+@serial
+@pytest.mark.long
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_errors_reach_every_rank(ranks, whole, folder):
+    """The journal of another problem, on several ranks: one message, no hang."""
+    content = (whole("crack") / FILE_NAME).read_bytes()
+    (folder / FILE_NAME).write_bytes(content)
+    options = ("--resume", "--case", "crack", "--friction", 0.4)
+    process = launch(ranks, "recorded_path.py", folder, *options)
+    assert process.wait(timeout=300) == 3
+    said = {(folder / f"said.{rank}").read_text() for rank in range(ranks)}
+    assert len(said) == 1
+    assert "record of another problem; differs at the arc length" in said.pop()
+    assert (folder / FILE_NAME).read_bytes() == content

@@ -1,0 +1,809 @@
+"""The record of branches: the journal, checkpoints, and runs that are killed and resumed."""
+
+import io
+import json
+import random
+import shutil
+import time
+import zlib
+from importlib.util import find_spec
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support import recorded_run
+from support.blocks import box, facets
+from support.killing import kill, launch
+from support.recorded_run import moved_block, record, record_in
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
+from dolfinx_contact.continuation import (
+    BranchStep,
+    Ending,
+    Follower,
+    Observer,
+    Observers,
+    StepControl,
+    Task,
+    follow,
+)
+from dolfinx_contact.continuation.walk import BranchProgress
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.plot import draw_diagram
+from dolfinx_contact.records import (
+    BranchRecord,
+    journal_of,
+    read_journal,
+    resume,
+    write_series,
+)
+from dolfinx_contact.records.journal import FILE_NAME
+
+COMM = MPI.COMM_WORLD
+serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
+NUMBERS = ("gamma", "step", "norm", "volume", "force")
+
+
+def require_same(journal, other, tolerance=1e-8):
+    """The same points, special points and statuses."""
+    a = journal.columns()
+    b = other.columns()
+    np.testing.assert_array_equal(a["index"], b["index"])
+    np.testing.assert_array_equal(a["status"], b["status"])
+    for name in NUMBERS:
+        np.testing.assert_allclose(a[name], b[name], rtol=tolerance, atol=tolerance, err_msg=name)
+    s = journal.special()
+    t = other.special()
+    assert s["kind"].tolist() == t["kind"].tolist()
+    np.testing.assert_allclose(s["gamma"], t["gamma"], atol=tolerance)
+    for mine, theirs in zip(s["changes"], t["changes"], strict=True):
+        assert [(c["before"], c["after"]) for c in mine] == [
+            (c["before"], c["after"]) for c in theirs
+        ]
+        np.testing.assert_allclose([c["x"] for c in mine], [c["x"] for c in theirs], atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """An unkilled run on all ranks of the test."""
+    folder = COMM.bcast(tmp_path_factory.mktemp("whole") if COMM.rank == 0 else None)
+    branch = record(*moved_block(COMM), folder)
+    return folder, branch, read_journal(folder)
+
+
+# -- the journal -----------------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+def test_journal_says_what_was_followed(whole):
+    _, branch, journal = whole
+    table = journal.to_pandas()
+    assert table["gamma"].tolist() == [p.gamma for p in branch.points]
+    assert table["step"].tolist() == [p.step for p in branch.points]
+    assert table["index"].tolist() == list(range(len(branch.points)))
+    special = journal.special(0)
+    assert special["gamma"].tolist() == [s.gamma for s in branch.special]
+    assert special["index"].tolist() == [s.index for s in branch.special]
+    assert journal.branches[0].reason == branch.reason == "gamma reached the end of its range"
+    assert journal.branches[0].ending is branch.ending is Ending.REACHED
+    # Compressed, so less volume; and a force as soon as a point has closed.
+    assert table["volume"].iloc[-1] < 0.99
+    assert (table["open"][table["force"] > 1e-9] < 5).all()
+    assert (table["force"] > 1e-9).sum() > 70
+    assert (table[["open", "stick", "slip", "clamped"]].sum(axis=1) == 5).all()
+    counted = [[s.count(c) for c in "ok"] for s in table["status"]]
+    assert table[["open", "stick"]].to_numpy().tolist() == counted
+    with pytest.raises(ValueError, match="no branch 3"):
+        journal.to_pandas(3)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "checkpoints",
+    "records of branches",
+    reference="itself: the points of the branch",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
+def test_fields_come_back_exactly(whole):
+    folder, branch, _ = whole
+    system, functionals = moved_block(COMM)
+    with BranchRecord(folder, system, functionals, resume=True) as r:
+        kept = r.journal.branches[0].kept
+        assert set(kept) >= {0, 7, 14, *(s.index for s in branch.special), len(branch.points) - 1}
+        for index, back in zip(kept, r.points(0), strict=True):
+            point = branch.points[index]
+            np.testing.assert_allclose(back.y.array_r, point.y.array_r, rtol=1e-14, atol=1e-16)
+            np.testing.assert_allclose(back.tangent.array_r, point.tangent.array_r, rtol=1e-14)
+            np.testing.assert_array_equal(back.piece.codes, point.piece.codes)
+            assert back.gamma == point.gamma
+        with pytest.raises(ValueError, match="no fields were kept at point 1"):
+            r.state(0, 1)
+
+
+@pytest.mark.parametrize(
+    ("cell", "method", "degree"),
+    [
+        pytest.param("tri", "integral", 2, marks=pytest.mark.long),
+        pytest.param("tri", "mixed", 1, marks=pytest.mark.long),
+        ("tet", "nodal", 1),
+    ],
+)
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "records of branches",
+    reference="itself: the branch at once",
+    aspects=(
+        "2D",
+        "3D",
+        "branches",
+        "records",
+    ),
+)
+@pytest.mark.verifies(
+    "integral contact",
+    "mixed contact",
+    reference="itself: the branch at once",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
+@pytest.mark.verifies(
+    "nodal contact",
+    reference="itself: the branch at once",
+    aspects=(
+        "3D",
+        "branches",
+        "records",
+    ),
+)
+def test_every_discretisation_resumes(cell, method, degree, folder):
+    """A few steps, then a few more from the disk: the same as all at once."""
+    options = dict(cell=cell, method=method, degree=degree, n=2)
+    names = ("whole", "parts")
+    # At the twelfth point of the tetrahedra two events tie: round-off decides which is named.
+    record(*moved_block(COMM, **options), folder / names[0], max_steps=11)
+    record(*moved_block(COMM, **options), folder / names[1], max_steps=8, every=100)
+    branch = resume(folder / names[1], *moved_block(COMM, **options), max_steps=11)
+    assert branch.reason == "the budget of 11 steps is exhausted"
+    assert branch.ending is Ending.BUDGET
+    require_same(*(read_journal(folder / name) for name in names))
+
+
+def test_json_and_numpy_are_enough_to_read_a_record(whole):
+    folder, branch, journal = whole
+    lines = [json.loads(line) for line in (folder / FILE_NAME).read_text().splitlines()]
+    assert [line["line"] for line in lines] == list(range(1, len(lines) + 1))
+    points = [line for line in lines if line["type"] == "point"]
+    assert [p["gamma"] for p in points] == [p.gamma for p in branch.points]
+    assert [p["functionals"]["force"] for p in points] == journal.columns()["force"].tolist()
+    (name, *_) = [p["checkpoint"] for p in points if "checkpoint" in p]
+    with np.load(folder / f"checkpoints/{name}.npz") as arrays:
+        assert arrays["x.0"].shape == (16, 8)
+        assert np.isfinite(arrays["tangent.0"]).all()
+    with np.load(folder / "surface.npz") as arrays:
+        assert arrays["x"].shape == (25, 3)
+
+
+def test_numbers_survive(folder):
+    """All digits, and numbers that are not finite."""
+    values = {"pi": np.pi, "tiny": 5e-324, "nan": np.nan, "inf": np.inf, "minus": -np.inf}
+    system, _ = moved_block(COMM)
+    functionals = {name: lambda p, value=value: value for name, value in values.items()}
+    record(system, functionals, folder / "r", max_steps=1)
+    columns = read_journal(folder / "r").columns()
+    for name, value in values.items():
+        np.testing.assert_array_equal(columns[name], [value, value])
+
+
+def parsed(data, folder):
+    """The journal in the content of a file, read by this rank alone."""
+    own = folder / f"rank_{COMM.rank}"
+    own.mkdir(exist_ok=True)
+    (own / FILE_NAME).write_bytes(data)
+    return read_journal(own)
+
+
+@pytest.mark.ranks(2)
+def test_a_torn_last_line_is_dropped(whole, folder):
+    """Cut at any byte: complete lines count, what follows the last of them does not."""
+    data = (whole[0] / FILE_NAME).read_bytes()
+    lines = data.splitlines(keepends=True)
+    start = len(b"".join(lines[:8]))
+    for length in range(start, start + len(lines[8]) + 1):
+        journal = parsed(data[:length], folder)
+        complete = 8 + (length == start + len(lines[8]))
+        assert len(journal.branches[0].points) == complete - 3
+        assert journal.torn == (start < length < start + len(lines[8]))
+
+
+def test_a_damaged_line_is_an_error(whole, folder):
+    lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
+    digit = lines[9].replace(b'"norm": 0.', b'"norm": 1.')
+    assert digit != lines[9]
+    damaged = {
+        "a digit": [*lines[:9], digit, *lines[10:]],
+        "a hole": [*lines[:9], *lines[10:]],
+        "no header": lines[1:],
+        "half a line": [*lines[:9], lines[9][:20] + b"\n", *lines[10:]],
+        "zeros": [*lines[:9], b"\0" * 30 + b"\n", *lines[10:]],
+        "twice": [*lines[:9], lines[8], *lines[9:]],
+        "the last one": [*lines[:-1], lines[-1].replace(b"type", b"tipe")],
+    }
+    system, functionals = moved_block(COMM)
+    for name, content in damaged.items():
+        path = folder / name.replace(" ", "_")
+        if COMM.rank == 0:
+            path.mkdir()
+            (path / FILE_NAME).write_bytes(b"".join(content))
+        COMM.barrier()
+        with pytest.raises(ValueError, match=r"line \d+ of the journal is damaged"):
+            resume(path, system, functionals)
+        assert (path / FILE_NAME).read_bytes() == b"".join(content)
+        assert not (path / "checkpoints").exists()
+
+
+def numbered(lines, numbers):
+    """Lines with other numbers."""
+    found = []
+    for line, number in zip(lines, numbers, strict=True):
+        entry = {k: v for k, v in json.loads(line).items() if k not in ("crc", "line")}
+        entry |= {} if number is None else {"line": number}
+        body = json.dumps(entry)[:-1]
+        found.append(f'{body}, "crc": "{zlib.crc32(body.encode()):08x}"}}\n'.encode())
+    return found
+
+
+def test_a_line_that_is_missing_is_noticed(whole, folder):
+    """Whichever it is, the last but one too, in whose place nothing else shows it."""
+    lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
+    count = len(lines)
+    assert numbered(lines, range(1, count + 1)) == lines
+    for i in range(count - 1):
+        with pytest.raises(ValueError, match=r"line \d+ of the journal is damaged"):
+            parsed(b"".join([*lines[:i], *lines[i + 1 :]]), folder)
+    # An end that is told of the point before the one that it was of.
+    end = [b'{"type": "end", "branch": 0, "ending": "BUDGET", "reason": "", "crc": ""}']
+    at_its_place = [*lines[:8], *numbered(end, [9])]
+    assert parsed(b"".join(at_its_place), folder).branches[0].ending is Ending.BUDGET
+    beyond = [*lines[:8], *numbered(end, [10])]
+    with pytest.raises(ValueError, match=r"line 9 .*it is not line 9: lines are missing"):
+        parsed(b"".join(beyond), folder)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("float", marks=pytest.mark.long),
+        pytest.param("distance", marks=pytest.mark.long),
+        *("series", "</script>\n"),
+    ],
+)
+def test_any_word_is_a_name(name, folder):
+    """Of a functional and of a surface, of finite numbers and of others."""
+    for kind, value in (("number", 42.0), ("nothing", float("nan"))):
+        system, _ = moved_block(COMM, name=name)
+        functionals = {name: lambda p, value=value: value}
+        record(system, functionals, folder / kind, max_steps=2)
+        journal = read_journal(folder / kind)
+        np.testing.assert_array_equal(journal.columns()[name], [value] * 3)
+        assert journal.places[name].shape == (5, 2)
+        resume(folder / kind, system, functionals, max_steps=3)
+        np.testing.assert_array_equal(read_journal(folder / kind).columns()[name], [value] * 4)
+
+
+# -- what is refused -------------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (dict(n=5), "differs: the mesh$"),
+        (dict(cell="tri"), "differs: the mesh$"),
+        (dict(degree=2), r"differs: the number of unknowns \(\d+ recorded, \d+ now\)$"),
+        (
+            dict(friction=0.31),
+            r"differs: the friction of Coulomb of 'contact' \(0\.3 recorded, 0\.31 now\)$",
+        ),
+        (
+            dict(method="mixed"),
+            r"differs: the contact method of 'contact' \(nodal recorded, mixed now\)$",
+        ),
+        (dict(tilt=0.11), "differs: the expression 1 that drives Dirichlet data$"),
+    ],
+)
+def test_the_journal_of_another_problem_is_refused(whole, options, message):
+    before = (whole[0] / FILE_NAME).read_bytes()
+    system, functionals = moved_block(COMM, **options)
+    with pytest.raises(ValueError, match=message):
+        resume(whole[0], system, functionals)
+    assert (whole[0] / FILE_NAME).read_bytes() == before
+    # What was recorded is still there.
+    require_same(read_journal(whole[0]), whole[2], tolerance=0)
+
+
+def test_what_else_is_refused(whole, folder):
+    system, functionals = moved_block(COMM)
+    with pytest.raises(FileExistsError, match="nothing is overwritten"):
+        BranchRecord(whole[0], system, functionals)
+    with pytest.raises(FileNotFoundError, match="there is no journal"):
+        resume(folder / "nowhere", system, functionals)
+    assert not (folder / "nowhere").exists()
+    with pytest.raises(ValueError, match="differs: the functionals"):
+        resume(whole[0], system, {"force": recorded_run.force})
+    with pytest.raises(ValueError, match="names of columns: gamma"):
+        BranchRecord(folder / "new", system, {"gamma": recorded_run.force})
+    for name in (1, "", None, ("a", "b")):
+        with pytest.raises(ValueError, match="the name of a functional must be a word, got"):
+            BranchRecord(folder / "new", system, {name: recorded_run.force})
+        with pytest.raises(ValueError, match="the name of a functional must be a word, got"):
+            journal_of(system, [], {name: recorded_run.force})
+    with pytest.raises(ValueError, match="every 1 or more"):
+        BranchRecord(folder / "new", system, every=0)
+    with pytest.raises(ValueError, match="neither a UFL form nor a function"):
+        BranchRecord(folder / "new", system, {"one": 1.0})
+    assert not (folder / "new").exists()
+    COMM.barrier()
+    with BranchRecord(folder / "new", system) as r:
+        with pytest.raises(BlockingIOError, match="another run records"):
+            BranchRecord(folder / "new", system, resume=True)
+        assert r.last_state() is None
+    with pytest.raises(ValueError, match="no point of branch 0"):
+        resume(folder / "new", system)
+
+
+def test_another_functional_of_the_same_name_is_refused(folder):
+    """A form with other Constants or another integrand, and a function in place of a form."""
+    system, given = moved_block(COMM, obstacle=HalfSpace((0.0, -1e-5), (0.0, 1.0)))
+    u = system.problem.u
+    law = system.problem.surfaces[0].law
+    one, two = law.friction, system.constant
+    dx = ufl.dx(domain=u.function_space.mesh)
+    form = one * ufl.inner(u, u) * dx
+
+    mine = {"form": form, "force": given["force"], "none": lambda p: np.nan}
+    record(system, mine, folder / "r", every=2, max_steps=3)
+    before = (folder / "r" / FILE_NAME).read_bytes()
+    for other in (
+        {"form": two * ufl.inner(u, u) * dx},
+        {"form": 2 * one * ufl.inner(u, u) * dx},
+        {"form": lambda p: 0.0},
+    ):
+        (name,) = other
+        with pytest.raises(ValueError, match=f"differs: the functional '{name}'"):
+            resume(folder / "r", system, mine | other, max_steps=5)
+        assert (folder / "r" / FILE_NAME).read_bytes() == before
+    again = mine | {"form": one * ufl.inner(u, u) * dx}
+    resume(folder / "r", system, again, max_steps=4)
+    assert len(read_journal(folder / "r").entries()) == 5
+
+
+def test_another_task_is_refused(folder):
+    """A branch goes on with the recorded step control, and its points follow one another."""
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder, max_steps=3)
+    text = (folder / FILE_NAME).read_bytes()
+    with BranchRecord(folder, system, functionals, resume=True) as r:
+        point, stepping = r.state(0, 0)
+        r.begin(task(r, gamma_scale=1.1), stepping)
+        with pytest.raises(
+            ValueError,
+            match=r"differs in the task of branch 0: gamma_scale \(1\.1 recorded, 2\.0 now\)",
+        ):
+            r.begin(task(r, gamma_scale=2.0), stepping)
+        with pytest.raises(ValueError, match="point 9 cannot follow the 4 recorded"):
+            r.step(BranchStep(0, 9, point), stepping)
+    assert (folder / FILE_NAME).read_bytes().startswith(text)
+    assert len(read_journal(folder).branches[0].points) == 4
+
+
+def task(r, **changes):
+    known = r.journal.branches[0].task
+    control = StepControl(**known["control"])
+    return Task(
+        **known | {"gamma_range": tuple(known["gamma_range"]), "control": control} | changes
+    )
+
+
+# -- resuming --------------------------------------------------------------------------------------
+
+
+@pytest.mark.chatty
+def test_a_damaged_checkpoint_is_passed_over(whole, folder):
+    """The run goes on from the checkpoint before; if all are damaged, an error says so."""
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder, max_steps=16)
+    points = read_journal(folder).branches[0].points
+    kept = [p.checkpoint for p in points if p.checkpoint is not None]
+    if COMM.rank == 0:
+        (folder / f"checkpoints/{kept[-1]}.npz").write_bytes(b"nothing")
+    COMM.barrier()
+    seen = []
+
+    class Watch(Observer):
+        def step(self, step, state):
+            seen.append(step.index)
+
+    branch = resume(folder, system, functionals, max_steps=1000, observer=Watch())
+    assert seen[0] == int(kept[-2][-6:])
+    assert branch.reason == "gamma reached the end of its range"
+    require_same(read_journal(folder), whole[2])
+    if COMM.rank == 0:
+        shutil.rmtree(folder / "checkpoints")
+    COMM.barrier()
+    with pytest.raises(ValueError, match="is missing"):
+        resume(folder, system, functionals)
+
+
+def test_a_record_that_may_exist(whole, folder):
+    """With resume="if_exists" one script begins a record and continues it."""
+    for steps in (2, 4):
+        system, functionals = moved_block(COMM)
+        with BranchRecord(folder / "r", system, functionals, resume="if_exists") as r:
+            if r.journal.is_empty:
+                record_in(r, max_steps=steps)
+            else:
+                r.go_on(max_steps=steps)
+    assert len(read_journal(folder / "r").entries()) == 5
+    with pytest.raises(ValueError, match="resume must be True, False or 'if_exists', got 'maybe'"):
+        BranchRecord(folder / "r", system, functionals, resume="maybe")
+
+
+def test_a_complex_functional_is_refused(folder):
+    system, _ = moved_block(COMM)
+    words = r"the functional 'z' must be real, got \(1\+2j\): record its real and imaginary parts"
+    with pytest.raises(ValueError, match=words):
+        record(system, {"z": lambda p: 1 + 2j}, folder / "r", max_steps=2)
+    record(system, {"z": lambda p: 3 + 0j}, folder / "real", max_steps=2)
+    np.testing.assert_array_equal(read_journal(folder / "real").columns()["z"], 3.0)
+
+
+@pytest.mark.parametrize("replaced", [True, False])
+def test_a_journal_that_is_removed_during_a_run(replaced, folder):
+    """The run ends with an error at the next point."""
+    system, functionals = moved_block(COMM)
+    seen = []
+
+    def observer(step):
+        seen.append(step.index)
+        if step.index == 2 and COMM.rank == 0:
+            (folder / FILE_NAME).unlink()
+            if replaced:
+                (folder / FILE_NAME).touch()
+
+    with (
+        BranchRecord(folder, system, functionals) as r,
+        pytest.raises(FileNotFoundError, match="the journal was removed or replaced") as info,
+    ):
+        record_in(r, max_steps=5, observer=observer)
+    assert info.value.filename == str(folder / FILE_NAME)
+    assert seen == [0, 1, 2]
+
+
+def test_a_finished_branch_stays_as_it_is(whole):
+    folder, branch, journal = whole
+    again = resume(folder, *moved_block(COMM))
+    assert again.reason == branch.reason
+    (point,) = again.points
+    assert point.gamma == branch.points[-1].gamma
+    require_same(read_journal(folder), journal, tolerance=0)
+
+
+@pytest.mark.long
+def test_a_branch_that_was_killed_at_its_last_point(folder):
+    """Its end, by a stop or by the range, is in the line of the point: nothing is added."""
+    system, functionals = moved_block(COMM)
+
+    def stop(step):
+        return "pressed" if step.point.gamma > 0.12 else ""
+
+    for number, way in enumerate([dict(stop=stop), dict(gamma_range=(-0.1, 0.15))]):
+        way = dict(gamma_range=(-0.1, 1.0), control=recorded_run.CONTROL) | way
+        expected = follow(system, recorded_run.start(system), 0.0, **way)
+        last = len(expected.points) - 1
+
+        class Interrupt(Observer):
+            def step(self, step, state, last=last):
+                if step.index == last:
+                    raise KeyboardInterrupt
+
+        where = folder / f"{number}"
+        with BranchRecord(where, system, functionals) as r, pytest.raises(KeyboardInterrupt):
+            follow(system, recorded_run.start(system), 0.0, observer=Interrupt(), record=r, **way)
+        again = resume(where, system, functionals, stop=way.get("stop"))
+        assert (again.ending, again.reason) == (expected.ending, expected.reason)
+        found = read_journal(where).columns()["gamma"]
+        np.testing.assert_allclose(found, [p.gamma for p in expected.points], atol=1e-10)
+
+
+@pytest.mark.long
+def test_a_resumed_run_that_ends_before_the_recorded_end(folder):
+    """Its end is not that of the record, which can go on."""
+    system, functionals = moved_block(COMM)
+    way = dict(gamma_range=(-0.1, 0.3), control=recorded_run.CONTROL)
+    with BranchRecord(folder / "r", system, functionals, every=100) as r:
+        follow(system, recorded_run.start(system), 0.0, max_steps=6, record=r, **way)
+        if COMM.rank == 0:
+            lines = (folder / "r" / FILE_NAME).read_bytes().splitlines(keepends=True)
+    if COMM.rank == 0:  # as if it had been killed: without its end, and the checkpoint there
+        (folder / "r" / FILE_NAME).write_bytes(b"".join(lines[:-1]))
+    COMM.barrier()
+    early = resume(
+        folder / "r", system, functionals, stop=lambda s: "far" if s.point.gamma > 0.02 else ""
+    )
+    assert early.ending is Ending.STOPPED
+    journal = read_journal(folder / "r")
+    assert journal.branches[0].ending is None
+    assert len(journal.branches[0].points) == 7
+    whole = resume(folder / "r", system, functionals, max_steps=1000)
+    assert whole.ending is Ending.REACHED
+    with pytest.raises(ValueError, match="max_steps must be a whole number >= 1, got -5"):
+        resume(folder / "r", system, functionals, max_steps=-5)
+    with pytest.raises(ValueError, match="stop must be a function"):
+        resume(folder / "r", system, functionals, stop=3)
+
+
+def test_a_record_from_rest_by_pivoting(folder):
+    """Unknowns that are round-off under no load are a solution."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    top = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    floor = HalfSpace((0.0, -0.002), (0.01, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
+    move = ufl.as_vector([0.03 * gamma, -0.03 * gamma])
+    system = ParametricContact(problem, gamma, driven=[(top, move)])
+    span = dict(gamma_range=(0.0, 1.0))
+    whole = follow(system, recorded_run.start(system), 0.0, route="pivoting", **span)
+    with BranchRecord(folder / "r", system) as r:
+        follow(
+            system, recorded_run.start(system), 0.0, route="pivoting", max_steps=2, record=r, **span
+        )
+    again = resume(folder / "r", system, max_steps=1000)
+    assert again.ending is whole.ending is Ending.REACHED
+    np.testing.assert_allclose(
+        read_journal(folder / "r").columns()["gamma"],
+        [p.gamma for p in whole.points],
+        atol=1e-12,
+    )
+
+
+def test_a_record_through_rest_by_pivoting(folder):
+    """A branch that goes back through no load, where its state is round-off of where it began."""
+    domain = box(COMM, 8, "tri")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    gamma = fem.Constant(domain, 1.0)
+    sides = np.concatenate([facets(domain, axis, 1.0) for axis in (0, 1)])
+    held = fem.locate_dofs_topological(u.function_space, 1, sides)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(3.0))
+    energy = LinearElastic(100.0, 82.0).energy(u) + gamma * (26.0 * u[0] + 4.0 * u[1])
+    bcs = [fem.dirichletbc(np.zeros(2), held, u.function_space)]
+    problem = ContactProblem(energy * ufl.dx, u, [surface], bcs=bcs)
+    system = ParametricContact(problem, gamma)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    given = dict(gamma_range=(-1.0, 1.0), direction="decreasing")
+    with BranchRecord(folder, system, {}, every=1) as r:
+        branch = follow(system, x, 1.0, record=r, **given)
+        kept = r.points()
+    assert branch.complete
+    assert [p.gamma for p in kept] == [p.gamma for p in branch.points]
+    assert [p.gamma for p in kept] == pytest.approx([1.0, 0.0, -1.0], abs=1e-12)
+
+
+@pytest.mark.verifies(
+    "records of branches",
+    reference="itself: the branch that nothing ended",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
+def test_an_interrupted_run_resumes(whole, folder):
+    """Ended by an exception between the checkpoint and the line of a point, and in a line."""
+    system, functionals = moved_block(COMM)
+
+    class Interrupt(Observer):
+        def step(self, step, state):
+            if step.index == 20:
+                raise KeyboardInterrupt
+
+    with BranchRecord(folder, system, functionals, every=7) as r, pytest.raises(KeyboardInterrupt):
+        follow(
+            system,
+            recorded_run.start(system),
+            0.0,
+            gamma_range=(-0.1, 1.0),
+            control=recorded_run.CONTROL,
+            observer=Interrupt(),
+            record=r,
+        )
+    path = folder / FILE_NAME
+    if COMM.rank == 0:
+        lines = path.read_bytes().splitlines(keepends=True)
+        # As if killed while the line of point 14 was written, whose checkpoint is there already.
+        at = next(i for i, line in enumerate(lines) if b'"index": 14,' in line)
+        path.write_bytes(b"".join(lines[:at]) + lines[at][:-9])
+        (folder / "checkpoints/.branch_0000_point_000014.part.npz").touch()
+    COMM.barrier()
+    assert len(read_journal(folder).branches[0].points) == 14
+    resume(folder, system, functionals, every=7)
+    require_same(read_journal(folder), whole[2])
+
+
+def test_a_journal_without_a_complete_line_starts_afresh(folder):
+    """Killed in its first moment: there is nothing to lose, and a record can begin."""
+    system, functionals = moved_block(COMM)
+    if COMM.rank == 0:
+        (folder / FILE_NAME).write_bytes(b'{"type": "header", "form')
+    COMM.barrier()
+    with pytest.raises(FileNotFoundError, match=r"there is no journal\.jsonl"):
+        resume(folder, system, functionals)
+    record(system, functionals, folder, max_steps=1)
+    assert len(read_journal(folder).branches[0].points) == 2
+
+
+@pytest.mark.chatty
+def test_several_branches_in_one_record(folder):
+    """Two branches of one follower; each is resumed by its number. Then the pictures."""
+    system, functionals = moved_block(COMM)
+    x = recorded_run.start(system)
+    with (
+        BranchRecord(folder, system, functionals, every=5) as r,
+        Follower(system, recorded_run.CONTROL, gamma_scale=1.0) as follower,
+    ):
+        for branch, steps, direction in ((0, 12, "increasing"), (3, 4, "decreasing")):
+            start = follower.start(x, 0.0, direction=direction)
+            follower.run(
+                start, gamma_range=(-0.2, 0.2), max_steps=steps, record=r, branch_id=branch
+            )
+    journal = read_journal(folder)
+    assert sorted(journal.branches) == [0, 3]
+    assert len(journal.to_pandas()) == 13 + 5
+    assert len(journal.to_pandas(3)) == 5
+    for branch in (3, 0):
+        done = resume(folder, system, functionals, branch=branch, max_steps=100)
+        assert done.reason == "gamma reached the end of its range"
+    journal = read_journal(folder)
+    assert journal.to_pandas(3)["gamma"].iloc[-1] == pytest.approx(-0.2, abs=1e-12)
+    assert journal.to_pandas(0)["gamma"].iloc[-1] == pytest.approx(0.2, abs=1e-12)
+    np.testing.assert_allclose(journal.places["contact"], [(x, 0) for x in np.arange(5) / 4])
+    if COMM.rank == 0:
+        figure = draw_diagram(folder / "two.png", journal, "force", label="$F$", title="Two")
+        assert (folder / "two.png").stat().st_size > 20_000
+        assert figure.axes[-1].get_ylabel() == "x"  # of the contact points in the strips
+        np.testing.assert_allclose(figure.axes[-1].get_ylim(), [0.0, 1.0])
+        # by default branches are named by the statuses at their ends
+        names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+        for b, name in zip((0, 3), names, strict=False):
+            assert name.startswith(f"branch {b}: "), names
+        with pytest.raises(ValueError, match="is not a recorded number"):
+            draw_diagram(folder / "none.png", journal, "status")
+        with pytest.raises(ValueError, match="no branch 5"):
+            draw_diagram(folder / "none.png", journal, branches=[5])
+    with BranchRecord(folder, system, functionals, resume=True) as r:
+        files = write_series(folder, r, 3)
+        kept = r.journal.branches[3].kept
+        with pytest.raises(ValueError, match="no fields of branch 4"):
+            write_series(folder, r, 4)
+    names = [f.stem for f in files]
+    assert names == ["branch_0003_body", "branch_0003_contact"]
+    if COMM.rank == 0 and files[0].suffix == ".bp" and find_spec("adios2"):
+        import adios2
+
+        with adios2.FileReader(str(files[1])) as f:
+            steps = f.num_steps()
+            assert steps == len(kept)
+            if COMM.size == 1:  # on more ranks there is a block of values for each
+                gammas = [np.unique(f.read("gamma", step_selection=[i, 1])) for i in range(steps)]
+                expected = journal.to_pandas(3)["gamma"].iloc[kept]
+                np.testing.assert_array_equal(np.ravel(gammas), expected)
+
+
+@pytest.mark.ranks(2)
+def test_progress(folder):
+    """Without a terminal a line at first and one at the end; on one, a line that is rewritten."""
+    system, functionals = moved_block(COMM)
+
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    plain = io.StringIO()
+    live = Terminal()
+    record(system, functionals, folder, max_steps=6)
+    lines = (BranchProgress(COMM, True, stream=stream) for stream in (plain, live))
+    resume(folder, system, functionals, max_steps=9, observer=Observers(*lines), progress=False)
+    if COMM.rank == 0:
+        first, last = plain.getvalue().splitlines()
+        assert first.startswith("branch 0  point 6  gamma +0.0")
+        assert last == "branch 0: the budget of 9 steps is exhausted"
+        assert live.getvalue().count("\r\x1b[K") == 4
+        assert live.getvalue().count("\n") == 1
+    else:
+        assert plain.getvalue() == live.getvalue() == ""
+
+
+# -- kills -----------------------------------------------------------------------------------------
+
+
+@serial
+@pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "records of branches",
+    reference="itself: the branch that nothing ended",
+    aspects=(
+        "2D",
+        "branches",
+        "records",
+    ),
+)
+@pytest.mark.long
+def test_killed_at_random_moments(whole, folder, kills):
+    """Every session on another number of ranks; each is killed, but for the last."""
+    random.seed(3)
+    path = folder / FILE_NAME
+    total = len((whole[0] / FILE_NAME).read_bytes())
+    moments = [0.05 + 0.9 / kills * (i + random.uniform(0.0, 0.8)) for i in range(kills)]
+    recorded = []
+    for session, moment in enumerate(moments):
+        process = launch(
+            1 + session % 3, "recorded_run.py", folder, *(["--resume"] if session else [])
+        )
+        # Time passes between a look at the file and the kill: any moment of a step may be hit.
+        delay = random.uniform(0.0, 0.03)
+        while (path.stat().st_size if path.exists() else 0) < moment * total:
+            if process.poll() is not None:  # the last points may be written between two looks
+                assert process.returncode == 0, (folder / "said.0").read_text()
+                break
+            time.sleep(0.002)
+        time.sleep(delay)
+        kill(process)
+        recorded.append(read_journal(folder).columns())
+    process = launch(2, "recorded_run.py", folder, "--resume")
+    assert process.wait(timeout=300) == 0, (folder / "said.0").read_text()
+    journal = read_journal(folder)
+    require_same(journal, whole[2])
+    assert [s["ranks"] for s in journal.sessions] == [*(1 + i % 3 for i in range(kills)), 2]
+    # Nothing recorded was lost or written anew.
+    final = journal.columns()
+    lengths = [len(columns["gamma"]) for columns in recorded]
+    for n, columns in zip(lengths, recorded, strict=True):
+        np.testing.assert_array_equal(columns["gamma"], final["gamma"][:n])
+        np.testing.assert_array_equal(columns["status"], final["status"][:n])
+    assert sorted(set(lengths)) == lengths
+
+
+@serial
+@pytest.mark.parametrize("ranks", [pytest.param(n, marks=pytest.mark.long) for n in (2, 3)])
+def test_errors_reach_every_rank(whole, folder, ranks):
+    """A foreign and a damaged journal on several ranks: one message, no hang."""
+    lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
+    for content, friction, message in [
+        (lines, 0.4, "record of another problem; differs: the friction"),
+        ([*lines[:5], *lines[6:]], 0.3, "line 6 of the journal is damaged"),
+    ]:
+        (folder / FILE_NAME).write_bytes(b"".join(content))
+        process = launch(ranks, "recorded_run.py", folder, "--resume", "--friction", friction)
+        assert process.wait(timeout=300) == 3
+        said = {(folder / f"said.{rank}").read_text() for rank in range(ranks)}
+        assert len(said) == 1
+        assert message in said.pop()
+        assert (folder / FILE_NAME).read_bytes() == b"".join(content)

@@ -1,0 +1,327 @@
+"""Records hold the outer surface of bodies, and can be looked at without the problem."""
+
+import shutil
+import subprocess
+import sys
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support import recorded_evolution
+from support.recorded_run import moved_block, record
+
+from dolfinx_contact import plot
+from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal, resume
+
+COMM = MPI.COMM_WORLD
+KEPT = {"surface_displacement": True}
+#: What a process needs that looks at a record.
+SCRIPT = """
+import sys
+from dolfinx_contact import plot, records
+journal = records.read_journal(sys.argv[1])
+for file in sys.argv[2:]:
+    assert plot.draw_record(file, journal, scale=3.0, title="Block") is not None, file
+"""
+#: Vertices, facets of the boundary (in 2D cells), and facets of the contact face.
+SIZES = {"tri": (25, 32, 4), "quad": (25, 16, 4), "tet": (26, 48, 8), "hex": (26, 24, 4)}
+
+
+def nodal_values(u):
+    """Displacement at all nodes of all ranks, by place."""
+    V = u.function_space
+    x = V.tabulate_dof_coordinates()
+    values = u.x.array.reshape(len(x), -1)
+    parts = COMM.allgather((x, values))
+    return {
+        tuple(place): value
+        for places, found in parts
+        for place, value in zip(np.round(places, 9) + 0.0, found, strict=True)
+    }
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("cell", "degree"),
+    [
+        *(
+            pytest.param(*case, marks=pytest.mark.long)
+            for case in [("tri", 2), ("quad", 1), ("hex", 2), ("tet", 2)]
+        ),
+        *(("tri", 1), ("quad", 2), ("tet", 1), ("hex", 1)),
+    ],
+)
+@pytest.mark.verifies(
+    "records of branches",
+    reference="closed form: displacements that were prescribed",
+    aspects=(
+        "2D",
+        "3D",
+        "branches",
+        "records",
+    ),
+)
+def test_the_displacement_of_every_point(cell, degree, folder):
+    n = 4 if cell in ("tri", "quad") else 2
+    options = {"cell": cell, "degree": degree, "n": n}
+    system, functionals = moved_block(COMM, **options)
+    record(system, functionals, folder, every=2, max_steps=3, **KEPT)
+    journal = read_journal(folder)
+    surface = journal.surface()
+    vertices, cells, facets = SIZES[cell]
+    dim = 2 if n == 4 else 3
+    assert (surface.x.shape, len(surface.cells)) == ((vertices, 3), cells)
+    assert (np.diff(surface.nodes) > 0).all()
+    assert list(surface.contact) == ["contact"]
+    assert surface.opposite == {}
+    assert len(surface.contact["contact"]) == facets == len(surface.obstacles["contact"])
+    np.testing.assert_allclose(surface.x[surface.contact["contact"], dim - 1], 0, atol=1e-12)
+    top = np.isclose(surface.x[:, dim - 1], 1)
+    x = surface.x[top]
+    for index, entry in enumerate(journal.entries()):
+        state = journal.surface_at(index)
+        assert state.u.dtype == np.float32
+        gamma = entry.gamma
+        down = -0.02 * gamma * (1 + 0.1 * x[:, 0] + 0.037 * x[:, dim - 2])
+        np.testing.assert_allclose(state.u[top, 0], 0.02 * gamma**2, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(state.u[top, dim - 1], down, rtol=1e-6, atol=1e-12)
+        floor, moved, normals = state.obstacles["contact"]
+        assert floor.dtype == np.float64
+        np.testing.assert_allclose(floor[:, dim - 1], -0.002, atol=1e-9)
+        np.testing.assert_array_equal(moved, 0)
+        np.testing.assert_allclose(abs(normals[:, dim - 1]), 1)
+    with BranchRecord(folder, system, functionals, resume=True) as kept:
+        for index in (0, 2):
+            point, _ = kept.state(0, index)
+            system.result_at(point)
+            every = nodal_values(system.problem.u)
+            wanted = [every[tuple(place)] for place in np.round(surface.x, 9) + 0.0]
+            found = kept.journal.surface_at(index).u
+            np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.ranks(2)
+def test_on_another_number_of_ranks(folder):
+    """A record that goes on on one rank has the vertices in the order in which it began."""
+    record(*moved_block(COMM), folder / "parts", max_steps=3, **KEPT)
+    if COMM.rank == 0:
+        alone = MPI.COMM_SELF
+        before = (folder / "parts" / "surface.npz").read_bytes()
+        resume(folder / "parts", *moved_block(alone), max_steps=6)
+        assert (folder / "parts" / "surface.npz").read_bytes() == before
+        record(*moved_block(alone), folder / "whole", max_steps=6, **KEPT)
+        parts, whole = (read_journal(folder / name) for name in ("parts", "whole"))
+        a, b = (journal.surface() for journal in (parts, whole))
+        np.testing.assert_array_equal(a.nodes, b.nodes)
+        np.testing.assert_allclose(a.x, b.x, atol=1e-15)
+        rows = [{tuple(sorted(row)) for row in part.cells.tolist()} for part in (a, b)]
+        assert rows[0] == rows[1]
+        assert len(parts.entries()) == len(whole.entries()) == 7
+        for index in range(7):
+            c, d = (journal.surface_at(index) for journal in (parts, whole))
+            np.testing.assert_allclose(c.u, d.u, rtol=1e-5, atol=1e-9)
+            np.testing.assert_allclose(
+                c.obstacles["contact"], d.obstacles["contact"], rtol=1e-5, atol=1e-9
+            )
+    COMM.barrier()
+
+
+def same_table(found, table):
+    """Whether columns of a record are those of a `ContactTable`, to the last bit."""
+    for name, values in found.items():
+        wanted = (
+            table.internal[name.removeprefix("internal.")]
+            if name.startswith("internal.")
+            else getattr(table, name)
+        )
+        assert values.dtype == wanted.dtype, name
+        np.testing.assert_array_equal(values, wanted, err_msg=name)
+    assert {"x", "un", "ut", "force", "pressure", "shear", "letters"} <= set(found)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "records of branches",
+    "records of histories",
+    "records of motions",
+    reference="itself: the tables of the run",
+    aspects=("records",),
+)
+def test_tables_of_contact_points(folder):
+    """Those of the points of a branch, of steps and of a motion are kept in all their digits."""
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder / "branch", every=2, max_steps=3, **KEPT)
+    journal = read_journal(folder / "branch")
+    with BranchRecord(folder / "branch", system, functionals, resume=True) as kept:
+        for index in (0, 2):
+            point, _ = kept.state(0, index)
+            (table,) = system.result_at(point).tables.values()
+            found = journal.surface_at(index).tables["contact"]
+            assert "".join(found["letters"]) == journal.entries()[index].status
+            same_table(found, table)
+    for name in ("pair", "moving"):
+        evolution = getattr(recorded_evolution, name)(COMM)
+        with EvolutionRecord(folder / name, evolution, **KEPT) as kept:
+            history = evolution.run([0.0, 0.25, 0.5], record=kept)
+        journal = read_journal(folder / name)
+        for index, step in enumerate(history.steps, 1):
+            found = journal.surface_at(index).tables
+            assert list(found) == list(step.result.tables)
+            for surface, table in step.result.tables.items():
+                same_table(found[surface], table)
+
+
+@pytest.mark.long
+def test_both_faces_of_a_pair(folder):
+    """Of a history; drawn in a process that knows nothing of the problem."""
+    evolution = recorded_evolution.pair(COMM)
+    with EvolutionRecord(folder / "record", evolution, **KEPT) as kept:
+        evolution.run([0.0, 1.0, 3.0], record=kept)
+    journal = read_journal(folder / "record")
+    surface = journal.surface()
+    assert list(surface.contact) == list(surface.opposite)
+    assert surface.obstacles == {}
+    for faces in (surface.contact, surface.opposite):
+        np.testing.assert_allclose(surface.x[faces["contact"], 1], 0, atol=1e-12)
+    slave, master = (set(f["contact"].ravel()) for f in (surface.contact, surface.opposite))
+    assert slave
+    assert master
+    assert not slave & master
+    last = len(journal.states) - 1
+    top = np.isclose(surface.x[:, 1], surface.x[:, 1].max())
+    found = journal.surface_at(last).u[top]
+    wanted = np.broadcast_to(recorded_evolution.motion(3.0), found.shape)
+    np.testing.assert_allclose(found, wanted, rtol=1e-6)
+    if COMM.rank == 0:
+        figure = plot.draw_record(folder / "last.png", journal)
+        assert len(figure.axes) == 2  # the body and the bar of its colours
+        assert (folder / "last.png").stat().st_size > 5000
+        assert plot.draw_record(folder / "two.gif", journal, points=[0, last]) is not None
+        from PIL import Image
+
+        with Image.open(folder / "two.gif") as animation:
+            assert animation.n_frames == 2
+
+
+@pytest.mark.long
+@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
+@pytest.mark.parametrize("cell", ["tri", pytest.param("hex", marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "pictures",
+    reference="itself: pictures in a process without the problem",
+    aspects=(
+        "2D",
+        "3D",
+        "records",
+    ),
+)
+def test_drawn_without_the_problem(cell, folder):
+    record(*moved_block(COMM, cell=cell, n=2, degree=2), folder / "record", max_steps=2, **KEPT)
+    moved = folder / "elsewhere"
+    shutil.move(folder / "record", moved)
+    shutil.rmtree(moved / "checkpoints")
+    files = [folder / "last.png", folder / "all.gif"]
+    subprocess.run([sys.executable, "-c", SCRIPT, moved, *files], check=True)
+    for file in files:
+        assert file.stat().st_size > 3000
+
+
+def test_what_cannot_be_drawn(folder):
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder / "none", max_steps=2)
+    record(system, functionals, folder / "all", max_steps=2, **KEPT)
+    none = read_journal(folder / "none")
+    assert len(none.surface().cells) == 16
+    assert not (folder / "none" / "surface").exists()
+    with pytest.raises(ValueError, match="record with surface_displacement=True"):
+        plot.draw_record(folder / "a.png", none)
+    with pytest.raises(ValueError, match="no displacement was recorded at point 1"):
+        plot.draw_record(folder / "a.png", none, points=[1])
+    journal = read_journal(folder / "all")
+    for options, message in [
+        ({"points": [3]}, "points 0 to 2 are recorded, not 3"),
+        ({"points": [0, 1]}, "a picture shows one point, not 2"),
+        ({"points": []}, "points are none: there are no states"),
+        ({"points": "1"}, "'str' object cannot be interpreted as an integer"),
+        ({"points": 1}, "'int' object is not iterable"),
+        ({"points": [1.0]}, "'float' object cannot be interpreted as an integer"),
+        ({"points": [-1]}, "points 0 to 2 are recorded, not -1"),
+        ({"branch": 5}, "no branch 5 was recorded"),
+        ({"branch": [0]}, r"no branch \[0\] was recorded"),
+        ({"scale": np.nan}, "must be a finite number"),
+    ]:
+        with pytest.raises((ValueError, TypeError), match=message):
+            plot.draw_record(folder / "a.png", journal, **options)
+    with pytest.raises(ValueError, match=r"animations are .gif or .mp4, not a.bmp"):
+        plot.draw_record(folder / "a.bmp", journal)
+    with pytest.raises(ValueError, match=r"must be one of records\.read_journal, got str"):
+        plot.draw_record(folder / "a.png", str(folder / "all"))
+    COMM.barrier()
+    if COMM.rank == 0:
+        file = folder / "all" / "surface" / "branch_0000_point_000001.npz"
+        content = file.read_bytes()
+        middle = len(content) // 2
+        for broken in (
+            content[:middle],
+            content[: middle - 40] + b"x" * 80 + content[middle + 40 :],
+        ):
+            file.write_bytes(broken)
+            with pytest.raises(ValueError, match="is damaged"):
+                journal.surface_at(1)
+        file.unlink()
+        with pytest.raises(ValueError, match="is missing"):
+            journal.surface_at(1)
+        (folder / "all" / "surface.npz").unlink()
+        with pytest.raises(ValueError, match="is missing"):
+            journal.surface()
+    COMM.barrier()
+
+
+def test_files_that_are_missing_or_exchanged_are_noticed(folder):
+    """On resumption, and where they are read."""
+    record(*moved_block(COMM), folder / "r", max_steps=3, **KEPT)
+    one, two = (folder / "r" / "surface" / f"branch_0000_point_00000{i}.npz" for i in (1, 2))
+    content = COMM.bcast(one.read_bytes() if COMM.rank == 0 else None)
+    for change, message in (
+        (lambda: shutil.copy(two, one), f"{one.name} is damaged or was exchanged"),
+        (one.unlink, f"{one.name} is missing"),
+    ):
+        COMM.barrier()
+        if COMM.rank == 0:
+            change()
+        COMM.barrier()
+        with pytest.raises(ValueError, match=message):
+            resume(folder / "r", *moved_block(COMM), max_steps=4)
+        with pytest.raises(ValueError, match=message):
+            read_journal(folder / "r").surface_at(1)
+    COMM.barrier()
+    if COMM.rank == 0:
+        one.write_bytes(content)
+        (folder / "r" / "surface.npz").unlink()
+    COMM.barrier()
+    with pytest.raises(ValueError, match=r"surface\.npz is missing"):
+        resume(folder / "r", *moved_block(COMM), max_steps=4)
+
+
+def test_a_disk_that_cannot_be_written_to(folder):
+    """The record ends with the point before, and goes on when there is room."""
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder / "known", max_steps=2, **KEPT)
+    with BranchRecord(folder / "known", system, functionals, resume=True) as kept:
+        if COMM.rank == 0:
+            shutil.move(folder / "known" / "surface", folder / "states")
+            (folder / "known" / "surface").write_text("in the way")
+        COMM.barrier()
+        with pytest.raises(OSError, match="surface"):
+            kept.go_on(max_steps=4)
+    assert len(read_journal(folder / "known").entries()) == 3
+    COMM.barrier()
+    if COMM.rank == 0:
+        (folder / "known" / "surface").unlink()
+        shutil.move(folder / "states", folder / "known" / "surface")
+    COMM.barrier()
+    resume(folder / "known", *moved_block(COMM), max_steps=4)
+    journal = read_journal(folder / "known")
+    assert [entry.surface is not None for entry in journal.entries()] == [True] * 5
+    COMM.barrier()

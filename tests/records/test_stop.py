@@ -1,0 +1,168 @@
+"""Runs that the user stops: histories and motions end with a step, and go on from there."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support import recorded_evolution
+from support.recorded_evolution import TIMES
+
+from dolfinx_contact.continuation import Ending
+from dolfinx_contact.records import EvolutionRecord, read_journal
+
+COMM = MPI.COMM_WORLD
+
+
+class Killed(Exception):
+    """What an observer raises."""
+
+
+def made(case):
+    """An evolution, its times, and what makes it short."""
+    if case == "motion":
+        return recorded_evolution.moving(COMM), TIMES[:2], {}
+    return recorded_evolution.pair(COMM, n=2), TIMES[:3], {"longest": 0.5}
+
+
+def after(number, asked):
+    """Stops with a step; keeps what it is asked of, and how many contact points are closed then."""
+
+    def stop(step):
+        asked.append(step.number)
+        return "far enough" if step.number == number else ""
+
+    return stop
+
+
+def later(times, start):
+    return [start, *(t for t in times if t > start)]
+
+
+def of(history):
+    return [(s.number, s.time, s.status, s.energies) for s in history.steps]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("case", ["pair", "motion"])
+@pytest.mark.verifies(
+    "stops",
+    reference="itself: the run without a stop",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_a_run_that_is_stopped(case):
+    """It has the steps of one that is not, and so has the run that goes on."""
+    evolution, times, steps = made(case)
+    asked = []
+    whole = evolution.run(times, stop=after(-1, asked), **steps)
+    numbers = [s.number for s in whole.steps]
+    assert whole.ending is Ending.REACHED
+    assert asked == numbers[:-1]  # where it ends of itself nobody is asked
+    assert len(numbers) > 3
+    evolution, times, steps = made(case)
+    asked = []
+    seen = []
+    told = {"stop": after(2, asked), "observer": lambda step: seen.append(step.number)}
+    first = evolution.run(times, **told, **steps)
+    assert asked == seen == [1, 2]
+    assert not first.complete
+    assert first.ending is Ending.STOPPED
+    assert first.reason == "far enough"
+    assert of(first) == of(whole)[:2]
+    rest = evolution.run(later(times, first.time), **steps)
+    assert rest.complete
+    assert [s.number for s in rest.steps] == numbers[2:]
+    assert rest.steps[-1].status == whole.steps[-1].status
+    a, b = (h.energies.external for h in (rest, whole))
+    assert a == pytest.approx(b, rel=1e-9)
+
+
+@pytest.mark.ranks(2)
+def test_what_is_in_the_problem_when_it_is_asked():
+    """The end of the step, as when the observer is told of it."""
+    evolution, times, steps = made("pair")
+    problem = evolution.problem
+
+    def seen():
+        return problem.u.x.array.copy()
+
+    asked = []
+    told = []
+
+    def stop(step):
+        asked.append(seen())
+        problem.u.x.array[:] *= 7.0  # put back, what it does is no affair of the run
+        problem.u.x.array[:] /= 7.0
+        return ""
+
+    evolution.run(times, stop=stop, observer=lambda _: told.append(seen()), **steps)
+    assert len(asked) == len(told) - 1 > 2
+    for a, b in zip(asked, told, strict=False):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.each_value
+@pytest.mark.parametrize("case", ["pair", "motion"])
+@pytest.mark.parametrize(
+    ("stop", "message"),
+    [
+        (3, "stop must be a function of a step, got 3"),
+        (lambda _: None, "stop must answer with the reason to end the evolution"),
+        (lambda _: str(COMM.rank), "the answer of stop differs between ranks"),
+    ],
+)
+def test_what_cannot_stop(case, stop, message):
+    evolution, times, steps = made(case)
+    if "ranks" in message and COMM.size == 1:
+        pytest.skip("there are several ranks in this")
+    with pytest.raises(ValueError, match=message):
+        evolution.run(times, stop=stop, **steps)
+    # It is at its start, or at the step that it was asked of.
+    start = times[0] if evolution._accepted is None else evolution._accepted.time
+    assert evolution.run(later(times, start), **steps).complete
+
+
+@pytest.mark.ranks(2)
+def test_one_rank_alone_stops():
+    """Refused before anything is computed."""
+    if COMM.size == 1:
+        pytest.skip("there are several ranks in this")
+    evolution, times, steps = made("pair")
+    with pytest.raises(ValueError, match="stop condition differs between ranks"):
+        evolution.run(times, stop=after(1, []) if COMM.rank == 0 else None, **steps)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "stops",
+    "records of histories",
+    reference="itself: the run that stays stopped",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
+def test_a_record_of_a_run_that_is_stopped(folder):
+    """Killed when the observer is told of the last step, it stays stopped."""
+
+    def observer(step):
+        if step.number == 2:
+            raise Killed
+
+    evolution, times, steps = made("pair")
+    with EvolutionRecord(folder, evolution) as kept, pytest.raises(Killed):
+        evolution.run(times, record=kept, stop=after(2, []), observer=observer, **steps)
+    assert len(read_journal(folder).rows()) == 2
+    evolution, times, steps = made("pair")
+    asked = []
+    with EvolutionRecord(folder, evolution, resume=True) as kept:
+        history = kept.go_on(stop=after(2, asked))
+        assert (history.steps, asked) == ([], [])
+        assert (history.ending, history.reason) == (Ending.STOPPED, "far enough")
+        # What follows is a run of its own.
+        assert evolution.run(later(times, history.time), record=kept, **steps).complete
+    assert kept.journal.runs[-1].ending is Ending.REACHED

@@ -1,0 +1,129 @@
+"""Demos put otherwise than they are: other steps, augmentation parameters, numberings and units.
+
+What is found must not depend on any of that. From the command line:
+
+    python3 tests/support/harness.py demo_linear_triangle --step-factor 0.1 -- --n 16
+"""
+
+import argparse
+import importlib
+import sys
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+
+import basix.ufl
+import dolfinx.mesh
+import ufl
+
+from dolfinx_contact.continuation import StepControl
+
+DEMOS = Path(__file__).resolve().parents[2] / "demos"
+_FOLLOWERS = ("explore", "follow", "follower_for")
+_MESHES = ("create_rectangle", "create_submesh")
+
+
+@contextmanager
+def varied(*, step_factor=None, r=None, seed=None, mm=None, MPa=None):
+    """Change what demos that have been imported do while the context lasts.
+
+    Args:
+        step_factor: by which steps are longer than by default.
+        r: augmentation parameter.
+        seed: renumbers the nodes and cells of the block and of the triangle at random; serially.
+        mm: a millimetre in the units of the hyperelastic block.
+        MPa: and a megapascal.
+    """
+    with ExitStack() as stack:
+        found = []
+
+        def put(module, name, change):
+            if hasattr(module, name):
+                found.append(name)
+                changed = change(getattr(module, name))
+                stack.enter_context(mock.patch.object(module, name, changed))
+
+        # Also what demos share: it makes the problems of some.
+        files = {m: getattr(m, "__file__", None) for m in sys.modules.values()}
+        modules = [m for m, file in files.items() if file and Path(file).resolve().parent == DEMOS]
+        for module in modules:
+            if r is not None:
+                put(module, "ContactProblem", lambda f: partial(f, r=r))
+            if step_factor is not None:
+                for where in (module, getattr(module, "records", None)):
+                    for name in _FOLLOWERS:
+                        put(where, name, lambda f: partial(f, control=control(step_factor)))
+            if seed is not None:
+                put(module, "mesh", partial(Renumbering, seed))
+        if mm is not None or MPa is not None:
+            units = {"mm": mm or 1.0, "MPa": MPa or 1.0}
+            put(sys.modules["demo_ciarlet_geymonat"], "block", lambda f: partial(f, **units))
+        varies = any(v is not None for v in (step_factor, r, seed, mm, MPa))
+        assert found or not varies, "nothing that demos use was changed"
+        yield
+
+
+def control(factor):
+    """The default step lengths times a factor, as far as that is allowed."""
+    plain = StepControl()
+    steps = (min(factor * h, 1.0) for h in (plain.initial, plain.maximum))
+    return StepControl(**dict(zip(("initial", "maximum"), steps, strict=True)))
+
+
+class Renumbering:
+    """``dolfinx.mesh`` as a demo sees it, with nodes and cells in a random order."""
+
+    def __init__(self, seed, module):
+        self._seed = seed
+        self._module = module
+
+    def __getattr__(self, name):
+        made = getattr(self._module, name)
+        return partial(self._make, made) if name in _MESHES else made
+
+    def _make(self, create, *args, **kwargs):
+        made = create(*args, **kwargs)
+        return renumbered(made, self._seed) if hasattr(made, "geometry") else self._first(made)
+
+    def _first(self, made):
+        return renumbered(made[0], self._seed), *made[1:]
+
+
+def renumbered(whole, seed):
+    """The mesh with its nodes and cells in another order; DOLFINx's own undoes some of them."""
+    assert whole.comm.size == 1
+    x = whole.geometry.x[:, :2]
+    cells = whole.geometry.dofmap.astype(np.int64)
+    element = basix.ufl.element("Lagrange", whole.basix_cell().name, 1, shape=(2,))
+    random = np.random.default_rng(seed)
+    for _ in range(100):
+        order = random.permutation(len(x))
+        new = np.argsort(order)[cells][random.permutation(len(cells))]
+        if new.shape[1] == 3:  # simplices may begin with any of their nodes
+            new = random.permuted(new, axis=1)
+        domain = dolfinx.mesh.create_mesh(whole.comm, cells=new, x=x[order], e=ufl.Mesh(element))
+        if not np.allclose(domain.geometry.x[:, :2], x, atol=1e-9 * np.ptp(x)):
+            return domain
+    raise AssertionError("no other order was found")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("demo")
+    for name in ("step-factor", "r", "mm", "MPa"):
+        parser.add_argument(f"--{name}", type=float)
+    parser.add_argument("--seed", type=int)
+    parser.add_argument("options", nargs="*", help="of the demo, after --")
+    args = vars(parser.parse_args())
+    sys.path.insert(0, str(DEMOS))
+    demo = importlib.import_module(args.pop("demo"))
+    options = args.pop("options")
+    with varied(**args):
+        demo.main(options)
+
+
+if __name__ == "__main__":
+    main()

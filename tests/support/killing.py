@@ -1,0 +1,111 @@
+"""Runs in processes of their own, and their ends."""
+
+import os
+import random
+import signal
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+from dolfinx_contact.records import read_journal
+
+TREE = Path(__file__).resolve().parents[2]
+
+
+def launch(ranks, script, *arguments):
+    """Start a script of the tests on ranks of its own, without what this process has from its."""
+    taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
+    program = ["python3", str(TREE / "tests" / "support" / script), *map(str, arguments)]
+    command = program if ranks == 1 else ["mpirun", "-n", str(ranks), *program]
+    # A killed mpirun leaves its folder, in whose way a later one of the same number would be.
+    own = tempfile.mkdtemp(prefix="ranks-")
+    path = os.pathsep.join([str(TREE / "tests"), os.environ.get("PYTHONPATH", "")])
+    return subprocess.Popen(
+        [TREE / "docker/run", *command],
+        env=clean | {"DOLFINX_CONTACT_ENV": "direct", "TMPDIR": own, "PYTHONPATH": path},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def family(pid):
+    """A process and its descendants."""
+    try:
+        threads = list(Path(f"/proc/{pid}/task").iterdir())
+        children = " ".join((t / "children").read_text() for t in threads)
+    except OSError:
+        return [pid]
+    return [pid, *(q for child in children.split() for q in family(int(child)))]
+
+
+def kill(process):
+    """SIGKILL for a process and all that it has started, and wait until they are gone.
+
+    Every rank of mpirun is in a process group of its own: there is no group to kill.
+    """
+    pids = family(process.pid)
+    for pid in pids:
+        try:
+            os.kill(pid, signal.SIGKILL)
+        except ProcessLookupError:
+            continue
+    process.wait()
+    for pid in pids:
+        while alive(pid):
+            time.sleep(0.005)
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def killed_and_resumed(script, arguments, first, folder, known, kills):
+    """Sessions of a script with a record that are killed at random moments, and one that ends.
+
+    Every one is on another number of ranks, records something, and loses or changes nothing of
+    what was recorded before.
+
+    Args:
+        script: of the tests, with the folder as its first argument.
+        arguments: of all sessions.
+        first: further ones of the first; all others have ``--resume``.
+        folder: of the record.
+        known: folder of a record of the same, of which nothing was killed.
+        kills: number of them.
+    """
+    random.seed(5)
+    path = folder / "journal.jsonl"
+    total = (known / path.name).stat().st_size
+    moments = [0.1 + 0.8 / kills * (i + random.uniform(0.0, 0.8)) for i in range(kills)]
+    recorded = []
+    for session, moment in enumerate(moments):
+        more = ["--resume"] if session else first
+        process = launch(1 + session % 3, script, folder, *arguments, *more)
+        # Time passes between a look at the file and the kill: any moment of a step may be hit.
+        delay = random.uniform(0.0, 0.05)
+        before = len(recorded[-1]) if recorded else 0
+        while (
+            (path.stat().st_size if path.exists() else 0) < moment * total
+            or len(read_journal(folder).rows()) == before  # every session records something
+        ):
+            if process.poll() is not None:  # the last steps may be written between two looks
+                assert process.returncode == 0, (folder / "said.0").read_text()
+                break
+            time.sleep(0.002)
+        time.sleep(delay)
+        kill(process)
+        recorded.append(read_journal(folder).rows())
+    process = launch(2, script, folder, *arguments, "--resume")
+    assert process.wait(timeout=300) == 0, (folder / "said.0").read_text()
+    journal = read_journal(folder)
+    assert [s["ranks"] for s in journal.sessions] == [*(1 + i % 3 for i in range(kills)), 2]
+    for rows in recorded:
+        assert rows == journal.rows()[: len(rows)]
+    lengths = [len(rows) for rows in recorded]
+    assert sorted(set(lengths)) == lengths
+    assert len(journal.rows()) > lengths[-1]

@@ -1,0 +1,380 @@
+"""Contact problems solved by the classical algorithms, by name, beside Newton's method."""
+
+import json
+from pathlib import Path
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import demo_greco_block
+import numpy as np
+import pytest
+from support.blocks import block, half_block
+from test_pair import MATERIAL, displacement, held, largest, stacked
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ConvergenceError,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    Tresca,
+)
+from dolfinx_contact._petsc import has_package
+from dolfinx_contact.algorithms import (
+    GaussSeidel,
+    InteriorPoint,
+    Lemke,
+    Penalty,
+    TrescaFixedPoint,
+    Uzawa,
+)
+
+COMM = MPI.COMM_WORLD
+STORED = json.loads((Path(__file__).parents[2] / "data" / "blocks.json").read_text())
+ON_POINTS = [
+    "sor",
+    "gauss-seidel",
+    "projected-gradient",
+    "lemke",
+    "interior-point",
+    TrescaFixedPoint(on="points"),
+    Uzawa(on="points", augmented=True),
+    GaussSeidel(two_level=True),
+]
+ON_BODY = ["tresca", TrescaFixedPoint(aitken=True), Uzawa(augmented=True)]
+
+
+def named(algorithm):
+    return algorithm if isinstance(algorithm, str) else algorithm.described()
+
+
+def greco(n):
+    return demo_greco_block.problem(demo_greco_block.arguments(["--n", str(n)]), COMM)
+
+
+def check(problem, algorithm, accuracy=1e-8):
+    """From zero the algorithm ends in Newton's solution; its result."""
+    x = problem.create_vector()
+    problem.read(x)
+    known = {k: t for k, t in problem.solve().tables.items()}
+    problem.read(x)
+    found = problem.solve(algorithm=algorithm)
+    for name, table in found.tables.items():
+        other = known[name]
+        force = np.abs(other.force).max()
+        length = max(np.abs(other.ut).max(), np.abs(other.un).max())
+        np.testing.assert_allclose(table.force, other.force, rtol=0, atol=accuracy * force)
+        np.testing.assert_allclose(table.ut, other.ut, rtol=0, atol=accuracy * max(length, 1e-3))
+        assert table.status == other.status
+    assert found.converged
+    assert found.imbalance < accuracy
+    assert len(found.attempts) == 1
+    return found
+
+
+def check_stored(case, algorithm, accuracy=1e-8):
+    """As `check`, and forces and statuses are those of an independent code."""
+    data = STORED[case]
+    dim = data["dim"]
+    friction = data["F"]
+    problem = block(
+        n=data["n"],
+        cell="quad" if dim == 2 else "hex",
+        law=Coulomb(friction),
+        top=data["top"],
+        young=data["E"],
+        poisson=data["nu"],
+    )
+    found = check(problem, algorithm, accuracy)
+    table = found.tables["contact"]
+    order = np.lexsort(np.round(data["x"], 9).T[::-1])
+    rn = -np.array(data["ln"])[order]
+    rt = np.array(data["lt"])[order]
+    np.testing.assert_allclose(table.rn, rn, rtol=0, atol=accuracy * rn.max())
+    np.testing.assert_allclose(table.rt[:, : dim - 1], rt, rtol=0, atol=accuracy * rn.max())
+    sticks = np.linalg.norm(rt, axis=1) < (1 - 1e-6) * friction * rn
+    slips = np.where(rt[:, 0] < 0, "+", "-") if dim == 2 else "s"
+    assert "".join(table.status) == "".join(np.where(sticks, "k", slips))
+    return found
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("algorithm", [*ON_BODY, *ON_POINTS], ids=named)
+@pytest.mark.verifies(
+    "Tresca's fixed point",
+    "Uzawa",
+    "SOR",
+    "Gauss-Seidel",
+    "projected gradient",
+    "Lemke",
+    "interior point",
+    reference="independent code: GetFEM, every nodal force",
+    aspects=("2D",),
+)
+def test_in_the_plane(algorithm):
+    check_stored("b2d_n8", algorithm)
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize(
+    "algorithm",
+    [*("gauss-seidel", "sor", "interior-point"), TrescaFixedPoint(on="points"), *ON_BODY],
+    ids=named,
+)
+@pytest.mark.verifies(
+    "Gauss-Seidel",
+    "SOR",
+    "interior point",
+    "Tresca's fixed point",
+    "Uzawa",
+    reference="independent code: GetFEM, every nodal force",
+    aspects=("3D",),
+)
+def test_in_space(algorithm):
+    check_stored("b3d_n4", algorithm)
+
+
+@pytest.mark.verifies(
+    "SOR",
+    "Lemke",
+    "interior point",
+    "Tresca's fixed point",
+    reference="itself: Newton's method",
+    aspects=("2D",),
+)
+def test_greco():
+    for algorithm in ("sor", "lemke", "interior-point", "tresca"):
+        check(greco(8), algorithm)
+
+
+@pytest.mark.ranks(2)
+def test_uzawa_without_augmentation():
+    """Every iteration is a solve with the stiffness alone; first order, and so many of them."""
+    PETSc.Options()["contact_snes_rtol"] = 1e-5
+    found = check(block(n=2, cell="quad"), "uzawa", 1e-3)
+    assert 50 < found.iterations < 1000
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "gamg",
+        pytest.param(
+            "hypre",
+            marks=pytest.mark.skipif(not has_package("hypre"), reason="PETSc without hypre"),
+        ),
+    ],
+)
+@pytest.mark.verifies(
+    "Uzawa",
+    "multigrid",
+    reference="itself: Newton's method",
+    aspects=(
+        "3D",
+        "multigrid",
+    ),
+)
+def test_uzawa_with_a_hierarchy(kind):
+    """The body by conjugate gradients with a hierarchy that is kept."""
+    options = PETSc.Options()
+    options["contact_linear_solver"] = "amg"
+    options["contact_amg_pc_type"] = kind
+    options["contact_snes_rtol"] = 1e-6
+    check(block(n=2, cell="hex"), "uzawa", 1e-4)
+    check(block(n=2, cell="hex"), Uzawa(augmented=True), 1e-4)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("on", ["points", "body"])
+@pytest.mark.verifies(
+    "penalty",
+    reference="itself: Newton's method",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_penalty(dim, on):
+    """Extrapolated to 1e-4 and better, at first order."""
+    found = check(block(n=3, cell="quad" if dim == 2 else "hex"), Penalty(on=on), 1e-4)
+    assert abs(found.attempts[0].series["order"][-1] - 1) < 0.1
+
+
+@pytest.mark.parametrize(
+    "law", [Frictionless(), Tresca(2.0), Coulomb(0.8)], ids=lambda law: type(law).__name__
+)
+@pytest.mark.parametrize("algorithm", ["tresca", "interior-point", "gauss-seidel"])
+@pytest.mark.verifies(
+    "Tresca's fixed point",
+    "interior point",
+    "Gauss-Seidel",
+    "Signorini",
+    "Tresca",
+    "Coulomb",
+    reference="itself: Newton's method",
+    aspects=("2D",),
+)
+def test_laws(law, algorithm):
+    check(block(n=3, cell="tri", law=law), algorithm)
+
+
+@pytest.mark.ranks(2)
+def test_a_symmetry_plane():
+    """A contact node whose tangential displacement is prescribed."""
+    for algorithm in ("gauss-seidel", "interior-point", "lemke", "tresca"):
+        check(half_block(), algorithm)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("algorithm", [Uzawa(augmented=True), Penalty(), "tresca"], ids=named)
+def test_a_body_that_slides_away(algorithm):
+    """Sheared by more than friction holds a block on another has no equilibrium.
+
+    Residuals relative to its nodal forces vanish all the same, after displacements of 1e11. The
+    fixed point meets it free in its first problem, that of no friction.
+    """
+    both = stacked(3, "hex", 2)
+    u = displacement(both.mesh)
+    shear = fem.Constant(both.mesh, 1.0)
+    top = ufl.Measure("ds", subdomain_data=both.facet_tags)
+    load = ufl.as_vector((-0.8 * shear, -0.6 * shear, -5.0))
+    bulk = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * top(4, domain=both.mesh)
+    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
+    problem = ContactProblem(bulk, u, [pair], bcs=[held(u, both.facet_tags, 1, np.zeros(3))])
+    if algorithm != "tresca":
+        check(problem, algorithm, 1e-4 if isinstance(algorithm, Penalty) else 1e-8)
+        problem.read(problem.create_vector())
+    shear.value = 2.1
+    said = "a rigid motion of the body is free" if algorithm == "tresca" else "the body goes away"
+    with pytest.raises(ConvergenceError, match=said) as caught:
+        problem.solve(algorithm=algorithm)
+    assert [a.strategy for a in caught.value.attempts] == [named(algorithm)]
+    assert largest(u.x.array) == 0.0
+
+
+@pytest.mark.verifies(
+    "mixed contact",
+    "SOR",
+    "Tresca's fixed point",
+    "Uzawa",
+    reference="itself: Newton's method",
+    aspects=("2D",),
+)
+def test_a_tilted_plane_and_mixed_contact():
+    tilted = HalfSpace((0.5, 0.0), (0.03, 1))
+    problem = block(n=4, cell="tri", obstacle=tilted, method="mixed")
+    for algorithm in ("sor", "tresca", Uzawa(augmented=True)):
+        assert check(problem, algorithm).counts["open"] > 0
+
+
+@pytest.mark.parametrize("on", ["body", "points"])
+def test_a_fixed_point_that_seems_to_stand_still(on):
+    """Two bounds in a row let all points stick, in the same state; the third opens some."""
+    problem = block(n=8, cell="quad", law=Coulomb(3.0), top=(0.03, -0.01))
+    found = check(problem, TrescaFixedPoint(aitken=True, on=on))
+    assert found.tables["contact"].status == "oookkkkkk"
+    residuals = [step.measures.worst for step in found.history]
+    assert residuals[2] == pytest.approx(residuals[3], rel=1e-9)
+
+
+@pytest.mark.ranks(2)
+def test_what_fails_is_told_and_leaves_the_functions():
+    """Too few sweeps, and a cycle of the fixed point at large friction, each as it is."""
+    problem = greco(8)
+    problem.u.x.array[:] = 1e-6
+    before = problem.u.x.array.copy()
+    with pytest.raises(ConvergenceError, match="no convergence in 3 iterations") as caught:
+        problem.solve(algorithm=GaussSeidel(max_iterations=3))
+    (attempt,) = caught.value.attempts
+    assert attempt.iterations == 3
+    assert len(attempt.steps) == 4
+    assert not attempt.converged
+    np.testing.assert_array_equal(problem.u.x.array, before)
+    problem.surfaces[0].law.friction.value = 20.0
+    with pytest.raises(ConvergenceError, match=r"cycle|diverge|no convergence|not solved"):
+        problem.solve(algorithm=TrescaFixedPoint(on="points", max_iterations=60))
+    np.testing.assert_array_equal(problem.u.x.array, before)
+
+
+@pytest.mark.ranks(2)
+def test_monitor_and_history():
+    seen = []
+    problem = block(n=3, cell="quad")
+    result = problem.solve(algorithm="gauss-seidel", monitor=seen.append)
+    assert [s.iteration for s in seen] == list(range(len(seen)))
+    assert seen == result.history
+    assert result.iterations == len(seen) - 1
+    assert result.reason == "gauss-seidel"
+
+
+@pytest.mark.ranks(2)
+def test_what_is_refused():
+    problem = block(n=2)
+    for wrong in ("magic", None, 3, GaussSeidel):
+        with pytest.raises(ValueError, match="unknown algorithm"):
+            problem.solve(algorithm=wrong)
+    with pytest.raises(ValueError, match="at the nodes"):
+        block(n=2, method="integral").solve(algorithm="lemke")
+    with pytest.raises(ConvergenceError, match="for the plane"):
+        block(n=2, cell="hex").solve(algorithm=Lemke(form="klarbring"))
+    if COMM.size > 1:
+        mine = GaussSeidel(relaxation=1.0 + 0.1 * COMM.rank)
+        with pytest.raises(ValueError, match="algorithm differs between ranks"):
+            problem.solve(algorithm=mine)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "algorithm",
+    [*ON_POINTS, *ON_BODY, "uzawa", Lemke(form="klarbring"), Penalty()],
+    ids=named,
+)
+@pytest.mark.parametrize("case", ["greco 32", *(k for k in STORED if k != "source")])
+@pytest.mark.verifies(
+    "penalty",
+    "Uzawa",
+    "projected gradient",
+    "Gauss-Seidel",
+    "SOR",
+    "interior point",
+    "Tresca's fixed point",
+    reference="independent code: GetFEM, every nodal force",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_acceptance(algorithm, case):
+    """Stored forces and Newton's solution to 1e-8 from zero, extrapolated penalties to 1e-4."""
+    plane_only = isinstance(algorithm, Lemke) or algorithm == "lemke"
+    if plane_only and case.startswith("b3d"):
+        pytest.skip("for the plane")
+    PETSc.Options()["contact_snes_rtol"] = 1e-11
+    accuracy = 1e-4 if isinstance(algorithm, Penalty) else 1e-8
+    if case in STORED:
+        found = check_stored(case, algorithm, accuracy)
+    else:
+        found = check(greco(32), algorithm, accuracy)
+    if isinstance(algorithm, Penalty):
+        assert abs(found.attempts[0].series["order"][-1] - 1) < 0.1
+
+
+@pytest.mark.long
+def test_two_levels_on_greco():
+    """Ten times fewer sweeps at 128 contact nodes, and counts that do not grow with them."""
+    two = GaussSeidel(two_level=True)
+    counts = {n: greco(n).solve(algorithm=two).iterations for n in (32, 64, 128, 256)}
+    alone = greco(128).solve(algorithm="gauss-seidel").iterations
+    assert alone >= 10 * counts[128]
+    assert max(counts.values()) < 1.5 * min(counts.values())
+
+
+def test_interior_point_takes_few_steps():
+    assert check(greco(8), InteriorPoint()).iterations < 30

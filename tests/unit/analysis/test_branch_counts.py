@@ -1,0 +1,243 @@
+"""Counts along branches: what is proved, what is on no branch, what is written."""
+
+import json
+import re
+
+from mpi4py import MPI
+
+import demo_proofs_3d
+import numpy as np
+import pytest
+from _triangle import linear_triangle
+from support.blocks import box, facets
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    plot,
+    records,
+)
+from dolfinx_contact.analysis import Certificate, check, prove_counts
+from dolfinx_contact.analysis.branch_counts import default_gammas
+from dolfinx_contact.continuation import Branch, Diagram, explore, find_solutions
+from dolfinx_contact.explorer import explorer
+from dolfinx_contact.materials import LinearElastic
+
+TOTAL = dict(sum_rn=records.total("rn"))
+
+
+def explored(n, friction, unit=1.0):
+    """The triangle, and its branches under -unit <= gamma <= unit."""
+    system = linear_triangle(n, friction, load=(26.0 / unit, 7.5 / unit))
+    system.set_parameter(-unit)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    return system, explore(system, [(x, -unit)], gamma_range=(-unit, unit))
+
+
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    "explorer",
+    reference="enumeration: one solution under a load, three under the opposite one",
+    aspects=("2D", "proofs", "branches"),
+)
+def test_one_solution_and_three(folder):
+    system, diagram = explored(2, 3.0)
+    before = float(system.constant.value)
+    counts = prove_counts(system, diagram)
+    assert float(system.constant.value) == before
+    np.testing.assert_allclose([c.gamma for c in counts], [-1.0, -0.5, 0.5, 1.0])
+    assert [c.number for c in counts] == [1, 1, 3, 3]
+    assert counts.proved
+    assert counts.followed
+    assert counts.missed == 0
+    assert all(c.unfound == () and len(set(c.branches)) == c.number for c in counts)
+    assert sorted(word[0] for word in counts.counts[-1].statuses) == ["-", "k", "o"]
+    assert "3 solutions, proved" in str(counts)
+    journal = records.journal_of(system, diagram.branches, TOTAL)
+    if system.comm.rank:
+        return
+    file = counts.save(folder / "counts")
+    saved = json.loads(file.read_text())
+    assert [row["count"] for row in saved["counts"]] == [1, 1, 3, 3]
+    for row, c in zip(saved["counts"], counts, strict=True):
+        proof = Certificate.load(file.parent / row["certificate"])
+        assert proof.digest == row["digest"]
+        found = check(proof)
+        assert found.verdict == "complete"
+        assert len(found.inside) + found.at_rest == c.number
+    table = (file.parent / "counts.tex").read_text()
+    assert table.count(" yes ") == 4
+    assert "$0.5$ & 3 & yes & 1, 3, 2 " in table
+    with pytest.raises(FileExistsError, match="overwrite"):
+        counts.save(folder / "counts")
+    plot.draw_diagram(folder / "with.svg", journal, "sum_rn", proved=counts)
+    picture = (folder / "with.svg").read_text()
+    assert picture.count("<!-- 3, proved -->") == 2
+    assert picture.count("<!-- 1, proved -->") == 2
+
+
+@pytest.mark.ranks(2)
+def test_the_page(folder):
+    system, diagram = explored(2, 3.0)
+    counts = prove_counts(system, diagram, gammas=[0.5])
+    journal = records.journal_of(system, diagram.branches, TOTAL)
+    explorer(folder / "page.html", journal, counts=counts)
+    text = re.sub(r"\s", "", (folder / "page.html").read_text())
+    assert '"count":3,"proved":true' in text
+
+
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    reference="enumeration: a solution on a branch that was left out",
+    aspects=("2D", "proofs", "branches"),
+)
+def test_what_is_on_no_branch():
+    """One branch of the three is left out: its solution is named, on both ranks."""
+    system, diagram = explored(2, 3.0)
+    whole = prove_counts(system, diagram, gammas=[0.5])
+    left = Diagram(edges=diagram.edges[:-1])
+    counts = prove_counts(system, left, gammas=[0.5])
+    assert not counts.followed
+    assert counts.proved
+    gone = len(diagram.edges) - 1
+    assert counts.missed == sum(b == gone for c in whole for b in c.branches) == 1
+    assert "1 on no branch" in str(counts)
+
+
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    "units",
+    reference="enumeration: a branch that was left out, gamma beyond all displacements",
+    aspects=("2D", "proofs", "branches"),
+)
+def test_the_unit_of_gamma():
+    """Distances are of states: beside a gamma of 1e6 displacements are not the same."""
+    system, diagram = explored(2, 3.0, unit=1e6)
+    (whole,) = prove_counts(system, diagram, gammas=[5e5])
+    assert len(set(whole.branches)) == whole.number == 3
+    counts = prove_counts(system, Diagram(edges=diagram.edges[:-1]), gammas=[5e5])
+    assert counts.missed == 1
+
+
+@pytest.mark.ranks(2)
+def test_where_branches_meet():
+    """Unloaded: all branches begin in the one solution, whose size is no measure of it."""
+    system, diagram = explored(2, 3.0)
+    (count,) = prove_counts(system, diagram, gammas=[0.0])
+    assert count.number == 1
+    assert count.proved
+    assert count.unfound == ()
+    assert count.branches[0] >= 0
+
+
+def test_a_branch_that_is_no_solution():
+    system, diagram = explored(2, 3.0)
+    branch = diagram.branches[0]
+    other = Branch(points=[p for p in branch.points])
+    moved = other.points[-1].y.copy()
+    moved.shift(1.0)
+    other.points[-1] = type(other.points[-1])(
+        moved, other.points[-1].tangent, other.points[-1].piece, other.points[-1].gamma, 0.0, 0
+    )
+    edge = type(diagram.edges[0])(**{**vars(diagram.edges[0]), "branch": other})
+    (count,) = prove_counts(system, Diagram(edges=[edge]), gammas=[branch.points[-1].gamma])
+    assert count.unfound == (0,)
+
+
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    reference="itself: a branch in space and what is proved at its gammas",
+    aspects=("3D", "proofs", "branches"),
+)
+@pytest.mark.parametrize(
+    ("n", "aside", "events", "letters"),
+    [(1, (0.006, 0.0, 0.0), None, None), (2, (0.02, 0.002, 0.009), 3, "sssssssss")],
+)
+def test_in_space(n, aside, events, letters):
+    """Cubes with 4 and 9 nodes on the floor, pressed and moved aside; proofs are checked."""
+    domain = box(MPI.COMM_WORLD, n, "hex")
+    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    u = fem.Function(V)
+    moved = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    dofs = fem.locate_dofs_topological(V, 2, facets(domain, 2, 1.0))
+    floor = HalfSpace((0, 0, 0), (0, 0, 1))
+    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(moved, dofs)])
+    start = (0.0, 0.002 if n == 1 else 0.0, -0.01)
+    path = ufl.as_vector([s + gamma * a for s, a in zip(start, aside, strict=True)])
+    system = ParametricContact(problem, gamma, driven=[(moved, path)])
+    system.set_parameter(0.0)
+    problem.solve()
+    x = system.create_vector()
+    problem.write(x)
+    diagram = explore(system, [(x, 0.0)], gamma_range=(0.0, 1.0))
+    counts = prove_counts(system, diagram, most=3)
+    assert diagram.complete
+    if events is not None:
+        assert sum(len(b.special) for b in diagram.branches) == events
+    assert [c.number for c in counts] == [1] * len(counts)
+    assert counts.proved
+    assert counts.missed == 0
+    assert all(c.unfound == () for c in counts)
+    if letters is not None:
+        assert counts.counts[-1].statuses == (letters,)
+        assert len(counts) == 5
+    if MPI.COMM_WORLD.rank == 0:
+        assert all(check(c.certificate).verdict == "complete" for c in counts)
+
+
+@pytest.mark.long
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    reference="independent code: three solutions of a body in space, of the table of proofs",
+    aspects=("3D", "proofs", "branches"),
+)
+def test_several_in_space():
+    """Three branches with the friction disc; of one alone the other two are counted as missed."""
+    system = demo_proofs_3d.body(demo_proofs_3d.arguments([]), MPI.COMM_WORLD)
+    found = find_solutions(system, [system.create_vector()], 1.0).found
+    missed = []
+    for starts in (found, found[:1]):
+        diagram = explore(system, [(s.x, 1.0) for s in starts], gamma_range=(0.25, 1.0))
+        (count,) = prove_counts(system, diagram, gammas=[0.5])
+        assert diagram.complete
+        assert (count.number, count.proved, count.unfound) == (3, True, ())
+        missed.append(count.branches.count(-1))
+    assert missed == [0, 2]
+
+
+@pytest.mark.ranks(2)
+def test_middles_and_bad_input():
+    system, diagram = explored(2, 3.0)
+    every = default_gammas(diagram.branches, 20)
+    assert every[0] == -1.0
+    assert every[-1] == 1.0
+    assert len(default_gammas(diagram.branches, 1)) == 3
+    for wrong in (
+        dict(gammas=[np.inf]),
+        dict(gammas=[]),
+        dict(gammas=3),
+        dict(most=0),
+        dict(proof_seconds=-1),
+    ):
+        with pytest.raises(ValueError, match="must be"):
+            prove_counts(system, diagram, **wrong)
+    with pytest.raises(ValueError, match="diagram"):
+        prove_counts(system, None)
+    with pytest.raises(ValueError, match="no branch"):
+        prove_counts(system, Diagram())

@@ -1,0 +1,829 @@
+"""Critical friction: known coefficients, an independent condensation, exact continua."""
+
+import importlib
+import sys
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import demo_two_blocks
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse
+from _triangle import linear_triangle
+from demo_critical_friction import main as demo
+from support.blocks import restore_statuses
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    Sphere,
+    Tresca,
+)
+from dolfinx_contact.analysis import critical_friction
+from dolfinx_contact.grids import create_grid
+from dolfinx_contact.laws import MINUS, PLUS
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import join
+
+COMM = MPI.COMM_WORLD
+SOLVERS = ("direct", "amg")
+QUADRILATERAL = mesh.CellType.quadrilateral
+LAME = {(1.0, 1.0): (2.0, 1.83333333, 1.78580249, 1.7666602)}
+LAME[(100.0, 82.0)] = (1.9010989, 1.73663256, 1.68791278, 1.66953114)
+
+
+def on_box(
+    domain,
+    *,
+    material=None,
+    sides=None,
+    law=None,
+    friction=0.3,
+    clamped=True,
+    floor=None,
+    **surface,
+):
+    """A body clamped at its top, the last coordinate, with contact at its bottom."""
+    material = material or LinearElastic.from_young(1.0, 0.3)
+    dim = domain.geometry.dim
+    top = domain.comm.allreduce(domain.geometry.x[:, dim - 1].max(initial=-np.inf), op=MPI.MAX)
+    facets = [
+        mesh.locate_entities_boundary(domain, dim - 1, lambda x, y=y: np.isclose(x[dim - 1], y))
+        for y in (0.0, top)
+    ]
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    dofs = fem.locate_dofs_topological(V, dim - 1, facets[1])
+    bcs = [fem.dirichletbc(np.zeros(dim), dofs, V)] if clamped else []
+    bcs += sides(V) if sides else []
+    floor = floor or HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    s = ContactSurface(u, facets[0], obstacle=floor, law=law or Coulomb(friction), **surface)
+    return ContactProblem(material.energy(u) * ufl.dx, u, [s], bcs=bcs)
+
+
+def leaning(n, *, height=2.0, offset=1.0, cell=mesh.CellType.quadrilateral, width=1.0, comm=COMM):
+    box = [[0.0, 0.0], [width, height]]
+    domain = mesh.create_rectangle(comm, box, [n, max(round(n * height / width), 1)], cell)
+    domain.geometry.x[:, 0] += offset * domain.geometry.x[:, 1] / height
+    return on_box(domain)
+
+
+def by_hand(problem, xi=None):
+    """All coefficients by a dense condensation onto the contact nodes, on one rank."""
+    V = problem.V
+    dim = V.mesh.geometry.dim
+    n = V.dofmap.index_map.size_local
+    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
+    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
+    free = ~problem.equations.fixed
+    x = V.tabulate_dof_coordinates()
+    nodes = np.flatnonzero(np.isclose(x[:, dim - 1], 0.0) & free.reshape(n, dim).all(axis=1))
+    touching = (dim * nodes[:, None] + np.arange(dim)).ravel()
+    inside = np.setdiff1d(np.flatnonzero(free), touching)
+    S = K[np.ix_(touching, touching)] - K[np.ix_(touching, inside)] @ np.linalg.solve(
+        K[np.ix_(inside, inside)], K[np.ix_(inside, touching)]
+    )
+    m = len(nodes)
+    S = S.reshape(m, dim, m, dim)
+    xi = np.eye(dim)[0] if xi is None else xi
+    tangential = np.einsum("iajb,a,b->ij", S, xi, xi)
+    normal = S[:, dim - 1, :, :] @ xi
+    values, vectors = scipy.linalg.eig(tangential, normal)
+    return values, vectors
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("lame", LAME)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="closed form: kt/k of one element, and known coefficients of finer meshes",
+    aspects=("2D",),
+)
+def test_hild_triangle(lame):
+    for n, expected in zip((1, 2, 4, 8), LAME[lame], strict=True):
+        problem = linear_triangle(n, 0.3, lame=lame).problem
+        for dense in (True, False):
+            found = critical_friction(problem, dense=dense)
+            assert abs(found.friction - expected) < 1e-7
+            assert found.complete is dense
+            assert found.slips.max() == pytest.approx(1.0)
+            assert len(found.slips) == n
+
+
+def test_large_mesh_converges():
+    """n = 128, near the limit that smaller meshes lead to."""
+    coarse, middle, fine = (
+        critical_friction(linear_triangle(n, 0.3, lame=(100.0, 82.0)).problem).friction
+        for n in (8, 32, 128)
+    )
+    assert coarse > middle > fine > middle - 0.3 * (coarse - middle)
+
+
+@pytest.mark.parametrize("cell", [mesh.CellType.quadrilateral, mesh.CellType.triangle])
+@pytest.mark.parametrize("offset", [1.0, -0.6])
+@pytest.mark.verifies(
+    "critical friction",
+    reference="independent code: a dense condensation in numpy",
+    aspects=("2D",),
+)
+def test_against_a_condensation_by_hand(cell, offset):
+    problem = leaning(5, offset=offset, cell=cell)
+    values, vectors = by_hand(leaning(5, offset=offset, cell=cell, comm=MPI.COMM_SELF))
+    real = np.abs(values.imag) < 1e-9 * np.abs(values)
+    signed = real & (np.abs(np.sign(vectors.real).sum(axis=0)) == len(vectors))
+    expected = values[signed].real
+    found = critical_friction(problem)
+    np.testing.assert_allclose(found.one_signed, expected[np.argsort(np.abs(expected))], rtol=1e-9)
+    every = np.sort_complex(np.array(found.one_signed + found.others).round(6))
+    np.testing.assert_allclose(every, np.sort_complex(values.round(6)), atol=3e-6)
+
+
+def test_mirrored():
+    """The mirrored body slips the other way: the sign changes."""
+    right, left = (critical_friction(leaning(4, offset=o)) for o in (1.0, -1.0))
+    assert right.friction > 0 > left.friction
+    assert right.friction == pytest.approx(-left.friction, rel=1e-10)
+    np.testing.assert_allclose(right.slips, left.slips[::-1], atol=1e-9)
+
+
+@pytest.mark.chatty
+def test_falls_with_the_height(folder):
+    """A leaning body: F goes to zero like 2 W/H; an upright one: it does not."""
+    options = ["--shape=parallelogram", "--width=1", "--height=4", "--offset=1", "--n=4"]
+    found = demo([*options, "--young=1", "--poisson=0.3", f"--output={folder}"])
+    np.testing.assert_allclose(found["falls"], [1.319, 0.823, 0.468, 0.247], rtol=0.04)
+    assert found["critical_friction"] == found["falls"][2] == found["levels"][-1]["critical"]
+    upright = [critical_friction(leaning(4, height=h, offset=0.0)).friction for h in (1.0, 4.0)]
+    np.testing.assert_allclose(upright, [1.95, 2.11], rtol=0.01)  # the positive one of a pair
+
+
+@pytest.mark.chatty
+def test_bound_of_theory(folder):
+    """For slips that alternate the criterion falls like h^(1/2); the critical friction does not."""
+    levels = demo(["--n=32", f"--output={folder}"])["levels"]
+    last = levels[-1]
+    before = levels[-2]
+    assert last["alternating"] / before["alternating"] == pytest.approx(0.5**0.5, abs=0.01)
+    assert last["critical"] / before["critical"] > 0.995
+    assert all(row["alternating"] <= row["one_way"] < row["critical"] for row in levels)
+
+
+def test_units():
+    """Neither moduli nor lengths matter."""
+    plain = critical_friction(linear_triangle(4, 0.3).problem).friction
+    other = linear_triangle(4, 0.3, lame=(1e11, 0.82e11), length=1e-3).problem
+    assert critical_friction(other).friction == pytest.approx(plain, rel=1e-10)
+
+
+# -- 3D ----------------------------------------------------------------------------------------
+
+
+def block(n, lean=(0.5, 0.2), comm=COMM, **given):
+    domain = mesh.create_box(
+        comm, [[0, 0, 0], [1, 0.6, 1.5]], [n, max(n // 2, 1), n], mesh.CellType.hexahedron
+    )
+    x = domain.geometry.x
+    x[:, :2] += np.outer(x[:, 2], lean)
+    return on_box(domain, **given)
+
+
+def in_plane(V):
+    """Plane strain: no motion along y."""
+    domain = V.mesh
+    domain.topology.create_connectivity(3, 3)
+    cells = domain.topology.index_map(3)
+    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    dofs = fem.locate_dofs_topological(V.sub(1), 3, every)
+    return [fem.dirichletbc(0.0, dofs, V.sub(1))]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "critical friction", reference="itself: the body in plane strain", aspects=("3D",)
+)
+def test_slice_in_3d():
+    """A slice in plane strain has the coefficients of the plane body; slip along y is held."""
+    domain = mesh.create_box(COMM, [[0, 0, 0], [1, 0.3, 2]], [4, 1, 8], mesh.CellType.hexahedron)
+    domain.geometry.x[:, 0] += 0.5 * domain.geometry.x[:, 2]
+    problem = on_box(domain, sides=in_plane)
+    plane = critical_friction(leaning(4))
+    for dense in (True, False):
+        found = critical_friction(problem, (1.0, 0.0, 0.0), dense=dense)
+        assert found.friction == pytest.approx(plane.friction, rel=1e-9)
+    np.testing.assert_allclose(found.slips.reshape(5, 2), plane.slips[:, None].repeat(2, axis=1))
+    with pytest.raises(ValueError, match="no contact point can slip"):
+        critical_friction(problem, (0.0, 1.0, 0.0))
+
+
+@pytest.mark.verifies(
+    "critical friction",
+    reference="independent code: a dense condensation in numpy",
+    aspects=("3D",),
+)
+def test_any_direction_in_3d():
+    problem = block(4)
+    angle = 0.4
+    xi = np.array([np.cos(angle), np.sin(angle), 0.0])
+    values, vectors = by_hand(block(4, comm=MPI.COMM_SELF), xi)
+    real = np.abs(values.imag) < 1e-9 * np.abs(values)
+    signed = real & (np.abs(np.sign(vectors.real).sum(axis=0)) == len(vectors))
+    expected = values[signed].real
+    found = critical_friction(problem, 3.0 * xi + [0.0, 0.0, 1.0])  # the tangential part counts
+    np.testing.assert_allclose(found.one_signed, expected[np.argsort(np.abs(expected))], rtol=1e-9)
+    reverse = critical_friction(problem, -xi, dense=False).friction
+    assert reverse == pytest.approx(-found.friction, rel=1e-9)
+
+
+# -- of a solution, pairs, other discretisations, bad input --------------------------------------
+
+
+@pytest.mark.ranks(2, 3)
+def test_of_a_solution():
+    """Of a solution in full slip to the right: the uniform field, and F of the other sign."""
+    problem = leaning(4)
+    uniform = critical_friction(problem)
+    restore_statuses(problem, 2)
+    assert critical_friction(problem, "solution").friction == pytest.approx(uniform.friction)
+    restore_statuses(problem, 3)
+    assert critical_friction(problem, "solution").friction == pytest.approx(-uniform.friction)
+
+
+def test_stuck_and_open_points_of_a_solution():
+    """Points that stick do not slip, open ones are free: a condensation of fewer points."""
+    problem = leaning(4)
+    s = problem.surfaces[0]
+    x = s.positions[:, 0]
+    restore_statuses(problem, np.where(x < 0.1, 0, np.where(x > 0.9, 1, 2)))
+    found = critical_friction(problem, "solution")
+    np.testing.assert_allclose(found.positions[:, 0], [0.25, 0.5, 0.75])
+    if COMM.size == 1:
+        assert found.friction == pytest.approx(some_slip(problem, x), rel=1e-9)
+
+
+def some_slip(problem, x):
+    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
+    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
+    nodes = problem.surfaces[0].points.trace_dofs
+    free = ~problem.equations.fixed
+    stuck = nodes[x > 0.9]
+    free[[2 * stuck, 2 * stuck + 1]] = False
+    slips = nodes[(x > 0.1) & (x < 0.9)]
+    t = 2 * slips
+    n = 2 * slips + 1
+    inside = np.setdiff1d(np.flatnonzero(free), np.concatenate([t, n]))
+    on = np.concatenate([t, n])
+    S = K[np.ix_(on, on)] - K[np.ix_(on, inside)] @ np.linalg.solve(
+        K[np.ix_(inside, inside)], K[np.ix_(inside, on)]
+    )
+    m = len(slips)
+    values, vectors = scipy.linalg.eig(S[:m, :m], S[m:, :m])
+    one = (np.abs(values.imag) < 1e-9) & (np.abs(np.sign(vectors.real).sum(axis=0)) == m)
+    return min(values[one].real, key=abs)
+
+
+def beside(where, law, comm=COMM):
+    """An upright body on a floor with friction, and beside it another surface: wall or floor."""
+    V = leaning(6, offset=0.0, comm=comm).V
+    u = fem.Function(V)
+    top, floor, wall = (
+        mesh.locate_entities_boundary(V.mesh, 1, marker)
+        for marker in (
+            lambda x: np.isclose(x[1], 2.0),
+            lambda x: np.isclose(x[1], 0.0) & (x[0] < (0.4 if where == "floor" else 2.0)),
+            lambda x: np.isclose(x[0], 1.0) & (x[1] > 0.3),
+        )
+    )
+    other = mesh.locate_entities_boundary(V.mesh, 1, lambda x: np.isclose(x[1], 0.0) & (x[0] > 0.6))
+    down, right = (HalfSpace((1.0, 0.0), n) for n in ((0.0, 1.0), (-1.0, 0.0)))
+    facets, obstacle = (other, down) if where == "floor" else (wall, right)
+    surfaces = [
+        ContactSurface(u, floor, obstacle=down, law=Coulomb(0.3), name="rough"),
+        ContactSurface(u, facets, obstacle=obstacle, law=law, name="smooth"),
+    ]
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    young = fem.Function(fem.functionspace(V.mesh, ("DG", 0)))
+    young.interpolate(lambda x: 1.0 + 3.0 * x[0])  # no symmetry
+    energy = LinearElastic.from_young(young, 0.3).energy(u) * ufl.dx
+    return ContactProblem(energy, u, surfaces, bcs=[clamped])
+
+
+def beside_by_hand(where):
+    """All its coefficients: normals held, and the tangents of the other surface left free."""
+    problem = beside(where, Frictionless(), MPI.COMM_SELF)
+    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
+    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
+    x = problem.V.tabulate_dof_coordinates()
+    below = np.isclose(x[:, 1], 0.0)
+    rough = np.flatnonzero(below & (x[:, 0] < (0.4 if where == "floor" else 2.0)))
+    smooth = 2 * np.flatnonzero(below & (x[:, 0] > 0.6)) + 1
+    if where == "wall":
+        smooth = 2 * np.flatnonzero(np.isclose(x[:, 0], 1.0) & (x[:, 1] > 0.3) & (x[:, 1] < 1.99))
+    t, n = 2 * rough, 2 * rough + 1
+    free = np.setdiff1d(np.flatnonzero(~problem.equations.fixed), [*t, *n, *smooth])
+    within = np.linalg.solve(K[np.ix_(free, free)], K[np.ix_(free, t)])
+    S_tt, S_nt = (K[np.ix_(rows, t)] - K[np.ix_(rows, free)] @ within for rows in (t, n))
+    return scipy.linalg.eig(S_tt, S_nt)[0]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("where", "law"), [("wall", Frictionless()), ("floor", Frictionless()), ("floor", Tresca(0.1))]
+)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="independent code: a dense condensation in numpy",
+    aspects=("2D", "multigrid"),
+)
+def test_what_does_not_rub(where, law):
+    """Points without friction, or with a bound given in advance, stay closed and slip freely."""
+    expected = beside_by_hand(where)
+    for solver, dense in (("direct", True), ("amg", False)):
+        found = critical_friction(beside(where, law), (1.0, 0.0), solver=solver, dense=dense)
+        nearest = min([*found.one_signed, *found.others], key=abs)
+        assert np.abs(nearest - expected).min() < 1e-8 * abs(nearest)
+        assert abs(nearest) == pytest.approx(np.abs(expected).min(), rel=1e-8)
+
+
+def corner(*laws):
+    """A body between a floor and a wall that hold its corner both."""
+    V = leaning(4, offset=0.0).V
+    u = fem.Function(V)
+    top, floor, wall, other = (
+        mesh.locate_entities_boundary(V.mesh, 1, marker)
+        for marker in (
+            lambda x: np.isclose(x[1], 2.0),
+            lambda x: np.isclose(x[1], 0.0),
+            lambda x: np.isclose(x[0], 1.0),
+            lambda x: np.isclose(x[0], 0.0) & (x[1] > 0.4),
+        )
+    )
+    normals = (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0)
+    places = (1.0, 0.0), (1.0, 0.0), (0.0, 0.0)
+    surfaces = [
+        ContactSurface(u, facets, obstacle=HalfSpace(x, n), law=law, name=name)
+        for facets, x, n, law, name in zip(
+            (floor, wall, other),
+            places,
+            normals,
+            (*laws, Coulomb(0.3)),
+            ("floor", "wall", "other"),
+            strict=True,
+        )
+    ]
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+    return ContactProblem(energy, u, surfaces, bcs=[clamped])
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("solver", ["direct", "amg"])
+def test_nodes_that_two_surfaces_hold(solver):
+    """A corner that one of two obstacles rubs at is refused, and one that both let slip is not."""
+    for laws in ((Coulomb(0.3), Coulomb(0.3)), (Coulomb(0.3), Frictionless())):
+        with pytest.raises(ValueError, match="floor and wall hold nodes in common"):
+            critical_friction(corner(*laws), solver=solver)
+    found = critical_friction(corner(Frictionless(), Frictionless()), solver=solver)
+    np.testing.assert_array_equal(found.positions[:, 0], 0.0)  # the corner does not rub
+    assert len(found.others) + len(found.one_signed) == len(found.positions)
+
+
+@pytest.mark.ranks(2)
+def test_bad_input():
+    problem = leaning(2)
+    for direction, words in (
+        ((0.0, 1.0), "normal to the contact surface"),
+        ((1.0, 0.0, 0.0), "a direction of slip is a vector"),
+        ("right", "a direction of slip is a vector"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            critical_friction(problem, direction)
+    with pytest.raises(ValueError, match="number of eigenvalues"):
+        critical_friction(problem, count=0)
+    with pytest.raises(ValueError, match="in 3D a direction"):
+        critical_friction(block(1))
+    with pytest.raises(ValueError, match="without resistance"):
+        critical_friction(on_box(mesh.create_unit_square(COMM, 2, 2), clamped=False))
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    with pytest.raises(ValueError, match="nodal or mixed"):
+        critical_friction(on_box(domain, method="integral"))
+    with pytest.raises(ValueError, match="unknown solver of the body 'lu'; known: auto"):
+        critical_friction(problem, solver="lu")
+    with pytest.raises(ValueError, match="points that are nodes: take solver='direct'"):
+        critical_friction(on_box(domain, method="mixed"), solver="amg")
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    "options", [["--lower", "1e9", "0.3"], ["--lower", "1e9", "0.3", "--ratio=2"]]
+)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="itself: the body on a rigid floor",
+    aspects=(
+        "2D",
+        "pairs",
+    ),
+)
+def test_between_bodies(options):
+    """On a body that is very stiff, with matching faces or others, as on a rigid floor."""
+    rigid, pair = (
+        critical_friction(two_blocks(["--n=4", "--upper", "1.0", "0.3", *given]))
+        for given in (["--rigid-floor"], options)
+    )
+    assert pair.friction == pytest.approx(rigid.friction, rel=1e-6)
+    np.testing.assert_allclose(pair.slips, rigid.slips, atol=1e-5)
+
+
+def two_blocks(options):
+    return demo_two_blocks.problem(demo_two_blocks.arguments(options), COMM)[0]
+
+
+def test_two_similar_bodies():
+    """What a shear presses below and lifts above nearly cancels: no slip of one sign is left."""
+    given = ["--n=4", "--upper", "1.0", "0.3", "--lower", "1.0", "0.3"]
+    found = critical_friction(two_blocks(given))
+    assert (found.friction, found.one_signed, len(found.slips)) == (None, [], 0)
+    alone = critical_friction(two_blocks([*given, "--rigid-floor"]))
+    assert min(map(abs, found.others)) > 1.5 * abs(alone.friction)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_without_slepc(monkeypatch):
+    """Small problems do not need it; others say what is missing."""
+    monkeypatch.setitem(sys.modules, "slepc4py", None)
+    problem = leaning(3)
+    assert critical_friction(problem).friction > 0
+    with pytest.raises(ModuleNotFoundError, match="slepc4py is not installed"):
+        critical_friction(problem, dense=False)
+
+
+# -- how far they are known, and what slips of both signs bring ------------------------------------
+
+
+def test_how_far_they_are_known():
+    """lambda = 0: the first real one, with slips of both signs, is behind 26 complex ones."""
+    expected = {16: 4.62417046, 32: 4.47983436, 64: 4.43722393}
+    for n, friction in expected.items():
+        found = critical_friction(linear_triangle(n, 0.3, lame=(0.0, 1.0)).problem)
+        assert (found.friction, found.one_signed, found.known_up_to) == (None, [], np.inf)
+        assert found.mixed[0] == pytest.approx(friction, abs=1e-8)
+        assert all(abs(F.imag) > 1e-3 for F in found.unreal)
+        assert found.others == sorted(found.others, key=lambda F: round(abs(F), 9))
+        assert len(found.others) == n
+    some = critical_friction(linear_triangle(n, 0.3, lame=(0.0, 1.0)).problem, dense=False)
+    assert (some.friction, some.mixed, some.complete) == (None, [], False)
+    every = np.abs(found.others)
+    # There is none between those that are listed and what is said to be known.
+    assert np.abs(some.others).max() < some.known_up_to < found.mixed[0]
+    assert np.count_nonzero(every < some.known_up_to) == len(some.others)
+    problem = linear_triangle(n, 0.3, lame=(0.0, 1.0)).problem
+    more = critical_friction(problem, dense=False, count=40)
+    assert more.known_up_to > more.mixed[0] == pytest.approx(friction, abs=1e-7)
+
+
+def side_by_side(number):
+    """Bodies that do not touch one another, all alike."""
+    box = [[0.0, 0.0], [2.0 * number - 1.0, 2.0]]
+    cells = [3 * (2 * number - 1), 6]
+    domain = mesh.create_rectangle(COMM, box, cells, mesh.CellType.quadrilateral)
+    kept = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
+    x = mesh.compute_midpoints(domain, 2, kept)[:, 0]
+    domain = mesh.create_submesh(domain, 2, kept[np.floor(x) % 2 == 0])[0]
+    domain.geometry.x[:, 0] += 0.5 * domain.geometry.x[:, 1]
+    return on_box(domain)
+
+
+@pytest.mark.ranks(2)
+def test_double_coefficients():
+    """Two like bodies side by side have every coefficient twice, and a search may see one alone."""
+    problem = side_by_side(2)
+    whole = critical_friction(problem)
+    every = np.abs([*whole.one_signed, *whole.others])
+    for count in (1, 2, 3):
+        found = critical_friction(problem, dense=False, count=count)
+        listed = np.abs([*found.one_signed, *found.others])
+        assert (listed < found.known_up_to).sum() == (every < found.known_up_to).sum()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("solver", ["direct", "amg"])
+@pytest.mark.verifies("critical friction", reference="itself: one of four like bodies")
+def test_slips_of_one_sign_among_equal_coefficients(solver):
+    """Of four bodies none of the vectors that SLEPc takes has one sign, and combinations have."""
+    alone = critical_friction(side_by_side(1))
+    found = critical_friction(side_by_side(4), dense=False, solver=solver)
+    assert found.friction == pytest.approx(alone.friction, rel=1e-9)
+    assert found.slips.min() >= -1e-8
+    assert abs(found.friction) < found.known_up_to
+
+
+def unlike(leaning, young):
+    """The bodies of `side_by_side` with leanings and stiffnesses of their own."""
+    number = len(young)
+    domain = side_by_side(number).V.mesh
+    x = domain.geometry.x
+    x[:, 0] -= 0.5 * x[:, 1]
+    body = np.clip(np.floor(x[:, 0] / 2 + 1e-9).astype(int), 0, number - 1)
+    moduli = fem.Function(fem.functionspace(domain, ("DG", 0)))
+    moduli.interpolate(lambda x: np.array(young)[(x[0] / 2).astype(int)])
+    x[:, 0] += np.array(leaning)[body] * x[:, 1]
+    return on_box(domain, material=LinearElastic.from_young(moduli, 0.3))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("solver", "young"),
+    [
+        ("direct", (1.0, 1e11)),
+        ("direct", (1e11, 1.0)),
+        # Whether multigrid takes such bodies at all depends on how they are shared out.
+        pytest.param("amg", (1.0, 1e8), marks=pytest.mark.skipif(COMM.size > 1, reason="refused")),
+    ],
+)
+@pytest.mark.verifies(
+    "critical friction", reference="itself: one of two bodies, 10^8 and 10^11 times as stiff"
+)
+def test_slips_of_a_stiff_body_beside_a_soft_one(solver, young):
+    """What round-off moves the soft body by is no slip, also where the stiff one slips by less."""
+    leaning = (0.7, 0.0) if young[0] > 1.0 else (0.0, 0.7)
+    alone = [critical_friction(unlike([lean], [1.0])) for lean in sorted(leaning)]
+    found = critical_friction(unlike(leaning, young), dense=False, solver=solver, count=4)
+    expected = sorted((F for a in alone for F in a.one_signed), key=abs)
+    np.testing.assert_allclose(np.abs(found.one_signed), np.abs(expected), rtol=1e-9)
+    assert found.friction == pytest.approx(alone[1].friction, rel=1e-9)
+    slips = found.slips if young[1] > 1.0 else found.slips[::-1]
+    np.testing.assert_array_equal(slips[:4], 0.0)
+    assert slips.max() == 1.0
+
+
+@pytest.mark.verifies("critical friction", reference="itself: one of three bodies nearly alike")
+def test_coefficients_that_are_nearly_equal():
+    """Vectors are as good as the distance to the next coefficient lets them be."""
+    leaning = 0.5 + 1e-6 * np.arange(3)
+    expected = sorted(critical_friction(unlike([lean], [1.0])).friction for lean in leaning)
+    found = critical_friction(unlike(leaning, [1.0] * 3), dense=False, count=3)
+    np.testing.assert_allclose(found.one_signed[:3], expected, rtol=1e-10)
+
+
+# -- large bodies ----------------------------------------------------------------------------------
+
+
+def stiff_inside():
+    """A block with a core a thousand times as stiff."""
+    V = fem.functionspace(block(4).V.mesh, ("DG", 0))
+    young = fem.Function(V)
+    young.interpolate(lambda x: np.where((x[2] > 0.3) & (x[2] < 1.2), 1e3, 1.0))
+    return on_box(V.mesh, material=LinearElastic.from_young(young, 0.3))
+
+
+def on_a_curve():
+    return on_box(leaning(6).V.mesh, floor=Sphere((0.4, -3.0), 3.0))
+
+
+def unlike_pair():
+    """Nodes of two faces that do not match."""
+    upper, lower = ["--upper", "1.0", "0.3"], ["--lower", "50.0", "0.3"]
+    return two_blocks(["--n=4", "--ratio=2", *upper, *lower])
+
+
+def two_on_a_floor(left, right, lowest=-1.0):
+    """Two bodies that touch above a height, their nodes not opposite, with a floor below the left.
+
+    With the first height slave and floor share a corner; the clamped end of the slave weakens the
+    row of the node beside it.
+    """
+    grids = [
+        create_grid(COMM, (np.linspace(i, i + 1, 5), np.linspace(0, 2, n + 1)), QUADRILATERAL)
+        for i, n in enumerate((left, right))
+    ]
+    both = join(grids)
+    domain = both.mesh
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    markers = (
+        lambda x: np.isclose(x[0], 1.0) & (x[1] > lowest),
+        lambda x: np.isclose(x[1], 0.0) & (x[0] < 1.0 + 1e-9),
+        lambda x: np.isclose(x[1], 2.0),
+    )
+    face, floor, top = (mesh.locate_entities_boundary(domain, 1, marker) for marker in markers)
+    to_cells = domain.topology.connectivity(1, 2)
+    on_left = np.isin(to_cells.array[to_cells.offsets[face]], both.cell_tags.find(1))
+    clamped = fem.locate_dofs_topological(u.function_space, 1, top)
+    dx = ufl.Measure("dx", domain, subdomain_data=both.cell_tags)
+    energy = sum(
+        LinearElastic.from_young(E, 0.3).energy(u) * dx(i) for i, E in ((1, 1.0), (2, 3.0))
+    )
+    contact = [
+        ContactSurface(
+            u, floor, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.3), name="floor"
+        ),
+        ContactPair(u, face[on_left], master_facets=face[~on_left], law=Coulomb(0.3), name="pair"),
+    ]
+    bcs = [fem.dirichletbc(np.zeros(2), clamped, u.function_space)]
+    return ContactProblem(energy, u, contact, bcs=bcs)
+
+
+LARGE = {
+    "plane": (lambda: leaning(8), None),
+    "in space": (lambda: block(4), (1.0, 0.4, 0.0)),
+    "stiff inside": (stiff_inside, (1.0, 0.0, 0.0)),
+    "on a curve": (on_a_curve, None),
+    "pair": (unlike_pair, None),
+    "pair with a node on a floor": (lambda: two_on_a_floor(8, 4), None),
+    "pair with a clamped end": (lambda: two_on_a_floor(4, 8, 0.3), None),
+}
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("body", LARGE)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="itself: all eigenvalues, by a factorisation",
+    aspects=("2D", "3D", "pairs", "multigrid"),
+)
+def test_by_multigrid(body):
+    make, direction = LARGE[body]
+    whole = critical_friction(make(), direction, dense=True, solver="direct")
+    assert (whole.solver, whole.solves, whole.iterations) == ("direct", 0, 0)
+    expected = np.abs([*whole.one_signed, *whole.others]).min()  # of a mirrored pair either
+    for dense in (False, True):
+        found = critical_friction(make(), direction, dense=dense, solver="amg")
+        sizes = np.abs([*found.one_signed, *found.others])
+        assert sizes.min() == pytest.approx(expected, rel=1e-8)
+        assert found.friction == (whole.friction and pytest.approx(whole.friction, rel=1e-8))
+        np.testing.assert_allclose(found.slips, whole.slips, atol=1e-7)
+        assert (found.solver, found.complete) == ("amg", dense)
+        assert 0 < found.solves < found.iterations
+        assert found.residual < 1e-7
+
+
+def twelve():
+    """Their coefficients are up to 4 % apart, and a search may meet a larger one first."""
+    random = np.random.default_rng(1)
+    leaning = 0.5 + 0.01 * random.permutation(12)
+    return unlike(leaning, 10 ** random.uniform(-4, 4, 12))
+
+
+CLOSE = {
+    "nearly equal": lambda: unlike(0.5 + 1e-3 * np.arange(3), [1.0] * 3),
+    "one in a million": lambda: unlike(0.5 + 1e-6 * np.arange(3), [1.0] * 3),
+    "twelve of all stiffnesses": twelve,
+    "soft beside stiff": lambda: unlike((0.0, 0.7), (1.0, 1e-4)),
+    "mirrored pairs": lambda: leaning(8, offset=0.0),
+    "complex first": lambda: linear_triangle(32, 0.3, lame=(0.0, 1.0)).problem,
+}
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("body", CLOSE)
+@pytest.mark.verifies(
+    "critical friction",
+    reference="itself: all eigenvalues, by a factorisation",
+    aspects=("2D", "multigrid"),
+)
+def test_how_far_multigrid_knows_them(body):
+    """What is listed is right, and nothing below `known_up_to` is missing."""
+    whole = critical_friction(CLOSE[body](), dense=True, solver="direct")
+    every = np.sort(np.abs([*whole.one_signed, *whole.others]))
+    found = critical_friction(CLOSE[body](), dense=False, solver="amg")
+    listed = np.sort(np.abs([*found.one_signed, *found.others]))
+    np.testing.assert_allclose(listed, every[: len(listed)], rtol=1e-8)
+    assert (listed < found.known_up_to).sum() == (every < found.known_up_to).sum() > 0
+    assert found.friction == (whole.friction and pytest.approx(whole.friction, rel=1e-8))
+    assert found.known_up_to > 0.9 * every[len(listed)]
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_a_body_smaller_than_the_search():
+    """What a full basis leaves of a vector is round-off, no instability."""
+    domain = mesh.create_rectangle(COMM, [[0.0, 0.0], [1.0, 1.0]], [1, 2])
+    whole, found = (critical_friction(on_box(domain), solver=s, dense=False) for s in SOLVERS)
+    assert found.friction == pytest.approx(whole.friction, rel=1e-10)
+
+
+def without_coupling():
+    """Components that do not see one another: no pressure by any shear."""
+    V = leaning(4).V
+    u = fem.Function(V)
+    bottom, top = (
+        mesh.locate_entities_boundary(V.mesh, 1, lambda x, y=y: np.isclose(x[1], y))
+        for y in (0.0, 2.0)
+    )
+    floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(1.0))
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    energy = 0.5 * ufl.inner(ufl.grad(u), ufl.grad(u)) * ufl.dx
+    return ContactProblem(energy, u, [floor], bcs=[clamped])
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_no_pressure_by_shear():
+    """T is 0, and what the search sees of it, by vectors that are not exact, is taken for that."""
+    found = critical_friction(without_coupling(), dense=False, solver="amg")
+    assert (found.friction, found.one_signed, found.others) == (None, [], [])
+    assert found.known_up_to > 1e4
+
+
+def test_multigrid_without_an_energy():
+    """A residual need not be symmetric: SLEPc and GMRES take the place of Davidson and CG."""
+    problem = leaning(6)
+    bulk = LinearElastic.from_young(1.0, 0.3).energy(problem.u) * ufl.dx
+    given = ufl.derivative(bulk, problem.u)
+    other = ContactProblem(given, problem.u, problem.contacts, bcs=problem.bcs)
+    found, whole = (critical_friction(p, dense=False, solver="amg") for p in (other, problem))
+    assert found.friction == pytest.approx(whole.friction, rel=1e-8)
+    assert found.solves > 10 > whole.solves
+
+
+def test_which_solver(monkeypatch):
+    """By size; an argument, and before it PETSc's options."""
+    problem = leaning(3)
+    module = importlib.import_module("dolfinx_contact.analysis.critical_friction")
+    assert critical_friction(problem).solver == "direct"
+    options = PETSc.Options()
+    options["analysis_linear_solver"] = "amg"
+    assert critical_friction(problem, solver="direct").solver == "amg"
+    options["analysis_linear_solver"] = "lu"
+    with pytest.raises(ValueError, match="unknown solver of the body 'lu'"):
+        critical_friction(problem)
+    options.delValue("analysis_linear_solver")
+    monkeypatch.setitem(module._LARGEST_DIRECT, 2, 10)
+    assert critical_friction(problem).solver == "amg"
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.verifies(
+    "critical friction",
+    reference="closed form: a continuum of solutions along the slip",
+    aspects=("2D",),
+    alone=True,
+)
+def test_slips_of_both_signs_bring_continua(which):
+    """Where all points have slipped under load, such a slip may be added with either sign."""
+    domain = leaning(5, offset=1.0, comm=MPI.COMM_SELF).V.mesh
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    slid = fem.Function(V)
+    bottom, top = (
+        mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
+        for y in (0.0, 2.0)
+    )
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
+    tags = mesh.meshtags(domain, 1, np.sort(bottom), np.ones(len(bottom), dtype=np.int32))
+    ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
+    friction = fem.Constant(domain, 1.0)
+    pushed = fem.Constant(domain, np.zeros(2))
+    material = LinearElastic.from_young(1.0, 0.3)
+    # The load is the one under which `slid`, and the forces `pushed` of contact, are a solution.
+    load = ufl.derivative(material.energy(slid) * ufl.dx, slid, u) - ufl.dot(pushed, u) * ds(1)
+    floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(friction))
+    problem = ContactProblem(material.energy(u) * ufl.dx - load, u, [floor], bcs=[clamped])
+    F = critical_friction(problem).mixed[which]
+    friction.value = abs(F)
+    pushed.value[:] = (0.1 * F, 0.1)
+    slid.interpolate(lambda x: np.stack([-0.05 * np.sign(F) * (2.0 - x[1]), 0 * x[0]]))
+
+    # v, the motion with it, and the forces that it takes.
+    K = problem.equations.bulk.stiffness(u.x.array).getValuesCSR()
+    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
+    x = V.tabulate_dof_coordinates()
+    places = problem.discrete(floor).points.Q.tabulate_dof_coordinates()
+    nodes = [int(np.abs(x - place).sum(axis=1).argmin()) for place in places]
+    t = 2 * np.array(nodes)
+    n = 2 * np.array(nodes) + 1
+    free = np.flatnonzero(np.repeat(x[:, 1] < 2.0 - 1e-9, 2))
+    inside = np.setdiff1d(free, np.concatenate([t, n]))
+    within = -np.linalg.solve(K[np.ix_(inside, inside)], K[np.ix_(inside, t)])
+    S = [K[np.ix_(rows, t)] + K[np.ix_(rows, inside)] @ within for rows in (t, n)]
+    values, vectors = scipy.linalg.eig(*S)
+    v = vectors[:, np.abs(values - F).argmin()].real
+    assert v.min() < 0 < v.max()
+    motion = np.zeros(len(K))
+    motion[t] = v
+    motion[inside] = within @ v
+    lengths = np.where(np.isin(places[:, 0], [0.0, 1.0]), 0.1, 0.2)
+    forces = np.stack([rows @ v / lengths for rows in S], axis=1).reshape(-1)
+
+    def is_solution(part, coefficient):
+        friction.value = coefficient
+        u.x.array[:] = slid.x.array + part * motion
+        problem.discrete(floor).multiplier.x.array[:] = (
+            np.tile(pushed.value, len(places)) + part * forces
+        )
+        restore_statuses(problem, MINUS if F > 0 else PLUS)
+        start = u.x.array.copy()
+        result = problem.solve()
+        stays = np.allclose(u.x.array, start, rtol=0, atol=1e-12)
+        return result.iterations == 0 and stays and result.kkt_violation < 1e-12
+
+    pressure = 0.1 / np.abs(S[1] @ v / lengths).max()
+    most = 0.9 * min(0.1 / np.abs(v).max(), pressure)
+    assert all(is_solution(part, abs(F)) for part in (0.0, most, -most, 0.3 * most))
+    assert not is_solution(most, 1.01 * abs(F))

@@ -1,0 +1,550 @@
+"""Shakedown: closed forms, another linear program, theorems, counterexamples, a body, a demo."""
+
+import itertools
+
+from mpi4py import MPI
+
+import demo_shakedown
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+from scipy.optimize import linprog
+from support.blocks import block
+from support.space_problems import random_stiffness
+from test_certificates import enumerated
+
+from dolfinx_contact import Coulomb
+from dolfinx_contact.algorithms import PointProblem
+from dolfinx_contact.analysis import shakedown, wedging_friction
+from dolfinx_contact.analysis.shakedown import shakedown_of
+from dolfinx_contact.evolution import QuasiStatic
+
+COMM = MPI.COMM_WORLD
+serial = pytest.mark.skipif(COMM.size > 1, reason="numpy alone, the same on every rank")
+
+
+def points(S, friction):
+    m = len(friction)
+    dim = len(S) // m
+    return PointProblem(S, np.zeros(dim * m), np.asarray(friction, dtype=float))
+
+
+def planar(k_tt, k_tn, k_nn):
+    """The stiffness of points in the plane from its blocks."""
+    m = len(k_tt)
+    S = np.zeros((2 * m, 2 * m))
+    S[0::2, 0::2], S[0::2, 1::2], S[1::2, 0::2], S[1::2, 1::2] = (
+        k_tt,
+        k_tn,
+        np.transpose(k_tn),
+        k_nn,
+    )
+    return S
+
+
+def random_case(rng, *, coupled=True, most=3):
+    """Stiffness, friction, steady load and two corners, of points in the plane that are pressed."""
+    m = int(rng.integers(2, most + 1))
+    S = random_stiffness(m, rng, 20.0)[: 2 * m, : 2 * m]
+    if not coupled:
+        S = planar(S[0::2, 0::2], np.zeros((m, m)), S[1::2, 1::2])
+    F = np.full(m, rng.uniform(0.2, 0.6))
+    steady = np.tile([0.0, -1.0], m) + 0.2 * rng.normal(size=2 * m)
+    return points(S, F), steady + 0.5 * rng.normal(size=(2, 2 * m)), steady
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="closed form: two points whose slips press each other, by hand",
+    aspects=("2D",),
+    alone=True,
+)
+@pytest.mark.parametrize("c", [0.0, 0.5, -0.5])
+def test_two_points_by_hand(c):
+    """A slip w of either presses the other by c w; a shear +-d acts on the first.
+
+    k |w0| + f d <= F (N + c w1) and k |w1| <= F (N + c w0): w0 = 0, |w1| = F N / k.
+    """
+    k, F, N, d = 2.0, 0.4, 1.5, 0.3
+    S = planar(k * np.eye(2), [[0.0, c], [c, 0.0]], 3.0 * np.eye(2))
+    steady = np.array([0.0, -N, 0.0, -N])
+    shear = np.array([d, 0.0, 0.0, 0.0])
+    found = shakedown_of(points(S, [F, F]), steady + np.array([shear, -shear]), steady)
+    np.testing.assert_allclose(found.factor, F * N / d * (1 + F * abs(c) / k), rtol=1e-9)
+    assert found.complete
+    assert found.theorem_holds == (c == 0)
+    if c:
+        np.testing.assert_allclose(found.slip[:, 0], [0.0, np.sign(c) * F * N / k], atol=1e-8)
+        assert "about to slip" in str(found)
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="closed form: one point, F N / d below its wedging friction k_t/|k|, else infinite",
+    aspects=("2D",),
+    alone=True,
+)
+@pytest.mark.parametrize("F", [0.5, 1.9, 2.1])
+def test_one_point(F):
+    S = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    steady = np.array([0.0, -1.0])
+    found = shakedown_of(points(S, [F]), np.add(steady, [[0.3, 0.0], [-0.3, 0.0]]), steady)
+    np.testing.assert_allclose(found.factor, F / 0.3 if F < 2 else np.inf, rtol=1e-9)
+    assert found.theorem_holds == (F < 2)
+    if F < 2:
+        assert {c.ending for c in found.cycles} == {"rest"}
+    else:
+        assert "every factor" in str(found)
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="closed form: k_t - s^2/k_j of a point joined to one that slides freely",
+    aspects=("2D",),
+    alone=True,
+)
+@pytest.mark.parametrize("F", [0.6, 0.7])
+def test_a_point_without_friction_beside_it(F):
+    """It makes the point softer: its critical friction falls from 2.0/1.8 to 1.2/1.8."""
+    S = np.array([[2.0, -1.8, 1.0], [-1.8, 4.0, 0.0], [1.0, 0.0, 1.25]])
+    steady = np.array([0.0, -1.0, 0.0, -1.0])
+    change = np.array([0.3, 0.1, 0.0, 0.0])
+    loads = steady + np.array([change, -change])
+    found = shakedown_of(points(block_diag(S, 3.0), [F, 0.0]), loads, steady, factor=1.5)
+    assert found.theorem_holds == (F < 1.2 / 1.8)
+    assert not (found.theorem_holds and found.broken)
+    softer = np.array([[1.2, -1.8], [-1.8, 4.0]])
+    alone = shakedown_of(points(softer, [F]), loads[:, :2], steady[:2], factor=1.5)
+    assert alone.theorem_holds == found.theorem_holds
+    np.testing.assert_allclose(found.factor, alone.factor, rtol=1e-9)
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="closed form: F N over the radius of the circle about three shears",
+    aspects=("3D",),
+    alone=True,
+)
+def test_three_shears_in_space():
+    """Slips move the centre of the shears: the least circle about them, of a scalene triangle."""
+    S = random_stiffness(1, np.random.default_rng(1), 5.0)
+    S[:2, 2] = S[2, :2] = 0.0
+    shears = np.array([[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 0.9, 0.0]])
+    sides = [np.linalg.norm(shears[i] - shears[j]) for i, j in ((0, 1), (1, 2), (2, 0))]
+    area = abs(np.cross(shears[1], shears[2])[2]) / 2
+    radius = np.prod(sides) / (4 * area)
+    steady = np.array([0.0, 0.0, -2.0])
+    found = shakedown_of(points(S, [0.3]), steady + shears, steady)
+    np.testing.assert_allclose([found.factor, found.upper], 0.3 * 2.0 / radius, rtol=1e-8)
+    assert found.factor <= found.upper * (1 + 1e-9)
+    assert {c.ending for c in found.cycles} == {"rest"}
+    over = shakedown_of(points(S, [0.3]), steady + shears, steady, factor=1.05 * found.factor)
+    assert {c.ending for c in over.cycles} == {"alternating slip"}
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="closed form: a point that the steady load opens; its factors are two intervals",
+    aspects=("2D",),
+    alone=True,
+)
+def test_factors_need_not_begin_with_zero():
+    """Open up to f = 1/2, closed from f = 1 on, at rest where 0.8 f <= F (f - 1) + F (2 f - 1)."""
+    steady = np.array([0.0, 1.0])
+    loads = steady + np.array([[0.4, -1.0], [-0.4, -2.0]])
+    given = points(np.diag([2.0, 3.0]), [0.3])
+    between = shakedown_of(given, loads, steady, factor=3.0)
+    np.testing.assert_allclose(between.ranges, [(0.0, 0.5), (6.0, np.inf)], rtol=1e-8)
+    assert between.factor == np.inf
+    assert "up to the factor 0.5, and from the factor 6 on" in str(between)
+    assert {c.ending for c in between.cycles} == {"alternating slip"}
+    assert between.theorem_holds
+    assert between.broken == ()
+    beyond = shakedown_of(given, loads, steady)
+    np.testing.assert_allclose(beyond.cycles[0].factor, 12.0)
+    assert {c.ending for c in beyond.cycles} == {"rest"}
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="closed form: a point without friction passes its shear on to another, q / k of it",
+    aspects=("2D",),
+    alone=True,
+)
+def test_points_without_friction_slide_freely():
+    k, q, F, N, d = 2.0, 0.5, 0.4, 1.5, 0.3
+    S = planar(np.array([[k, q], [q, k]]), np.zeros((2, 2)), 3.0 * np.eye(2))
+    steady = np.array([0.0, -N, 0.0, -N])
+    shear = np.array([0.0, 0.0, d, 0.0])
+    loads = steady + np.array([shear, -shear])
+    found = shakedown_of(points(S, [F, 0.0]), loads, steady)
+    np.testing.assert_allclose(found.factor, F * N * k / (q * d), rtol=1e-9)
+    assert found.theorem_holds
+    assert {c.ending for c in found.cycles} == {"rest"}
+    assert all(limit.startswith("point 0 is about to slip") for limit in found.limits)
+    over = shakedown_of(points(S, [F, 0.0]), loads, steady, factor=1.05 * found.factor)
+    assert {c.ending for c in over.cycles} == {"alternating slip"}
+    free = shakedown_of(points(S, [0.0, 0.0]), loads, steady)
+    assert free.factor == np.inf
+    assert {c.ending for c in free.cycles} == {"rest"}
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="closed form: shears that grow between a disc and the polygon of its first tangents",
+    aspects=("3D",),
+    alone=True,
+)
+@pytest.mark.parametrize("part", [0.95, 1.02, 1.05])
+def test_discs_are_no_polygons(part):
+    """Shears +-part F f along a corner of the octagon under a force 1 + f."""
+    F = 0.3
+    e = np.array([np.cos(np.pi / 8), np.sin(np.pi / 8), 0.0])
+    steady = np.array([0.0, 0.0, -1.0])
+    loads = 2 * steady + part * F * np.array([e, -e])
+    found = shakedown_of(points(np.diag([2.0, 2.0, 3.0]), [F]), loads, steady, starts=0)
+    exact = 1 / (part - 1) if part > 1 else np.inf
+    np.testing.assert_allclose([found.factor, found.upper], exact, rtol=1e-6)
+    assert found.factor <= exact * (1 + 1e-9)
+    assert found.upper >= exact * (1 - 1e-9)
+
+
+def by_displacements(given, loads, steady):
+    """The factor by another program: all displacements at all corners are unknowns."""
+    S, F = given.S, given.friction
+    m, K = given.number, len(loads)
+    n = 2 * m
+    unit = np.eye(n)
+    best = -np.inf
+    for opened in itertools.product([False, True], repeat=m):
+        equal, value, upper, most = [], [], [], []
+
+        def add(rows, rhs, k, form, load=0.0, factor=0.0):
+            row = np.zeros(K * n + 1)
+            row[k * n : (k + 1) * n] = form
+            row[-1] = factor
+            rows.append(row)
+            rhs.append(load)
+
+        for k, i in itertools.product(range(K), range(m)):
+            t, o = 2 * i, 2 * i + 1
+            apart = loads[k] - steady
+            if opened[i]:
+                for j in (t, o):
+                    add(equal, value, k, S[j], steady[j], -apart[j])
+                add(upper, most, k, -unit[o])
+                continue
+            add(equal, value, k, unit[o])
+            for sign in (1, -1):
+                form = sign * S[t] - F[i] * S[o]
+                load = sign * steady[t] - F[i] * steady[o]
+                add(upper, most, k, form, load, -(sign * apart[t] - F[i] * apart[o]))
+            add(upper, most, k, -S[o], -steady[o], apart[o])
+            if k:
+                row = np.zeros(K * n + 1)
+                row[k * n + t], row[t] = 1.0, -1.0
+                equal.append(row)
+                value.append(0.0)
+        cost = np.append(np.zeros(K * n), -1.0)
+        bounds = [(None, None)] * (K * n) + [(0, None)]
+        lp = linprog(cost, np.array(upper), most, np.array(equal), value, bounds=bounds)
+        if lp.status == 0:
+            best = max(best, lp.x[-1])
+    return best
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="independent code: a program in all displacements, over all sets of open points",
+    aspects=("2D",),
+    alone=True,
+)
+def test_another_program():
+    rng = np.random.default_rng(2)
+    for _ in range(12):
+        given, loads, steady = random_case(rng)
+        found = shakedown_of(given, loads, steady, cycles=1, steps=1, starts=0)
+        np.testing.assert_allclose(found.factor, by_displacements(given, loads, steady), rtol=1e-7)
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="theorem: without coupling cycles come to rest below the bound; none above",
+    aspects=("2D",),
+    alone=True,
+)
+@pytest.mark.parametrize("number", [4, pytest.param(8, marks=pytest.mark.long)])
+def test_rest_below_the_bound_alone(number):
+    rng = np.random.default_rng(3)
+    kinds = set()
+    for coupled in (False, True) * number:
+        given, loads, steady = random_case(rng, coupled=coupled)
+        below = shakedown_of(given, loads, steady, cycles=400, starts=3)
+        if below.factor == np.inf:  # every corner presses more than it shears
+            continue
+        kinds |= {(coupled, c.ending) for c in below.cycles}
+        above = shakedown_of(given, loads, steady, factor=1.02 * below.factor, cycles=50)
+        assert all(c.lifts or c.ending != "rest" for c in above.cycles)
+        if not coupled:
+            assert below.theorem_holds
+            assert {c.ending for c in below.cycles} == {"rest"}
+            assert not below.broken
+    assert (True, "alternating slip") in kinds
+
+
+def check_enumerated(cycle, given):
+    """Every step of the last cycle is the only solution of its problem, by all statuses."""
+    before = cycle.before
+    for p, a, r in zip(cycle.loads, cycle.displacements, cycle.forces, strict=True):
+        slips = before * [1.0, 0.0]
+        codes, _ = enumerated(given.S, p - given.S @ slips.reshape(-1), given.friction)
+        states = {tuple(np.round(state_of(given, p, slips, c).reshape(-1), 7) + 0.0) for c in codes}
+        assert states == {tuple(np.round(a.reshape(-1), 7) + 0.0)}
+        np.testing.assert_allclose(given.S @ a.reshape(-1) - p, r.reshape(-1), atol=1e-9)
+        before = a
+    np.testing.assert_allclose(before, cycle.before, atol=1e-7)
+
+
+def state_of(given, p, slips, codes):
+    """Displacements with statuses open, stuck, and slipping either way."""
+    S, F = given.S, given.friction
+    rows, load = S.copy(), p.copy()
+    for i, code in enumerate(codes):
+        t, o = 2 * i, 2 * i + 1
+        if code == 0:
+            continue
+        rows[o], load[o] = np.eye(len(S))[o], 0.0
+        if code == 1:
+            rows[t], load[t] = np.eye(len(S))[t], slips[i, 0]
+        else:
+            sign = 1.0 if code == 2 else -1.0  # rt = -sign F rn
+            rows[t] = S[t] + sign * F[i] * S[o]
+            load[t] = p[t] + sign * F[i] * p[o]
+    return np.linalg.solve(rows, load).reshape(-1, 2)
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="enumeration: all statuses in every step of cycles that never come to rest",
+    aspects=("2D",),
+    alone=True,
+)
+@pytest.mark.parametrize("number", [8, pytest.param(300, marks=pytest.mark.long)])
+def test_bound_promises_rest_that_does_not_come(number):
+    """Coupled points below the bound: rest from one start, slip for ever from another."""
+    rng = np.random.default_rng(4)
+    broken, both = 0, 0
+    for case in range(number):
+        given, loads, steady = random_case(rng, most=2)
+        found = shakedown_of(given, loads, steady, cycles=200)
+        if found.factor == np.inf:
+            continue
+        finer = shakedown_of(given, loads, steady, cycles=200, steps=8)
+        if not found.broken or len(found.broken) != len(finer.broken):
+            continue
+        for cycle, fine in zip(found.broken, finer.broken, strict=True):
+            for one in (cycle, fine):
+                check_enumerated(one, given)
+                # It is no round-off beside the largest force along the largest slip.
+                most = np.abs(one.forces).max() * one.slid
+                assert 1e-3 * most < one.dissipation[-1]
+        broken += 1
+        both += any(c.ending == "rest" for c in found.cycles)
+        print(f"case {case}: S = {given.S.tolist()}, F = {given.friction[0]}, {loads=}\n{found}")
+    assert broken >= 0.05 * number
+    assert both > 0
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown",
+    reference="theorem: parts that are not joined come to rest each for itself",
+    aspects=("2D",),
+    alone=True,
+)
+def test_parts_of_a_body():
+    """Single coupled points below their critical friction: the bound is the least of theirs."""
+    rng = np.random.default_rng(6)
+    compared = 0
+    for case in range(12):
+        m = int(rng.integers(2, 4))
+        single = [
+            10 ** rng.uniform(-3, 3) * random_stiffness(1, rng, 20.0)[:2, :2] for _ in range(m)
+        ]
+        k_t, k = np.abs([S[0] for S in single]).T
+        F = np.minimum(rng.uniform(0.2, 0.98, m) * k_t / k, 3.0)
+        steady = np.tile([0.0, -1.0], m) + 0.2 * rng.normal(size=2 * m)
+        loads = steady + 0.5 * rng.normal(size=(2, 2 * m))
+        S = block_diag(*single)
+        found = shakedown_of(points(S, F), loads, steady, cycles=100, starts=2)
+        assert found.theorem_holds, case
+        assert not found.broken, case
+        pairs = [slice(2 * i, 2 * i + 2) for i in range(m)]
+        parts = [
+            shakedown_of(points(S[q, q], [f]), loads[:, q], steady[q], cycles=1, starts=0)
+            for q, f in zip(pairs, F, strict=True)
+        ]
+        if all(len(part.ranges) == 1 and part.ranges[0][0] == 0 for part in parts):
+            least = min(part.factor for part in parts)
+            np.testing.assert_allclose(found.factor, least, rtol=1e-7)
+            compared += np.isfinite(least)
+        over = np.where(np.arange(m) == case % m, 1.05 * k_t / k, F)
+        assert not shakedown_of(points(S, over), loads, steady, cycles=1, starts=0).theorem_holds
+    assert compared > 3
+
+
+@serial
+def test_less_than_the_critical_friction_is_not_enough():
+    """Two points of which shears are joined, 0.12 and 0.15 of k_t/|k|: rest, or slip for ever."""
+    S = planar([[1.0, 0.4], [0.4, 1.0]], np.diag([0.4, 0.5]), np.eye(2))
+    steady = np.array([-0.3, -0.7, -0.1, -1.1])
+    loads = np.array([[-0.2, -0.7, -0.6, -0.9], [0.7, -0.8, -0.2, -1.6]])
+    found = shakedown_of(points(S, [0.3, 0.3]), loads, steady)
+    assert not found.theorem_holds
+    assert {c.ending for c in found.cycles} == {"rest", "alternating slip"}
+    for cycle in found.broken:
+        check_enumerated(cycle, points(S, [0.3, 0.3]))
+    # Nor is coupling none because another point is far stiffer.
+    other = np.array([0.0, -1.0])
+    beside = shakedown_of(
+        points(block_diag(S, 1e12 * np.eye(2)), [0.3, 0.3, 0.3]),
+        np.hstack([loads, [other, other]]),
+        np.append(steady, other),
+        cycles=1,
+        starts=0,
+    )
+    assert not beside.theorem_holds
+
+
+def pressed(friction, shear=0.002):
+    """A block that is pressed down by its top, which moves to and fro; and its loads."""
+    problem = block(n=2, cell="quad", law=Coulomb(friction), top=(0.0, -0.01))
+    top = problem.bcs[0].g
+
+    def at(x):
+        def put():
+            top.value[:] = (x, -0.01)
+
+        return put
+
+    return problem, [at(shear), at(-shear)], at(0.0)
+
+
+@pytest.mark.verifies(
+    "shakedown",
+    reference="itself: cycles of the points are histories of the body",
+    aspects=("2D",),
+)
+def test_a_body():
+    problem, loads, steady = pressed(0.3)
+    found = shakedown(problem, loads, steady=steady, factor=1.0, cycles=4, starts=0)
+    (cycle,) = found.cycles
+    assert wedging_friction(problem).friction > 0.3
+    assert found.factor < np.inf
+    other = shakedown(problem, loads, steady=steady, factor=2.0, cycles=1, starts=0)
+    np.testing.assert_allclose(other.factor, found.factor, rtol=1e-9)
+
+    def load(t):
+        steady()
+        problem.bcs[0].g.value[0] = np.interp(t % 2, [0, 1, 2], [0.002, -0.002, 0.002])
+
+    n = 8 * cycle.number
+    history = QuasiStatic(problem, load).run(np.linspace(0, 2 * cycle.number, n + 1))
+    assert history.complete
+    work = [step.energies.dissipated for step in history.steps]
+    last = work[-1] - work[-9]
+    np.testing.assert_allclose(cycle.dissipation[-1], last, rtol=1e-7, atol=1e-12)
+
+
+@serial
+@pytest.mark.verifies(
+    "shakedown", "units", reference="theorem: units and directions do not matter", alone=True,
+    aspects=("2D", "3D"),
+)  # fmt: skip
+def test_units_and_directions():
+    rng = np.random.default_rng(5)
+    given, loads, steady = random_case(rng)
+    first = shakedown_of(given, loads, steady, cycles=20)
+    k, f = 2.1e11, 3e-4
+    scaled = PointProblem(k * given.S, f * given.p, given.friction)
+    other = shakedown_of(scaled, f * loads, f * steady, cycles=20)
+    np.testing.assert_allclose(other.factor, first.factor, rtol=1e-8)
+    np.testing.assert_allclose(other.slip, first.slip * f / k, atol=1e-7 * f / k)
+    assert [c.ending for c in other.cycles] == [c.ending for c in first.cycles]
+    S = random_stiffness(2, rng, 5.0)
+    steady = np.tile([0.0, 0.0, -1.0], 2)
+    loads = steady + 0.3 * rng.normal(size=(3, 6))
+    plain = shakedown_of(points(S, [0.3, 0.3]), loads, steady, cycles=5, starts=0)
+    angle = 0.7
+    turn = np.eye(3)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    T = np.kron(np.eye(2), turn)
+    turned = shakedown_of(
+        points(T @ S @ T.T, [0.3, 0.3]), loads @ T.T, T @ steady, cycles=5, starts=0
+    )
+    np.testing.assert_allclose(turned.factor, plain.factor, rtol=1e-6)
+    assert plain.factor <= plain.upper * (1 + 1e-9)
+    np.testing.assert_allclose(plain.factor, plain.upper, rtol=1e-6)
+
+
+@pytest.mark.ranks(2)
+def test_bad_input():
+    problem, loads, _ = pressed(0.3)
+    with pytest.raises(ValueError, match="two functions"):
+        shakedown(problem, loads[:1])
+    with pytest.raises(ValueError, match="do not differ"):
+        shakedown(problem, [loads[0], loads[0]])
+    with pytest.raises(ValueError, match="ContactProblem"):
+        shakedown(None, loads)
+    for wrong in (dict(factor=-1.0), dict(cycles=0), dict(steps=1.5), dict(starts=-1)):
+        with pytest.raises(ValueError, match="must be"):
+            shakedown(problem, loads, **wrong)
+    with pytest.raises(ValueError, match="steady"):
+        shakedown(problem, loads, steady=3)
+
+    shear = problem.bcs[0].g.value
+    loads[0]()
+    before = shear.copy()
+
+    def failing():
+        loads[1]()
+        raise ZeroDivisionError("no load")
+
+    with pytest.raises(ZeroDivisionError, match="no load"):
+        shakedown(problem, [loads[0], failing])
+    np.testing.assert_array_equal(shear, before)
+
+
+@serial
+def test_loads_that_differ_by_round_off():
+    steady = np.array([0.0, -1.0])
+    near = steady * (1 - 1e-15)
+    with pytest.raises(ValueError, match="do not differ"):
+        shakedown_of(points(np.eye(2), [0.3]), np.array([steady, near]))
+
+
+@pytest.mark.long
+def test_the_demo(folder):
+    summary = demo_shakedown.main(["--n", "4", "--cases", "6", "--output", str(folder)])
+    assert summary["pair"]["theorem_holds"]
+    assert summary["pair"]["below"] == ["rest"]
+    np.testing.assert_allclose(summary["pair"]["factor"], 4.71273572, rtol=1e-6)
+    assert not summary["floor"]["theorem_holds"]
+    np.testing.assert_allclose(summary["floor"]["factor"], 4.37285334, rtol=1e-6)
+    assert summary["floor"]["below"] == ["alternating slip", "rest"]
+    assert summary["pair"]["above"] == summary["floor"]["above"] == ["alternating slip"]
+    assert summary["pair"]["wedging"] == np.inf
+    assert summary["broken"] >= summary["broken_from_some_starts"] > 0
+    for name in ("pair", "floor"):
+        for kind in ("work", "rest"):
+            assert (folder / f"{name}_{kind}.png").stat().st_size > 10_000

@@ -1,0 +1,352 @@
+"""Steady sliding: benchmark numbers, one node in closed form, an independent quadratic problem."""
+
+from mpi4py import MPI
+
+import demo_squeal
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse
+from _triangle import linear_triangle
+from support.blocks import restore_statuses
+from test_critical_friction import block, on_box
+
+import dolfinx.fem.petsc
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import plot
+from dolfinx_contact.analysis import SteadySliding
+from dolfinx_contact.laws import PLUS
+from dolfinx_contact.materials import LinearElastic
+
+COMM = MPI.COMM_WORLD
+QUADS = mesh.CellType.quadrilateral
+#: Onset and frequency by damping, eigenvalues of largest growth at F = 0.5 and 1 (damping 0.02).
+ONSET = {
+    2: {
+        0.005: (0.15614648, 3.489047),
+        0.02: (0.22210131, 3.480986),
+        0.1: (0.97595809, 3.345302),
+    },
+    4: {
+        0.005: (0.18507002, 3.994371),
+        0.02: (0.37678558, 2.954100),
+        0.1: (0.94991906, 2.930980),
+    },
+}
+FASTEST = {
+    2: (0.1987611737 + 3.4110748932j, 0.4313555153 + 3.2384000632j),
+    4: (0.0980819683 + 2.9400657677j, 0.3760006800 + 4.1775935998j),
+}
+
+
+def pad(n, comm=COMM, **given):
+    return on_box(mesh.create_unit_square(comm, n, n, QUADS), **given)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("n", ONSET)
+def test_onset(n):
+    for damping, (friction, frequency) in ONSET[n].items():
+        sliding = SteadySliding(pad(n), (-1.0, 0.0), density=1.0, damping=damping)
+        onset = sliding.onset()
+        assert onset.friction == pytest.approx(friction, abs=1e-6)
+        assert onset.frequency == pytest.approx(frequency, abs=1e-6)
+        assert abs(sliding.modes(onset.friction).growth) < 1e-9
+        sliding.destroy()
+
+
+@pytest.mark.parametrize("n", FASTEST)
+def test_growth(n):
+    sliding = SteadySliding(pad(n), (-1.0, 0.0), density=1.0, damping=0.02)
+    for friction, expected in zip((0.5, 1.0), FASTEST[n], strict=True):
+        modes = sliding.modes(friction)
+        assert modes.eigenvalues[0] == pytest.approx(expected, abs=1e-9)
+        assert modes.known_up_to == np.inf
+
+
+def test_onset_without_damping_falls_with_the_mesh():
+    """Modes of the mesh coalesce first."""
+    found = [
+        SteadySliding(pad(n), (-1.0, 0.0), density=1.0).onset(step=step).friction
+        for n, step in ((2, 0.05), (4, 0.05), (8, 0.002))
+    ]
+    np.testing.assert_allclose(found, [0.1509, 0.0251, 0.0023], atol=6e-5)
+
+
+@pytest.mark.ranks(2)
+def test_large_problems_by_slepc():
+    """Eigenvalues next to zero are those of the dense problem."""
+    few = SteadySliding(pad(8), (-1.0, 0.0), density=1.0, damping=0.02, dense=False, count=12)
+    every = SteadySliding(pad(8), (-1.0, 0.0), density=1.0, damping=0.02)
+    for friction in (0.3, 1.0):
+        a = few.modes(friction)
+        b = every.modes(friction)
+        assert 3.0 < a.known_up_to < np.inf
+        near = a.eigenvalues[(np.abs(a.eigenvalues) < 0.9 * a.known_up_to)]
+        assert len(near) >= 4
+        away = np.abs(near[:, None] - b.eigenvalues).min(axis=1)
+        assert away.max() < 1e-8
+
+
+@pytest.mark.parametrize("dense", [True, False])
+@pytest.mark.verifies(
+    "steady sliding", reference="closed form: growth and frequency of one node", aspects=("2D",)
+)
+def test_one_node(dense):
+    """A node that slips to the left grows at sqrt((F k - kt)/m), and oscillates before that."""
+    lmbda = 1.0
+    mu = 1.0
+    density = 3.0
+    kt = (lmbda + 3 * mu) / 2
+    k = (lmbda + mu) / 2
+    m = density * 0.5 / 6  # of a linear triangle of area 1/2
+    problem = linear_triangle(1, 0.3, lame=(lmbda, mu)).problem
+    sliding = SteadySliding(problem, (-1.0, 0.0), density=density, dense=dense)
+    assert sliding.modes(3.0).eigenvalues[0] == pytest.approx(np.sqrt((3 * k - kt) / m))
+    assert sliding.modes(1.0).eigenvalues[0] == pytest.approx(1j * np.sqrt((kt - k) / m))
+    other = SteadySliding(problem, (1.0, 0.0), density=density, dense=dense)
+    assert other.modes(3.0).eigenvalues[0] == pytest.approx(1j * np.sqrt((kt + 3 * k) / m))
+
+
+@pytest.mark.verifies(
+    "steady sliding",
+    "critical friction",
+    reference="closed form: (lambda + 3 mu)/(lambda + mu)",
+    aspects=("2D",),
+)
+def test_onset_of_one_node():
+    problem = linear_triangle(1, 0.3).problem
+    onset = SteadySliding(problem, (-1.0, 0.0), density=1.0).onset()
+    critical = (100 + 3 * 82) / (100 + 82)
+    assert (onset.friction, onset.frequency) == (pytest.approx(critical, rel=1e-6), 0.0)
+    assert SteadySliding(problem, (1.0, 0.0), density=1.0).onset() is None
+
+
+def dense(A):
+    values = A.getValuesCSR()
+    return scipy.sparse.csr_matrix((values[2], values[1], values[0])).toarray()
+
+
+def by_hand(problem, slip, friction, density, C):
+    """All lambda by rows of t and n at the contact nodes; one rank. With C a form or eta."""
+    V = problem.V
+    dim = problem.V.mesh.geometry.dim
+    v = ufl.TrialFunction(V)
+    w = ufl.TestFunction(V)
+
+    def assembled(form):
+        A = dolfinx.fem.petsc.assemble_matrix(fem.form(form))
+        A.assemble()
+        return dense(A)
+
+    K = dense(problem.equations.bulk.stiffness(problem.u.x.array))
+    M = assembled(density * ufl.dot(v, w) * ufl.dx)
+    C = C * K if isinstance(C, float) else assembled(C)
+    nodes = problem.surfaces[0].points.trace_dofs
+    last = dim - 1
+    free = ~problem.equations.fixed
+    test = np.eye(len(K))
+    keep = free.copy()
+    for node in nodes:
+        dofs = dim * node + np.arange(dim)
+        keep[dofs[last]] = False
+        # (t-row) - s F (n-row), s against the slip of the body, rn along +z.
+        test[dofs[:last], dofs[last]] = np.asarray(slip)[:last] * friction
+    K, C, M = ((test @ A)[np.ix_(keep, keep)] for A in (K, C, M))
+    n = len(K)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
+    B = np.block([[np.eye(n), np.zeros((n, n))], [np.zeros((n, n)), M]])
+    values = scipy.linalg.eig(A, B)[0]
+    return values[values.imag > -1e-9]
+
+
+def rubbing(V, along):
+    """Damping at the floor, of different size along each axis, and some of the stiffness."""
+    v = ufl.TrialFunction(V)
+    w = ufl.TestFunction(V)
+    height = ufl.SpatialCoordinate(V.mesh)[len(along) - 1]
+    at_bottom = ufl.conditional(ufl.lt(height, 1e-9), 1.0, 0.0)
+    floor = sum(c * v[i] * w[i] for i, c in enumerate(along)) * at_bottom * ufl.ds
+    return floor + 0.01 * ufl.inner(ufl.sym(ufl.grad(v)), ufl.sym(ufl.grad(w))) * ufl.dx
+
+
+@pytest.mark.parametrize("quadratic", [False, True])
+@pytest.mark.verifies(
+    "steady sliding",
+    reference="independent code: a dense quadratic eigenproblem in scipy",
+    aspects=("3D",),
+)
+def test_against_the_quadratic_problem_in_3d(quadratic):
+    """Block that leans, slip in a skew direction; damping by stiffness and of another kind."""
+    slip = np.array([np.cos(0.7), np.sin(0.7), 0.0])
+    alone = block(3, comm=MPI.COMM_SELF)
+    C = rubbing(alone.V, (0.3, 0.1, 0.0)) if quadratic else 0.05
+    expected = by_hand(alone, slip, 0.8, 2.0, C)
+    problem = block(3)
+    C = rubbing(problem.V, (0.3, 0.1, 0.0)) if quadratic else 0.05
+    sliding = SteadySliding(problem, slip, density=2.0, damping=C)
+    found = sliding.modes(0.8)
+    away = np.abs(found.eigenvalues[:, None] - expected)
+    size = np.abs(expected).max()
+    assert away.min(axis=1).max() < 1e-8 * size
+    assert away.min(axis=0).max() < 1e-8 * size
+    assert found.growth == pytest.approx(expected.real.max(), abs=1e-8 * size)
+    few = SteadySliding(problem, slip, density=2.0, damping=C, dense=False, count=8).modes(0.8)
+    near = few.eigenvalues[np.abs(few.eigenvalues) < 0.8 * few.known_up_to]
+    assert len(near) >= 2
+    assert np.abs(near[:, None] - expected).min(axis=1).max() < 1e-7 * size
+
+
+def test_a_form_of_damping_is_the_same():
+    """eta K as a form makes the problem quadratic, with the same eigenvalues."""
+    problem = pad(2)
+    v = ufl.TrialFunction(problem.V)
+    w = ufl.TestFunction(problem.V)
+    e = ufl.sym(ufl.grad(v)), ufl.sym(ufl.grad(w))
+    mu = 1 / 2.6
+    lmbda = 0.3 / (1.3 * 0.4)
+    K = (2 * mu * ufl.inner(*e) + lmbda * ufl.tr(e[0]) * ufl.tr(e[1])) * ufl.dx
+    form, number = (
+        SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=c) for c in (0.02 * K, 0.02)
+    )
+    assert form.onset().friction == pytest.approx(number.onset().friction, abs=1e-9)
+    assert form.modes(1.0).eigenvalues[0] == pytest.approx(number.modes(1.0).eigenvalues[0])
+
+
+@pytest.mark.ranks(2)
+def test_mode_shape():
+    """Both parts of a mode have v_n = 0."""
+    problem = pad(4)
+    modes = SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
+    for part in (modes.real, modes.imaginary):
+        problem.u.x.array[:] = part.x.array
+        jump = problem.evaluate().surfaces[0].jump
+        assert np.abs(jump[:, 1]).max(initial=0.0) < 1e-12
+        size = COMM.allreduce(np.abs(part.x.array).max(initial=0.0), op=MPI.MAX)
+        assert size > 1e-3
+
+
+def test_of_a_solution():
+    """All points slipping to the right in the solution is the uniform direction."""
+    problem = pad(4, friction=0.7)
+    uniform = SteadySliding(problem, (1.0, 0.0), density=1.0, damping=0.02).modes(0.7)
+    restore_statuses(problem, PLUS)
+    found = SteadySliding(problem, "solution", density=1.0, damping=0.02).modes()
+    np.testing.assert_allclose(found.eigenvalues[:5], uniform.eigenvalues[:5], atol=1e-9)
+
+
+def test_units():
+    """Times go with sqrt(rho L^2/E), whatever the units."""
+    plain = SteadySliding(pad(4), (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
+    E = 2e11
+    rho = 7800.0
+    length = 1e-3
+    time = np.sqrt(rho / E) * length
+    domain = mesh.create_rectangle(COMM, [[0.0, 0.0], [length, length]], [4, 4], QUADS)
+    stiff = on_box(domain, material=LinearElastic.from_young(E, 0.3))
+    other = SteadySliding(stiff, (-1.0, 0.0), density=rho, damping=0.02 * time).modes(1.0)
+    assert other.eigenvalues[0] * time == pytest.approx(plain.eigenvalues[0], rel=1e-9)
+
+
+@pytest.mark.ranks(2)
+def test_bad_input():
+    problem = pad(2)
+    for given, words in (
+        (dict(density=0.0), "density must be positive"),
+        (dict(density=1.0, damping=-0.1), "a time >= 0 or a form"),
+        (dict(density=1.0, damping=ufl.inner(problem.u, problem.u) * ufl.dx), "trial and a test"),
+        (dict(density=1.0, count=0), "number of eigenvalues"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            SteadySliding(problem, (-1.0, 0.0), **given)
+    sliding = SteadySliding(problem, (-1.0, 0.0), density=1.0)
+    with pytest.raises(ValueError, match="number >= 0"):
+        sliding.modes(-0.1)
+    with pytest.raises(ValueError, match="largest friction must be positive"):
+        sliding.onset(0.0)
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+def test_demo(folder):
+    """Numbers of the benchmark, what regularised friction hides, and the animation."""
+    pad_options = ["--nx=2", "--ny=2", "--width=1", "--height=1", "--friction=0.5"]
+    found = demo_squeal.main(
+        [*pad_options, "--damping=0.02", "--slopes", "0.1", "2", "--frames=2", f"--output={folder}"]
+    )
+    expected = (*FASTEST[2][:1], *ONSET[2][0.02])
+    assert found["growth"] + 1j * found["frequency"] == pytest.approx(expected[0], abs=1e-9)
+    assert found["onset"] == pytest.approx(expected[1], abs=1e-6)
+    assert found["onset_frequency"] == pytest.approx(expected[2], abs=1e-6)
+    regularised = found["regularised"]
+    assert found["growth"] > regularised["0.1"] > 0 > regularised["2"]
+
+
+@pytest.mark.ranks(2)
+def test_animation(folder):
+    """One period: the frames of the two parts are a quarter of it apart, of the size asked for."""
+    problem = pad(2)
+    modes = SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
+    frames = [problem.u.x.array.copy() for _ in demo_squeal.period(problem, modes, 0.2, frames=8)]
+    largest = [COMM.allreduce(np.abs(f).max(initial=0.0), op=MPI.MAX) for f in frames]
+    assert 0.1 < max(largest) <= 0.2 + 1e-12
+    np.testing.assert_allclose(frames[4], -frames[0], atol=1e-12)
+    parts = (modes.real.x.array, modes.imaginary.x.array)
+    real, imaginary = (COMM.allreduce(np.abs(p).max(initial=0.0), op=MPI.MAX) for p in parts)
+    assert largest[2] / largest[0] == pytest.approx(imaginary / real)
+
+
+def one_rank_fails(problem):
+    problem.u.x.array[:] = 1.0
+    if COMM.rank == COMM.size - 1:
+        raise ValueError("on the last rank")
+    yield "rest"
+
+
+@pytest.mark.long
+def test_animated_picture(folder):
+    pytest.importorskip("pyvista")
+    pytest.importorskip("imageio")
+    image = pytest.importorskip("PIL.Image")
+    problem = pad(2)
+    modes = SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
+    problem.u.x.array[:] = 0.25
+    file = plot.film(folder / "mode.gif", problem, demo_squeal.period(problem, modes, 0.2, 4))
+    assert file == folder / "mode.gif"
+    assert (problem.u.x.array == 0.25).all()
+    if COMM.rank == 0:
+        with image.open(file) as picture:
+            assert picture.n_frames == 4
+            frames = []
+            for i in range(4):
+                picture.seek(i)
+                frames.append(np.asarray(picture.convert("RGB"), dtype=float))
+        # Half a period apart the body is on the other side.
+        assert np.abs(frames[0] - frames[2]).max() > 50
+
+
+def test_what_is_no_film(folder):
+    pytest.importorskip("pyvista")
+    pytest.importorskip("imageio")
+    problem = pad(2)
+    problem.u.x.array[:] = 0.25
+    with pytest.raises(ValueError, match=r"\.gif or \.mp4, not mode.png"):
+        plot.film(folder / "mode.png", problem, iter(["rest"]))
+    with pytest.raises(ValueError, match="no states"):
+        plot.film(folder / "mode.gif", problem, iter([]))
+    with pytest.raises(TypeError, match="expected str instance, int found"):
+        plot.film(folder / "mode.gif", problem, iter([1]))
+
+    def wild():
+        problem.u.x.array[:] = np.nan
+        yield "lost"
+
+    before = problem.u.x.array.copy()
+    with pytest.raises(ValueError, match="displacement of state 0 has an entry that is not finite"):
+        plot.film(folder / "mode.gif", problem, wild())
+    np.testing.assert_array_equal(problem.u.x.array, before)
+    with pytest.raises(ValueError, match=r"last rank|what_is_written"):
+        plot.film(folder / "mode.gif", problem, one_rank_fails(problem))
+    assert (problem.u.x.array == 0.25).all()

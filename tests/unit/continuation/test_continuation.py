@@ -1,0 +1,636 @@
+"""The continuation on systems whose diagrams are known."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.textbook import SymmetricGuess, Textbook, one_node, smooth
+
+from dolfinx_contact.continuation import (
+    Ending,
+    Events,
+    Follower,
+    Piece,
+    StepControl,
+    System,
+    explore,
+    follow,
+    points_at,
+)
+from dolfinx_contact.continuation.corrector import Corrector
+
+
+@pytest.fixture(params=["factorised", "krylov"], autouse=True)
+def algebra(request, monkeypatch):
+    """Every test with an assembled matrix and with a Krylov method."""
+    if request.param == "krylov":
+        monkeypatch.setattr(Textbook, "preconditioner", SymmetricGuess())
+    return request.param
+
+
+def start(system, values):
+    x = system.create_vector()
+    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
+    return x
+
+
+def values(system, point):
+    """x and gamma of a point, on every rank."""
+    y = point.y
+    parts = system.comm.allgather(y.array_r.copy())
+    whole = np.concatenate(parts)
+    return whole[:-1], whole[-1]
+
+
+@pytest.mark.verifies(
+    "branches", reference="closed form: the fold of a circle", aspects=("branches",), alone=True
+)
+def test_circle():
+    """x^2 + g^2 = 1: the smooth fold at g = 1, located, and round to the other end."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    branch = follow(system, start(system, [1.0]), 0.0, gamma_range=(-0.5, 2.0))
+    assert [s.kind for s in branch.special] == ["fold"]
+    assert branch.special[0].smooth
+    assert abs(branch.special[0].gamma - 1.0) < 1e-10
+    x, g = values(system, branch.points[-1])
+    assert g == pytest.approx(-0.5, abs=1e-12)
+    assert x[0] == pytest.approx(-np.sqrt(0.75), abs=1e-10)
+    assert branch.reason == "gamma reached the end of its range"
+    assert branch.ending is Ending.REACHED
+
+
+def test_an_end_of_the_range_that_cannot_be_solved_for():
+    """No point beyond the range, and no word that its end was reached."""
+
+    def cubic(x, g):
+        return x**3 + x - g if abs(g - 1) > 1e-9 else np.nan * x
+
+    system = smooth(1, cubic, lambda x, g: [[3 * x[0] ** 2 + 1]], lambda x, g: [-1.0])
+    branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0))
+    assert branch.reason == "the point at the end of the range of gamma was not solved for"
+    assert branch.ending is Ending.NOT_SOLVED
+    assert max(p.gamma for p in branch.points) < 1
+
+
+@pytest.mark.parametrize("end", [0.3, 1e-20, 0.0, -1 / 3])
+def test_the_end_of_the_range_to_the_last_bit(end):
+    system = smooth(
+        1,
+        lambda x, g: x**3 + x - g,
+        lambda x, g: [[3 * x[0] ** 2 + 1]],
+        lambda x, g: [-1.0],
+    )
+    branch = follow(
+        system, start(system, [1.0]), 2.0, gamma_range=(end, 3.0), direction="decreasing"
+    )
+    assert branch.points[-1].gamma == values(system, branch.points[-1])[1] == end
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.each_value
+@pytest.mark.parametrize("route", ["auto", "steps"])
+@pytest.mark.parametrize("gamma", [-1.0, 1.0, 1.0 - 1e-15])
+def test_a_start_at_an_end_of_the_range(route, gamma):
+    """Outwards there is no branch; `explore` follows the one inwards to the other end."""
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    x = start(system, [gamma / 2, 0, gamma, 1.0])
+    ways = dict(gamma_range=(-1.0, 1.0), route=route)
+    inwards, outwards = "decreasing", "increasing"
+    if gamma < 0:
+        inwards, outwards = outwards, inwards
+    with pytest.raises(ValueError, match=r"leaves its range \[-1, 1\] at once"):
+        follow(system, x, gamma, direction=outwards, **ways)
+    branch = follow(system, x, gamma, direction=inwards, **ways)
+    diagram = explore(system, [(x, gamma)], **ways)
+    for followed in (branch, *diagram.branches):
+        assert [followed.points[k].gamma for k in (0, -1)] == [gamma, -np.sign(gamma)]
+    assert len(diagram.branches) == 1
+    assert diagram.complete
+
+
+@pytest.mark.parametrize("route", ["auto", "steps"])
+def test_a_start_next_to_an_end_of_the_range(route):
+    """The branch to the near end is too short to hide that to the far one."""
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    gamma = 1.0 - 1e-7
+    x = start(system, [gamma / 2, 0, gamma, 1.0])
+    diagram = explore(system, [(x, gamma)], gamma_range=(-1.0, 1.0), route=route)
+    assert sorted(b.points[-1].gamma for b in diagram.branches) == [-1.0, 1.0]
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.verifies(
+    "branches",
+    reference="closed form: one node, folds at 3 and 2",
+    aspects=("branches",),
+    alone=True,
+)
+def test_path_with_two_nonsmooth_folds():
+    """The one-node S: kt = kn = 2, k = 1, F = 3, p = (-g, -1); folds at 3 and 2."""
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    branch = follow(system, start(system, [0, 0, 0, 1.0]), 0.0, gamma_range=(-1.0, 5.0))
+    assert [s.kind for s in branch.special] == ["fold", "fold"]
+    np.testing.assert_allclose([s.gamma for s in branch.special], [3.0, 2.0], atol=1e-10)
+    for s, change in zip(branch.special, [(1, 3), (3, 0)], strict=True):
+        assert not s.smooth
+        assert [(c.before, c.after) for c in s.changes] == [change]
+        assert s.parity == 1  # neither fold is a bifurcation
+        assert s.others == ()
+    x, g = values(system, branch.points[-1])
+    assert g == pytest.approx(5.0, abs=1e-12)
+    # Separated: S u = p.
+    np.testing.assert_allclose(x[:2], np.linalg.solve([[2, 1], [1, 2]], [-5, -1]), atol=1e-9)
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+@pytest.mark.parametrize("units", [1.0, 1e9, 1e-6])
+def test_the_path_does_not_depend_on_steps_and_units(factor, units, algebra):
+    if algebra == "krylov" and units != 1:
+        pytest.skip("the preconditioner of these tests knows no units")
+    control = StepControl(initial=0.02 * factor, maximum=0.1 * factor)
+    system = one_node(2 * units, 2 * units, units, 3.0, (0.0, -units), (-units, 0.0))
+    residual = system.residual
+    system.residual = lambda *args: residual(*args) / units
+    x = start(system, [0, 0, 0, units])
+    branch = follow(system, x, 0.0, gamma_range=(-1.0, 5.0), control=control)
+    np.testing.assert_allclose([s.gamma for s in branch.special], [3.0, 2.0], atol=1e-10)
+
+
+@pytest.mark.ranks(2)
+def test_slip_that_goes_on():
+    """Below the critical coefficient: stick, then slip to the left, no fold."""
+    system = one_node(2.0, 2.0, 1.0, 1.0, (0.0, -1.0), (-1.0, 0.0))
+    branch = follow(system, start(system, [0, 0, 0, 1.0]), 0.0, gamma_range=(-1.0, 5.0))
+    assert [s.kind for s in branch.special] == ["event", "event"]
+    np.testing.assert_allclose([s.gamma for s in branch.special], [1.0, 2.0], atol=1e-10)
+
+
+def corner(sign):
+    """|x| = sign g + ...: H = |x| - g has a nonsmooth fold at the origin, x = |g| a kink."""
+    if sign > 0:  # x - |g|... a kink of x over g
+        H = lambda x, g, s: np.array([x[0] - (g if s[0] else -g)])  # noqa: E731
+        J = lambda x, g, s: [[1.0]]  # noqa: E731
+        c = lambda x, g, s: [-1.0 if s[0] else 1.0]  # noqa: E731
+        distances = lambda x, g, s: [[(g if s[0] else -g, 1 - s[0])]]  # noqa: E731
+        codes = lambda x, g: [int(g > 0)]  # noqa: E731
+    else:
+        H = lambda x, g, s: np.array([(x[0] if s[0] else -x[0]) - g])  # noqa: E731
+        J = lambda x, g, s: [[1.0 if s[0] else -1.0]]  # noqa: E731
+        c = lambda x, g, s: [-1.0]  # noqa: E731
+        distances = lambda x, g, s: [[(x[0] if s[0] else -x[0], 1 - s[0])]]  # noqa: E731
+        codes = lambda x, g: [int(x[0] > 0)]  # noqa: E731
+    return Textbook(1, H, J, c, distances, codes, (0, 1))
+
+
+def test_corner_over_gamma():
+    system = corner(1)
+    branch = follow(system, start(system, [1.0]), -1.0, gamma_range=(-1.0, 2.0))
+    assert [s.kind for s in branch.special] == ["event"]
+    assert abs(branch.special[0].gamma) < 1e-12
+    x, _ = values(system, branch.points[-1])
+    assert x[0] == pytest.approx(2.0, abs=1e-10)
+
+
+def test_corner_that_is_a_fold():
+    system = corner(-1)
+    branch = follow(
+        system, start(system, [1.0]), 1.0, gamma_range=(-1.0, 2.0), direction="decreasing"
+    )
+    assert [s.kind for s in branch.special] == ["fold"]
+    assert abs(branch.special[0].gamma) < 1e-12
+    x, _ = values(system, branch.points[-1])
+    assert x[0] == pytest.approx(-2.0, abs=1e-10)
+
+
+def moment(low, high):
+    """x = g, in another piece from ``low`` to ``high``."""
+    d = lambda g: max(low - g, g - high)  # noqa: E731
+    return Textbook(
+        1,
+        lambda x, g, s: np.array([x[0] - g]),
+        lambda x, g, s: [[1.0]],
+        lambda x, g, s: [-1.0],
+        lambda x, g, s: [[(-d(g) if s[0] else d(g), 1 - s[0])]],
+        lambda x, g: [int(d(g) < 0)],
+        (0, 1),
+    )
+
+
+@pytest.mark.parametrize("low", [0.3, 0.4375, 0.45])
+def test_a_piece_that_is_shorter_than_a_step(low, algebra):
+    """The border by which a piece is entered and left is met twice, and the branch goes on."""
+    met = 0
+    for first in (0.06, 0.07, 0.1):
+        system = moment(low, low + 0.0625)
+        control = StepControl(initial=first, kinks="exact")
+        branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0), control=control)
+        assert branch.reason == "gamma reached the end of its range"
+        assert branch.points[-1].gamma == 1.0
+        found = [s.gamma for s in branch.special]
+        met += len(found) > 0  # else a step led from one side of the piece to the other
+        if found:
+            assert [(s.kind, s.parity) for s in branch.special] == [("event", 1)] * 2
+            np.testing.assert_allclose(found, [low, low + 0.0625], rtol=0, atol=1e-12)
+    assert met
+
+
+def test_a_branch_does_not_go_back_where_it_came():
+    """Where no step may be as short as a piece the branch ends, and says so."""
+    system = moment(0.4375, 0.5)
+    control = StepControl(0.07, minimum=0.055, kinks="exact")
+    branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0), control=control)
+    assert branch.reason == "no step of at least 0.055 succeeds"
+    assert branch.ending is Ending.NOT_SOLVED
+    assert branch.points[-1].gamma == pytest.approx(0.4375, abs=1e-12)
+
+
+def test_three_pieces_meet():
+    """H = |x| - |g| ... four rays meet at the origin: x = g and x = -g, each twice."""
+
+    def H(x, g, s):
+        return np.array([(x[0] if s[0] else -x[0]) - (g if s[1] else -g)])
+
+    system = Textbook(
+        1,
+        H,
+        lambda x, g, s: [[1.0 if s[0] else -1.0]],
+        lambda x, g, s: [-1.0 if s[1] else 1.0],
+        lambda x, g, s: [
+            [(x[0] if s[0] else -x[0], 1 - s[0])],
+            [(g if s[1] else -g, 1 - s[1])],
+        ],
+        lambda x, g: [int(x[0] > 0), int(g > 0)],
+        (0, 1),
+    )
+    branch = follow(system, start(system, [1.0]), -1.0, gamma_range=(-1.0, 1.0))
+    (special,) = branch.special
+    assert special.kind == "bifurcation"
+    assert special.complete
+    assert len(special.others) == 2
+    assert abs(special.gamma) < 1e-12
+    # Every way out once: with the branch's own, the slopes of all three other rays.
+    rays = [branch.points[special.index].tangent, *(r.tangent for r in special.others)]
+    ends = set()
+    for t in rays:
+        whole = np.concatenate(system.comm.allgather(t.array_r.copy()))
+        ends.add(tuple(int(v) for v in np.sign(whole)))
+    assert ends == {(1, 1), (-1, 1), (-1, -1)}
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("kinks", ["exact", "batched", "stepping"])
+def test_points_beside_smooth_folds(kinks):
+    """All roots of x^3 - x + g = 0, also where the fold alone is further than g."""
+    system = smooth(
+        1, lambda x, g: x**3 - x + g, lambda x, g: [[3 * x[0] ** 2 - 1]], lambda x, g: [1.0]
+    )
+    given = dict(gamma_range=(-1.0, 1.0), control=StepControl(kinks=kinks), route="steps")
+    branch = follow(system, start(system, [1.3]), 1.3 - 1.3**3, **given)
+    assert [special.kind for special in branch.special] == ["fold", "fold"]
+    fold = 2 / (3 * np.sqrt(3))
+    for gamma in (0.2, fold - 1e-3, fold - 1e-5, fold - 1e-7, -fold + 1e-5, fold + 1e-3):
+        found = sorted(values(system, p)[0][0] for p in points_at(system, branch, gamma, **given))
+        roots = np.roots([1.0, 0.0, -1.0, gamma])
+        real = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
+        np.testing.assert_allclose(found, real, atol=1e-7)
+
+
+@pytest.mark.ranks(2)
+def test_correctors_agree():
+    """Moore-Penrose, pseudo-arclength and natural end on the same curve."""
+    system = smooth(
+        1, lambda x, g: x**3 - x + g, lambda x, g: [[3 * x[0] ** 2 - 1]], lambda x, g: [1.0]
+    )
+    with Follower(system, StepControl(), gamma_scale=1.0) as follower:
+        point = follower.start(start(system, [1.3]), -0.8)
+        b = follower.bordered
+        corrector = follower.corrector
+        y = point.y.copy()
+        t = point.tangent.copy()
+        y.axpy(0.05, point.tangent)
+        by_chords = y.copy()
+        assert corrector.moore_penrose(by_chords, t.copy(), point.piece)
+        newton = Corrector(b, StepControl(), chords=False)
+        assert newton.moore_penrose(y, t, point.piece)
+        by_chords.axpy(-1.0, y)
+        assert by_chords.norm() < 1e-10
+        assert abs(b.inner(t, t) - 1) < 1e-12
+        exact = corrector.tangent(y, point.tangent, point.piece)
+        exact.axpy(-1.0, t)
+        if b.solver.many_sides:
+            assert exact.norm() < 1e-6  # the tangent that came with it
+        z = point.y.copy()
+        z.axpy(0.05, point.tangent)
+        assert corrector.pseudo_arclength(z, point.y, point.tangent, 0.05, point.piece)
+        w = point.y.copy()
+        assert corrector.natural(w, b.gamma(y), point.piece)
+        w.axpy(-1.0, y)
+        assert w.norm() < 1e-9
+        z.axpy(-1.0, y)
+        assert z.norm() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "H", "J", "c", "other"),
+    [
+        (
+            "pitchfork",
+            lambda x, g: g * x - x**3,
+            lambda x, g: [[g - 3 * x[0] ** 2]],
+            lambda x, g: [x[0]],
+            lambda x, g: g - x**2,
+        ),
+        (
+            "transcritical",
+            lambda x, g: g * x - x**2,
+            lambda x, g: [[g - 2 * x[0]]],
+            lambda x, g: [x[0]],
+            lambda x, g: g - x,
+        ),
+    ],
+)
+@pytest.mark.verifies(
+    "branches",
+    reference="closed form: pitchfork and transcritical bifurcation",
+    aspects=("branches",),
+    alone=True,
+)
+def test_smooth_bifurcations(name, H, J, c, other):
+    """From the trivial branch: found, located to 1e-8, and branched off both ways."""
+    system = smooth(1, H, J, c)
+    with Follower(system, StepControl(), gamma_scale=2.0) as follower:
+        begin = follower.start(start(system, [0.0]), -1.0)
+        branch = follower.run(begin, gamma_range=(-1.0, 1.013))
+        (special,) = branch.special
+        assert special.kind == "bifurcation"
+        assert special.smooth
+        assert abs(special.gamma) < 1e-8
+        ends = []
+        for ray in special.others:
+            point = follower.branch_off(special, ray)
+            away = follower.run(point, gamma_range=(-0.5, 0.5))
+            x, g = values(system, away.points[-1])
+            assert abs(x[0]) > 0.1
+            assert abs(other(x[0], g)) < 1e-9
+            ends.append(np.sign(x[0]))
+        assert sorted(ends) == [-1, 1]
+    assert name
+
+
+def test_a_bifurcation_in_the_last_step_is_kept():
+    """One long step leads past the bifurcation and out of the range."""
+    system = smooth(
+        1, lambda x, g: g * x - x**3, lambda x, g: [[g - 3 * x[0] ** 2]], lambda x, g: [x[0]]
+    )
+    control = StepControl(initial=1.0, maximum=1.0)
+    branch = follow(system, start(system, [0.0]), -0.1, gamma_range=(-0.1, 0.05), control=control)
+    (special,) = branch.special
+    assert special.kind == "bifurcation"
+    assert abs(special.gamma) < 1e-8
+    assert len(branch.points) == 2
+
+
+@pytest.mark.verifies(
+    "branches",
+    reference="closed form: Bratu's fold at 3.513830719",
+    aspects=("branches",),
+    alone=True,
+)
+def test_bratu():
+    """-u'' = g exp(u) on (0, 1): the fold at 3.513830719, and no bifurcation."""
+    system = bratu(200)
+    x = system.create_vector()
+    x.set(0.0)
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 4.0), max_steps=200)
+    (fold,) = branch.special
+    assert fold.kind == "fold"
+    assert fold.smooth
+    assert abs(fold.gamma - 3.513830719) < 1e-8
+    assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-9) or branch.points[-1].gamma < 3
+
+
+class bratu(System):
+    """The Bratu problem in 1D with P4 elements."""
+
+    def __init__(self, n):
+        import ufl
+        from dolfinx import fem, la, mesh
+        from dolfinx.fem.petsc import assemble_matrix
+
+        self.comm = MPI.COMM_WORLD
+        domain = mesh.create_unit_interval(self.comm, n)
+        V = fem.functionspace(domain, ("Lagrange", 4))
+        self._u = fem.Function(V)
+        v = ufl.TestFunction(V)
+        self._g = fem.Constant(domain, 0.0)
+        source = ufl.exp(self._u) * v * ufl.dx
+        R = self._u.dx(0) * v.dx(0) * ufl.dx - self._g * source
+        self._R = fem.form(R)
+        self._c = fem.form(-source)
+        self._J = fem.form(ufl.derivative(R, self._u, ufl.TrialFunction(V)))
+        ends = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0] * (1 - x[0]), 0))
+        self._bc = fem.dirichletbc(0.0, ends, V)
+        self._n = V.dofmap.index_map.size_local
+        self._ends = ends[ends < self._n]
+        self._assemble_matrix = assemble_matrix
+        self._add = la.InsertMode.add
+        self._fem = fem
+        self._scratch = la.vector(V.dofmap.index_map, 1)
+        self._places = V.tabulate_dof_coordinates()[: self._n, 0]
+        self.matrix = assemble_matrix(self._J, bcs=[self._bc])
+        self.matrix.assemble()
+
+    def create_vector(self):
+        return self.matrix.createVecRight()
+
+    def _put(self, x, gamma):
+        self._u.x.array[: self._n] = x.array_r
+        self._u.x.scatter_forward()
+        self._g.value = gamma
+
+    def _vector(self, form, at_ends, out):
+        b = self._scratch
+        b.array[:] = 0.0
+        self._fem.assemble_vector(b.array, form)
+        b.scatter_reverse(self._add)
+        out.array[:] = b.array[: self._n]
+        out.array[self._ends] = at_ends
+
+    def residual(self, x, gamma, b, _piece):
+        self._put(x, gamma)
+        self._vector(self._R, self._u.x.array[self._ends], b)
+        return 1e-2 * b.norm()
+
+    def jacobian(self, x, gamma, _piece):
+        self._put(x, gamma)
+        self.matrix.zeroEntries()
+        self._assemble_matrix(self.matrix, self._J, bcs=[self._bc])
+        self.matrix.assemble()
+
+    def parameter_derivative(self, x, gamma, c, _piece):
+        self._put(x, gamma)
+        self._vector(self._c, 0.0, c)
+
+    def metric(self, x, out):
+        x.copy(out)
+
+    def probe(self, seed):
+        x = self.create_vector()
+        x.array[:] = np.sin(seed + 9 * self._places)
+        return x
+
+    def piece_at(self, _x, _gamma):
+        return Piece(np.zeros(0, dtype=np.int8))
+
+    def events(self, _x, _gamma, _piece):
+        return Events(np.zeros(0), np.zeros(0, np.int32), np.zeros(0, np.int8))
+
+    def statuses(self, _point):
+        return ()
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.verifies(
+    "branches",
+    reference="independent code: the sign of the determinant by MUMPS",
+    aspects=("branches",),
+)
+def test_parity_is_that_of_mumps():
+    """The low-rank identity and MUMPS' sign of det J say the same, for every pair of statuses."""
+    from dolfinx_contact.continuation.branch import Ray
+    from dolfinx_contact.continuation.ray_finder import parity
+
+    for F in (0.5, 3.0):
+        system = one_node(2.0, 2.0, 1.0, F, (0.0, -1.0), (-1.0, 0.3))
+        with Follower(system, StepControl(), gamma_scale=1.0) as follower:
+            point = follower.start(start(system, [0, 0, 0, 1.0]), 0.0)
+            b = follower.bordered
+            corrector = follower.corrector
+            for before in range(4):
+                for after in range(4):
+                    signs = []
+                    rays = []
+                    for code in (before, after):
+                        codes = np.full(len(point.piece.codes), code, dtype=np.int8)
+                        piece = type(point.piece)(codes)
+                        t = corrector.tangent(point.y, point.tangent, piece)
+                        row = b.vector()
+                        b.dual(t, row)
+                        b.solver.assemble(point.y, row, piece)
+                        b.solver.factorise()
+                        signs.append(b.solver.determinant_sign())
+                        rays.append(Ray(piece, t))
+                    mine = parity(corrector, point.y, rays[0].piece, rays[0].tangent, rays[1])
+                    assert mine == int(np.sign(signs[0] * signs[1])), (F, before, after)
+
+
+def test_bad_input():
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    x = start(system, [0, 0, 0, 1.0])
+    with pytest.raises(ValueError, match="must lie in the range"):
+        follow(system, x, 7.0, gamma_range=(0.0, 5.0))
+    with pytest.raises(ValueError, match="max_steps must be a whole number"):
+        follow(system, x, 0.0, gamma_range=(0.0, 5.0), max_steps=0)
+    still = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (0.0, 0.0))
+    with pytest.raises(ValueError, match="gamma does not appear in H"):
+        follow(still, x, 0.0, gamma_range=(0.0, 5.0))
+    for bad in (
+        dict(initial=1.0),
+        dict(minimum=0.0),
+        dict(increase=0.5),
+        dict(decrease=2.0),
+        dict(cosine=1.0),
+        dict(tolerance=0.0),
+    ):
+        with pytest.raises(ValueError):  # noqa: PT011
+            StepControl(**bad)
+    nowhere = smooth(
+        1, lambda x, g: x**2 + 1 + g**2, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g + 1e-3]
+    )
+    with pytest.raises(ValueError, match="no solution near"):
+        follow(nowhere, start(nowhere, [1.0]), 0.0, gamma_range=(-1.0, 1.0))
+
+
+@pytest.mark.ranks(2)
+def test_an_exhausted_budget_keeps_what_was_found():
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    x = start(system, [0, 0, 0, 1.0])
+    branch = follow(system, x, 0.0, gamma_range=(-1.0, 5.0), max_steps=3)
+    assert len(branch.points) == 4
+    assert branch.reason == "the budget of 3 steps is exhausted"
+    assert branch.ending is Ending.BUDGET
+
+
+def test_a_point_with_too_many_kinks_is_said():
+    """x_i = |g| for twelve i: 2^12 pieces meet at g = 0, and the natural one leads on."""
+    n = 12
+    system = Textbook(
+        n,
+        lambda x, g, s: x - np.where(s, g, -g),
+        lambda x, g, s: np.eye(n),
+        lambda x, g, s: np.where(s, -1.0, 1.0),
+        lambda x, g, s: [[(g if c else -g, 1 - c)] for c in s],
+        lambda x, g: np.full(n, int(g > 0)),
+        (0, 1),
+    )
+    branch = follow(system, start(system, np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
+    (special,) = branch.special
+    assert special.kind == "event"
+    assert len(special.changes) == n
+    assert not special.complete
+    x, _ = values(system, branch.points[-1])
+    np.testing.assert_allclose(x, 1.0, atol=1e-9)
+    # Where the natural piece is none, H itself leads on, and the record says so.
+    other = Textbook(
+        n,
+        lambda x, g, s: x - np.where(s, g, -g),
+        lambda x, g, s: np.eye(n),
+        lambda x, g, s: np.where(s, -1.0, 1.0),
+        lambda x, g, s: [[(g if c else -g, c)] for c in s],
+        lambda x, g: np.full(n, int(g > 0)),
+        (0, 1),
+    )
+    branch = follow(other, start(other, np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
+    (special,) = branch.special
+    assert "Newton's method on H" in special.method
+    assert not special.complete
+    x, _ = values(other, branch.points[-1])
+    np.testing.assert_allclose(x, 1.0, atol=1e-9)
+
+
+@pytest.mark.ranks(2)
+def test_a_branch_that_ends(algebra):
+    """x - g = 0 for g < 0, and twelve more rows that have no solution beyond: said, and kept."""
+    if algebra == "krylov":
+        pytest.skip("the matrix is singular, with the right-hand side in its range")
+    n = 12
+    system = Textbook(
+        n,
+        lambda x, g, s: np.where(s, x**2 + g, x - g),
+        lambda x, g, s: np.diag(np.where(s, 2 * x, 1.0)),
+        lambda x, g, s: np.where(s, 1.0, -1.0),
+        lambda x, g, s: [[(g if c else -g, 1 - c)] for c in s],
+        lambda x, g: np.full(n, int(g > 0)),
+        (0, 1),
+    )
+    branch = follow(system, start(system, -np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
+    assert "12 points are at a kink at once (too many pieces to try)" in branch.reason
+    assert branch.ending is Ending.NOT_FOUND
+    assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-3, -0.02])
+def test_the_correction_of_a_start_is_reported(off):
+    """A start is corrected at fixed gamma, and the result tells by how much."""
+    circle = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    x = start(circle, [1.0 + off])
+    branch = follow(circle, x, 0.0, gamma_range=(-0.5, 0.5))
+    assert branch.start_correction == pytest.approx(abs(off), abs=1e-9)
+    assert values(circle, branch.points[0])[0] == pytest.approx(1.0, abs=1e-9)
+    diagram = explore(circle, [(start(circle, [1.0]), 0.0), (x, 0.0)], gamma_range=(-0.5, 0.5))
+    assert diagram.start_correction == pytest.approx(abs(off), abs=1e-9)

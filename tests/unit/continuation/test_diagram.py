@@ -1,0 +1,303 @@
+"""Diagrams, closed branches and stop conditions on systems whose diagrams are known."""
+
+import numpy as np
+import pytest
+from support.textbook import Textbook, one_node, smooth
+
+from dolfinx_contact.continuation import Ending, Observer, StepControl, explore, follow
+
+
+def start(system, values):
+    x = system.create_vector()
+    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
+    return x
+
+
+def gammas(branch):
+    return branch.points[0].gamma, branch.points[-1].gamma
+
+
+@pytest.mark.verifies(
+    "branches", reference="closed form: a circle", aspects=("branches",), alone=True
+)
+def test_closed_branch():
+    """The circle inside the range: the branch ends where it began, having folded twice."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    branch = follow(system, start(system, [1.0]), 0.0, gamma_range=(-2.0, 2.0))
+    assert branch.reason == "the branch is closed"
+    assert branch.ending is Ending.CLOSED
+    np.testing.assert_allclose([s.gamma for s in branch.folds], [1.0, -1.0], atol=1e-10)
+    assert branch.points[-1].y.equal(branch.points[0].y)
+
+
+@pytest.mark.parametrize(
+    ("longest", "apart"),
+    [*(pytest.param(ds, 0.55, marks=pytest.mark.long) for ds in (0.01, 0.1, 0.5)), (0.5, 1.1)],
+)
+def test_a_branch_closes_wherever_it_begins(longest, apart):
+    """The circle from all around it, both ways, with steps that turn by up to 26 degrees."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    control = StepControl(initial=min(longest, 0.02), maximum=longest)
+    for angle in np.arange(0.2, 6.2, apart):
+        for direction in ("increasing", "decreasing"):
+            branch = follow(
+                system,
+                start(system, [np.cos(angle)]),
+                np.sin(angle),
+                gamma_range=(-2.0, 2.0),
+                direction=direction,
+                control=control,
+            )
+            assert branch.ending is Ending.CLOSED, angle
+            assert len(branch.folds) == 2, angle
+
+
+def test_a_diagram_whose_branches_are_stopped():
+    """They end where they are stopped, not at the end of the range, and the rest is unknown."""
+    system = smooth(
+        1,
+        lambda x, g: x * (g - x**2),
+        lambda x, g: [[g - 3 * x[0] ** 2]],
+        lambda x, g: [x[0]],
+    )
+
+    def stop(step):
+        return "far enough" if step.point.gamma > 0.5 else ""
+
+    diagram = explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0), stop=stop)
+    assert len(diagram.nodes) == 1
+    first, *away = diagram.branches
+    assert first.points[-1].gamma == pytest.approx(0.0, abs=1e-10)
+    assert len(away) == 3
+    for branch in away:
+        assert branch.reason == "far enough"
+        assert 0.5 < branch.points[-1].gamma < 1.0
+    assert diagram.ending is Ending.STOPPED
+    assert not diagram.complete
+    with pytest.raises(ValueError, match="stop must be a function of a step"):
+        explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0), stop=3)
+
+
+def test_the_last_point_tells_how_the_branch_ends():
+    """An observer of points knows it, and is not called with a point that was stopped at before."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+
+    class Looks(Observer):
+        def __init__(self):
+            self.endings = []
+
+        def step(self, step, state):
+            self.endings.append((state.ending, state.reason))
+
+    def stop(step):
+        return "enough" if step.point.gamma > 0.5 else ""
+
+    for way, ending, reason in (
+        (dict(gamma_range=(-2.0, 2.0)), Ending.CLOSED, "the branch is closed"),
+        (dict(gamma_range=(-0.5, 0.5)), Ending.REACHED, "gamma reached the end of its range"),
+        (dict(gamma_range=(-2.0, 2.0), stop=stop), Ending.STOPPED, "enough"),
+    ):
+        looks = Looks()
+        branch = follow(system, start(system, [1.0]), 0.0, observer=looks, **way)
+        *before, last = looks.endings
+        assert last == (ending, reason) == (branch.ending, branch.reason)
+        assert set(before) == {(None, "")}
+        assert len(looks.endings) == len(branch.points)
+
+
+def test_a_diagram_with_a_branch_that_was_cut_off():
+    """It is not complete, and says which branch, and by what."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    span = dict(gamma_range=(-2.0, 2.0))
+    whole = explore(system, [(start(system, [1.0]), 0.0)], **span)
+    assert whole.complete
+    assert whole.ending is Ending.REACHED
+    part = explore(system, [(start(system, [1.0]), 0.0)], max_steps=3, **span)
+    assert not part.complete
+    assert part.ending is Ending.BUDGET
+    assert part.reason.startswith("branch 0 was cut off (and 1 more): the budget of 3 steps")
+    assert not part.summary()["converged"]
+
+
+@pytest.mark.parametrize("end", [1e-6, 0.01, 0.05, 0.1])
+def test_a_node_in_the_step_that_reaches_the_end(end):
+    """A bifurcation before the end of the range is a node, however close the end is."""
+    system = smooth(
+        1, lambda x, g: x * (g - x**2), lambda x, g: [[g - 3 * x[0] ** 2]], lambda x, g: [x[0]]
+    )
+    diagram = explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, end))
+    assert len(diagram.nodes) == 1
+    assert len(diagram.nodes[0].rays) == 4
+    assert len(diagram.edges) > 1
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("end", [0.01, 1.0])
+def test_observers_see_the_branches_of_the_diagram(end):
+    """How they end, and the last point: that of the node where a branch comes to one."""
+    system = smooth(
+        1, lambda x, g: x * (g - x**2), lambda x, g: [[g - 3 * x[0] ** 2]], lambda x, g: [x[0]]
+    )
+    last = {}
+    ended = {}
+
+    class Looks(Observer):
+        def step(self, step, state):
+            last[step.branch] = step.point, state
+
+        def end(self, how):
+            ended[len(ended)] = how.ending, how.reason
+
+    diagram = explore(
+        system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, end), observer=Looks()
+    )
+    assert len(diagram.nodes) == 1
+    assert diagram.edges[0].end == 0
+    for number, branch in enumerate(diagram.branches):
+        point, stepping = last[number]
+        assert ended[number] == (branch.ending, branch.reason)
+        assert (stepping.ending, stepping.reason) == ended[number]
+        assert point is branch.points[-1]
+    assert diagram.branches[0].points[-1].y.equal(diagram.nodes[0].point.y)
+
+
+@pytest.mark.verifies(
+    "stops", "branches", reference="closed form: a circle", aspects=("branches",), alone=True
+)
+def test_stop_on_a_functional():
+    """A branch ends where the caller says so, with the caller's reason."""
+    system = smooth(
+        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
+    )
+    branch = follow(
+        system,
+        start(system, [1.0]),
+        0.0,
+        gamma_range=(-2.0, 2.0),
+        stop=lambda step: "enough" if step.point.gamma > 0.5 else "",
+    )
+    assert branch.reason == "enough"
+    assert branch.ending is Ending.STOPPED
+    assert branch.points[-1].gamma > 0.5 >= branch.points[-2].gamma
+
+
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    reference="closed form: a pitchfork",
+    aspects=("branches",),
+    alone=True,
+)
+def test_pitchfork_as_a_graph():
+    """x (g - x^2) = 0: one node with four rays; two ends at g = 1, one at -1, one arch cut off."""
+    system = smooth(
+        1,
+        lambda x, g: x * (g - x**2),
+        lambda x, g: [[g - 3 * x[0] ** 2]],
+        lambda x, g: [x[0]],
+    )
+    diagram = explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0))
+    assert len(diagram.nodes) == 1
+    assert abs(diagram.nodes[0].point.gamma) < 1e-8
+    assert diagram.open_rays() == []
+    assert sorted(round(b.points[-1].gamma, 8) for b in diagram.branches) == [0, 1, 1, 1]
+    assert [edge.start for edge in diagram.edges] == [None, 0, 0, 0]
+
+
+def test_transcritical_from_both_sides():
+    """x (g - x) = 0 from two starts: four edges and one node; neither branch is found twice."""
+    system = smooth(1, lambda x, g: x * (g - x), lambda x, g: [[g - 2 * x[0]]], lambda x, g: [x[0]])
+    starts = [(start(system, [0.0]), -1.0), (start(system, [-1.0]), -1.0)]
+    diagram = explore(system, starts, gamma_range=(-1.0, 1.0))
+    assert len(diagram.nodes) == 1
+    assert len(diagram.edges) == 4
+    assert diagram.nodes[0].edges.count(None) == 0
+    assert sorted(edge.end is None for edge in diagram.edges) == [False, False, True, True]
+
+
+@pytest.mark.verifies(
+    "all solutions",
+    "branches",
+    reference="closed form: a line through a circle",
+    aspects=("branches",),
+    alone=True,
+)
+def test_a_loop_of_two_nodes_is_followed_once():
+    """(x - a)(x^2 + g^2 - 1) = 0, a = g / 2: a line through a circle, two nodes, six edges."""
+    system = smooth(
+        1,
+        lambda x, g: (x - g / 2) * (x**2 + g**2 - 1),
+        lambda x, g: [[(x[0] ** 2 + g**2 - 1) + (x[0] - g / 2) * 2 * x[0]]],
+        lambda x, g: [-(x[0] ** 2 + g**2 - 1) / 2 + (x[0] - g / 2) * 2 * g],
+    )
+    diagram = explore(system, [(start(system, [-1.0]), -2.0)], gamma_range=(-2.0, 2.0))
+    at = 2 / np.sqrt(5)
+    np.testing.assert_allclose([n.point.gamma for n in diagram.nodes], [-at, at], atol=1e-8)
+    # The line: in, between, out; the circle: two arcs.
+    assert len(diagram.edges) == 5
+    assert diagram.open_rays() == []
+
+
+@pytest.mark.ranks(2)
+def test_three_pieces_that_meet_are_a_node():
+    """x = |g| beside a third branch (see the follower's test): rays each once, set complete."""
+
+    def law(x, g, codes):
+        sign = 1.0 if codes[0] else -1.0
+        return np.array([(x[0] - sign * x[1]) * 1.0, x[1] - g])
+
+    system = Textbook(
+        2,
+        lambda x, g, codes: law(x, g, codes),
+        lambda x, g, codes: [[1.0, -1.0 if codes[0] else 1.0], [0.0, 1.0]],
+        lambda x, g, codes: [0.0, -1.0],
+        lambda x, g, codes: [[(x[1] if codes[0] else -x[1], 1 - codes[0])]],
+        lambda x, g: [1 if x[1] > 0 else 0],
+        (0, 1),
+    )
+    diagram = explore(system, [(start(system, [1.0, -1.0]), -1.0)], gamma_range=(-1.0, 1.0))
+    assert diagram.nodes == []  # |g| only kinks
+    assert len(diagram.edges) == 1
+    assert diagram.complete
+
+
+def test_two_starts_on_one_branch():
+    """Both starts lie on the S path of one node: one of them is merged."""
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    stuck = (start(system, [0, 0, 0, 1.0]), 0.0)
+    open_ = (start(system, [*np.linalg.solve([[2, 1], [1, 2]], [-5, -1]), 0, 0]), 5.0)
+    diagram = explore(system, [stuck, open_], gamma_range=(0.0, 5.0))
+    assert len(diagram.edges) == 1
+    assert gammas(diagram.branches[0]) == (0.0, pytest.approx(5.0, abs=1e-12))
+
+
+@pytest.mark.ranks(2)
+def test_budgets_and_bad_input():
+    system = smooth(
+        1,
+        lambda x, g: x * (g - x**2),
+        lambda x, g: [[g - 3 * x[0] ** 2]],
+        lambda x, g: [x[0]],
+    )
+    x = start(system, [0.0])
+    diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), max_branches=2)
+    assert diagram.reason == "the budget of 2 branches is exhausted"
+    assert diagram.ending is Ending.BUDGET
+    assert not diagram.complete
+    assert len(diagram.edges) == 2
+    with pytest.raises(ValueError, match="must lie in the range"):
+        explore(system, [(x, 3.0)], gamma_range=(-1.0, 1.0))
+    with pytest.raises(ValueError, match="max_branches must be a whole number"):
+        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), max_branches=0)
+    with pytest.raises(ValueError, match="route must be one of"):
+        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), route="guess")
+    with pytest.raises(ValueError, match="not affine"):
+        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), route="pivoting")

@@ -1,0 +1,315 @@
+"""Branches and diagrams that begin, or reach the end of their range, where pieces meet."""
+
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from _triangle import linear_triangle
+from support.textbook import Textbook
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
+from dolfinx_contact.continuation import (
+    Branch,
+    Ending,
+    StepControl,
+    explore,
+    find_solutions,
+    follow,
+    points_at,
+)
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.records import BranchRecord, read_journal
+
+COMM = MPI.COMM_WORLD
+END = 1.0
+
+
+def body(dom, load, friction, *, nu=0.3, slope=None):
+    """A clamped body that just touches a half-space, under the load gamma (load + slope x)."""
+    dim = dom.geometry.dim
+    V = fem.functionspace(dom, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    top = COMM.allreduce(float(dom.geometry.x[:, dim - 1].max(initial=0.0)), op=MPI.MAX)
+    below, above = (
+        mesh.locate_entities_boundary(dom, dim - 1, lambda x, at=at: np.isclose(x[dim - 1], at))
+        for at in (0.0, top)
+    )
+    gamma = fem.Constant(dom, 0.0)
+    forces = fem.Constant(dom, np.asarray(load, dtype=float))
+    slopes = fem.Constant(dom, np.zeros(dim) if slope is None else np.asarray(slope, dtype=float))
+    density = gamma * (forces + ufl.SpatialCoordinate(dom)[0] * slopes)
+    energy = LinearElastic.from_young(1000.0, nu).energy(u) - ufl.dot(density, u)
+    up = np.eye(dim)[dim - 1]
+    surface = ContactSurface(u, below, obstacle=HalfSpace(np.zeros(dim), up), law=Coulomb(friction))
+    clamped = fem.locate_dofs_topological(V, dim - 1, above)
+    bc = fem.dirichletbc(np.zeros(dim), clamped, V)
+    problem = ContactProblem(energy * ufl.dx, u, [surface], bcs=[bc])
+    return ParametricContact(problem, gamma)
+
+
+def square(load=(20.0, 5.0)):
+    return body(mesh.create_unit_square(COMM, 2, 2), load, 1.0)
+
+
+def sheared():
+    """Three contact points with one solution on one side of the load, three on the other."""
+    dom = mesh.create_unit_square(COMM, 2, 1, diagonal=mesh.DiagonalType.left)
+    x = dom.geometry.x
+    y = x[:, 1].copy()
+    x[:, 0] -= 0.85 * y
+    x[:, 1] = 1.1 * y
+    return body(dom, (-14.4, -10.4), 1.9, nu=0.37, slope=(3.2, -7.6))
+
+
+def state(system, point):
+    x = system.create_vector()
+    x.array[:] = point.y.array_r[: x.getLocalSize()]
+    return x
+
+
+def ends(system, diagram, gamma):
+    """The different states at an end of the range, by their norms."""
+    points = [p for b in diagram.branches for p in (b.points[0], b.points[-1])]
+    norms = sorted(state(system, p).norm() for p in points if p.gamma == gamma)
+    return [n for k, n in enumerate(norms) if k == 0 or n > norms[k - 1] * (1 + 1e-6)]
+
+
+def number_of_solutions(system, gamma):
+    found = find_solutions(system, [system.create_vector()], gamma)
+    assert found.complete
+    return len(found.found)
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
+@pytest.mark.parametrize("load", [(20.0, 5.0), (-20.0, -5.0), (5.0, -20.0), (0.0, -1.0)])
+def test_a_diagram_from_a_state_without_load(load, route):
+    """Every point touches and none is pressed: both branches are found, and nothing else."""
+    system = square(load)
+    diagram = explore(system, [(system.create_vector(), 0.0)], gamma_range=(-1.0, 1.0), route=route)
+    assert diagram.complete
+    assert diagram.nodes == []
+    assert sorted(b.points[-1].gamma for b in diagram.branches) == [-1.0, 1.0]
+    assert all(b.points[1].gamma != 0.0 for b in diagram.branches)  # no branch of no length
+
+
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
+def test_many_rays_leave_a_state_without_load(route):
+    """The start is a node, of as many rays as there are solutions at both ends."""
+    system = sheared()
+    numbers = [number_of_solutions(system, gamma) for gamma in (END, -END)]
+    assert numbers == [3, 1]
+    start = system.create_vector()
+    diagram = explore(system, [(start, 0.0)], gamma_range=(-END, END), route=route)
+    assert diagram.complete
+    assert [len(node.rays) for node in diagram.nodes] == [4]
+    assert diagram.nodes[0].point.incoming is None
+    assert [len(ends(system, diagram, gamma)) for gamma in (END, -END)] == numbers
+    assert [edge.start for edge in diagram.edges] == [0] * 4
+
+
+class Halt(Exception):
+    pass
+
+
+def test_a_record_of_a_diagram_from_such_a_state(folder):
+    """It has the node at the start, at which nothing comes in, and is continued from any point."""
+
+    def recorded(place, most=None, **options):
+        calls = []
+
+        def observer(step):
+            calls.append(step)
+            if len(calls) == most:
+                raise Halt
+
+        system = sheared()
+        start = [(system.create_vector(), 0.0)]
+        with BranchRecord(folder / place, system, **options) as record:
+            explore(system, start, gamma_range=(-END, END), observer=observer, record=record)
+        return read_journal(folder / place)
+
+    whole = recorded("whole")
+    assert [len(node.rays) for node in whole.nodes] == [4]
+    assert whole.explored.complete
+    for most in (1, 4, 7):
+        with pytest.raises(Halt):
+            recorded(f"cut {most}", most)
+        again = recorded(f"cut {most}", resume=True)
+        assert again.edges == whole.edges
+        assert again.explored == whole.explored
+        for number in whole.branches:
+            gammas = [journal.columns(number)["gamma"] for journal in (again, whole)]
+            np.testing.assert_allclose(*gammas, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
+def test_the_range_ends_where_branches_meet(route):
+    """From one of three solutions to the state without load, and back to the two others."""
+    system = sheared()
+    first = find_solutions(system, [system.create_vector()], END).found[0].x
+    diagram = explore(system, [(first, END)], gamma_range=(0.0, END), route=route)
+    assert diagram.complete
+    assert len(ends(system, diagram, END)) == 3
+    assert len(diagram.nodes) == 1
+    from_there = explore(system, [(system.create_vector(), 0.0)], gamma_range=(0.0, END))
+    assert len(ends(system, from_there, END)) == 3
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
+@pytest.mark.parametrize("direction", ["increasing", "decreasing"])
+def test_a_branch_from_a_state_without_load(direction, route):
+    """It goes in the direction asked for, in the piece of its first step."""
+    system = square()
+    x = system.create_vector()
+    branch = follow(system, x, 0.0, gamma_range=(-1.0, 1.0), direction=direction, route=route)
+    assert branch.complete
+    assert branch.points[-1].gamma == (1.0 if direction == "increasing" else -1.0)
+    assert branch.special == []
+
+
+def test_slip_whose_direction_nothing_shows():
+    """In 3D no piece tells some rays of such a start: those led by H are followed."""
+    system = body(mesh.create_unit_cube(COMM, 1, 1, 1), (10.0, 4.0, 12.0), 0.5)
+    x = system.create_vector()
+    for direction, gamma in (("increasing", END), ("decreasing", -END)):
+        branch = follow(system, x, 0.0, gamma_range=(-END, END), direction=direction)
+        assert branch.complete
+        assert branch.points[-1].gamma == gamma
+    diagram = explore(system, [(x, 0.0)], gamma_range=(-END, END))
+    assert not diagram.complete
+    assert [len(ends(system, diagram, gamma)) for gamma in (END, -END)] == [1, 1]
+
+
+def diamond():
+    """|x| + |gamma| = 1."""
+
+    def signs(codes):
+        return (1 if codes[0] % 2 else -1), (1 if codes[0] // 2 else -1)
+
+    def distances(x, g, codes):
+        a, b = signs(codes)
+        return [[(a * x[0], codes[0] ^ 1), (b * g, codes[0] ^ 2)]]
+
+    return Textbook(
+        1,
+        lambda x, g, c: np.array([signs(c)[0] * x[0] + signs(c)[1] * g - 1]),
+        lambda x, g, c: [[float(signs(c)[0])]],
+        lambda x, g, c: [float(signs(c)[1])],
+        distances,
+        lambda x, g: [(1 if x[0] > 0 else 0) + 2 * (1 if g > 0 else 0)],
+        (0, 1, 2, 3),
+    )
+
+
+def at(system, value):
+    x = system.create_vector()
+    x.set(value)
+    return x
+
+
+def test_from_a_fold_at_a_kink():
+    """Gamma decreases on both rays: each is followed once, and none in the other direction."""
+    system = diamond()
+    span = {"gamma_range": (-2.0, 2.0)}
+    closed = explore(system, [(at(system, 0.0), 1.0)], **span)
+    assert closed.complete
+    assert [b.ending for b in closed.branches] == [Ending.CLOSED]
+    with pytest.raises(ValueError, match="gamma increases on none of the 2 rays"):
+        follow(system, at(system, 0.0), 1.0, direction="increasing", **span)
+    branch = follow(system, at(system, 0.0), 1.0, direction="decreasing", **span)
+    assert branch.ending is Ending.CLOSED
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize("beyond", [0.0, 1e-15, -1e-15, -1e-13])
+@pytest.mark.parametrize(("x", "gamma"), [(0.0, 1.0), (0.5, 0.5), (1.0, 0.0)])
+def test_the_range_ends_at_a_fold_at_a_kink(x, gamma, beyond):
+    """Both halves of the diamond are found in a range that ends at its tip, wherever it begins.
+
+    The end is at the tip to round-off, which may be on either side of it.
+    """
+    system = diamond()
+    end = max(1.0 + beyond, gamma)
+    diagram = explore(system, [(at(system, x), gamma)], gamma_range=(-0.5, end))
+    assert diagram.complete
+    lowest = [p for b in diagram.branches for p in b.points if p.gamma == -0.5]
+    left = at(system, -0.5)
+    assert sorted(round((state(system, p) - left).norm(), 9) for p in lowest) == [0.0, 1.0]
+
+
+def test_points_are_found_whatever_tangents_are_kept():
+    """Those of a branch may be of another metric, and so of another length."""
+    system = linear_triangle(4, 1.7, preload=(3.0, -6.0))
+    system.set_parameter(-1.0)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    given = dict(gamma_range=(-1.0, 1.5), control=StepControl(kinks="exact"), route="steps")
+    branch = follow(system, x, -1.0, **given)
+    assert len({system.letters(p.piece) for p in branch.points}) > 5
+    longer = []
+    for point in branch.points:
+        tangent = point.tangent.copy()
+        tangent.scale(3.0)
+        longer.append(replace(point, tangent=tangent))
+    for gamma in np.linspace(-0.95, 1.45, 25):
+        (found,) = points_at(system, Branch(longer), gamma, **given)
+        (known,) = points_at(system, branch, gamma, gamma_range=(-1.0, 1.5))
+        assert found.gamma == known.gamma == gamma
+        assert (state(system, found) - state(system, known)).norm() < 1e-9
+
+
+@pytest.mark.long
+def test_steps_that_meet_a_bifurcation_again():
+    """Steps over kinks cross it without its rays: the diagram is not complete, and no error."""
+    h = 0.25
+    domain = mesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], [3 * h, h]], [3, 1])
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    below, above = (
+        mesh.locate_entities_boundary(domain, 1, lambda x, at=at: np.isclose(x[1], at))
+        for at in (0.0, h)
+    )
+    # Forces at the four contact points from left to right, as tractions on the bottom.
+    constant = [
+        *(2.1384288067472355, 3.036612413541159, -1.574641755337038, 2.9703423888517753),
+        *(-25.735853533581327, 7.924126765824298, 45.554404217863855, -12.70147273689615),
+    ]
+    rate = [
+        *(2.028824405086084, -17.321348424395847, -0.836961928170258, -11.632259734447485),
+        *(-6.292880940615545, -4.880058232768574, -7.133133716322436, 5.533784703532895),
+    ]
+    mass = h / 6 * (np.diag([2.0, 4, 4, 2]) + np.eye(4, k=1) + np.eye(4, k=-1))
+    x = V.tabulate_dof_coordinates()
+    nodes = np.flatnonzero(np.isclose(x[:, 1], 0.0))
+    nodes = nodes[np.argsort(x[nodes, 0])]
+    tractions = []
+    for forces in (constant, rate):
+        traction = fem.Function(V)
+        traction.x.array.reshape(-1, 2)[nodes] = np.linalg.solve(mass, np.reshape(forces, (4, 2)))
+        tractions.append(traction)
+    gamma = fem.Constant(domain, 0.3)
+    tags = mesh.meshtags(domain, 1, np.sort(below), np.ones(len(below), dtype=np.int32))
+    ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
+    load = ufl.dot(tractions[0] + gamma * tractions[1], u) * ds
+    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx - load
+    floor = ContactSurface(u, below, obstacle=HalfSpace((0.0, 0.0), (0.0, 1.0)), law=Coulomb(5.0))
+    bc = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, above), V)
+    system = ParametricContact(ContactProblem(energy, u, [floor], bcs=[bc]), gamma)
+    kink = [-0.024314, -0.052678, -0.099934, 0.0]  # the tangential displacement where it starts
+    near = [
+        solution.x
+        for solution in find_solutions(system, [system.create_vector()], 0.3).found
+        if np.abs(solution.x.array.reshape(-1, 2)[nodes, 0] - kink).max() < 1e-4
+    ]
+    given = dict(gamma_range=(-1.0, 1.0), control=StepControl(kinks="stepping"), route="steps")
+    diagram = explore(system, [(near[0], 0.3)], **given)
+    assert len(diagram.edges) >= 4
+    assert not diagram.complete

@@ -1,0 +1,288 @@
+"""Kinks passed exactly, in batches and by stepping over them: the same branch."""
+
+from functools import partial
+
+from mpi4py import MPI
+
+import demo_3d_branch
+import demo_followed_mesh
+import numpy as np
+import pytest
+from support.textbook import Textbook, one_node
+
+from dolfinx_contact.continuation import Follower, StepControl, follow
+from dolfinx_contact.continuation.factorised import Factorised
+from dolfinx_contact.continuation.system import Events, matched_distances
+
+COMM = MPI.COMM_WORLD
+
+
+def start(system, values):
+    x = system.create_vector()
+    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
+    return x
+
+
+@pytest.mark.parametrize("kinks", ["batched", "stepping"])
+def test_path_with_two_nonsmooth_folds(kinks):
+    """The one-node S: both folds, with their changes of status and their parity."""
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    control = StepControl(kinks=kinks, minimum=1e-6)
+    x = start(system, [0, 0, 0, 1.0])
+    branch = follow(system, x, 0.0, gamma_range=(-1.0, 5.0), control=control)
+    assert branch.reason == "gamma reached the end of its range"
+    folds = branch.special
+    assert [s.kind for s in folds] == ["fold", "fold"]
+    changes = [c for part in COMM.allgather([(1, 3), (3, 0)]) for c in part][:2]
+    for s, gamma, change in zip(folds, (3.0, 2.0), changes, strict=True):
+        assert [(c.before, c.after) for c in s.changes] == [change]
+        assert s.parity == 1
+        if kinks == "batched":
+            assert s.located
+            assert abs(s.gamma - gamma) < 1e-10
+        else:  # within h_1, the shortest step and a little more, which the record says
+            low, high = s.bracket
+            assert low <= gamma <= high
+            assert high - low < 6 * 16 * control.minimum
+
+
+@pytest.mark.parametrize(
+    "kinks", ["batched", pytest.param("stepping", marks=[pytest.mark.chatty, pytest.mark.long])]
+)
+@pytest.mark.verifies(
+    "branches",
+    reference="itself: every event located",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
+def test_vee(kinks):
+    """The V-shaped body: folds where the exact passage has them, three solutions at 0.7."""
+    runs = {}
+    for mode in ("exact", kinks):
+        body = demo_followed_mesh.system(demo_followed_mesh.arguments(["--size", "0.1"]), COMM)
+        body.problem.solve()
+        x = body.create_vector()
+        body.problem.write(x)
+        with Follower(body, StepControl(kinks=mode, minimum=1e-6), gamma_scale=1.0) as follower:
+            branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
+            there = follower.at(branch, 0.7)
+            runs[mode] = branch, [body.letters(p.piece) for p in there]
+            assert branch.reason == "gamma reached the end of its range"
+            assert branch.bifurcations == []
+    exact, letters = runs["exact"]
+    other, same = runs[kinks]
+    assert same == letters
+    assert len(same) == 3
+    tolerance = 1e-10 if kinks == "batched" else 16 * 1e-6
+    folds = [[s.gamma for s in branch.folds] for branch in (exact, other)]
+    np.testing.assert_allclose(*folds, atol=tolerance)
+    for s in other.folds:
+        assert s.located == (kinks == "batched")
+        low, high = s.bracket or (s.gamma, s.gamma)
+        assert low <= s.gamma <= high
+    # Every change of status on the way is recorded.
+    assert sum(len(s.changes) for s in other.special) == sum(len(s.changes) for s in exact.special)
+
+
+def many_corners(n, slopes):
+    """x_i = g/100 + slopes_i max(0, g - i/n): n kinks on the way, straight in between."""
+    at = np.arange(1, n + 1) / n
+
+    def corner(g, s):
+        return 0.01 * g + np.where(s, slopes * (g - at), 0.0)
+
+    return Textbook(
+        n,
+        lambda x, g, s: x - corner(g, s),
+        lambda x, g, s: np.eye(n),
+        lambda x, g, s: -(0.01 + np.where(s, slopes, 0.0)),
+        lambda x, g, s: [[((g - a) if c else (a - g), 1 - c)] for a, c in zip(at, s, strict=True)],
+        lambda x, g: (g > at).astype(int),
+        (0, 1),
+    )
+
+
+@pytest.mark.ranks(2)
+def test_a_batch_brackets_its_events():
+    """Many corners on a nearly straight line: few steps, every event in its bracket."""
+    n = 40
+    system = many_corners(n, np.full(n, 0.02))
+    control = StepControl(kinks="batched", initial=0.1)
+    branch = follow(
+        system, start(system, np.zeros(n)), 0.0, gamma_range=(0.0, 2.0), control=control
+    )
+    assert branch.reason == "gamma reached the end of its range"
+    events = branch.special
+    assert len(events) == n
+    assert len(branch.points) < n
+    for s in events:
+        (change,) = s.changes
+        gamma = (change.point + 1) / n
+        low, high = s.bracket
+        assert low <= gamma <= high
+        assert low <= s.gamma <= high
+        # Distances are linear in gamma here, and so exact.
+        assert abs(s.gamma - gamma) < 1e-9
+        before, after = branch.points[s.index - 1 : s.index + 1]
+        assert sorted((before.gamma, after.gamma)) == [low, high]
+    assert [s.gamma for s in events] == sorted(s.gamma for s in events)
+
+
+def test_events_that_are_asked_for_are_located():
+    n = 40
+    wanted = {4, 5, 30}
+    system = many_corners(n, np.full(n, 0.02))
+    control = StepControl(kinks="batched", initial=0.1)
+    with Follower(
+        system, control, gamma_scale=2.0, locate=lambda change: change.point in wanted
+    ) as follower:
+        begin = follower.start(start(system, np.zeros(n)), 0.0)
+        branch = follower.run(begin, gamma_range=(0.0, 2.0))
+    assert len(branch.special) == n
+    located = {s.changes[0].point: s.gamma for s in branch.special if s.located}
+    assert wanted <= set(located)
+    assert len(located) < n / 2
+    for point, gamma in located.items():
+        assert abs(gamma - (point + 1) / n) < 1e-12
+
+
+def test_a_change_of_parity_in_a_batch_is_located():
+    """x_1 = max(0, ...) beside H = |x_0| - |g|, where four rays meet: no step leads over them."""
+    n = 9
+    at = np.linspace(-0.9, 0.9, n - 1)
+
+    def rest(g, s):
+        return np.where(s[2:], 0.02 * (g - at), 0.0)
+
+    def H(x, g, s):
+        first = (x[0] if s[0] else -x[0]) - (g if s[1] else -g)
+        return np.concatenate([[first], x[1:] - rest(g, s)])
+
+    def J(x, g, s):
+        J = np.eye(n)
+        J[0, 0] = 1.0 if s[0] else -1.0
+        return J
+
+    def c(x, g, s):
+        return np.concatenate([[-1.0 if s[1] else 1.0], -np.where(s[2:], 0.02, 0.0)])
+
+    def distances(x, g, s):
+        corners = [[((g - a) if c else (a - g), 1 - c)] for a, c in zip(at, s[2:], strict=True)]
+        first = [[(x[0] if s[0] else -x[0], 1 - s[0])], [(g if s[1] else -g, 1 - s[1])]]
+        return [*first, *corners]
+
+    system = Textbook(
+        n, H, J, c, distances, lambda x, g: [int(x[0] > 0), int(g > 0), *(g > at)], (0, 1)
+    )
+    control = StepControl(kinks="batched", initial=0.1)
+    x = start(system, [1.0, *np.zeros(n - 1)])
+    branch = follow(system, x, -1.0, gamma_range=(-1.0, 1.0), control=control)
+    (special,) = branch.bifurcations
+    assert special.located
+    assert abs(special.gamma) < 1e-12
+    assert len(special.others) == 2
+
+
+@pytest.mark.chatty
+def test_reuse_of_a_factorisation_changes_nothing():
+    """The vee with one factorisation for many matrices, and with one for each."""
+    branches = []
+    for reuse in (False, True):
+        body = demo_followed_mesh.system(demo_followed_mesh.arguments(["--size", "0.2"]), COMM)
+        body.problem.solve()
+        x = body.create_vector()
+        body.problem.write(x)
+        with Follower(body, StepControl(), gamma_scale=1.0) as follower:
+            follower.bordered.solver.reuse = reuse
+            branches.append(follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0)))
+    each, reused = branches
+    assert [s.kind for s in reused.special] == [s.kind for s in each.special]
+    for values in ([s.gamma for s in b.special] for b in branches):
+        np.testing.assert_allclose(values, [s.gamma for s in each.special], atol=1e-10)
+    gammas = [[p.gamma for p in b.points] for b in branches]
+    np.testing.assert_allclose(*gammas, atol=1e-8)
+    assert reused.factorisations < each.factorisations / 3
+    assert Factorised.__init__.__kwdefaults__["reuse"] is None
+
+
+@pytest.mark.long
+@pytest.mark.verifies(
+    "branches",
+    "Coulomb",
+    reference="itself: the branch on one rank",
+    aspects=(
+        "3D",
+        "branches",
+    ),
+)
+def test_3d_branch(folder):
+    """The foot on all ranks and on one: the same steps; the last solution is one of H."""
+    options = ["--n", "3", "--output", str(folder)]
+    summary = demo_3d_branch.main(options)
+    assert summary["converged"]
+    assert summary["folds"] == summary["bifurcations"] == []
+    counts = [[p[name] for p in summary["along"]] for name in ("open", "stick", "slip")]
+    assert counts[0][0] == 16
+    assert max(counts[1]) > 0
+    assert summary["full_sliding_by"] < 1
+    assert summary["end"]["stick"] == 0
+    end = summary["end"]
+    assert end["sum_rt"] == pytest.approx(0.4 * end["sum_rn"], rel=2e-2)
+    assert summary["first_contact"] == summary["located_events"][0]
+    assert summary["events"] > len(summary["located_events"])
+    assert (folder / "branch.png").stat().st_size > 10_000
+
+    gammas = []
+    runs = [("batched", MPI.COMM_SELF), ("exact", COMM)]
+    for kinks, comm in runs if COMM.size == 1 else runs[:1]:  # the exact one takes long
+        args = demo_3d_branch.arguments([*options, "--kinks", kinks])
+        system, _ = demo_3d_branch.foot(args, comm)
+        x = system.create_vector()
+        x.set(0.0)
+        locate = demo_3d_branch.first_contact(system) if kinks == "batched" else None
+        control = StepControl(kinks=kinks)
+        with Follower(system, control, gamma_scale=1.0, locate=locate) as follower:
+            branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
+        gammas.append([p.gamma for p in branch.points])
+        located = [s.gamma for s in branch.special if s.located]
+        if kinks == "batched":
+            np.testing.assert_allclose(gammas[0], summary["gammas"], atol=1e-8)
+            np.testing.assert_allclose(located, summary["located_events"], atol=1e-10)
+        else:
+            for gamma in summary["located_events"]:
+                assert min(abs(gamma - g) for g in located) < 1e-9
+            # The branch ends in a solution of the whole problem.
+            result = system.problem.solve()
+            assert result.iterations <= 1
+            last = result.tables["contact"]
+            assert last.status.count("o") == end["open"]
+            assert last.force[:, 2].sum() == pytest.approx(end["sum_rn"], rel=1e-8)
+        assert branch.reason == "gamma reached the end of its range"
+
+
+def test_which_way_is_the_default():
+    for n, kinks in ((3, "ExactSteps"), (8, "BatchedSteps")):
+        args = demo_3d_branch.arguments(["--n", str(n)])
+        system, _ = demo_3d_branch.foot(args, COMM)
+        assert system.has_many_pieces == (n == 8)
+        with Follower(system, StepControl(), gamma_scale=1.0) as follower:
+            assert type(follower._steps).__name__ == kinks
+
+
+@pytest.mark.ranks(2)
+def test_bad_input():
+    with pytest.raises(ValueError, match="kinks are passed"):
+        StepControl(kinks="somehow")
+    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
+    with pytest.raises(ValueError, match="nothing to locate"):
+        Follower(system, StepControl(), gamma_scale=1.0, locate=lambda change: True)
+
+
+def test_events_that_end():
+    """Borders that exist in one of two states alone: the others are told by point and status."""
+    of = partial(np.array, dtype=np.int32)
+    here = Events(np.array([1.0, 2.0, 3.0, 4.0]), of([0, 1, 1, 1]), of([2, 0, 3, 3]))
+    there = Events(np.array([7.0, 1.5, 3.5, 4.5]), of([2, 0, 1, 1]), of([0, 2, 3, 3]))
+    np.testing.assert_array_equal(matched_distances(here, there), [1.5, 2.0, 3.5, 4.5])

@@ -1,0 +1,314 @@
+"""Branches followed with a Krylov method, beside those with an assembled matrix."""
+
+import itertools
+from unittest.mock import Mock
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import demo_3d_branch
+import demo_followed_mesh
+import numpy as np
+import pytest
+from support.textbook import SymmetricGuess, Textbook
+
+from dolfinx_contact import ParametricContact
+from dolfinx_contact._forcing import Forcing
+from dolfinx_contact.continuation import Follower, StepControl
+from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.factorised import Factorised
+from dolfinx_contact.continuation.krylov import Krylov
+from dolfinx_contact.equations.rates import Driven
+from dolfinx_contact.solvers.surface_filter import SurfaceFilter
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "Krylov branches", reference="independent code: determinants of numpy", aspects=("branches",)
+)
+def test_sign_of_the_determinant(monkeypatch):
+    """Sixty random matrices of ten rows: numpy's sign, and its solution.
+
+    Where a tangent is known the preconditioner is not applied for gamma's column; where what is
+    given is none, it is.
+    """
+    monkeypatch.setattr(Textbook, "preconditioner", SymmetricGuess())
+    generator = np.random.default_rng(7)
+    n = 10
+    seen = []
+    for number in range(60):
+        A = generator.normal(size=(n, n))
+        c = generator.normal(size=n)
+        row = generator.normal(size=n)
+        corner = generator.normal()
+        system = Textbook(n, lambda x, g, s: x, lambda x, g, s, A=A: A, lambda x, g, s, c=c: c)
+        b = Bordered(system, gamma_scale=1.0)
+        assert isinstance(b.solver, Krylov)
+        y, last, rhs, out = (b.vector() for _ in range(4))
+        y.set(0.0)
+        x = system.create_vector()
+        x.array[:] = row[slice(*x.getOwnershipRange())]
+        b.join(x, corner, last)
+        tangent = np.append(np.linalg.solve(A, -c), 1.0) * generator.normal()
+        wrong = np.append(np.linalg.solve(A, c), 1.0)
+        given = (None, tangent * (1 + 1e-3 * generator.normal()), wrong)[number % 3]
+        along = None
+        if given is not None:
+            along = b.vector()
+            x_along = system.create_vector()
+            x_along.array[:] = given[:n][slice(*x.getOwnershipRange())]
+            b.join(x_along, given[n], along)
+        b.solver.assemble(y, last, None, along=along)
+        assert b.solver.solves == int(given is None or given is wrong)
+        J = np.block([[A, c[:, None]], [row[None, :], np.array([[corner]])]])
+        sign = np.sign(np.linalg.det(J))
+        assert b.solver.determinant_sign() == sign
+        seen.append(sign)
+        values = generator.normal(size=n + 1)
+        x.array[:] = values[:n][slice(*x.getOwnershipRange())]
+        b.join(x, values[n], rhs)
+        assert b.solver.solve(rhs, out)
+        whole = np.concatenate(COMM.allgather(out.array_r))
+        np.testing.assert_allclose(J @ whole, values, atol=1e-6)
+        b.destroy()
+    assert set(seen) == {-1, 1}
+
+
+def follow_vee(solver, kinks, *options):
+    PETSc.Options()["contact_linear_solver"] = solver
+    args = demo_followed_mesh.arguments(["--size", "0.1", *options])
+    body = demo_followed_mesh.system(args, COMM)
+    body.problem.solve()
+    x = body.create_vector()
+    body.problem.write(x)
+    with Follower(body, StepControl(kinks=kinks), gamma_scale=1.0) as follower:
+        assert (type(follower.bordered.solver) is Krylov) == (solver == "amg")
+        branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
+        signs = []
+        for point in branch.points[::5]:
+            follower.corrector.tangent(point.y, point.tangent, point.piece, factorise=True)
+            sense = np.sign(follower.bordered.gamma(point.tangent))
+            signs.append(follower.corrector.orientation() * sense)
+    letters = [body.letters(p.piece) for p in branch.points]
+    return branch, letters, signs
+
+
+@pytest.mark.chatty
+@pytest.mark.parametrize(
+    "kinks", [pytest.param(k, marks=pytest.mark.long) for k in ("exact", "batched")]
+)
+@pytest.mark.verifies(
+    "Krylov branches",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "multigrid",
+        "branches",
+    ),
+)
+def test_vee(kinks):
+    """Two nonsmooth folds, between which the determinant of H_x has the other sign."""
+    branch, letters, signs = follow_vee("amg", kinks)
+    direct, same, _ = follow_vee("direct", "exact")
+    assert branch.reason == direct.reason
+    assert branch.bifurcations == []
+    np.testing.assert_allclose(
+        [s.gamma for s in branch.folds], [s.gamma for s in direct.folds], atol=1e-9
+    )
+    assert len(branch.folds) == 2
+    if kinks == "exact":
+        assert letters[-1] == same[-1]
+        events = [[s.gamma for s in b.special] for b in (branch, direct)]
+        np.testing.assert_allclose(*events, atol=1e-9)
+        assert [s.parity for s in branch.special] == [s.parity for s in direct.special]
+    # Before the first fold, between the two, and after the second.
+    turns = np.flatnonzero(np.diff(signs))
+    assert len(turns) == 2
+    assert signs[0] == signs[-1]
+
+
+@pytest.mark.long
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "Krylov branches",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "2D",
+        "multigrid",
+        "branches",
+    ),
+)
+@pytest.mark.verifies(
+    "hyperelastic bodies",
+    reference="itself: factorised",
+    aspects=(
+        "2D",
+        "multigrid",
+        "branches",
+    ),
+)
+def test_large_deformation():
+    """A hyperelastic body with its support moved: its stiffness changes all along."""
+    options = ("--law", "neo-hookean", "--friction", "0.3", "--drive-top", "0.2", "-0.3")
+    branch, letters, _ = follow_vee("amg", "exact", *options)
+    direct, same, _ = follow_vee("direct", "exact", *options)
+    assert branch.reason == direct.reason
+    assert [s.kind for s in branch.special] == [s.kind for s in direct.special] == ["event"] * 4
+    assert letters[0] != letters[-1]
+    assert letters[-1] == same[-1]
+    ends = [b.points[-1].y for b in (branch, direct)]
+    size = ends[0].norm()
+    ends[0].axpy(-1.0, ends[1])
+    assert ends[0].norm() < 1e-8 * size
+
+
+@pytest.mark.chatty
+@pytest.mark.verifies(
+    "Krylov branches",
+    reference="independent code: MUMPS for the linear systems",
+    aspects=(
+        "3D",
+        "multigrid",
+        "branches",
+    ),
+)
+@pytest.mark.verifies(
+    "Coulomb",
+    reference="itself: factorised",
+    aspects=(
+        "3D",
+        "multigrid",
+        "branches",
+    ),
+)
+def test_3d_branch():
+    """The foot, every event located: those of the direct solver, with few hierarchies."""
+    branches = []
+    for solver in ("amg", "direct"):
+        PETSc.Options()["contact_linear_solver"] = solver
+        args = demo_3d_branch.arguments(["--n", "3"])
+        system, _ = demo_3d_branch.foot(args, COMM)
+        x = system.create_vector()
+        x.set(0.0)
+        with Follower(system, StepControl(kinks="exact"), gamma_scale=1.0) as follower:
+            branches.append(follower.run(follower.start(x, 0.0), gamma_range=(0.0, 0.4)))
+        if solver == "amg":
+            builds = system.problem.linear_solver.builds
+    mine, direct = branches
+    np.testing.assert_allclose(
+        [s.gamma for s in mine.special], [s.gamma for s in direct.special], atol=1e-9
+    )
+    assert len(mine.special) > 5
+    assert mine.factorisations == 0
+    assert 1 <= builds < len(mine.points)
+
+
+@pytest.mark.long
+@pytest.mark.verifies(
+    "branches", reference="itself: steps on H, which hold no piece", aspects=("3D", "branches")
+)
+def test_a_jump_to_another_solution_of_the_piece_is_no_event():
+    """Much friction: a step leaves the branch for another solution of its piece, beyond a border.
+
+    The distance to it jumps over zero between the two, where there is no event.
+    """
+    PETSc.Options()["contact_linear_solver"] = "direct"
+    ends = []
+    for kinks in ("exact", "batched"):
+        args = demo_3d_branch.arguments(["--n", "4", "--friction", "3"])
+        system, _ = demo_3d_branch.foot(args, COMM)
+        x = system.create_vector()
+        with Follower(system, StepControl(kinks=kinks), gamma_scale=1.0) as follower:
+            branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 0.46))
+        assert branch.complete, branch.reason
+        ends.append(branch.points[-1].y)
+    size = ends[0].norm()
+    ends[0].axpy(-1.0, ends[1])
+    assert ends[0].norm() < 1e-8 * size
+
+
+def steps_of_the_foot():
+    """Four steps over several kinks each, by multigrid."""
+    PETSc.Options()["contact_linear_solver"] = "amg"
+    system, _ = demo_3d_branch.foot(demo_3d_branch.arguments(["--n", "8"]), COMM)
+    x = system.create_vector()
+    x.set(0.0)
+    with Follower(system, StepControl(kinks="batched", initial=0.1), gamma_scale=1.0) as follower:
+        return follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0), max_steps=4)
+
+
+@pytest.mark.ranks(2)
+def test_work_of_a_step(monkeypatch):
+    """Nothing is evaluated twice, and no linear solve goes below what its model misses.
+
+    Eliminations leave no residual on the surface, where the next application then solves once.
+    """
+    residuals, interpolated = [], []
+    residual, put = ParametricContact.residual, Driven.set
+    applied, solved = Mock(wraps=SurfaceFilter.apply), Mock(wraps=SurfaceFilter.solve)
+    monkeypatch.setattr(SurfaceFilter, "apply", lambda *given: applied(*given))
+    monkeypatch.setattr(SurfaceFilter, "solve", lambda *given: solved(*given))
+
+    def counted_residual(self, x, gamma, b, piece):
+        residuals.append((x.array_r.tobytes(), gamma))
+        return residual(self, x, gamma, b, piece)
+
+    def counted_set(self):
+        interpolated.append(len(residuals))
+        put(self)
+
+    monkeypatch.setattr(ParametricContact, "residual", counted_residual)
+    monkeypatch.setattr(Driven, "set", counted_set)
+    branch = steps_of_the_foot()
+    corrections = sum(p.corrections for p in branch.points)
+    assert sum(len(s.changes) for s in branch.special) > 10
+    again = [a == b for a, b in itertools.pairwise(residuals)]
+    # The part of one rank may be the same where that of another has changed.
+    assert not np.logical_and.reduce(COMM.allgather(again)).any()
+    assert len(interpolated) < 5 * corrections
+    assert solved.call_count < 1.5 * applied.call_count
+
+    monkeypatch.setattr(Forcing, "suffices", lambda *_: False)
+    longer = steps_of_the_foot()
+    assert branch.solves < longer.solves
+    assert [p.corrections for p in longer.points] == [p.corrections for p in branch.points]
+    gammas = ([p.gamma for p in b.points] for b in (branch, longer))
+    np.testing.assert_allclose(*gammas, rtol=1e-5)
+
+
+@pytest.mark.parametrize("n", [3, 5])
+def test_parity_is_that_of_mumps(n):
+    """A foot with much friction, held in random pieces: the sign of MUMPS, but for a constant."""
+    quotients = set()
+    seen = set()
+    made = []
+    args = demo_3d_branch.arguments(["--n", str(n), "--friction", "12"])
+    for solver in ("amg", "direct"):
+        PETSc.Options()["contact_linear_solver"] = solver
+        system, _ = demo_3d_branch.foot(args, COMM)
+        made.append((system, Bordered(system, gamma_scale=1.0)))
+        assert type(made[-1][1].solver) is (Krylov if solver == "amg" else Factorised)
+    system = made[0][0]
+    states = []
+    for other, bordered in made:  # two meshes may be distributed differently
+        x = other.probe(5)
+        x.scale(1e-2 / x.norm())
+        y = bordered.vector()
+        row = bordered.last_unit()
+        bordered.join(x, 0.5, y)
+        states.append((y, row))
+    generator = np.random.default_rng(1)
+    whole = len(system.letters(system.piece_at(made[0][1].split(states[0][0])[0], 0.5)))
+    for _ in range(12):
+        word = "".join(generator.choice(list("oss"), size=whole))
+        signs = []
+        for (s, b), (y, row) in zip(made, states, strict=True):
+            b.solver.assemble(y, row, s.piece_of(word))
+            signs.append(b.solver.determinant_sign())
+        quotients.add(signs[0] * signs[1])
+        seen.add(signs[1])
+    assert len(quotients) == 1
+    assert 0 not in quotients
+    assert seen == {-1.0, 1.0}

@@ -1,0 +1,841 @@
+"""Affine pieces, their rays, and branches by pivoting, for few contact points without a mesh.
+
+The reference solves every combination of statuses with the rows of Coulomb's law written out:
+w = (ut, un, rt, rn) at every point, S a - r = p + gamma q.
+"""
+
+import importlib
+import itertools
+import pkgutil
+from dataclasses import is_dataclass, replace
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from support.textbook import coulomb_system
+
+from dolfinx_contact.continuation import Piece, System
+from dolfinx_contact.continuation import rays as rays_module
+from dolfinx_contact.continuation.affine import AffineSystem, largest
+from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.observer import Observer
+from dolfinx_contact.continuation.pivoting import Pivoting
+from dolfinx_contact.continuation.rays import (
+    AffineRay,
+    distinct,
+    outgoing,
+    same_direction,
+)
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
+
+# Rows that vanish and rows that are not negative, by status.
+UT, UN, RT, RN = np.eye(4)
+
+
+def rows(code, F):
+    """Return the rows that vanish and the rows that are not negative for a status."""
+    return {
+        OPEN: ([RT, RN], [UN]),
+        STICK: ([UT, UN], [RN, F * RN + RT, F * RN - RT]),
+        PLUS: ([RT + F * RN, UN], [UT, RN]),
+        MINUS: ([RT - F * RN, UN], [-UT, RN]),
+    }[code]
+
+
+class Oracle:
+    """Contact points with Coulomb's law, solved by enumerating all statuses."""
+
+    def __init__(self, S, load, rate, F):
+        self.S, self.load, self.rate, self.F = (np.asarray(v, float) for v in (S, load, rate, F))
+        self.m = len(self.S) // 2
+        self.all = [
+            np.array(c, dtype=np.int8)
+            for c in itertools.product((OPEN, STICK, PLUS, MINUS), repeat=self.m)
+        ]
+
+    @property
+    def system(self):
+        return coulomb_system(self.S, self.load, self.rate, float(self.F), r=0.7)
+
+    def matrix(self, codes):
+        """Matrix of the equations and of the rows that vanish, for w point by point."""
+        m = self.m
+        A = np.zeros((4 * m, m, 4))
+        A[: 2 * m, :, :2] = self.S.reshape(2 * m, m, 2)
+        A[: 2 * m].reshape(m, 2, m, 4)[np.arange(m), :, np.arange(m), 2:] = -np.eye(2)
+        for i, code in enumerate(codes):
+            A[2 * m + 2 * i : 2 * m + 2 * i + 2, i] = rows(code, self.F)[0]
+        return A.reshape(4 * m, 4 * m)
+
+    def sign(self, codes):
+        """Sign of the determinant, with displacements before forces."""
+        order = np.arange(4 * self.m).reshape(self.m, 2, 2).transpose(1, 0, 2).reshape(-1)
+        return np.sign(np.linalg.det(self.matrix(codes)[:, order]))
+
+    def state(self, codes, p):
+        return np.linalg.solve(self.matrix(codes), np.append(p, np.zeros(2 * self.m))).reshape(
+            self.m, 4
+        )
+
+    def slacks(self, codes, w):
+        """Statuses of every point."""
+        return [np.array(rows(c, self.F)[1]) @ v for c, v in zip(codes, w, strict=True)]
+
+    def holds(self, codes, w, tolerance):
+        off = max(
+            np.abs(np.array(rows(c, self.F)[0]) @ v).max() for c, v in zip(codes, w, strict=True)
+        )
+        least = min(s.min() for s in self.slacks(codes, w))
+        return off <= tolerance and least >= -tolerance
+
+    def solutions(self, gamma):
+        """All solutions (codes, w) at gamma."""
+        found = ((c, self.state(c, self.load + gamma * self.rate)) for c in self.all)
+        return [(c, w) for c, w in found if self.holds(c, w, 1e-12)]
+
+    def rays(self, w, tolerance=1e-9):
+        """All rays (codes, dw, dgamma) out of w on regular pieces."""
+        found = []
+        for codes in self.all:
+            if not self.holds(codes, w, tolerance):
+                continue
+            at_border = [np.abs(s) <= tolerance for s in self.slacks(codes, w)]
+            for sense in (1.0, -1.0):
+                dw = self.state(codes, sense * self.rate)
+                slopes = self.slacks(codes, dw)
+                if all((s[b] >= -1e-12).all() for s, b in zip(slopes, at_border, strict=True)):
+                    found.append((codes, dw, sense))
+        return found
+
+
+def directions(rays):
+    """Sorted (dgamma, dw) without repetitions."""
+    every = sorted((rate, *np.round(dw.reshape(-1), 7) + 0.0) for dw, rate in rays)
+    return np.array([k for k, _ in itertools.groupby(every)])
+
+
+def random_oracle(seed, m=2, F=2.0):
+    """Random stiffness with strong coupling, so that branches turn."""
+    random = np.random.default_rng(seed)
+    A = random.standard_normal((2 * m, 2 * m))
+    S = A @ A.T + 0.3 * np.eye(2 * m)
+    return Oracle(S, random.standard_normal(2 * m), random.standard_normal(2 * m), F)
+
+
+def meeting(seed, m, F):
+    """An oracle and a state at which pieces meet, with one point for each kind of state."""
+    oracle = random_oracle(seed, m, F)
+    kinds = [
+        (0.0, 0.0, -F * 0.5, 0.5),  # stick that is about to slip
+        (0.0, 0.0, 0.0, 0.0),  # all
+        (0.3, 0.0, -F * 0.7, 0.7),  # slip
+        (0.2, 0.0, 0.0, 0.0),  # slip that is about to open
+        (-0.1, 0.4, 0.0, 0.0),  # open
+    ]
+    w = np.array([kinds[(seed + i) % len(kinds)] for i in range(m)])
+    load = oracle.S @ w[:, :2].reshape(-1) - w[:, 2:].reshape(-1)
+    return Oracle(oracle.S, load, oracle.rate, F), w
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("most", [65536, 0])
+def test_rays_out_of_states_at_which_pieces_meet(seed, most, monkeypatch):
+    """Enumeration and unfolding find all rays, and a known ray once."""
+    monkeypatch.setattr(rays_module, "MOST_PIECES", most)
+    oracle, w = meeting(seed, 3, (0.4, 2.5)[seed % 2])
+    expected = oracle.rays(w)
+    cone = oracle.system.tangent_cone(w, 1e-10)
+    known = [AffineRay(c, dw, rate) for c, dw, rate in expected[:1]]
+    found = outgoing(cone, known)
+    np.testing.assert_allclose(
+        directions((r.direction, r.rate) for r in found.rays),
+        directions((dw, rate) for _, dw, rate in expected),
+        atol=1e-6,
+    )
+    pieces = {c.tobytes() for c in oracle.all if oracle.holds(c, w, 1e-9)}
+    assert found.complete is (most > 0)
+    assert found.continua == ()
+    if most:
+        assert found.method == f"enumeration of {len(pieces)} pieces"
+    else:
+        assert found.method.endswith("unfoldings of 3 points")
+    for r in found.rays:
+        assert r.codes.tobytes() in pieces
+        assert oracle.holds(r.codes, w + 1e-6 * r.direction, 1e-9)
+
+
+class FewPoints(System):
+    """Contact points as a system and as its condensed form; one more unknown is 2 + 3 gamma."""
+
+    exact = True
+    guided = False
+    always_solvable = False
+    is_piecewise_affine = True
+
+    def __init__(self, oracle, proof=None):
+        self.comm = MPI.COMM_SELF
+        self.oracle = oracle
+        self.system = oracle.system
+        self._proof = proof
+        self.asked = []
+
+    def create_vector(self):
+        return PETSc.Vec().createSeq(4 * self.oracle.m + 1, comm=self.comm)
+
+    def metric(self, x, out):
+        x.copy(out)
+
+    def piece_at(self, x, gamma):
+        return Piece(self.system.classify(self.contract(x)))
+
+    def prove_rays(self, condensed, cone, known):
+        self.asked.append((condensed, cone, known))
+        return self._proof
+
+    def codes(self, piece):
+        return piece.codes
+
+    def piece(self, codes):
+        return Piece(codes)
+
+    def point(self, i):
+        return 5, 10 + i
+
+    def contract(self, x):
+        return x.array_r[:-1].reshape(-1, 4).copy()
+
+    def expand(self, w, gamma, x):
+        x.array[:] = np.append(w, 2.0 + 3.0 * gamma)
+
+    def pivoting(self, gamma_scale=1.0):
+        return Pivoting(self, self, gamma_scale=gamma_scale)
+
+    def vector(self, w, gamma):
+        x = self.create_vector()
+        self.expand(w, gamma, x)
+        return x
+
+
+def numbers(points, y):
+    x, gamma = y.array_r[:-1], y.array_r[-1]
+    assert x[-1] == pytest.approx(2.0 + 3.0 * gamma, abs=1e-9)
+    return x[:-1].reshape(points.oracle.m, 4), gamma
+
+
+def ray_of(oracle, before, after):
+    """The ray from a point of a branch to the next: statuses, dw / |dgamma|, sign of dgamma."""
+    (w, gamma), (w_1, gamma_1) = before, after
+    middle = (w + w_1) / 2
+    (codes,) = (
+        c for c, v in oracle.solutions((gamma + gamma_1) / 2) if np.abs(v - middle).max() < 1e-9
+    )
+    return codes, (w_1 - w) / abs(gamma_1 - gamma), np.sign(gamma_1 - gamma)
+
+
+class Known(Observer):
+    """Stores the state of the continuation at every point."""
+
+    def __init__(self):
+        self.states = []
+
+    def step(self, step, state):
+        self.states.append(state)
+
+
+RANGE = (-3.0, 4.0)
+BRANCHES = {
+    "one point": (1, 3.0),
+    "little friction": (2, 0.5),
+    "two points": (2, 2.0),
+    "loops": (2, 6.0),
+    "three points": (3, 3.0),
+}
+
+
+def started(name, seed, which=0, gamma=0.0, **options):
+    """A random system, and a branch from one of its solutions at gamma."""
+    oracle = random_oracle(seed, *BRANCHES[name])
+    points = FewPoints(oracle)
+    solutions = oracle.solutions(gamma)
+    pivoting = points.pivoting(0.5)
+    start = pivoting.start(points.vector(solutions[which][1], gamma), gamma, **options)
+    return oracle, points, pivoting, start
+
+
+@pytest.mark.parametrize("direction", ["increasing", "decreasing"])
+@pytest.mark.parametrize("name", BRANCHES)
+def test_branches_from_vertex_to_vertex(name, direction):
+    """Every segment consists of solutions and ends at the first border of its piece."""
+    kinds = set()
+    for seed in range(6):
+        oracle, points, pivoting, start = started(name, seed, -1, direction=direction)
+        known = Known()
+        branch = pivoting.run(start, gamma_range=RANGE, record=known)
+        at = [numbers(points, p.y) for p in branch.points]
+        rays = [ray_of(oracle, a, c) for a, c in itertools.pairwise(at)]
+        assert rays[0][2] == (1.0 if direction == "increasing" else -1.0)
+        assert (start.step, start.gamma) == (0.0, 0.0)
+        largest = 0.0
+        scale = None
+        for i, p in enumerate(branch.points):
+            w, gamma = at[i]
+            assert p.gamma == gamma
+            assert p.corrections == 0
+            largest = max(largest, np.abs(w).max())
+            assert known.states[i].largest_distance == pytest.approx(largest, rel=1e-12)
+            assert known.states[i].index == i
+            codes, dw, sense = rays[min(i, len(rays) - 1)]
+            # The tangent: of length 1, half of which is that of x at the start.
+            assert p.piece.codes.tolist() == codes.tolist()
+            along = np.append(dw, (3.0 * sense, sense))
+            if scale is None:
+                scale = 0.25 * (along[:-1] @ along[:-1])
+            length = np.sqrt(0.5 * along[:-1] @ along[:-1] / scale + 0.5 / 0.25)
+            if i < len(rays) or branch.ending is Ending.REACHED:
+                np.testing.assert_allclose(p.tangent.array_r, along / length, atol=1e-8)
+            assert known.states[i].x_scale == pytest.approx(scale, rel=1e-8)
+            if i > 0 and p is not start:
+                assert p.step == pytest.approx(abs(gamma - at[i - 1][1]), rel=1e-9)
+        last = len(at) - 1
+        if branch.ending is Ending.REACHED:
+            assert at[-1][1] == RANGE[int(rays[-1][2] > 0)]
+        else:
+            assert branch.ending is Ending.CLOSED
+            assert branch.points[-1] is branch.points[0]
+        assert [s.index for s in branch.special] == list(range(1, last))
+        for s in branch.special:
+            p = branch.points[s.index]
+            kinds.add(s.kind)
+            assert (s.y, s.gamma, s.smooth, s.located) == (p.y, p.gamma, False, True)
+            (old, _, came), (new, _, goes) = rays[s.index - 1 : s.index + 1]
+            (i,) = np.flatnonzero(old != new)
+            (change,) = s.changes
+            assert (change.rank, change.point) == (5, 10 + i)
+            assert (change.before, change.after) == (old[i], new[i])
+            assert s.kind == ("event" if came == goes else "fold")
+            assert s.parity == oracle.sign(old) * came * oracle.sign(new) * goes == 1
+            assert (s.others, s.incoming, s.onwards, s.complete) == ((), None, None, False)
+        # Between vertices the statuses that hold do not end; at them they do.
+        for (codes, dw, _), (w, _), (w_1, _) in zip(rays, at, at[1:], strict=False):
+            assert oracle.holds(codes, (w + w_1) / 2, 1e-9)
+            if w_1 is not at[-1][0]:
+                assert not oracle.holds(codes, w_1 + 1e-4 * dw, 1e-9)
+    assert kinds <= {"event", "fold"}
+
+
+def test_states_of_a_branch_at_a_gamma():
+    """All points of a branch with folds at one gamma, vertices included."""
+    most = 0
+    for seed in range(6):
+        oracle, points, pivoting, start = started("loops", seed, -1)
+        branch = pivoting.run(start, gamma_range=RANGE)
+        gammas = np.array([p.gamma for p in branch.points])
+        for gamma in (*np.linspace(-2.9, 3.9, 15), *gammas):
+            found = pivoting.at(branch, gamma)
+            before, after = gammas[:-1] - gamma, gammas[1:] - gamma
+            number = int((before * after < 0).sum() + (gammas == gamma).sum())
+            assert len(found) == number
+            states = [w for _, w in oracle.solutions(gamma)]
+            for p in found:
+                w, there = numbers(points, p.y)
+                assert p.gamma == there == gamma
+                assert min(np.abs(w - v).max() for v in states) < 1e-9
+                assert oracle.holds(p.piece.codes, w, 1e-9)
+            most = max(most, len(found))
+    assert most > 1
+
+
+def two_of_a_kind(F=3.0, load=(0.0, -1.0), rate=(1.0, 0.3)):
+    """Two independent copies of a point with S = [[2, 1], [1, 2]]."""
+    S = np.kron(np.eye(2), [[2.0, 1.0], [1.0, 2.0]])
+    return Oracle(S, np.tile(load, 2), np.tile(rate, 2), F)
+
+
+def out_of(pivoting, point):
+    """The ray by which a branch leaves a point: dw and dgamma."""
+    _, ray = pivoting.state(point)
+    return ray.direction, ray.rate
+
+
+def cosine(a, b):
+    return np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b))
+
+
+@pytest.mark.parametrize("direction", ["increasing", "decreasing"])
+@pytest.mark.parametrize(
+    ("F", "load", "rate", "kinds"),
+    [
+        (3.0, (-2.5, -1.0), (0.3, 1.0), {("fold", 1), ("bifurcation", 3)}),
+        (0.3, (0.0, -1.0), (1.0, 0.3), {("event", 1)}),
+    ],
+)
+def test_branches_meet_where_two_points_change_at_once(F, load, rate, kinds, direction):
+    """All rays are found; the branch keeps the sense of gamma, or continues straight."""
+    oracle = two_of_a_kind(F, load, rate)
+    points = FewPoints(oracle)
+    pivoting = points.pivoting(2.0)
+    seen = set()
+    for _, w in oracle.solutions(0.0):
+        start = pivoting.start(points.vector(w, 0.0), 0.0, direction=direction)
+        branch = pivoting.run(start, gamma_range=(-6.0, 6.0))
+        at = [numbers(points, p.y) for p in branch.points]
+        assert branch.ending is Ending.REACHED
+        for s in branch.special:
+            v, _gamma = at[s.index]
+            before, after = (ray_of(oracle, *at[s.index - k : s.index - k + 2]) for k in (1, 0))
+            both = np.count_nonzero(before[0] != after[0])
+            assert len(s.changes) == both
+            every = oracle.rays(v)
+            back = -before[1], -before[2]
+            others = [
+                (dw, sense)
+                for _, dw, sense in every
+                if not (sense == back[1] and np.abs(dw - back[0]).max() < 1e-7)
+            ]
+            assert len(others) == len(every) - 1
+            best = max(others, key=lambda r: (r[1] == before[2], cosine(r[0], before[1])))
+            np.testing.assert_allclose(after[1], best[0], atol=1e-8)
+            seen.add((s.kind, len(others)))
+            if len(others) == 1:
+                assert s.kind == ("event" if after[2] == before[2] else "fold")
+                assert (s.others, s.incoming, s.onwards) == ((), None, None)
+                continue
+            assert (s.kind, s.complete) == ("bifurcation", True)
+            assert s.method == f"enumeration of {s.method.split()[2]} pieces"
+            sign = oracle.sign(before[0]) * before[2] * oracle.sign(after[0]) * after[2]
+            assert s.parity == sign
+            # The rays as tangents, of what comes in and of all that goes out.
+            rays = [
+                (np.append(dw, (3 * g, g)), r) for (dw, g), r in zip(others, others, strict=True)
+            ]
+            tangents = [s.onwards.tangent, *(r.tangent for r in s.others)]
+            assert len(tangents) == len(rays)
+            for t in tangents:
+                same = [r for along, r in rays if cosine(along, t.array_r) > 1 - 1e-12]
+                assert len(same) == 1
+                assert pivoting.bordered.inner(t, t) == pytest.approx(1.0, rel=1e-12)
+            came = np.append(before[1], (3 * before[2], before[2]))
+            assert cosine(came, s.incoming.tangent.array_r) > 1 - 1e-12
+            assert s.incoming.piece.codes.tolist() == before[0].tolist()
+            assert s.onwards.piece.codes.tolist() == after[0].tolist()
+            # They are all followed on their own pieces, and the way back is one of all.
+            for ray in s.others:
+                off = pivoting.branch_off(s, ray)
+                found_w, found_ray = pivoting.state(off)
+                np.testing.assert_allclose(found_w, v, atol=1e-12)
+                assert any(
+                    found_ray.rate == g and np.abs(found_ray.direction - dw).max() < 1e-8
+                    for dw, g in others
+                )
+            there = pivoting.rays_at(branch.points[s.index])
+            assert len(there.rays) == len(every)
+            assert there.complete
+            found = directions(out_of(pivoting, p) for p in there.rays)
+            np.testing.assert_allclose(found, directions((dw, g) for _, dw, g in every), atol=1e-6)
+    assert seen == kinds
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_starts_at_which_pieces_meet(sign):
+    """All rays are found; a branch starts on the piece of the state or the straightest ray."""
+    direction = "increasing" if sign > 0 else "decreasing"
+    seen = set()
+    for seed in range(25):
+        oracle, w = meeting(seed, 2, (0.4, 2.5)[seed % 2])
+        points = FewPoints(oracle)
+        x = points.vector(w, 0.0)
+        rays = oracle.rays(w)
+        pivoting = points.pivoting(0.5)
+        found = pivoting.departures(x, 0.0)
+        assert (found.complete, found.method[:11]) == (True, "enumeration")
+        np.testing.assert_allclose(
+            directions(out_of(pivoting, p) for p in found.rays),
+            directions((dw, g) for _, dw, g in rays),
+            atol=1e-6,
+        )
+        for p in found.rays:
+            np.testing.assert_allclose(numbers(points, p.y)[0], w, atol=1e-12)
+            assert (p.gamma, p.step) == (0.0, 0.0)
+        # The tangent of the piece of the state, and what of the rays is closest to it.
+        codes = points.system.classify(w)
+        tangent = oracle.state(codes, sign * oracle.rate)
+        ahead = [dw for _, dw, g in rays if g == sign]
+        pivoting = points.pivoting(0.5)
+        if not ahead:
+            with pytest.raises(ValueError, match=f"on none of the {len(found.rays)} rays"):
+                pivoting.start(x, 0.0, direction=direction)
+            seen.add("none")
+            continue
+        inside = any(np.abs(dw - tangent).max() < 1e-9 for dw in ahead)
+        along = np.append(tangent, 3.0 * sign)
+        scale = along @ along * 0.25
+
+        def closeness(dw, along=along, scale=scale):
+            v = np.append(dw, 3.0 * sign)
+            return (v @ along / scale + 4.0) / np.sqrt(v @ v / scale + 4.0)
+
+        best = tangent if inside else max(ahead, key=closeness)
+        start = pivoting.start(x, 0.0, direction=direction)
+        np.testing.assert_allclose(out_of(pivoting, start)[0], best, atol=1e-8)
+        seen.add((inside, len(ahead) > 1))
+    assert seen == {(True, False), (True, True), (False, False), "none"}
+
+
+def test_a_state_inside_a_piece_has_two_ways():
+    oracle, points, pivoting, start = started("two points", 3)
+    w, gamma = numbers(points, start.y)
+    found = pivoting.departures(points.vector(w, gamma), gamma)
+    assert (found.complete, found.method, len(found.rays)) == (True, "", 2)
+    up, down = (out_of(pivoting, p) for p in found.rays)
+    (expected,) = (dw for _, dw, g in oracle.rays(w) if g == 1)
+    assert (up[1], down[1]) == (1.0, -1.0)
+    np.testing.assert_allclose(up[0], expected, atol=1e-12)
+    np.testing.assert_allclose(down[0], -expected, atol=1e-12)
+    assert pivoting.rays_at(start) is None
+
+
+def test_states_from_which_nothing_is_followed():
+    for rate, load, words in (
+        ((0.0, 0.0), (0.0, -1.0), "gamma does not appear in H"),
+        ((1.0, 0.0), (np.nan, -1.0), "not finite"),
+        ((np.inf, 0.0), (0.0, -1.0), "not finite"),
+    ):
+        points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], load, rate, 0.5))
+        with pytest.raises(ValueError, match=words):
+            points.pivoting().start(points.vector(np.zeros((1, 4)), 0.0), 0.0)
+    singular = FewPoints(Oracle(np.zeros((2, 2)), (0.0, 0.0), (1.0, 0.0), 0.5))
+    with pytest.raises(ValueError, match="no solution near the given state"):
+        singular.pivoting().start(singular.vector(np.array([[0.0, 1.0, 0, 0]]), 0.0), 0.0)
+    known = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
+    with pytest.raises(ValueError, match="direction must be"):
+        known.pivoting().start(known.vector(np.zeros((1, 4)), 0.0), 0.0, direction="up")
+
+
+@pytest.mark.parametrize(
+    ("load", "rate", "vertices"),
+    [
+        ((0.0, -1.0), (1.0, 0.0), [(-2.0, MINUS, 0), (-2.0, OPEN, -1), (-8.0, OPEN, -1)]),
+        ((-1.0, -1.0), (1.0, 0.0), [(-1.0, MINUS, 0), (-1.0, OPEN, -1), (-8.0, OPEN, -1)]),
+        ((-1.0, -1.0), (0.0, -1.0), [(-0.5, MINUS, 0), (-0.5, OPEN, -1), (-8.0, OPEN, -1)]),
+        ((-1.0, -1.0), (-1.0, 0.0), [(-3.0, PLUS, -1), (-8.0, PLUS, -1)]),
+        ((-1.0, -1.0), (-1.0, -1.0), [(-1.0, OPEN, -1), (-8.0, OPEN, -1)]),
+    ],
+)
+def test_slip_under_a_constant_load(load, rate, vertices):
+    """At the critical F = kt / k = 2 a point slips under constant load until it opens."""
+    points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], load, rate, 2.0))
+    pivoting = points.pivoting()
+    x = points.vector(np.zeros((1, 4)), 0.0)
+    start = pivoting.start(x, 0.0, direction="decreasing")
+    known = Known()
+    branch = pivoting.run(start, gamma_range=(-8.0, 8.0), record=known)
+    found = [(p.gamma, p.piece.codes[0], pivoting.state(p)[1].rate) for p in branch.points]
+    np.testing.assert_allclose(found, [(0.0, STICK, -1.0), *vertices], atol=1e-12)
+    assert branch.ending is Ending.REACHED
+    for s, before, after in zip(branch.special, found, found[1:], strict=False):
+        still = before[2] == 0 or after[2] == 0
+        assert (s.kind, s.parity) == ("event", 0 if still else 1)
+        assert s.method == ("enumeration of 2 pieces" if still else "")
+        assert s.complete is still
+        assert (s.others, s.incoming, s.onwards) == ((), None, None)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e4])
+def test_slip_that_never_ends(unit):
+    """For a stiffness with which slip needs no further load and increases the pressure."""
+    S = np.array([[-2.0, 0.0], [1.0, 1.0]])
+    points = FewPoints(Oracle(S, (0.0, -unit), (unit, 0.0), 2.0))
+    pivoting = points.pivoting()
+    start = pivoting.start(points.vector(np.zeros((1, 4)), 0.0), 0.0)
+    branch = pivoting.run(start, gamma_range=(-8.0, 8.0))
+    assert branch.ending is Ending.UNBOUNDED
+    assert branch.reason == "the branch goes to infinity at gamma = 2"
+    assert [p.gamma for p in branch.points] == pytest.approx([0.0, 2.0])
+    direction, rate = out_of(pivoting, branch.points[-1])
+    assert rate == 0.0
+    np.testing.assert_allclose(direction / direction[0, 0], [[1.0, 0.0, -2.0, 1.0]], atol=1e-9)
+
+
+def test_rays_that_are_one():
+    """Rays coincide if dgamma agrees and dw differs by at most 1e-7 of its largest entry."""
+    w = np.array([[1.0, -4.0], [0.0, 2.0]])
+    codes = np.zeros(2, dtype=np.int8)
+    a = AffineRay(codes, w, 1.0)
+    assert not same_direction(a, AffineRay(codes, w, -1.0))
+    for off, same in ((3.9e-7, True), (4.1e-7, False)):
+        for at in ((0, 0), (1, 0)):
+            other = w.copy()
+            other[at] += off
+            assert same_direction(a, AffineRay(codes + 1, other, 1.0)) is same
+    none = AffineRay(codes, 0.0 * w, 0.0)
+    assert same_direction(none, AffineRay(codes, 0.0 * w, 0.0))
+    assert not same_direction(none, AffineRay(codes, 1e-9 * w, 0.0))
+    assert distinct([1, 5, 2, 11, 7], lambda x, y: x % 5 == y % 5) == [1, 5, 2]
+
+
+def test_how_far_a_state_may_go():
+    """The distance to the first border; zero from beyond a border, infinite along one."""
+    system = Oracle(np.eye(4), np.zeros(4), np.zeros(4), 0.5).system
+    codes = np.array([STICK, OPEN], dtype=np.int8)
+    w = np.array([[0.0, 0.0, 0.1, 1.0], [0.0, 0.3, 0.0, 0.0]])
+
+    def along(*numbers):
+        return system.step(codes, w, np.array(numbers, dtype=float).reshape(2, 4))
+
+    assert along(0, 0, 1, 0, 0, 0, 0, 0) == pytest.approx(0.4)
+    assert along(0, 0, -1, 0, 0, 0, 0, 0) == pytest.approx(0.6)
+    assert along(0, 0, 0, -1, 0, 0, 0, 0) == pytest.approx(0.8)
+    assert along(0, 0, 0, -1, 0, -1, 0, 0) == pytest.approx(0.3)
+    assert along(0, 0, 0, 1, 7, 0, 0, 0) == np.inf
+    assert along(0, 0, 0, 0, 5, -0.9e-10 * 5, 0, 0) == np.inf
+    assert along(0, 0, 0, 0, 5, -1.1e-10 * 5, 0, 0) == pytest.approx(0.3 / 5.5e-10)
+    w[1, 1] = -0.2
+    assert along(0, 0, 1, 0, 0, -1, 0, 0) == 0.0
+
+
+# -- cones ----------------------------------------------------------------------------------------
+
+
+def test_a_status_that_is_not_allowed_has_no_rays():
+    """A point that may only be open has only the rays on which it is open."""
+    oracle = random_oracle(2, 3, 0.5)
+    w = np.zeros((3, 4))
+    cone = oracle.system.tangent_cone(w, 1e-10)
+    for forbidden in (1, 2):
+        allowed = cone.allowed.copy()
+        allowed[:forbidden, [STICK, PLUS, MINUS]] = False
+        found = outgoing(replace(cone, allowed=allowed))
+        expected = [r for r in oracle.rays(w) if (r[0][:forbidden] == OPEN).all()]
+        assert len(found.rays) == len(expected)
+        for r in found.rays:
+            assert any(
+                g == r.rate and np.abs(dw - r.direction).max() < 1e-6 for _, dw, g in expected
+            )
+        assert found.complete
+    nothing = replace(cone, allowed=np.zeros_like(cone.allowed))
+    found = outgoing(nothing)
+    assert (found.complete, found.rays) == (False, ())
+    assert "a point is in no cone" in found.method
+
+
+def test_the_only_piece_of_a_state_has_two_rays():
+    """A state inside a regular piece has the two rays of its tangent."""
+    oracle = random_oracle(1, 2, 0.5)
+    w = np.array([[0.3, 0.0, -0.35, 0.7], [-0.1, 0.4, 0.0, 0.0]])
+    found = outgoing(oracle.system.tangent_cone(w, 1e-10))
+    assert (found.complete, found.method) == (True, "enumeration of 1 pieces")
+    (up, down) = sorted(found.rays, key=lambda r: -r.rate)
+    dw = oracle.state(np.array([PLUS, OPEN]), oracle.rate)
+    np.testing.assert_allclose(up.direction, dw, atol=1e-12)
+    np.testing.assert_allclose(down.direction, -dw, atol=1e-12)
+
+
+def test_pieces_that_hold_more_than_rays():
+    """A point without tangential stiffness and load may be anywhere along its floor."""
+    oracle = Oracle(np.diag([0.0, 1.0]), np.zeros(2), (0.0, 1.0), 0.5)
+    cone = oracle.system.tangent_cone(np.zeros((1, 4)), 1e-10)
+    found = outgoing(cone)
+    assert not found.complete
+    assert found.method == "enumeration of 4 pieces, with continua between these"
+    assert [c.tolist() for c, _ in found.continua] == [[OPEN]]
+    for (code,), ends in found.continua:
+        assert len(ends) > 1
+        for ray in found.rays:
+            inside = oracle.holds([code], ray.direction, 1e-9)
+            assert any(ray is end for end in ends) == inside
+    # What is known is kept, though it lies in a continuum.
+    known = AffineRay(np.array([OPEN], dtype=np.int8), np.array([[0.0, 1.0, 0.0, 0.0]]), 1.0)
+    again = outgoing(cone, [known])
+    assert any(r is known for r in again.rays)
+    assert len(again.rays) == len(found.rays) + 1  # it is no edge
+
+
+def test_pieces_that_round_off_hides():
+    """Pieces that are too badly conditioned or overflow leave the set incomplete."""
+    for small, words in ((1e-11, "too badly conditioned"), (1.5e-10, ""), (1e-3, "")):
+        oracle = Oracle(np.diag([1.0, small]), np.zeros(2), (1.0, small), 0.5)
+        cone = oracle.system.tangent_cone(np.zeros((1, 4)), 1e-10)
+        allowed = cone.allowed & (np.arange(4) == OPEN)
+        found = outgoing(replace(cone, allowed=allowed))
+        assert words in found.method
+        assert found.complete is (words == "")
+        if not words:
+            (ray,) = found.rays
+            assert ray.rate == 1.0
+            np.testing.assert_allclose(ray.direction, [[1.0, 1.0, 0.0, 0.0]], rtol=1e-5)
+    huge = Oracle(np.diag([1e-200, 1e-200]), np.zeros(2), (1e200, 1e200), 0.5)
+    found = outgoing(huge.system.tangent_cone(np.zeros((1, 4)), 1e-10))
+    assert not found.complete
+    assert found.method == "enumeration of 4 pieces, which overflowed"
+
+
+# -- pieces ---------------------------------------------------------------------------------------
+
+
+def test_singular_pieces_have_none_next_to_them():
+    """A singular neighbour is none; a nearly singular one is inverted again instead of updated."""
+    S = np.array([[2.0, 1.0], [1.0, 2.0]])
+    critical = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0)
+    stick, slip = (np.array([c], dtype=np.int8) for c in (STICK, MINUS))
+    piece = critical.system.piece(stick)
+    assert critical.system.piece(slip) is None
+    assert piece.neighbour(0, MINUS) is None
+    for off in (1e-3, 1e-6, 1e-9):
+        near = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0 + off)
+        found = near.system.piece(stick).neighbour(0, MINUS)
+        exact = near.system.piece(slip)
+        assert found.sign == exact.sign == near.sign(slip)
+        np.testing.assert_allclose(found.inverse, exact.inverse, rtol=1e-3)
+    far = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0 + 1e-13)
+    assert far.system.piece(slip) is None
+    scaled = replace(critical.system, matrix=np.zeros_like(critical.system.matrix))
+    assert scaled.piece(stick) is None
+
+
+def test_slacks_of_a_piece():
+    """Slacks as functions of gamma agree with those of a state; infinite without an inequality."""
+    oracle = random_oracle(6, 2, 0.8)
+    codes = np.array([OPEN, STICK], dtype=np.int8)
+    piece = oracle.system.piece(codes)
+    s_0, s_1 = piece.slack_coefficients
+    for gamma in (0.0, 1.5):
+        w = piece.at(gamma)
+        found = oracle.system.slacks(codes, w)
+        there = np.isfinite(found)
+        np.testing.assert_array_equal(np.isfinite(s_0), there)
+        np.testing.assert_allclose((s_0 + gamma * s_1)[there], found[there], atol=1e-12)
+        assert np.isinf(found[~there]).all()
+        assert (found[~there] > 0).all()
+        for row, exact in zip(found, oracle.slacks(codes, w), strict=True):
+            signs = np.sign(np.sort(row[np.isfinite(row)]))
+            np.testing.assert_array_equal(signs, np.sign(np.sort(exact))[-len(signs) :])
+    assert there.sum(axis=1).tolist() == [1, 2]
+
+
+def test_newtons_method_of_pieces():
+    """Newton's method finds a solution, or returns None in a cycle or on a singular piece.
+
+    With a stiffness that is not positive definite there may be no solution at all.
+    """
+    for seed in range(8):
+        oracle = random_oracle(seed, 2, 0.4)
+        codes = oracle.system.solve(1.3, np.zeros(2, dtype=np.int8))
+        (expected,) = (c for c, _ in oracle.solutions(1.3))
+        assert codes.tolist() == expected.tolist()
+        assert codes.dtype == np.int8
+        assert oracle.system.solve(1.3, codes, max_iterations=1) is codes
+        other = (codes + 1) % 4
+        assert oracle.system.solve(1.3, other.astype(np.int8), max_iterations=1) is None
+    none = Oracle(np.diag([1.0, -1.0]), (0.0, 1.0), (0.0, 1.0), 0.5)
+    assert none.solutions(1.0) == []
+    for code in (OPEN, STICK, PLUS, MINUS):
+        assert none.system.solve(1.0, np.array([code], dtype=np.int8)) is None
+    singular = Oracle(np.zeros((2, 2)), (0.0, -1.0), (0.0, 1.0), 0.5).system
+    assert singular.solve(0.0, np.array([OPEN], dtype=np.int8)) is None
+    # a status that is not allowed is not taken
+    oracle = Oracle(np.eye(2), (0.0, 1.0), (0.0, 0.0), 0.5)
+    held = replace(oracle.system, allowed=np.array([[False, True, True, True]]))
+    assert held.solve(0.0, np.array([STICK], dtype=np.int8)) is None
+
+
+def test_the_largest_of_numbers():
+    assert largest(np.array([[0.25, -0.5], [0.0, 0.3]])) == 0.5
+    assert largest(np.zeros((0, 2))) == 0.0
+    assert np.isnan(largest(np.array([1.0, np.nan])))
+
+
+# -- vertices -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gamma_scale", [1e-6, 1.0, 1e6])
+def test_tangents_in_any_scale_of_gamma(gamma_scale):
+    """The direction of a tangent is recovered from the point."""
+    points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
+    x = points.vector(np.zeros((1, 4)), 0.0)
+    for direction, sense in (("increasing", 1.0), ("decreasing", -1.0)):
+        pivoting = points.pivoting(gamma_scale)
+        start = pivoting.start(x, 0.0, direction=direction)
+        assert start.tangent.array_r[-1] == pytest.approx(sense * gamma_scale, rel=1e-9)
+        found, rate = out_of(pivoting, start)
+        assert rate == sense
+        np.testing.assert_allclose(found, sense * np.array([[0.0, 0.0, -1.0, 0.0]]), atol=1e-12)
+
+
+class Moved(FewPoints):
+    """Tangents have unit length in the metric of displacements."""
+
+    def metric(self, x, out):
+        out.set(0.0)
+        out.array[:-1].reshape(-1, 4)[:, :2] = x.array_r[:-1].reshape(-1, 4)[:, :2]
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_pieces_are_regular_in_any_unit(unit):
+    """Regularity of a piece does not depend on units."""
+
+    def piece(least):
+        bases = np.zeros((2, 1, 2, 1))
+        bases[:, 0, 0, 0] = 1.0
+        matrix = np.zeros((2, 2, 2))
+        matrix[:, :, 0] = unit * np.diag([1.0, least])
+        system = AffineSystem(
+            matrix, np.zeros(2), np.ones(2), bases, np.zeros((2, 1, 1, 2)), None, None
+        )
+        return system.piece(np.zeros(2, dtype=np.int8))
+
+    found = piece(1e-11)
+    np.testing.assert_allclose(found.inverse, np.diag([1.0, 1e11]) / unit)
+    assert found.sign == 1.0
+    assert piece(-1e-11).sign == -1.0
+    assert piece(1e-13) is None
+    assert piece(0.0) is None
+
+
+def test_the_first_motion_of_a_body_that_sticks():
+    """A motion under constant load sets no scale of x."""
+    points = Moved(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 2.0))
+    pivoting = points.pivoting(3.0)
+    x = points.vector(np.zeros((1, 4)), 0.0)
+    start = pivoting.start(x, 0.0, direction="decreasing")
+    assert pivoting.bordered.x_scale == 0.0
+    known = Known()
+    branch = pivoting.run(start, gamma_range=(-8.0, 8.0), record=known)
+    assert [s.x_scale for s in known.states] == [0.0, 1.0, 1.0, 1.0]
+    t = branch.points[1].tangent.array_r
+    np.testing.assert_allclose(t[:2], [-np.sqrt(2.0), 0.0], atol=1e-12)
+    direction, rate = out_of(pivoting, branch.points[1])
+    assert rate == 0.0
+    np.testing.assert_allclose(direction, t[None, :4], atol=1e-12)
+
+
+def test_a_branch_ends_where_its_range_does():
+    """A branch ends at the end of its range, also at a vertex, which is no special point then."""
+    points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
+    pivoting = points.pivoting()
+    x = points.vector(np.zeros((1, 4)), 0.0)
+    for direction, end in (("increasing", 0.5), ("decreasing", -0.5)):
+        start = pivoting.start(x, 0.0, direction=direction)
+        branch = pivoting.run(start, gamma_range=(-0.5, 0.5))
+        assert branch.ending is Ending.REACHED
+        assert ([p.gamma for p in branch.points], branch.special) == ([0.0, end], [])
+
+
+# -- what is found --------------------------------------------------------------------------------
+
+GROWS = {"Branch", "Diagram", "Node", "History", "PathHistory"}
+CORE = "continuation", "equations", "evolution", "laws", "points", "reduced"
+
+
+@pytest.mark.parametrize("layer", CORE)
+def test_results_are_frozen(layer):
+    """Branches and histories grow while they are traced; all other results can be shared."""
+    package = importlib.import_module(f"dolfinx_contact.{layer}")
+    found = {}
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        for name, kind in vars(importlib.import_module(module.name)).items():
+            if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.name:
+                found[name] = kind.__dataclass_params__.frozen
+    assert found
+    assert {name for name, frozen in found.items() if not frozen} <= GROWS

@@ -1,0 +1,316 @@
+"""States of a problem as values: snapshots, statuses and evaluators at a state."""
+
+import pickle
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import block
+from test_evolution import dragged, put
+
+from dolfinx_contact import RCCM, ContactProblem, Coulomb, State
+from dolfinx_contact.analysis import (
+    SteadySliding,
+    critical_friction,
+    renard_criterion,
+    stability_at_rest,
+)
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.io import write_fields
+
+COMM = MPI.COMM_WORLD
+
+
+def moved_block():
+    """A block on a floor, and a function that moves its top."""
+    problem, top = dragged()
+
+    def move(x, y):
+        put(top, (x, y))
+
+    return problem, move
+
+
+def functions(problem):
+    return [f.x.array.copy() for f in problem.fields]
+
+
+def same(a, b):
+    return all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+
+
+@pytest.mark.ranks(2)
+def test_restore_is_exact():
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+    values = functions(problem)
+    table = problem.table(problem.surfaces[0])
+    move(-0.02, -0.03)
+    problem.solve()
+    assert not COMM.allreduce(same(functions(problem), values), op=MPI.LAND)
+    problem.restore(state)
+    assert same(functions(problem), values)
+    move(0.01, -0.02)
+    assert problem.table(problem.surfaces[0]).status == table.status
+    assert problem.solve().iterations == 0
+
+
+def test_a_state_can_be_pickled_and_cannot_be_changed():
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+    copy = pickle.loads(pickle.dumps(state))
+    assert isinstance(copy, State)
+    for s in (state, copy):
+        for values in (s.displacement, *s.multipliers, *s.statuses, s.memory[0].jump):
+            assert not values.flags.writeable
+    assert same((copy.displacement, *copy.multipliers), (state.displacement, *state.multipliers))
+    assert same(copy.statuses, state.statuses)
+    problem.restore(copy)
+    assert same(problem.snapshot().multipliers, state.multipliers)
+    assert state.previous == (None,)
+
+
+def test_statuses_are_those_of_the_last_write():
+    """On a border the unknowns do not determine them; other unknowns do determine theirs."""
+    problem, _ = moved_block()
+    free = problem.snapshot()  # without load all points are on the border of all statuses
+    (codes,) = free.statuses
+    for status in (0, 1):
+        problem.restore(replace(free, statuses=(np.full_like(codes, status),)))
+        assert np.all(problem.snapshot().statuses[0] == status)
+    (f,) = (s.multiplier for s in problem.surfaces)
+    f.x.array.reshape(-1, 2)[:, 1] = -1.0  # pulls
+    assert np.all(problem.snapshot().statuses[0] == 0)
+    f.x.array.reshape(-1, 2)[:, 1] = 1.0  # presses
+    assert np.all(problem.snapshot().statuses[0] == 1)
+
+
+@pytest.mark.ranks(2)
+def test_a_state_of_another_problem():
+    problem, _ = moved_block()
+    other = block(n=3)
+    with pytest.raises(ValueError, match="State of this problem"):
+        problem.restore(other.snapshot())
+    with pytest.raises(ValueError, match="State of this problem"):
+        problem.table(problem.surfaces[0], state=42)
+
+
+@pytest.mark.ranks(2)
+def test_evaluators_at_a_state():
+    """They agree with those of the Functions, and leave the Functions as they were."""
+    problem, move = moved_block()
+    (s,) = problem.surfaces
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+
+    def evaluated(**at):
+        table = problem.table(s, **at)
+        fields = problem.contact_fields(s, **at)
+        return [
+            *(table.force, table.un, table.ut, table.bound),
+            *(f.x.array for f in fields.values()),
+            problem.support_forces(s, **at),
+        ], table.status
+
+    before, status = evaluated()
+    move(-0.02, -0.03)
+    problem.solve()
+    values = functions(problem)
+    after, other = evaluated(state=state)
+    assert same(before, after)
+    assert status == other
+    assert same(functions(problem), values)
+
+
+def test_evaluators_use_the_law_of_the_step_that_ended_in_the_state():
+    """Increments are those of that step; the static law has the total displacement."""
+    problem, move = moved_block()
+    (s,) = problem.surfaces
+
+    def load(t):
+        move(0.01 * t, -0.02)
+
+    evolution = QuasiStatic(problem, load)
+    evolution.run([0.0, 1.0])
+    load(2.0)
+    step = problem.with_memory(evolution.memory)
+    step.solve()
+    state = step.snapshot()
+    assert state.previous[0] is not None
+    table = step.table(s)
+    again = problem.table(s, state=state)
+    np.testing.assert_array_equal(again.increment, table.increment)
+    # The Functions are as the step has written them, so that its law holds in them.
+    np.testing.assert_array_equal(problem.table(s).increment, table.increment)
+    problem.u.x.array[:] *= 1.0 + 1e-15
+    static = problem.table(s)
+    np.testing.assert_array_equal(static.increment, static.ut)
+
+
+def test_a_table_in_an_observer_has_the_law_of_the_step():
+    """Increments and bonds are those of the step, and after the run those of the last step."""
+    law = RCCM(normal=1e3, tangential=1e3, work=0.005, friction=0.2, viscosity=1e-2)
+    problem = block(law=law, top=(0.0, 0.0))
+    top = problem.bcs[0].g.value
+    found = []
+
+    def load(t):
+        top[1] = 0.02 * t
+
+    def observe(step):
+        table = problem.table(problem.surfaces[0])
+        expected = step.result.tables["contact"]
+        for name in ("increment", "adhesion"):
+            np.testing.assert_array_equal(getattr(table, name), getattr(expected, name))
+        np.testing.assert_array_equal(table.internal["beta"], expected.internal["beta"])
+        found.append(table.internal["beta"])
+
+    QuasiStatic(problem, load).run([0.0, 0.5, 1.0], observer=observe)
+    after = problem.table(problem.surfaces[0]).internal["beta"]
+    np.testing.assert_array_equal(after, found[-1])
+    assert COMM.allreduce(after.min(initial=1.0), op=MPI.MIN) < 1.0
+
+
+def test_a_state_of_another_mesh_is_refused():
+    """Also if it has as many unknowns."""
+    problem, other = block(), block()
+    domain = other.u.function_space.mesh
+    state = problem.snapshot()
+    domain.geometry.x[:, 0] *= 2.0
+    wide = ContactProblem(other.energy, other.u, other.contacts, bcs=other.bcs)
+    for ask in (
+        lambda: wide.restore(state),
+        lambda: wide.step_from(state),
+        lambda: wide.table(wide.surfaces[0], state=state),
+    ):
+        with pytest.raises(ValueError, match="a State of this problem, of the same mesh"):
+            ask()
+
+
+def test_a_state_without_the_variables_of_a_law_begins_no_step():
+    problem = block(law=Coulomb(0.3))
+    state = problem.snapshot()
+    (contact,) = problem.contacts
+    bonded = replace(contact, law=RCCM(0.3, 100.0, 100.0, 0.1))
+    other = ContactProblem(problem.energy, problem.u, [bonded], bcs=problem.bcs)
+    with pytest.raises(
+        ValueError, match="the memory belongs to other contact surfaces, another law"
+    ):
+        other.step_from(state)
+
+
+@pytest.mark.parametrize("step", [-0.5, np.nan, np.inf, "a"])
+def test_the_duration_of_a_step_is_a_nonnegative_number(step):
+    problem = block()
+    with pytest.raises(ValueError, match="the duration of a step must be a nonnegative number"):
+        problem.step_from(problem.snapshot(), step=step)
+
+
+def test_results_can_be_pickled():
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    result = problem.solve()
+    copy = pickle.loads(pickle.dumps(result))
+    assert copy.summary() == result.summary()
+    assert str(copy) == str(result)
+    (table,) = copy.tables.values()
+    np.testing.assert_array_equal(table.force, result.tables["contact"].force)
+
+
+def test_questions_about_a_state_are_about_the_problem_as_it_is_now():
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+    assert problem.uniqueness().verdict == "proved"
+    move(0.02, -0.02)
+    words = r"not a solution of the problem as it is now: residual \d\.\de[+-]\d+ \(allowed 1e-06\)"
+    ask = (
+        problem.uniqueness,
+        lambda: problem.uniqueness(state=state),
+        lambda: stability_at_rest(problem, density=1.0),
+        lambda: renard_criterion(problem),
+        lambda: critical_friction(problem, "solution"),
+        lambda: SteadySliding(problem, "solution", density=1.0),
+    )
+    for question in ask:
+        with pytest.raises(ValueError, match=words):
+            question()
+    assert critical_friction(problem).friction is not None
+    assert problem.theory().exists
+    # Another friction is another problem: the answer is for that one.
+    problem.solve()
+    problem.surfaces[0].law.friction.value = 0.0
+    with pytest.raises(ValueError, match=words):
+        problem.uniqueness()
+    problem.solve()
+    assert problem.uniqueness().verdict == "proved"
+
+
+@pytest.mark.ranks(2)
+def test_files_of_a_state(tmp_path):
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+    folder = COMM.bcast(tmp_path)
+    before = write_fields(folder / "before", problem, format="vtk")
+    move(-0.02, -0.03)
+    problem.solve()
+    values = functions(problem)
+    after = write_fields(folder / "after", problem, state=state, format="vtk")
+    assert same(functions(problem), values)
+    if COMM.rank == 0:
+        assert [a.name for a in before] == [b.name for b in after]
+        for a in (folder / "before").glob("*.vtu"):
+            assert a.read_bytes() == (folder / "after" / a.name).read_bytes()
+
+
+@pytest.mark.ranks(2)
+def test_a_mesh_that_has_moved():
+    """The next public call raises; a mesh that is moved back is the same mesh."""
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    problem.solve()
+    state = problem.snapshot()
+    x = problem.V.mesh.geometry.x
+    before = x.copy()
+    x[:, 1] *= 1.01
+    for call in (
+        problem.solve,
+        problem.snapshot,
+        problem.uniqueness,
+        problem.theory,
+        lambda: problem.table(problem.surfaces[0]),
+        lambda: problem.table(problem.surfaces[0], state=state),
+        lambda: problem.step_from(state),
+        lambda: problem.restore(state),
+        problem.evaluate,
+        lambda: problem.evaluate(state),
+    ):
+        with pytest.raises(ValueError, match="the mesh has moved since the problem was made"):
+            call()
+    x[:] = before
+    assert problem.solve().iterations == 0
+
+
+@pytest.mark.ranks(2)
+def test_a_monitor_that_fails_on_one_rank():
+    problem, move = moved_block()
+    move(0.01, -0.02)
+    values = functions(problem)
+
+    def monitor(step):
+        if COMM.rank == COMM.size - 1:
+            raise ZeroDivisionError("enough")
+
+    with pytest.raises(ZeroDivisionError, match="enough"):
+        problem.solve(monitor=monitor if COMM.rank == COMM.size - 1 else None)
+    assert same(functions(problem), values)

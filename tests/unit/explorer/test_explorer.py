@@ -1,0 +1,762 @@
+"""Pages of records: what they hold is what was recorded; they are written once, or refused."""
+
+import base64
+import html.parser
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zlib
+from importlib.resources import files
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from support import recorded_evolution, recorded_path
+from support.blocks import box, facets
+from support.record_bodies import globe, polygon
+from support.recorded_run import moved_block, record
+
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    RigidSurface,
+    Sphere,
+    plot,
+)
+from dolfinx_contact.__main__ import main
+from dolfinx_contact.analysis import Chart, ChartCell, ChartCurve
+from dolfinx_contact.continuation import Ending, StepControl, follow
+from dolfinx_contact.explorer import SolutionCount, explorer, watch
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.plot.figures import FILLS
+from dolfinx_contact.records import (
+    BranchRecord,
+    EvolutionRecord,
+    Journal,
+    PathRecord,
+    read_journal,
+    total,
+)
+from dolfinx_contact.records.columns import PointEntry
+from dolfinx_contact.records.journal import FILE_NAME, JournalBranch
+
+pytest.importorskip("plotly", reason="plotly is not installed")
+COMM = MPI.COMM_WORLD
+KEPT = {"surface_displacement": True}
+serial = pytest.mark.skipif(COMM.size > 1, reason="nothing is computed on ranks")
+
+
+# -- a reader of pages, by itself ------------------------------------------------------------------
+
+
+class Scripts(html.parser.HTMLParser):
+    """The scripts of a page by their ids, and its title."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found = {}
+        self.title = ""
+        self.links = []
+        self._in = None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        known = dict(attributes)
+        self.links += [known[k] for k in ("src", "href") if k in known]
+        self._in = (tag, known.get("id"))
+
+    def handle_endtag(self, tag):
+        self._in = None
+
+    def handle_data(self, data):
+        if self._in and self._in[0] == "script" and self._in[1]:
+            self.found[self._in[1]] = data
+        elif self._in and self._in[0] == "title":
+            self.title += data
+
+
+class Page:
+    """What a page holds."""
+
+    def __init__(self, text):
+        scripts = Scripts(text)
+        assert scripts.links == []
+        self.title = scripts.title
+        self.meta = json.loads(scripts.found["meta"])
+        self.library = zlib.decompress(base64.b64decode(scripts.found["library"]))
+        self._scripts = scripts.found
+
+    def array(self, name):
+        words = self.meta["arrays"][name]
+        data = zlib.decompress(base64.b64decode(self._scripts[f"array:{name}"]))
+        if words["dtype"] == "text":
+            return data.decode()
+        dtype = np.dtype("<" + words["dtype"])
+        raw = np.frombuffer(data, np.uint8).reshape(dtype.itemsize, -1).T.copy()
+        if words["xor"] and words["shape"][0] > 1:
+            raw = np.bitwise_xor.accumulate(raw.reshape(words["shape"][0], -1), axis=0)
+        return raw.reshape(-1).view(dtype).reshape(words["shape"])
+
+    def field(self, field, state):
+        block = [b for b in field["blocks"] if b["first"] <= state][-1]
+        modes, steps, parts = (self.array(block[k]) for k in ("modes", "steps", "parts"))
+        assert modes.dtype == np.int16
+        values = (parts[state - block["first"]] * steps) @ modes.astype(np.float32)
+        return values.reshape(field["vertices"], field["components"])
+
+    def table(self, face, state):
+        group = [g for g in face["groups"] if g["first"] <= state][-1]
+        return {k: self.array(a)[state - group["first"]] for k, a in group["arrays"].items()}
+
+    def column(self, name):
+        names = [c["name"] for c in self.meta["columns"]]
+        return self.array("columns")[names.index(name)]
+
+
+def read(file):
+    return Page(Path(file).read_text(encoding="utf-8"))
+
+
+# -- records ---------------------------------------------------------------------------------------
+
+
+def check_states(page, journal, entries, allowed=0.005):
+    """Compare the body and the tables of a page with a record."""
+    surface = journal.surface()
+    np.testing.assert_array_equal(page.array("body.x"), surface.x)
+    np.testing.assert_array_equal(page.array("body.cells"), surface.cells)
+    states = [journal.surface_at(i) for i in range(len(entries))]
+    for name, read in (("displacement", lambda s: s.u), ("strain", lambda s: s.strain[:, None])):
+        field = page.meta["fields"][name]
+        largest = max(np.linalg.norm(read(s), axis=1).max() for s in states)
+        worst = 0.0
+        for i, state in enumerate(states):
+            off = np.linalg.norm(page.field(field, i) - read(state), axis=1).max()
+            worst = max(worst, off / largest)
+        assert worst <= allowed
+        np.testing.assert_allclose(field["error"], worst, rtol=1e-3, atol=1e-9)
+    said = f"displacements {100 * page.meta['fields']['displacement']['error']:.2g} %"
+    assert any(said in note for note in page.meta["notes"])
+    largest = page.meta["fields"]["displacement"]["largest"]
+    for face in page.meta["surfaces"]:
+        name = face["name"]
+        np.testing.assert_array_equal(page.array(face["cells"]), surface.contact[name])
+        for i, state in enumerate(states):
+            table = page.table(face, i)
+            known = state.tables[name]
+            assert bytes(table.pop("letters")).decode() == "".join(known["letters"])
+            assert set(table) >= {"x", "area", "un", "ut", "n", "pressure", "shear", "support"}
+            if "bond" in table:
+                assert bytes(table.pop("bond")).decode() == "".join(known["bond"])
+            for column, values in table.items():
+                assert values.dtype == np.float64
+                np.testing.assert_array_equal(values, known[column].reshape(values.shape))
+            if face["obstacle"]:
+                floor, moved, _ = state.obstacles[name]
+                start = page.array(face["obstacle"]["x"])[:, : floor.shape[1]]
+                way = page.array(face["obstacle"]["way"]) + page.field(face["obstacle"]["field"], i)
+                off = np.linalg.norm(start + way - floor - moved, axis=1).max()
+                assert off <= 1.001 * allowed * largest + 1e-14 * np.abs(floor).max()
+            else:
+                assert name not in state.obstacles
+
+
+@pytest.mark.parametrize("cell", ["quad", pytest.param("tet", marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "explorer",
+    "pictures",
+    reference="itself: the journal, number by number",
+    aspects=(
+        "2D",
+        "3D",
+        "branches",
+        "records",
+    ),
+)
+def test_a_branch(cell, folder):
+    n = 4 if cell == "quad" else 2
+    system, functionals = moved_block(COMM, cell=cell, n=n)
+    record(system, functionals, folder / "branch", max_steps=20, **KEPT)
+    counts = [SolutionCount(0.1, 1, True, "by hand"), SolutionCount(0.2, 3, False)]
+    look = dict(counts=counts, title="Ein Klötzchen <b>&", units={"length": "mm"})
+    file = explorer(folder / "page.html", folder / "branch", **look)
+    assert file == folder / "page.html"
+    if COMM.rank == 0:
+        page = read(file)
+        journal = read_journal(folder / "branch")
+        columns = journal.columns(0)
+        for name in ("gamma", "volume", "force", "open", "stick", "slip", "step", "norm"):
+            np.testing.assert_array_equal(page.column(name), columns[name])
+        np.testing.assert_array_equal(page.column("distance"), np.cumsum(columns["step"]))
+        assert page.array("words").split("\n") == columns["status"].tolist()
+        assert page.array("states").tolist() == list(range(len(columns["gamma"])))
+        special = [(s.kind, s.gamma) for p in journal.entries() for s in p.special]
+        marks = page.meta["series"][0]["marks"]
+        assert [(m["kind"], m["at"]["gamma"]) for m in marks] == special
+        gammas = columns["gamma"]
+        for mark in marks:
+            i = mark["index"]
+            between = gammas[i - 1] + mark["share"] * (gammas[i] - gammas[i - 1])
+            np.testing.assert_allclose(between, mark["at"]["gamma"], rtol=1e-9)
+        assert page.title == page.meta["title"] == "Ein Klötzchen <b>&"
+        assert page.meta["units"] == {"length": "mm"}
+        assert [c["proved"] for c in page.meta["counts"]] == [True, False]
+        assert page.meta["axes"] == ["gamma", "volume"]
+        check_states(page, journal, journal.entries())
+    COMM.barrier()
+
+
+def test_functionals_with_names_of_the_page(folder):
+    """What the user has named is shown under that name; what the page adds takes another."""
+    system, _ = moved_block(COMM)
+    functionals = {"distance": lambda p: 42.0, "series": lambda p: 43.0}
+    record(system, functionals, folder / "branch", max_steps=3)
+    explorer(folder / "page.html", folder / "branch", labels={"distance": "far"})
+    if COMM.rank == 0:
+        page = read(folder / "page.html")
+        np.testing.assert_array_equal(page.column("distance"), [42.0] * 4)
+        np.testing.assert_array_equal(page.column("series"), [43.0] * 4)
+        along = np.cumsum(read_journal(folder / "branch").columns()["step"])
+        np.testing.assert_array_equal(page.column("distance along the branch"), along)
+        names = [c["name"] for c in page.meta["columns"]]
+        assert len(set(names)) == len(names)
+    COMM.barrier()
+
+
+def test_a_round_obstacle_and_small_displacements(folder):
+    """Gaps that are long beside displacements are exact, and a page is made."""
+    disc = Sphere((0.5, -0.602), 0.6)
+    system, functionals = moved_block(COMM, obstacle=disc, sliding="small")
+    record(system, functionals, folder / "branch", max_steps=3, **KEPT)
+    explorer(folder / "page.html", folder / "branch", error=1e-4)
+    if COMM.rank == 0:
+        page = read(folder / "page.html")
+        journal = read_journal(folder / "branch")
+        check_states(page, journal, journal.entries(), 1e-4)
+        field = page.meta["fields"]["displacement"]
+        floor, moved, _ = journal.surface_at(0).obstacles["contact"]
+        (face,) = page.meta["surfaces"]
+        way = page.array(face["obstacle"]["way"])
+        start = page.array(face["obstacle"]["x"])[:, :2]
+        np.testing.assert_allclose(start + way, floor + moved, rtol=1e-15)
+        # Single precision would be seen where displacements are exaggerated.
+        np.testing.assert_allclose(np.hypot(*(floor - [0.5, -0.602]).T), 0.6, rtol=1e-15)
+        assert np.linalg.norm(way, axis=1).max() > 100 * field["largest"]
+    COMM.barrier()
+
+
+def round_tool(cell):
+    """A polygon or globe below the block."""
+    if cell == "quad":
+        return RigidSurface(*polygon(24, (0.5, -1.002)), crease=30.0)
+    return RigidSurface(*globe(8, (0.5, 0.5, -1.002)), crease=60.0)
+
+
+@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
+@pytest.mark.verifies(
+    "explorer",
+    "surfaces of facets",
+    reference="itself: the journal, number by number",
+    aspects=("2D", "3D", "records"),
+)
+def test_a_rigid_surface(cell, folder):
+    """The obstacle has vertices of its own, not those of the contact face."""
+    system, functionals = moved_block(COMM, cell=cell, n=3, obstacle=round_tool(cell))
+    record(system, functionals, folder / "branch", max_steps=4, **KEPT)
+    explorer(folder / "page.html", folder / "branch")
+    if COMM.rank == 0:
+        page = read(folder / "page.html")
+        journal = read_journal(folder / "branch")
+        check_states(page, journal, journal.entries())
+        (face,) = page.meta["surfaces"]
+        assert len(page.array(face["obstacle"]["way"])) != len(np.unique(page.array(face["cells"])))
+        facets = page.array(face["obstacle"]["cells"])
+        assert facets.shape[1] == face["obstacle"]["corners"]
+    COMM.barrier()
+
+
+def record_a_linear_block(folder, route):
+    """Record a linear block that is moved down and sideways on a floor."""
+    domain = box(COMM, 4, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u, top = fem.Function(V), fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    x = ufl.SpatialCoordinate(domain)
+    move = gamma * ufl.as_vector([0.01, -0.02 * (1.0 + 0.3 * x[0])])
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    floor = HalfSpace((0.0, -0.002), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), law=Coulomb(0.3), obstacle=floor)
+    energy = LinearElastic(600.0, 400.0).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
+    system = ParametricContact(problem, gamma, driven=[(top, move)])
+    with BranchRecord(folder, system, {"force": total("rn")}, **KEPT) as kept:
+        problem.solve()
+        start = system.create_vector()
+        problem.write(start)
+        control = StepControl(initial=0.02, maximum=0.02)
+        options = dict(gamma_range=(0.0, 1.0), control=control, route=route)
+        follow(system, start, 0.0, record=kept, **options)
+
+
+@pytest.mark.verifies(
+    "explorer",
+    "pivoting",
+    reference="itself: a branch followed by steps",
+    aspects=("2D", "branches", "records"),
+)
+def test_between_two_points_of_a_piecewise_linear_branch(folder):
+    """A page says that the branch is linear between its points, and there it is."""
+    for route in ("pivoting", "steps"):
+        record_a_linear_block(folder / route, route)
+        explorer(folder / f"{route}.html", folder / route)
+    if COMM.rank == 0:
+        page, fine = (read(folder / f"{route}.html") for route in ("pivoting", "steps"))
+        assert page.meta["series"][0]["linear"]
+        assert not fine.meta["series"][0]["linear"]
+        gammas, others = page.column("gamma"), fine.column("gamma")
+        ends = np.flatnonzero(np.diff(gammas) <= 0)[:1] + 1  # the first part, up to a fold
+        last = int(ends[0]) if len(ends) else len(gammas)
+        count = int(np.flatnonzero(np.append(np.diff(others) <= 0, True))[0])
+        between = others[:count]
+        assert count > 3 * last
+        for column in ("pressure", "shear", "un"):
+            coarse = [page.table(page.meta["surfaces"][0], i)[column] for i in range(last)]
+            coarse = np.reshape(coarse, (last, -1))
+            for i, gamma in enumerate(between):
+                table = fine.table(fine.meta["surfaces"][0], i)[column].ravel()
+                mixed = [np.interp(gamma, gammas[:last], values) for values in coarse.T]
+                np.testing.assert_allclose(mixed, table, atol=1e-9 * max(abs(coarse).max(), 1))
+    COMM.barrier()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("kind", ["pair", "moving", "cracked"])
+@pytest.mark.verifies(
+    "explorer",
+    reference="itself: the journal, number by number",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
+def test_a_history(kind, folder):
+    evolution = getattr(recorded_evolution, kind)(COMM)
+    with EvolutionRecord(folder / kind, evolution, **KEPT) as kept:
+        history = evolution.run(np.linspace(0, 1, 5), record=kept)
+    explorer(folder / "page.html", folder / kind)
+    if COMM.rank == 0:
+        page = read(folder / "page.html")
+        journal = read_journal(folder / kind)
+        check_states(page, journal, journal.entries())
+        rows = history.rows()
+        for name in ("time", "stored", "dissipated", "newton_iterations", "stick"):
+            np.testing.assert_array_equal(page.column(name)[1:], [row[name] for row in rows])
+        assert page.column("time")[0] == 0
+        assert page.meta["along"] == "time"
+        assert page.meta["axes"][0] == "time"
+        assert page.meta["axes"][1].rpartition("_")[2] in "xy"  # a contact force
+    COMM.barrier()
+
+
+@pytest.mark.verifies(
+    "explorer",
+    reference="itself: the journal, number by number",
+    aspects=(
+        "2D",
+        "records",
+    ),
+)
+def test_a_path(folder):
+    path = recorded_path.made("bonds")
+    with PathRecord(folder / "path", path, **KEPT) as kept:
+        control = StepControl(initial=0.1, maximum=0.2)
+        history = path.run(gamma_range=(0.0, 0.7), control=control, record=kept, max_steps=8)
+    explorer(folder / "page.html", folder / "path")
+    if COMM.rank == 0:
+        page = read(folder / "page.html")
+        journal = read_journal(folder / "path")
+        check_states(page, journal, journal.entries())
+        np.testing.assert_array_equal(page.column("gamma"), journal.gammas)
+        np.testing.assert_array_equal(page.column("arc")[1:], [s.time for s in history.steps])
+        kinds = [row["event"] for row in journal.rows() if row["event"]]
+        assert [m["kind"] for m in page.meta["series"][0]["marks"]] == kinds
+        assert page.meta["axes"][0] == "gamma"
+        face = page.meta["surfaces"][0]
+        assert "internal.beta" in page.table(face, 1)
+    COMM.barrier()
+
+
+# -- contents of journals --------------------------------------------------------------------------
+
+
+def plain_journal(gamma, functionals=None, reason=""):
+    """A journal in memory: one branch of a single sliding point, with functionals by name."""
+    known = functionals or {}
+    points = [
+        PointEntry(index=i, gamma=float(g), step=0.1, corrections=1, tau=1.0, status="k", norm=1.0,
+                   special=[], functionals={k: float(v[i]) for k, v in known.items()})
+        for i, g in enumerate(gamma)
+    ]  # fmt: skip
+    branch = JournalBranch(points=points, ending=Ending.REACHED, reason=reason)
+    return Journal(header={"functionals": list(known), "points": {}}, branches={0: branch})
+
+
+@serial
+def test_names_of_users_are_text(tmp_path):
+    """Names with tags, quotes, placeholders of the template and letters of all kinds."""
+    evil = "</script><script>alert(1)</script> \u2028 @DATA@ \"'&lt; ü γ 接触"
+    file = tmp_path / "page.html"
+    journal = plain_journal([0, 1], {evil: [1, 2]}, evil)
+    explorer(file, journal, title=evil, labels={"gamma": evil})
+    page = read(file)
+    assert page.title == page.meta["title"] == evil
+    assert [c["label"] for c in page.meta["columns"]][:2] == [evil, evil]
+    assert page.meta["series"][0]["ending"] == evil
+    assert file.read_text(encoding="utf-8").count("alert(1)</script>") == 0
+    np.testing.assert_array_equal(page.column(evil), [1, 2])
+
+
+@serial
+def test_values_that_are_not_finite(tmp_path):
+    journal = plain_journal([0.0, 1.0, 2.0], {"odd": [0.0, np.nan, np.inf], "none": [np.nan] * 3})
+    page = read(explorer(tmp_path / "page.html", journal))
+    np.testing.assert_array_equal(page.column("odd"), [0.0, np.nan, np.inf])
+    assert np.isnan(page.column("none")).all()
+    assert page.meta["axes"][0] == "gamma"
+    one = read(explorer(tmp_path / "one.html", plain_journal([1.0])))
+    assert one.column("gamma") == [1.0]
+
+
+@serial
+def test_ten_thousand_points(tmp_path):
+    gamma = np.linspace(0, 1, 10_000)
+    journal = plain_journal(gamma, {"force": np.sin(9 * gamma)})
+    page = read(explorer(tmp_path / "page.html", journal))
+    np.testing.assert_array_equal(page.column("force"), np.sin(9 * gamma))
+
+
+# -- charts ----------------------------------------------------------------------------------------
+
+
+def chart_of_a_wedge():
+    """Three solutions between gamma = 2 and gamma = F from F = 2 on; else one."""
+    cells = []
+    ends = np.linspace(0, 4, 9)
+    for a in range(8):
+        for b in range(8):
+            mu, gamma = (ends[a], ends[a + 1]), (ends[b], ends[b + 1])
+            x, y = np.mean(mu), np.mean(gamma)
+            words = ("k", "o", "-") if 2 < y < x else ("o",)
+            cells.append(ChartCell(tuple(map(float, mu)), tuple(map(float, gamma)), words, True))
+    mus = np.linspace(2, 4, 17)
+    folds = [ChartCurve("fold", tuple((m, g) for m, g in zip(mus, y, strict=True)))
+             for y in (mus, np.full(17, 2.0))]  # fmt: skip
+    return Chart(tuple(cells), (*folds, ChartCurve("event", ((0.0, 1.0), (4.0, 1.5)))))
+
+
+@serial
+@pytest.mark.verifies(
+    "explorer", "charts", reference="closed form: areas of the regions of a wedge", aspects=("2D",)
+)
+def test_a_chart(tmp_path):
+    """Regions end at the curves and not at cells, and are numbered; the file keeps the curves."""
+    chart = chart_of_a_wedge()
+    chart.save(tmp_path / "chart.json")
+    again = Chart.load(tmp_path / "chart.json")
+    assert again.curves == chart.curves
+    explorer(tmp_path / "chart.html", tmp_path / "chart.json", labels={"mu": "F"})
+    meta = read(tmp_path / "chart.html").meta
+    assert [c["label"] for c in meta["columns"]] == ["F", "gamma"]
+    found = meta["chart"]
+    assert found["exact"]
+    assert [c["kind"] for c in found["curves"]] == ["fold", "fold", "event"]
+    assert [r["number"] for r in found["regions"]] == [1, 2]
+    one, three = found["regions"]
+    assert (len(one["solutions"][0]), len(three["solutions"][0])) == (1, 3)
+    assert one["proved"]
+    assert three["proved"]
+    assert one["looked"] + three["looked"] == 64 - 4  # four places are on a curve
+
+    def area(region):
+        total = 0.0
+        for outline in region["outlines"]:
+            x, y = np.array(outline).T
+            total += abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))) / 2
+        return total
+
+    np.testing.assert_allclose(area(three), 2.0)  # the triangle, whatever the cells
+    np.testing.assert_allclose(area(one), 14.0)
+    x, y = three["place"]
+    assert 2 < y < x
+
+
+@serial
+def test_a_picture_of_a_chart(tmp_path):
+    """It is filled up to the curves too, by areas: 2 of 16, and not the 1.5 of the cells."""
+    axes = plot.draw_chart(tmp_path / "chart.png", chart_of_a_wedge())
+    assert (tmp_path / "chart.png").stat().st_size > 8000
+    areas = []
+    for count in (1, 3):
+        shown = [p.get_xy() for p in axes.patches if to_hex(p.get_facecolor()) == FILLS[count]]
+        twice = [np.sum(x[:-1, 0] * x[1:, 1] - x[1:, 0] * x[:-1, 1]) for x in shown]
+        areas.append(np.abs(twice).sum())
+    assert abs(areas[1] / areas[0] - 2 / 14) < 0.01
+
+
+@serial
+def test_a_chart_without_curves(tmp_path):
+    meta = read(explorer(tmp_path / "page.html", Chart(chart_of_a_wedge().cells))).meta
+    assert not meta["chart"]["exact"]
+    assert any("regions end at cells" in note for note in meta["notes"])
+    assert {len(r["solutions"][0]) for r in meta["chart"]["regions"]} == {1, 3}
+
+
+@serial
+@pytest.mark.parametrize(
+    ("curve", "message"),
+    [
+        (
+            dict(kind="edge", points=((0, 1), (1, 1))),
+            "the kind of a curve must be one of fold, event",
+        ),
+        (dict(kind="fold", points=((0, 1),)), "two pairs or more"),
+        (dict(kind="fold", points=((0, 1), (float("nan"), 1))), "finite"),
+        (dict(kind="fold", points=((1, 1), (0, 1))), "must not fall"),
+        (dict(kind="fold", points="ab"), "pairs of numbers"),
+    ],
+)
+def test_curves_that_are_none(curve, message):
+    with pytest.raises(ValueError, match=message):
+        ChartCurve(**curve)
+
+
+# -- what is refused -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def branch(folder):
+    """The folder of a record of few points, without displacements."""
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder / "branch", max_steps=2)
+    return folder / "branch"
+
+
+def test_arguments_that_do_not_fit(branch, folder):
+    file = folder / "page.html"
+    for more, message in [
+        (dict(file=folder / "page.pdf"), "the file name must end in .html"),
+        (dict(curves=[1]), "curves belong to charts"),
+        (
+            dict(units={"mass": "kg"}),
+            "the quantity of a unit must be one of length, force, stress; got .mass",
+        ),
+        (dict(error=0.0), "error must be a number from"),
+        (dict(error=float("nan")), "error must be a number from"),
+        (dict(counts=[3]), "results of find_solutions"),
+        (dict(labels={"nothing": "x"}), "there is no column 'nothing'; columns: gam"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            explorer(**{"file": file, "record": branch} | more)
+    for count in (
+        dict(gamma=np.nan, count=1),
+        dict(gamma=0.0, count=-1),
+        dict(gamma=0.0, count=1.5),
+    ):
+        with pytest.raises(ValueError, match="count"):
+            SolutionCount(**count, proved=True)
+    if COMM.size > 1:
+        with pytest.raises(ValueError, match="title differs between ranks"):
+            explorer(file, branch, title=f"rank {COMM.rank}")
+    assert not file.exists()
+    with pytest.raises(FileNotFoundError, match="is not a record"):
+        explorer(file, folder / "nowhere")
+    with pytest.raises(OSError, match="nowhere"):
+        explorer(folder / "nowhere" / "page.html", branch)
+    explorer(file, branch)
+    if COMM.rank == 0:
+        meta = read(file).meta
+        assert meta["body"] is None
+        assert any("record with surface_displacement=True" in note for note in meta["notes"])
+        assert [p.name for p in folder.glob("*.html")] == ["page.html"]
+    COMM.barrier()
+
+
+@pytest.mark.ranks(2)
+def test_records_that_are_damaged(folder):
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder / "branch", max_steps=3, **KEPT)
+    file = folder / "page.html"
+    journal = folder / "branch" / FILE_NAME
+    whole = journal.read_bytes()
+    COMM.barrier()
+
+    def changed(data, at=journal):
+        COMM.barrier()
+        if COMM.rank == 0:
+            at.write_bytes(data)
+        COMM.barrier()
+
+    lines = whole.split(b"\n")
+    changed(b"\n".join(lines[:-2])[:-9])  # the line of the last point is being written
+    explorer(file, folder / "branch")
+    if COMM.rank == 0:
+        meta = read(file).meta
+        assert meta["points"] == 3
+        assert any("being written" in note for note in meta["notes"])
+    changed(b"\n".join(lines[:2]) + b"\n")
+    with pytest.raises(ValueError, match="no point was recorded"):
+        explorer(file, folder / "branch")
+    changed(whole.replace(b'"gamma": 0.0', b'"gamma": 0.5', 1))
+    with pytest.raises(ValueError, match="the journal is damaged: its check sum is wrong"):
+        explorer(file, folder / "branch")
+    changed(whole)
+    state = folder / "branch" / "surface" / "branch_0000_point_000002.npz"
+    changed(b"nothing", state)
+    with pytest.raises(ValueError, match=r"branch_0000_point_000002\.npz is damaged"):
+        explorer(file, folder / "branch")
+    COMM.barrier()
+    if COMM.rank == 0:
+        assert read(file).meta["points"] == 3  # that of before
+
+
+def test_plotly_is_missing(branch, folder, monkeypatch):
+    """Or is that of Debian, which lacks the script."""
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    file = folder / "page.html"
+    match = r"plotly is not installed: python3 -m pip install 'signorini-coulomb\[explorer\]'$"
+    with pytest.raises(ModuleNotFoundError, match=match):
+        explorer(file, branch)
+    monkeypatch.delitem(sys.modules, "plotly")
+    if COMM.rank == 0:
+        (folder / "plotly").mkdir()
+        (folder / "plotly" / "__init__.py").write_text("")
+    COMM.barrier()
+    monkeypatch.syspath_prepend(str(folder))
+    with pytest.raises(ModuleNotFoundError, match=r"without plotly.min.js, as python3-plotly"):
+        explorer(file, branch)
+    assert not file.exists()
+    monkeypatch.delitem(sys.modules, "plotly", raising=False)  # rank 0 alone looked for it
+
+
+# -- following, and the command line ---------------------------------------------------------------
+
+
+def test_a_record_that_grows(folder):
+    """The page is written whenever there is more, and no more when the run has ended."""
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder / "whole", max_steps=6, **KEPT)
+    if COMM.rank == 0:
+        lines = (folder / "whole" / FILE_NAME).read_bytes().splitlines(keepends=True)
+        shutil.copytree(folder / "whole", folder / "grows", ignore=lambda *_: [FILE_NAME])
+        journal = folder / "grows" / FILE_NAME
+        left = [lines[:2], lines[2:5], [lines[5][:20]], [lines[5][20:], *lines[6:]]]
+        said = []
+        pages = []
+
+        def told(text):
+            said.append(text.rpartition(": ")[2] if ": " in text else "waiting")
+            if (folder / "page.html").exists():
+                pages.append(read(folder / "page.html").meta)
+            if left:
+                with journal.open("ab") as file:
+                    file.writelines(left.pop(0))
+
+        watch(folder / "page.html", folder / "grows", seconds=0.01, report=told)
+        count = len(read_journal(folder / "whole").entries())
+        assert said == ["waiting", "waiting", "2 points", "2 points", f"{count} points"]
+        assert [page["reload"] for page in pages] == [0.01, 0.01, None]
+        for wrong in (0, -1.0, "x", float("nan")):
+            with pytest.raises(ValueError, match="seconds must be a positive number"):
+                watch(folder / "page.html", folder / "grows", seconds=wrong)
+    COMM.barrier()
+
+
+@pytest.mark.ranks(2)
+def test_the_command(branch, folder, capsys):
+    file = folder / "page.html"
+    words = ["explore", str(branch), "-o", str(file), "--title", "Block", "--label", "gamma=load"]
+    assert main([*words, "--unit", "length=mm"]) == 0
+    if COMM.rank == 0:
+        meta = read(file).meta
+        assert (meta["title"], meta["columns"][0]["label"]) == ("Block", "load")
+        assert capsys.readouterr().out == f"{file}\n"
+    for more, message in [
+        (["--label", "gamma"], "--label is NAME=VALUE, got 'gamma'"),
+        (["--proof", "x=none.npz"], "--proof is GAMMA=FILE with a number"),
+        (["--proof", "1=none.npz"], "there is no file none.npz"),
+        (["--proof", f"1={branch / FILE_NAME}"], "is no proof: it is no npz file\n"),
+        (["--label", "nothing=x"], "there is no column 'nothing'"),
+        (["--error", "7"], "error must be a number from"),
+    ]:
+        assert main([*words, *more]) == 1
+        errors = capsys.readouterr().err
+        assert (message in errors) == (COMM.rank == 0)
+    assert main(["explore", str(folder / "nowhere")]) == 1
+    capsys.readouterr()
+    assert main(["info"]) == 0
+    out = capsys.readouterr().out
+    if COMM.rank == 0:
+        assert f"{COMM.size} rank" in out
+        for name in ("dolfinx_contact", "DOLFINx", "PETSc", "mumps", "plotly"):
+            assert name in out
+
+
+@serial
+@pytest.mark.skipif(shutil.which("node") is None, reason="there is no node to read the scripts")
+def test_scripts_are_read_by_node():
+    for file in files("dolfinx_contact.explorer").iterdir():
+        if file.name.endswith(".js"):
+            subprocess.run(["node", "--check", str(file)], check=True)
+
+
+# -- for a browser ---------------------------------------------------------------------------------
+
+
+@pytest.mark.long
+@pytest.mark.skipif(
+    "DOLFINX_CONTACT_RESULTS" not in os.environ,
+    reason="`make test-browser` opens what it writes in a browser",
+)
+def test_pages_for_a_browser():
+    """Pages of every kind, for `tests/in_browser.py` to click in."""
+    folder = Path(os.environ["DOLFINX_CONTACT_RESULTS"])
+    for cell, n in (("quad", 6), ("hex", 3)):
+        system, functionals = moved_block(COMM, cell=cell, n=n)
+        record(system, functionals, folder / f"branch_{cell}", max_steps=12, **KEPT)
+        count = SolutionCount(0.05, 3, True, "by a proof")
+        explorer(folder / f"branch_{cell}.html", folder / f"branch_{cell}", counts=[count],
+                      title="<b>Block</b> & γ", units={"length": "mm"})  # fmt: skip
+    record_a_linear_block(folder / "linear", route="pivoting")
+    explorer(folder / "linear.html", folder / "linear")
+    for cell in ("quad", "hex"):
+        system, functionals = moved_block(COMM, cell=cell, n=3, obstacle=round_tool(cell))
+        record(system, functionals, folder / f"rigid_{cell}", max_steps=8, **KEPT)
+        explorer(folder / f"rigid_{cell}.html", folder / f"rigid_{cell}")
+    evolution = recorded_evolution.pair(COMM)
+    with EvolutionRecord(folder / "history", evolution, **KEPT) as kept:
+        evolution.run(np.linspace(0, 1, 5), record=kept)
+    explorer(folder / "history.html", folder / "history")
+    system, functionals = moved_block(COMM)
+    record(system, functionals, folder / "bare", max_steps=5)
+    explorer(folder / "bare.html", folder / "bare")
+    if COMM.rank == 0:
+        chart_of_a_wedge().save(folder / "chart.json", overwrite=True)
+        gamma = np.linspace(0, 1, 10_000)
+        odd = np.where(gamma > 0.9, np.nan, np.sin(9 * gamma))
+        long = plain_journal(gamma, {"force": odd, "stable": gamma < 0.5})
+        for name, journal in {"long": long, "one": plain_journal([1.0])}.items():
+            explorer(folder / f"{name}.html", journal, comm=MPI.COMM_SELF)
+    COMM.barrier()
+    explorer(folder / "chart.html", folder / "chart.json")

@@ -1,0 +1,323 @@
+"""What histories leave on the disk: series, tables, animations."""
+
+import itertools
+import sys
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import same_tables
+from support.recorded_evolution import pair
+from support.vtk_files import read_grid
+from test_adhesion import C, W, along, bonded
+from test_evolution import cycle, dragged
+from test_output import number_of_colours
+
+from dolfinx_contact import RCCM, Coulomb, Regularised, io, plot, records
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.io import EvolutionSeries
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.records import EvolutionRecord
+
+COMM = MPI.COMM_WORLD
+TIMES = [0.0, 1.0, 2.0, 3.0]
+
+
+class Stop(Exception):
+    """What an observer raises."""
+
+
+def lines(file):
+    return file.read_text().splitlines()
+
+
+def names(folder):
+    """What is in a folder, on every rank at the same time."""
+    COMM.barrier()
+    found = sorted(p.name for p in folder.iterdir())
+    COMM.barrier()
+    return found
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("format", [None, "vtk"])
+def test_a_series_step_by_step(folder, format):
+    """Rows are on the disk at once; other runs go on with the numbers; nothing old is left."""
+    evolution = pair(COMM, n=2)
+    seen = []
+    with EvolutionSeries(folder, evolution.problem, format=format) as series:
+
+        def observer(step):
+            series(step)
+            COMM.barrier()
+            seen.append(len(lines(folder / "steps.csv")))
+
+        history = evolution.run(TIMES, observer=observer)
+        later = evolution.run([3.0, 4.0], observer=observer)
+    steps = [*history.steps, *later.steps]
+    assert seen == list(range(2, len(steps) + 2))
+    rows = [row.split(",")[:2] for row in lines(folder / "steps.csv")]
+    assert rows == [["step", "time"], *([str(s.number), str(s.time)] for s in steps)]
+    assert [s.number for s in steps] == list(range(1, len(steps) + 1))
+    assert {"steps.csv", "paraview.py"} < set(names(folder))
+    assert all(file.exists() for file in series.files)
+
+    def failing(t):
+        raise Stop
+
+    again = pair(COMM, n=2)
+    again.load = failing
+    with pytest.raises(Stop), EvolutionSeries(folder, again.problem, format=format) as series:
+        again.run(TIMES, observer=series)
+    assert names(folder) == ["paraview.py"]
+    assert series.files == []
+
+
+def test_a_series_that_is_stopped(folder):
+    """Of the steps before it has table and fields, and of the run before nothing."""
+    for ends in (3.0, 2.0):
+        evolution = pair(COMM, n=2)
+        with EvolutionSeries(folder, evolution.problem, format="vtk") as series:
+
+            def observer(step, series=series, end=ends):
+                if step.time > end:
+                    raise Stop
+                series(step)
+
+            try:
+                evolution.run(TIMES, observer=observer)
+            except Stop:
+                assert ends == 2.0
+    written = len(lines(folder / "steps.csv")) - 1
+    assert written == 2
+    assert len(list(folder.glob("evolution_contact0*.pvtu"))) == written
+
+
+def test_a_series_with_stresses_and_its_start(folder):
+    """Stresses are those of `write_fields` at the last step; the table begins before the first."""
+    pytest.importorskip("pyvista")
+    evolution = pair(COMM, n=2)
+    problem = evolution.problem
+    steel = LinearElastic.from_young(1000.0, 0.3).full_stress(problem.u)
+    stress = {1: steel, 2: 2 * steel}
+    with EvolutionSeries(folder, problem, stress=stress, start=True, format="vtk") as series:
+        history = evolution.run(TIMES, observer=series)
+    assert "evolution_body_stress.pvd" in [f.name for f in series.files]
+    rows = [row.split(",") for row in lines(folder / "steps.csv")]
+    assert [row[:3] for row in rows[:3]] == [
+        ["step", "time", "length"],
+        ["0", "0.0", "0.0"],
+        ["1", "1.0", "1.0"],
+    ]
+    first = dict(zip(rows[0], rows[1], strict=True))
+    assert {first[name] for name in ("external", "stored", "dissipated", "residue")} == {"0.0"}
+    assert first["stick"] == first["strategy"] == ""
+    with_start = history.rows(start=True)
+    assert with_start[1:] == history.rows()
+    assert list(with_start[0]) == rows[0]
+    written = ["" if value is None else str(value) for value in with_start[0].values()]
+    assert written == rows[1]
+    later = evolution.run([3.0, 4.0])
+    assert later.rows(start=True)[0]["stored"] == history.energies.stored
+    io.write_fields(folder / "last", problem, stress=stress, format="vtk")
+    if COMM.rank == 0:
+        last = read_grid(folder / "last" / "body_stress.pvd").point_data
+        assert set(last) >= {"stress", "von_mises", "displacement"}
+        written = sorted(folder.glob("evolution_body_stress*.pvtu"))
+        assert len(written) == len(history.steps)
+    COMM.barrier()
+    with EvolutionSeries(folder, problem, stress=stress, format="vtk") as series:
+        evolution.run([4.0, 4.5], observer=series)
+    io.write_fields(folder / "last", problem, stress=stress, format="vtk")
+    if COMM.rank == 0:
+        last = read_grid(folder / "last" / "body_stress.pvd").point_data
+        assert len(list(folder.glob("evolution_body_stress*.pvtu"))) == 1
+        found = read_grid(folder / "evolution_body_stress.pvd").point_data
+        for name in ("stress", "von_mises", "displacement"):
+            np.testing.assert_array_equal(found[name], last[name])
+        assert np.max(found["von_mises"]) > 0
+    COMM.barrier()
+    # The steps of later runs begin in what the series has not seen.
+    with EvolutionSeries(folder, problem, start=True, format="vtk") as series:
+        evolution.run([4.5, 5.0], observer=series)
+    rows = [row.split(",") for row in lines(folder / "steps.csv")]
+    first = dict(zip(rows[0], rows[1], strict=True))
+    assert (first["time"], first["stored"]) == ("4.5", "")
+    assert not list(folder.glob("evolution_body_stress*"))
+    with pytest.raises(ValueError, match="start must be True or False"):
+        EvolutionSeries(folder, problem, start=1)
+    with pytest.raises(ValueError, match="3 x 3 UFL stress"):
+        EvolutionSeries(folder, problem, stress=problem.u)
+
+
+def test_a_series_outside_of_its_context(folder):
+    evolution = pair(COMM, n=2)
+    series = EvolutionSeries(folder, evolution.problem)
+    with pytest.raises(ValueError, match="writes in its context alone"):
+        evolution.run(TIMES, observer=series)
+    with series:
+        pass
+    with pytest.raises(ValueError, match="writes in its context alone"):
+        evolution.run([1.0, 2.0], observer=series)
+    assert names(folder) == []
+
+
+@pytest.mark.ranks(2)
+def test_numbers_in_a_record(folder):
+    """A second run goes on with them, also from a record that was closed."""
+    evolution = pair(COMM, n=2)
+    with EvolutionRecord(folder, evolution) as record:
+        evolution.run(TIMES[:2], record=record)
+    other = pair(COMM, n=2)
+    with EvolutionRecord(folder, other, resume=True) as record:
+        record.go_on()
+        history = other.run(TIMES[1:], record=record)
+    assert [s.number for s in history.steps] == [2, 3]
+    assert [row["step"] for row in records.read_journal(folder).rows()] == [1, 2, 3]
+    assert np.all(np.diff([s.time for s in history.steps]) > 0)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "records of histories",
+    reference="itself: the tables of the steps",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
+def test_tables_of_any_step(folder):
+    """In one call, and bit by bit what the step had; the problem stays where it is."""
+    evolution = pair(COMM, n=2)
+    problem = evolution.problem
+    with EvolutionRecord(folder / "record", evolution) as record:
+        history = evolution.run(TIMES, record=record)
+        before = [f.x.array.copy() for f in problem.fields]
+        now = problem.table(problem.surfaces[0])
+        for step in (history.steps[1], history.steps[-1]):
+            record.write_contact(folder / "found", step.number)
+            io.write_contact_table(COMM, folder, step.result.tables.values())
+            found, wanted = (lines(path / "contact.csv") for path in (folder / "found", folder))
+            assert found[0] == wanted[0]
+            for a, b in zip(found[1:], wanted[1:], strict=True):
+                a, b = (row.split(",") for row in (a, b))
+                assert (a[0], a[16]) == (b[0], b[16])
+                numbers = ([float(v) for v in row[1:16] + row[17:]] for row in (a, b))
+                np.testing.assert_allclose(*numbers, rtol=1e-10, atol=1e-12)
+        for values, f in zip(before, problem.fields, strict=True):
+            np.testing.assert_array_equal(values, f.x.array)
+        assert problem.table(problem.surfaces[0]).status == now.status
+        assert evolution.run([3.0, 4.0], record=record).complete
+        for bad in (-1, 99, 1.5, None):
+            with pytest.raises(ValueError, match="are recorded, not"):
+                record.write_contact(folder, bad)
+
+
+def test_tables_of_a_law_that_knows_the_time(folder):
+    """Viscous damage, and creep, of the step that is looked at."""
+    laws = RCCM(C, C, W, viscosity=0.1), Regularised(Coulomb(0.3), speed=0.1)
+    for number, law in enumerate(laws):
+        problem, top = bonded(law=law)
+        evolution = QuasiStatic(problem, along(top, (0.02, -0.02), (0.3, -0.01)))
+        with EvolutionRecord(folder / str(number), evolution) as record:
+            history = evolution.run([0.0, 0.5, 1.0, 1.5, 2.0], record=record)
+            for step in history.steps:
+                shown = record.show(step.number)
+                wanted = step.result.tables["contact"]
+                found = shown.table(problem.surfaces[0])
+                same_tables(found, wanted)
+                if wanted.beta is not None:
+                    np.testing.assert_allclose(found.beta, wanted.beta, rtol=1e-10)
+    assert history.steps[0].result.counts["open"] == 0
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A history of two blocks, and its record."""
+    evolution = pair(COMM, n=2)
+    folder = COMM.bcast(tmp_path_factory.mktemp("record") if COMM.rank == 0 else None)
+    with EvolutionRecord(folder / "record", evolution) as record:
+        evolution.run(TIMES, record=record)
+        yield record
+
+
+@pytest.mark.verifies(
+    "pictures",
+    "records of histories",
+    reference="itself: as many pictures as steps, that differ",
+    aspects=(
+        "2D",
+        "pairs",
+        "records",
+    ),
+)
+def test_an_animation(folder, recorded):
+    """As many pictures as steps, of one size, that differ and are no blanks."""
+    from imageio import v2 as imageio
+    from PIL import Image, ImageSequence
+
+    problem = recorded.problem
+    before = problem.u.x.array.copy()
+    bodies = {1: 2.5e3, 2: 1e3}
+    stress = {
+        tag: LinearElastic.from_young(E, 0.3).full_stress(problem.u) for tag, E in bodies.items()
+    }
+    look = dict(stress=stress, scale=5.0, rate=5.0, steps=[1, len(recorded.journal.states) - 1])
+    file = plot.animate(folder / "blocks.gif", recorded, **look)
+    assert file == folder / "blocks.gif"
+    np.testing.assert_array_equal(problem.u.x.array, before)
+    with Image.open(file) as animation:
+        seen = [np.asarray(f.convert("RGB"), int) for f in ImageSequence.Iterator(animation)]
+        assert animation.info["duration"] == 200
+    assert len(seen) == 2
+    plot.animate(folder / "blocks.mp4", recorded, **look)
+    assert imageio.get_reader(folder / "blocks.mp4").count_frames() == 2
+    for a, b in itertools.pairwise(seen):
+        assert a.shape == b.shape
+        assert (np.abs(a - b).max(axis=2) > 30).sum() > 100
+        assert a.mean() > 50
+        assert number_of_colours(a) > 20
+
+
+def test_animations_that_cannot_be(folder, recorded, monkeypatch):
+    for given, message in (
+        ({"file": "a.avi"}, "animations are .gif or .mp4, not a.avi"),
+        ({"rate": 0.0}, "the rate must be a number"),
+        ({"rate": "3"}, "the rate must be a number"),
+        ({"steps": []}, "there are no states"),
+        ({"steps": [99]}, "are recorded, not 99"),
+        ({"scale": np.nan}, "scale of the displacement"),
+        *([({"rate": 1.0 + COMM.rank}, "rate differs")] if COMM.size > 1 else []),
+    ):
+        known = {"file": "a.gif"} | given
+        with pytest.raises(ValueError, match=message):
+            plot.animate(folder / known.pop("file"), recorded, **known)
+    for package, suffix in (("imageio_ffmpeg", ".mp4"), ("imageio", ".gif")):
+        monkeypatch.setitem(sys.modules, package, None)  # as if it was not installed
+        with pytest.raises(ModuleNotFoundError, match=package):
+            plot.animate(folder / f"a{suffix}", recorded)
+    assert names(folder) == []
+
+
+@pytest.mark.long
+@pytest.mark.verifies(
+    "pictures",
+    reference="itself: as many pictures as steps, no blanks",
+    aspects=(
+        "3D",
+        "records",
+    ),
+)
+def test_an_animation_in_space(folder):
+    from PIL import Image
+
+    problem, top = dragged("hex", n=2)
+    evolution = QuasiStatic(problem, cycle(top))
+    with EvolutionRecord(folder / "record", evolution) as record:
+        evolution.run([0.0, 1.0, 3.0], record=record)
+        file = plot.animate(folder / "block.gif", record, steps=[1, 2], scale=10.0)
+    with Image.open(file) as animation:
+        assert animation.n_frames == 2
+        assert np.asarray(animation.convert("RGB")).mean() > 50

@@ -1,0 +1,384 @@
+"""Both faces of a pair: files for ParaView, and the balance of forces between them."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from matplotlib.legend import Legend
+from support.blocks import box, facets
+from support.vtk_files import read_grid
+from test_doubled_nodes import branched, force, record
+from test_pair import MATERIAL, displacement, held, tagged
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+)
+from dolfinx_contact.io import Report, write_fields
+from dolfinx_contact.io.master import MasterFace
+from dolfinx_contact.meshing import join
+from dolfinx_contact.plot import picture_of_body, picture_of_contact
+from dolfinx_contact.records import BranchRecord, write_series
+from dolfinx_contact.results.fields import vertex_state
+from dolfinx_contact.solvers.history import FloatingBodyError
+
+COMM = MPI.COMM_WORLD
+MODULUS = 1000.0 * 0.7 / (1.3 * 0.4)  # of uniaxial strain
+#: Cell, cells along the lower and the upper body, degree, method.
+CASES = [
+    ("tri", 3, 3, 1, "nodal"),
+    ("quad", 2, 2, 2, "integral"),
+    ("quad", 5, 3, 1, "nodal"),  # a mortar
+    ("tet", 2, 2, 1, "mixed"),
+    ("tet", 2, 2, 2, "integral"),
+    ("hex", 2, 3, 1, "nodal"),
+    ("tet", 2, 3, 1, "nodal"),
+]
+
+
+def blocks(cell, below, above, degree, method, *, law, gap=0.0):
+    """Two unit blocks, one on the other; tags 1 below, 2 and 3 face to face, 4 above."""
+    bodies = []
+    tags = []
+    for i, n in enumerate((below, above)):
+        body = box(COMM, n, cell)
+        up = body.topology.dim - 1
+        z = i * (1 + gap)
+        body.geometry.x[:, up] += z
+        tags.append(tagged(body, **{f"t{2 * i + 1}": (up, z), f"t{2 * i + 2}": (up, z + 1)}))
+        bodies.append(body)
+    both = join(bodies, facet_tags=tags)
+    u = displacement(both.mesh, degree)
+    return both, u, ContactPair(u, both, slave=3, master=2, law=law, method=method)
+
+
+def pressed(*case, friction=None, gap=0.0):
+    """The upper block is moved: straight down in a box without friction, or aside as well."""
+    law = Frictionless() if friction is None else Coulomb(friction)
+    both, u, pair = blocks(*case, law=law, gap=gap)
+    V = u.function_space
+    dim = both.mesh.topology.dim
+    shift = np.zeros(dim)
+    shift[-1] = -0.02
+    ends = []
+    if friction is None:
+        for i in range(dim - 1):
+            for x in (0.0, 1.0):
+                dofs = fem.locate_dofs_topological(V.sub(i), dim - 1, facets(both.mesh, i, x))
+                ends.append(fem.dirichletbc(0.0, dofs, V.sub(i)))
+    else:
+        shift[0] = 0.02
+    ends += [held(u, both.facet_tags, 1, np.zeros(dim)), held(u, both.facet_tags, 4, shift)]
+    options = {"snes_rtol": 1e-12}
+    return ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends, petsc_options=options)
+
+
+def gathered(f):
+    """Owned values of a Function with the places of their nodes, from all ranks."""
+    V = f.function_space
+    bs = f.function_space.dofmap.index_map_bs
+    n = V.dofmap.index_map.size_local
+    parts = COMM.allgather((V.tabulate_dof_coordinates()[:n], f.x.array.reshape(-1, bs)[:n]))
+    return tuple(np.concatenate(p) for p in zip(*parts, strict=True))
+
+
+def total(problem, face, name):
+    """Of a field per area, the sum over the vertices of a face."""
+    n = face.vertices.dofmap.index_map.size_local
+    f = face.fields(problem)[name]
+    values = f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)
+    return COMM.allreduce((values * face.areas[:, None])[:n].sum(axis=0))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.each_value
+@pytest.mark.parametrize("cell", ["quad", "tet"])
+@pytest.mark.parametrize("given", [{}, {"method": "integral"}, {"sliding": "large"}], ids=str)
+@pytest.mark.verifies(
+    "mortar",
+    "sliding pairs",
+    reference="theorem: pressures make up the normal forces",
+    aspects=("2D", "3D", "pairs", "large sliding"),
+)
+def test_pressure_of_a_slave_that_is_partly_covered(cell, given):
+    """Its integral is the sum of the normal forces, as where all of it is; supports likewise. The
+    bound of friction that pictures show is that of the pressures which they show.
+    """
+    bodies = [box(COMM, n, cell) for n in (3, 4)]
+    up = bodies[0].topology.dim - 1
+    bodies[1].geometry.x[:, up] += 1.0
+    bodies[1].geometry.x[:, 0] += 0.45
+    marks = [{"t1": (up, 0.0), "t2": (up, 1.0)}, {"t3": (up, 1.0), "t4": (up, 2.0)}]
+    tags = [tagged(body, **planes) for body, planes in zip(bodies, marks, strict=True)]
+    both = join(bodies, facet_tags=tags)
+    u = displacement(both.mesh)
+    pair = ContactPair(u, both, slave=2, master=3, law=Coulomb(0.01), **given)
+    V = u.function_space
+    bcs = []
+    for tag, down in ((1, 0.0), (4, -0.01)):
+        dofs = fem.locate_dofs_topological(V, up, both.facet_tags.find(tag))
+        bcs.append(fem.dirichletbc(down * np.eye(up + 1)[-1], dofs, V))
+    alone = mesh.locate_entities_boundary(
+        both.mesh, up, lambda x: np.isclose(x[up], 1.0) & (x[0] < 0.4)
+    )
+    bcs.append(fem.dirichletbc(np.zeros(up + 1), fem.locate_dofs_topological(V, up, alone), V))
+    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=bcs)
+    table = problem.solve().tables["contact"]
+    fields = problem.contact_fields(pair)
+    parts = fields["pressure"], fields["support"][up]
+    sums = np.array([fem.assemble_scalar(fem.form(f * ufl.dx)) for f in parts])
+    whole, held = COMM.allreduce(sums)
+    assert whole == pytest.approx((table.pressure * table.area).sum(), rel=1e-9)
+    assert whole == pytest.approx(np.linalg.norm(table.force.sum(axis=0)), rel=1e-3)
+    reactions = problem.support_forces(pair)[
+        : problem.discrete(pair).points.vertices.dofmap.index_map.size_local
+    ]
+    assert held == pytest.approx(COMM.allreduce(reactions[:, up].sum()), rel=1e-9)
+    assert abs(held) > 0.05 * whole
+    shown = vertex_state(problem.equations, 0, problem.evaluate())
+    largest = COMM.allreduce(shown["pressure"].max(initial=0.0), op=MPI.MAX)
+    if pair.method != "integral":
+        closed = np.maximum(shown["pressure"], 0.0)
+        np.testing.assert_allclose(shown["bound"], 0.01 * closed, atol=1e-9 * largest)
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.verifies(
+    "files for ParaView",
+    "matching meshes",
+    "mortar",
+    reference="closed form: uniaxial strain",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+def test_uniform_pressure(case):
+    """The same on both faces, whichever nodes they have, and minus that as a traction."""
+    problem = pressed(*case)
+    pair = problem.surfaces[0]
+    problem.solve()
+    face = MasterFace(problem, pair)
+    fields = face.fields(problem)
+    wanted = 0.01 * MODULUS
+    slave = gathered(problem.contact_fields(pair)["pressure"])[1]
+    np.testing.assert_allclose(slave, wanted, rtol=1e-10)
+    np.testing.assert_allclose(gathered(fields["pressure"])[1], wanted, rtol=1e-10)
+    x, traction = gathered(fields["traction"])
+    down = np.zeros(pair.dim)
+    down[-1] = -wanted
+    np.testing.assert_allclose(traction, np.tile(down, (len(x), 1)), atol=1e-10 * wanted)
+    moved = gathered(fields["displacement"])[1]
+    np.testing.assert_allclose(moved[:, -1], -0.01, rtol=1e-10)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.verifies(
+    "balance of forces",
+    reference="theorem: both faces push each other alike",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+def test_forces_balance(case):
+    """With pressure and shear: between the faces, and of their moments."""
+    problem = pressed(*case, friction=0.25)
+    pair = problem.surfaces[0]
+    result = problem.solve()
+    found = result.pairs["contact"]
+    assert abs(found.slave[0]) > 0.1 * abs(found.slave[-1])
+    assert found.imbalance < 1e-12
+    assert found.moment < 1e-12
+    size = np.linalg.norm(found.slave)
+    np.testing.assert_allclose(found.slave, result.resultants["contact"], atol=1e-12 * size)
+    np.testing.assert_allclose(found.master, -found.slave, atol=1e-12 * size)
+    # What holds the lower block is the only other force on it.
+    V = problem.V
+    below = fem.locate_dofs_topological(V, pair.dim - 1, facets(V.mesh, pair.dim - 1, 0.0))
+    n = V.dofmap.index_map.size_local
+    reactions = problem.evaluate().reactions.reshape(-1, pair.dim)[below[below < n]]
+    held_by = COMM.allreduce(reactions.sum(axis=0))
+    np.testing.assert_allclose(found.master + held_by, 0.0, atol=1e-9 * size)
+    assert result.summary()["pairs"]["contact"]["master"] == found.master.tolist()
+    face = MasterFace(problem, pair)
+    np.testing.assert_allclose(total(problem, face, "traction"), found.master, atol=1e-12 * size)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+def test_like_nodes_have_opposite_tractions(cell):
+    """Node by node, where slip and pressure vary; and the support of what is held."""
+    problem = pressed(cell, 2, 2, 1, "nodal", friction=0.25)
+    problem.solve()
+    face = MasterFace(problem, problem.surfaces[0])
+    slave = problem.surfaces[0]
+    fields = face.fields(problem)
+    theirs = problem.contact_fields(slave)
+    for name, sign in (("traction", -1.0), ("pressure", 1.0)):
+        x, mine = gathered(fields[name])
+        y, other = gathered(theirs[name])
+        at = np.linalg.norm(x[:, None] - y[None], axis=2).argmin(axis=1)
+        scale = np.abs(other).max()
+        assert np.ptp(other) > 0.01 * scale
+        np.testing.assert_allclose(mine, sign * other[at], atol=1e-12 * scale)
+
+
+def test_no_moment_across_a_gap():
+    """It is not said, since shear makes one that small sliding leaves out."""
+    result = pressed("quad", 2, 2, 1, "nodal", friction=0.25, gap=0.005).solve()
+    assert result.pairs["contact"].imbalance < 1e-12
+    assert result.pairs["contact"].moment is None
+
+
+def test_a_crack_with_its_front():
+    """At the end of the arm two nodes push one; where nothing touches there is no force."""
+    system = branched(COMM)
+    system.set_parameter(1.0)
+    result = system.problem.solve()
+    pair = result.pairs["contact"]
+    assert np.linalg.norm(pair.slave) > 1.0
+    assert pair.imbalance < 1e-12
+    assert pair.moment < 1e-12
+    np.testing.assert_allclose(pair.slave, result.resultants["contact"], rtol=1e-12)
+
+
+def test_the_report_says_both(capsys):
+    result = pressed("quad", 2, 2, 1, "nodal").solve()
+    Report(COMM).result(result)
+    said = capsys.readouterr().out
+    if COMM.rank == 0:
+        assert "contact force on the slave (contact): " in said
+        assert "contact force on the master (contact): " in said
+
+
+def test_a_floating_body_is_said_once(caplog):
+    """Whatever is tried."""
+    both, u, pair = blocks("quad", 2, 2, 1, "nodal", law=Frictionless(), gap=0.01)
+    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
+    energy = MATERIAL.energy(u) * ufl.dx + fem.Constant(both.mesh, 3.0) * u[1] * ds(4)
+    problem = ContactProblem(energy, u, [pair], bcs=[held(u, both.facet_tags, 1, (0.0, 0.0))])
+    with caplog.at_level("INFO"), pytest.raises(FloatingBodyError) as info:
+        problem.solve()
+    failed = [r for r in caplog.records if " failed: " in r.getMessage()]
+    said = [
+        r.getMessage() for r in failed if "neither Dirichlet data nor contact" in r.getMessage()
+    ]
+    if COMM.rank == 0:
+        assert said == [f"full steps failed: {info.value}"]
+        assert len(failed) == len(info.value.attempts) > 3
+    else:
+        assert not failed
+
+
+# -- files -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.each_value
+@pytest.mark.parametrize("case", [CASES[2], CASES[4], CASES[5]])
+@pytest.mark.parametrize("format", ["vtx", "vtk"])
+def test_files(format, case, folder):
+    """Slave and master have files of their own, with the numbers of the Functions."""
+    problem = pressed(*case, friction=0.25)
+    problem.solve()
+    files = write_fields(folder, problem, format=format)
+    suffix = {"vtx": ".bp", "vtk": ".pvd"}[format]
+    names = ["body", "contact", "contact_opposite"]
+    assert [f.name for f in files] == [name + suffix for name in names]
+    assert all(f.exists() for f in files)
+    fields = MasterFace(problem, problem.surfaces[0]).fields(problem)
+    known = {name: gathered(f) for name, f in fields.items()}
+    if format == "vtx" or COMM.rank > 0:
+        return
+    grid = read_grid(files[2])
+    assert set(grid.array_names) == {"displacement", "traction", "pressure", "support"}
+    cell, below, _, _, _ = case
+    count = {"quad": below, "tet": 2 * below**2, "hex": below**2}[cell]
+    assert grid.n_cells == count
+    for name, (x, values) in known.items():
+        at = np.linalg.norm(x[None] - grid.points[:, None], axis=2).argmin(axis=1)
+        read = grid[name].reshape(len(grid.points), -1)[:, : values.shape[1]]
+        np.testing.assert_allclose(read, values[at], rtol=1e-14, atol=1e-14)
+
+
+def test_pictures():
+    """Both faces are drawn, each as it has moved; and no round-off where nothing is pressed."""
+    system = branched(COMM)
+    system.set_parameter(1.0)
+    (table,) = system.problem.solve().tables.values()
+    body = picture_of_body(None, system.problem)
+    contact = picture_of_contact(None, system.problem)
+    if COMM.rank > 0:
+        return
+    rims = [c for c in body.axes[0].collections if c.get_linewidth()[0] >= 1.0]
+    slave, master = (np.concatenate(c.get_segments()) for c in rims)
+    assert (len(slave), len(master)) == (12, 12)  # six edges each, and no obstacle
+    right = [x[np.argmax(x[:, 0])] for x in (slave, master)]
+    assert right[0][1] - right[1][1] > 0.01
+    (axes,) = contact.axes
+    legend = next(a for a in axes.artists if isinstance(a, Legend))
+    statuses = [text.get_text() for text in legend.get_texts()]
+    assert statuses == ["open (4)", "stick (1)", "slip, $u_t < 0$ (3)"]
+    assert (table.letters == "-").sum() == 3
+    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
+    (pressure,) = (values for name, values in lines.items() if name == "pressure")
+    (shear,) = (values for name, values in lines.items() if name.startswith("shear"))
+    pressure, shear = (v[np.isfinite(v)] for v in (pressure, shear))  # two curves with a gap
+    assert (pressure == 0.0).sum() == 4
+    assert np.all(shear[pressure == 0.0] == 0.0)
+    assert np.all(pressure[pressure != 0.0] > 1.0)
+
+
+@pytest.mark.long
+def test_pictures_are_drawn(folder):
+    problem = pressed("hex", 2, 3, 1, "nodal", friction=0.25)
+    problem.solve()
+    picture_of_body(folder / "body.png", problem)
+    picture_of_contact(folder / "contact.png", problem)
+    assert {file.name for file in folder.iterdir()} == {"body.png", "contact.png"}
+
+
+@pytest.mark.ranks(2)
+def test_series(folder):
+    """Of a branch on a crack; the sides have moved apart where the slave is open."""
+    system = branched(COMM)
+    record(system, folder / "record", max_steps=2, route="pivoting")
+    with BranchRecord(folder / "record", system, {"force": force}, resume=True) as r:
+        files = write_series(folder / "series", r, format="vtk")
+    names = ["body", "contact", "contact_opposite"]
+    assert [f.name for f in files] == [f"branch_0000_{name}.pvd" for name in names]
+    if COMM.rank > 0:
+        return
+    slave, master = map(read_grid, files[1:])
+    # Two nodes of the slave are at one place, and the displacements of both sides differ.
+    if COMM.size == 1:
+        assert (slave.n_points, master.n_points) == (8, 7)
+    for grid in (slave, master):
+        assert np.ptp(grid["gamma"]) == 0
+    ends = [grid["displacement"][np.argmax(grid.points[:, 0])] for grid in (slave, master)]
+    assert ends[0][1] - ends[1][1] == pytest.approx(slave["gap"][np.argmax(slave.points[:, 0])])
+    assert ends[0][1] - ends[1][1] > 1e-3
+
+
+@pytest.mark.ranks(2)
+def test_names_that_make_the_same_file(folder):
+    both, u, pair = blocks("quad", 2, 2, 1, "nodal", law=Frictionless())
+    floor = ContactSurface(
+        u, both, tag=1, obstacle=HalfSpace((0, 0), (0, 1)), law=Frictionless(), name="opposite"
+    )
+    energy = MATERIAL.energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [pair, floor])
+    with pytest.raises(ValueError, match="make the same file"):
+        write_fields(folder, problem)
+    assert not list(folder.iterdir())

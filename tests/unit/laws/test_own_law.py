@@ -1,0 +1,319 @@
+"""Laws of the user's own, against closed forms and the law written independently in numpy."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import _triangle
+import numpy as np
+import pytest
+from _triangle import element
+from demo_own_law import Orthotropic, SlipWeakening
+from demo_own_law import main as demo
+from scipy.optimize import minimize_scalar
+from support.blocks import block, same_tables
+
+import ufl
+from dolfinx import mesh
+
+from dolfinx_contact import Coulomb, HalfSpace, Sphere, Tresca
+from dolfinx_contact.continuation import Follower, StepControl
+from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.laws import OPEN, Border, FrictionLaw, Law, StatusPiece
+
+COMM = MPI.COMM_WORLD
+
+
+def dragged(law, **options):
+    return block(n=4, cell="hex", law=law, top=(0.02, 0.004, -0.02), **options)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+@pytest.mark.verifies(
+    "orthotropic friction",
+    "laws of one's own",
+    reference="closed form: the shear of the most dissipation",
+    aspects=("3D",),
+)
+def test_orthotropic_friction(angle):
+    """Every slipping point dissipates the most: rt = -rn A (A ut)/|A ut|, axes of the grain."""
+    along = 0.1
+    across = 0.4
+    result = dragged(Orthotropic(along, across, angle)).solve()
+    t = result.tables["contact"]
+    assert result.kkt_violation < 1e-9
+    assert t.count("s") > 0
+    grain = np.array([np.cos(angle), np.sin(angle), 0.0])
+    axes = np.stack([grain, np.cross(t.n[0], grain)])
+    A = axes.T @ np.diag([along, across]) @ axes
+    moved = t.ut @ A
+    size = np.linalg.norm(moved, axis=1)
+    slips = t.letters == "s"
+    expected = -t.rn[:, None] * (moved @ A) / size[:, None]
+    np.testing.assert_allclose(t.rt[slips], expected[slips], atol=1e-9 * t.rn.max())
+    # The shear of points that stick is inside the ellipse.
+    stuck = t.letters == "k"
+    q = t.rt @ axes.T / (along, across)
+    assert (np.linalg.norm(q, axis=1)[stuck] <= t.rn[stuck] * (1 + 1e-9)).all()
+    # Not along the motion, unless that is along an axis of the grain.
+    if angle:
+        across_motion = np.abs(np.cross(t.rt[slips], t.ut[slips])[:, 2])
+        assert across_motion.max() > 1e-3 * (t.rn * np.linalg.norm(t.ut, axis=1)).max()
+
+
+@pytest.mark.verifies("orthotropic friction", reference="itself: Coulomb's law", aspects=("3D",))
+def test_with_equal_coefficients_it_is_coulombs():
+    same_tables(
+        dragged(Orthotropic(0.3, 0.3, 0.4)).solve().tables["contact"],
+        dragged(Coulomb(0.3)).solve().tables["contact"],
+        1e-8,
+    )
+
+
+@pytest.mark.parametrize("law", [Orthotropic(0.2, 0.5, 0.3), SlipWeakening(0.5, 0.2, 0.01)])
+@pytest.mark.verifies(
+    "laws of one's own",
+    "orthotropic friction",
+    "friction of the slip",
+    reference="differences: central differences",
+    aspects=("3D",),
+)
+def test_jacobian_by_differences(law):
+    """The derivative of the rows, on a curved obstacle and with the statuses held."""
+    problem = dragged(law, obstacle=Sphere((0.5, 0.5, -5.0), 5.0))
+    problem.solve()
+    eq = problem.equations
+    x = problem.create_vector()
+    d = eq.create_vector()
+    ends = []
+    Jd = eq.create_vector()
+    problem.write(x)
+    d.setRandom()
+    d.array[: eq.owned_sizes[0]][eq.fixed[: eq.owned_sizes[0]]] = 0.0
+    d.scale(1e-3)
+    state = eq.contact(x)
+    jacobian = Jacobian(eq)
+    jacobian.update(state)
+    jacobian.matrix.mult(d, Jd)
+    h = 1e-4
+    for sign in (1, -1):
+        y = x.copy()
+        b = problem.create_vector()
+        y.axpy(sign * h, d)
+        eq.residual(y, b, state.statuses)
+        ends.append(b)
+    difference = (ends[0].array_r - ends[1].array_r) / (2 * h)
+    worst = COMM.allreduce(np.abs(difference - Jd.array_r).max(initial=0.0), op=max)
+    assert worst < 1e-5 * COMM.allreduce(np.abs(Jd.array_r).max(initial=0.0), op=max)
+
+
+@pytest.mark.parametrize("distance", [0.5, 0.05])
+@pytest.mark.verifies(
+    "friction of the slip",
+    "laws of one's own",
+    reference="closed form: the load as a function of the slip, and its extrema",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
+def test_static_and_kinetic_friction_of_one_element(distance, monkeypatch):
+    """Folds of the branch where the weakening outruns the stiffness, against the closed form.
+
+    At a slip to the left kt ut = pt + F(|ut|) rn and rn = k ut - pn, so that the load is known as a
+    function of ut; its extrema are the folds.
+    """
+    static = 0.9
+    kinetic = 0.3
+    law = SlipWeakening(static, kinetic, distance)
+    monkeypatch.setattr(_triangle, "Coulomb", lambda _: law)
+    system = element((1.0, 1.0), None, 1.0, (-4.0, 0.0), (0.0, -1.0))
+    kt = 2.0
+    k = 1.0
+    pn = -0.5
+    rate = -2.0
+
+    def load(ut):
+        friction = kinetic + (static - kinetic) * np.exp(ut / distance)
+        return (kt * ut - friction * (k * ut - pn)) / rate
+
+    system.set_parameter(0.0)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    with Follower(system, StepControl(), gamma_scale=1.0) as follower:
+        branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 0.4))
+    assert branch.points[-1].gamma == pytest.approx(0.4)
+    starts = static * 0.5 / 2.0  # where the shear reaches the static bound
+    slips = np.linspace(-0.4, 0.0, 40_001)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(load(slips)))))
+    expected = []
+    for i in turns:
+        a, b, c = (load(slips[i + k]) for k in range(3))
+        sense = np.sign(a + c - 2 * b)
+        near = slips[[i, i + 2]]
+        turn = minimize_scalar(lambda u, s=sense: s * load(u), bounds=near, method="bounded",
+                               options={"xatol": 1e-12})  # fmt: skip
+        expected.append(load(turn.x))
+    found = [s.gamma for s in branch.folds]
+    if distance == 0.05:
+        expected.append(starts)  # the kink from stick to slip is one as well
+    assert len(found) == len(expected)
+    np.testing.assert_allclose(sorted(found), sorted(expected), atol=1e-7)
+    for point in branch.points[:: max(len(branch.points) // 10, 1)]:
+        t = system.result_at(point).tables["contact"]
+        if t.letters[0] == "-":
+            assert point.gamma == pytest.approx(load(t.along(t.ut)[0]), abs=1e-8)
+
+
+@pytest.mark.long
+def test_demo(folder):
+    summary = demo(["--n=4", f"--output={folder}"])
+    assert summary["kkt_violation_orthotropic"] < 1e-9
+    assert summary["kkt_violation_weakening"] < 1e-9
+    assert summary["sum_rt_y_orthotropic"] > 0  # the grain leads it aside
+    assert abs(summary["sum_rt_y_weakening"]) < 1e-9 * summary["sum_rn_weakening"]
+    for name in ("orthotropic", "weakening"):
+        assert (folder / f"{name}.png").stat().st_size > 5_000
+
+
+@dataclass(frozen=True)
+class Offset(FrictionLaw):
+    """Friction that begins at a pressure."""
+
+    friction: Any
+    onset: Any
+
+    def bound(self, a, p):
+        return self.friction * ufl.max_value(p - self.onset, 0.0)
+
+
+@pytest.mark.parametrize("units", [1.0, 1e-3, 1e6])
+@pytest.mark.parametrize("cell", ["quad", "hex"])
+@pytest.mark.verifies(
+    "laws of one's own",
+    "units",
+    reference="closed form: the bound at the pressure",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_friction_that_begins_at_a_pressure(cell, units):
+    """In any units of force; slipping points have the bound of their pressure, against the slip."""
+    top = (0.01, *[0.0] * (cell == "hex"), -0.01)
+    onset = 5.0 * units
+    result = block(n=3, cell=cell, law=Offset(0.3, onset), top=top, young=1000.0 * units).solve()
+    t = result.tables["contact"]
+    assert result.kkt_violation < 1e-9
+    bound = 0.3 * np.maximum(t.pressure - onset, 0.0)
+    size = np.linalg.norm(t.shear, axis=1)
+    slips = np.isin(t.letters, list("+-s"))
+    assert slips.any()
+    np.testing.assert_allclose(size[slips], bound[slips], atol=1e-9 * t.pressure.max())
+    assert (np.sum(t.shear * t.ut, axis=1) <= 1e-12 * units).all()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("method", "n", "law", "floor", "top"),
+    [
+        ("mixed", (6, 3), SlipWeakening(0.6, 0.2, 0.003), ((0.5, -0.002), (0.02, 1.0)),
+         (0.008, -0.012)),
+        ("mixed", (3, 2), Tresca(6.446434103729212), ((0.5, -0.004), (-0.01219654426083814, 1.0)),
+         (-0.005194738194399702, -0.010923131958544973)),
+    ],
+    ids=["weakening", "tresca"],
+)  # fmt: skip
+def test_friction_never_pushes_along(method, n, law, floor, top):
+    """Steep weakening, and bounds that act on open points: what is found obeys the law."""
+    domain = mesh.create_unit_square(COMM, *n)
+    result = block(
+        domain=domain, law=law, obstacle=HalfSpace(*floor), method=method, top=top
+    ).solve()
+    t = result.tables["contact"]
+    rt = t.along(t.rt)
+    ut = t.along(t.ut)
+    assert result.kkt_violation < 1e-8
+    assert (rt * ut <= 1e-12 * np.abs(rt).max() * np.abs(ut).max()).all()
+    assert (np.abs(rt) <= t.bound * (1 + 1e-8) + 1e-9 * t.rn.max()).all()
+
+
+@pytest.mark.ranks(2)
+def test_statuses_that_are_none():
+    """Said when the law is compiled, on every rank."""
+
+    def law(make):
+        @dataclass(frozen=True)
+        class Bad(Law):
+            def pieces(self, a):
+                return make(a)
+
+        return Bad()
+
+    free = StatusPiece
+    for make, message in [
+        (lambda a: {}, "a dictionary of StatusPieces"),
+        (lambda a: {24: free(0.0 * a.n, [Border(a.p, 24)])}, "status 24 is none of"),
+        (lambda a: {"x": free(0.0 * a.n, [])}, "status 'x' is none of"),
+        (
+            lambda a: {OPEN: free(0.0 * a.n, [Border(-a.p, 9)])},
+            "the target of a border must be one of 0; got 9",
+        ),
+        (lambda a: {OPEN: free(a.p, [])}, "a UFL vector of 2 components"),
+        (
+            lambda a: {OPEN: free(0.0 * a.n, [Border(a.traction, OPEN)])},
+            "distance of a border must be a UFL scalar",
+        ),
+        (lambda a: {OPEN: 0.0 * a.n}, "must be a StatusPiece"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            block(law=law(make))
+
+
+def test_a_field_that_hides_a_method():
+    @dataclass(frozen=True)
+    class Hiding(FrictionLaw):
+        bound: Any
+
+    with pytest.raises(ValueError, match="fields of Hiding must not have the names of methods"):
+        block(law=Hiding(1.0))
+
+
+@pytest.mark.ranks(2)
+def test_fields_may_be_negative_where_the_law_allows_it():
+    result = dragged(Orthotropic(0.1, 0.4, -0.5)).solve()
+    assert result.kkt_violation < 1e-9
+    with pytest.raises(ValueError, match="friction of Coulomb must be finite and nonnegative"):
+        dragged(Coulomb(-0.5))
+
+
+@dataclass(frozen=True)
+class Curved(FrictionLaw):
+    """A bound by what the class holds."""
+
+    friction: Any
+    curve = staticmethod(lambda p: p)
+    table = np.ones(1)
+
+    def bound(self, a, p):
+        return self.friction * self.table[0] * self.curve(p)
+
+
+@dataclass(frozen=True)
+class Steeper(Curved):
+    """Another class, with what it has from that one."""
+
+
+def test_what_a_class_holds_is_in_the_kind(monkeypatch):
+    """A method, a digit of an array, what a class has in place of its base: each makes another."""
+    law = Steeper(0.3)
+    found = [law.kind]
+    changes = {"curve": staticmethod(lambda p: 2 * p), "table": np.array([1 + 1e-9])}
+    for name, value in {**changes, "bound": lambda self, a, p: p}.items():
+        monkeypatch.setattr(Steeper, name, value, raising=False)
+        found.append(law.kind)
+        assert Steeper(0.3).kind == law.kind
+    assert len(set(found)) == len(found)

@@ -1,0 +1,358 @@
+"""How bodies and contact faces are drawn: what is shown of them, and from where."""
+
+import shutil
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from matplotlib.legend import Legend
+from support.blocks import block
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    RCCM,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    plot,
+)
+from dolfinx_contact.laws import status
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import mesh_from_gmsh
+
+COMM = MPI.COMM_WORLD
+MATERIAL = LinearElastic.from_young(1000.0, 0.3)
+needs_display = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="VTK needs a display")
+
+
+def peeled(dim, strength=1.0):
+    """A bonded block whose top is turned: it is pressed at one end, held by bonds at the rest."""
+    ends = [[0.0] * dim, [2.0, *[1.0] * (dim - 1)]]
+    create = mesh.create_rectangle if dim == 2 else mesh.create_box
+    domain = create(COMM, ends, (8, 4) if dim == 2 else (8, 3, 3))
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    bottom, top = (
+        mesh.locate_entities_boundary(domain, dim - 1, lambda x, h=h: np.isclose(x[dim - 1], h))
+        for h in (0.0, 1.0)
+    )
+    moved = fem.Function(V)
+    still = [lambda x: 0 * x[0]] * (dim - 2)
+    motion = [lambda x: 0.004 + 0 * x[0], *still, lambda x: 0.02 * (x[0] - 0.6)]
+    moved.interpolate(lambda x: np.stack([f(x) for f in motion]))
+    bc = fem.dirichletbc(moved, fem.locate_dofs_topological(V, dim - 1, top))
+    floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    surface = ContactSurface(u, bottom, obstacle=floor, law=RCCM(200.0, 200.0, strength, 0.4))
+    energy = LinearElastic.from_young(100.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[bc])
+    problem.solve()
+    return problem
+
+
+def lines_of(figure):
+    """Curves of a picture of contact by name, their positions and values in order."""
+    found = {}
+    for line in figure.axes[0].lines:
+        order = np.argsort(line.get_xdata())
+        values = np.asarray(line.get_ydata())[order]
+        found[line.get_label()] = values[np.isfinite(values)]
+    return found
+
+
+@pytest.mark.parametrize("strength", [0.005, 1.0])
+def test_bonds_are_seen(strength):
+    """All that carries a traction, and the friction that the bound bounds; bonds break or hold."""
+    problem = peeled(2, strength)
+    figure = plot.picture_of_contact(None, problem)
+    table = problem.table(problem.surfaces[0])
+    if COMM.rank == 0:
+        low, high = figure.axes[0].get_xlim()
+        assert low <= 0.0 < 2.0 <= high  # what touches alone is a small part of it
+        found = lines_of(figure)
+        bound = found["friction bound ±"]
+        shear = found["shear on the body"]
+        friction = found["friction, a part of the shear"]
+        np.testing.assert_allclose(found["pressure"], table.pressure, atol=1e-9)
+        np.testing.assert_allclose(np.abs(shear), np.abs(table.shear[:, 0]))
+        expected = np.abs(table.friction[:, 0]) / table.area
+        np.testing.assert_allclose(np.abs(friction), expected, atol=1e-8)
+        np.testing.assert_allclose(bound, table.bound / table.area, atol=1e-8)
+        assert (np.abs(shear) > bound + 0.01).any()
+        assert (np.abs(friction) <= bound + 1e-6).all()
+        assert (bound.max() > 0.1) == (strength < 1.0)
+
+
+@pytest.mark.long
+def test_a_map_of_bonds(folder):
+    """Where bonds pull the pressure is negative, and said to be."""
+    figure = plot.picture_of_contact(folder / "held.png", peeled(3))
+    if COMM.rank == 0:
+        left, right, *_ = figure.axes
+        assert left.get_title(loc="left") == "Normal pressure, negative where it pulls"
+        assert left.collections[0].get_array().min() < 0
+        assert right.get_title(loc="left") == "Status, and shear on the body"
+        assert (folder / "held.png").stat().st_size > 10_000
+
+
+@pytest.mark.ranks(2)
+def test_a_floor_under_the_body():
+    """It reaches from one end of the body to the other wherever the body is."""
+    problem = block(n=4, top=(0.0, -0.01))
+    problem.u.interpolate(lambda x: np.stack([np.full_like(x[0], 5.0), np.zeros_like(x[0])]))
+    figure = plot.picture_of_body(None, problem)
+    if COMM.rank == 0:
+        (floor,) = figure.axes[0].collections[-1].get_segments()
+        assert floor[:, 0].min() < 5.0 < 6.0 < floor[:, 0].max() < 6.5
+        np.testing.assert_allclose(floor[:, 1], 0.0, atol=1e-12)
+
+
+@needs_display
+def test_z_is_up():
+    """Also of a body that is pressed from above, and of a section."""
+    problem = block(n=2, cell="hex")
+    for look, expected in (
+        ({}, lambda eye: eye[2] > 0 > eye[1]),
+        ({"up": "x", "view": "above"}, lambda eye: np.allclose(eye, [0, 0, 1])),
+        ({"clip": "-y"}, lambda eye: eye[1] < -0.5),
+    ):
+        plotter = plot.picture_of_body(None, problem, **look)
+        if COMM.rank == 0:
+            camera = plotter.camera
+            assert expected(-np.array(camera.direction))
+            assert camera.up[0 if "up" in look else 2] > 0.5
+            plotter.close()
+
+
+@pytest.mark.ranks(2, 3)
+@needs_display
+def test_a_plotter_can_be_changed(folder):
+    """Actors have names; the picture is written again."""
+    arrows = {"press": ((0.5, 0.5, 1.2), (0.0, 0.0, -0.01))}
+    problem = block(n=2, cell="hex", top=(0.0, 0.0, -0.01))
+    plotter = plot.picture_of_body(folder / "first.png", problem, arrows=arrows)
+    if COMM.rank == 0:
+        assert {"body", "rim 0", "obstacle 0", "scale bar", "arrow press"} <= set(plotter.actors)
+        plotter.remove_actor("obstacle 0")
+        plotter.screenshot(folder / "second.png")
+        plotter.close()
+        first, second = (folder / name for name in ("first.png", "second.png"))
+        assert first.read_bytes() != second.read_bytes()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    "cell", ["tri", "quad", *(pytest.param(c, marks=needs_display) for c in ("tet", "hex"))]
+)
+def test_continuous_fields_are_exact(cell):
+    """At vertices, on and in the body; those that jump are between what they are beside."""
+    problem = block(n=3, cell=cell)
+    dim = problem.u.function_space.mesh.geometry.dim
+    problem.u.interpolate(lambda x: 0.01 * x[:dim] ** 2)
+    x = ufl.SpatialCoordinate(problem.V.mesh)
+    jumps = fem.Function(fem.functionspace(problem.V.mesh, ("DG", 0)))
+    jumps.x.array[:] = 1.0 + (np.arange(len(jumps.x.array)) % 2)
+    fields = {"ux": problem.u[0], "wave": ufl.sin(5 * x[0]), "jumps": jumps}
+    for clip in (None, "x") if dim == 3 else (None,):
+        drawing = plot.picture_of_body(None, problem, fields=fields, scale=0.0, clip=clip)
+        if COMM.rank > 0:
+            continue
+        if dim == 2:
+            meshes = [axes.collections[0] for axes in drawing.axes[:3]]
+            at = [m.get_paths()[0].vertices[:, 0] for m in meshes]
+            assert len(at) == 3
+            values = {n: m.get_array() for n, m in zip(fields, meshes, strict=True)}
+            at = meshes[0]._triangulation.x
+        else:
+            body = drawing.renderers[0].actors["body"].mapper.dataset
+            at = body.points[:, 0]
+            values = body.point_data
+            drawing.close()
+            assert (at.max() < 0.51) == (clip is not None)
+        if clip is None:  # values at a section are interpolated
+            np.testing.assert_allclose(values["wave"], np.sin(5 * at), atol=1e-6)
+            np.testing.assert_allclose(values["ux"], 0.01 * at**2, atol=1e-8)
+        assert np.min(values["jumps"]) >= 1.0 - 1e-6
+        assert np.max(values["jumps"]) <= 2.0 + 1e-6
+
+
+@pytest.mark.parametrize(
+    "cell", ["tri", pytest.param("tet", marks=[needs_display, pytest.mark.long])]
+)
+def test_where_a_field_is_no_number(cell):
+    """The bar says so, and has the range of the rest."""
+    problem = block(n=4, cell=cell)
+    x = ufl.SpatialCoordinate(problem.V.mesh)
+    field = {"root": ufl.sqrt(x[0] - 0.5)}
+    drawing = plot.picture_of_body(None, problem, fields=field)
+    if COMM.rank > 0:
+        return
+    label = "root (grey: not a number)"
+    if cell == "tri":
+        assert drawing.axes[-1].get_ylabel() == label
+        assert drawing.axes[-1].get_ylim() == pytest.approx((0.5, np.sqrt(0.5)))
+    else:
+        bar = drawing.scalar_bars[label]
+        assert bar.GetLookupTable().GetRange() == pytest.approx((0.5, np.sqrt(0.5)))
+        drawing.close()
+
+
+def test_a_box():
+    problem = block(n=2)
+    figure = plot.picture_of_body(None, problem, zoom=[[0.4, 0.4], [0.6, 0.6]])
+    if COMM.rank == 0:
+        low, high = figure.axes[0].get_xlim()
+        assert 0.35 < low < 0.4 < 0.6 < high < 0.65
+
+
+def test_arrows_have_a_reference_length():
+    arrows = {"load": ([[0.0, 1.0], [1.0, 1.0]], [[0.0, -3.0], [0.0, -1.0]])}
+    figure = plot.picture_of_body(None, block(n=2), arrows=arrows)
+    if COMM.rank == 0:
+        (text,) = figure.axes[0].get_legend().get_texts()
+        assert text.get_text() == "load (3)"
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("law", [Coulomb(0.3), Frictionless()])
+@pytest.mark.parametrize("way", [-0.01, 0.01])
+def test_senses_of_slip_are_those_of_the_table(law, way):
+    """Also where there is no friction, and the status has no sense of its own."""
+    problem = block(law=law, top=(way, -0.002))
+    table = problem.solve().tables["contact"]
+    figure = plot.picture_of_contact(None, problem)
+    if COMM.rank > 0:
+        return
+    legend = next(a for a in figure.axes[0].artists if isinstance(a, Legend))
+    names = [status.NAMES[letter] for letter in table.letters]
+    expected = {f"{name} ({names.count(name)})" for name in names}
+    assert {text.get_text() for text in legend.get_texts()} == expected
+    assert status.NAMES["-" if way < 0 else "+"] in names
+
+
+@pytest.mark.long
+@needs_display
+def test_the_bar_of_a_section_is_of_what_is_seen():
+    """Not of the surface, where this field vanishes: it would be of one colour."""
+    problem = block(n=6, cell="tet")
+    sines = [ufl.sin(np.pi * x) for x in ufl.SpatialCoordinate(problem.V.mesh)]
+    field = {"middle": sines[0] * sines[1] * sines[2]}
+    plotter = plot.picture_of_body(None, problem, fields=field, clip="x")
+    if COMM.rank == 0:
+        assert plotter.scalar_bars["middle"].GetLookupTable().GetRange()[1] > 0.5
+        plotter.close()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("look", "words"),
+    [
+        ({"view": "front"}, "view, up and clip are for bodies in 3D"),
+        ({"clip": "x"}, "view, up and clip are for bodies in 3D"),
+        ({"zoom": 0.0}, "zoom must be a positive number"),
+        ({"zoom": "all"}, "zoom must be a factor, 'contact' or two corners"),
+        ({"zoom": [[0, 0], [0, 1]]}, "two corners of a box in 2D"),
+        ({"cmap": "no colours"}, "no colours"),
+        ({"fields": "heat"}, "a field must be one of displacement, von Mises stress; got 'heat'"),
+        ({"fields": "von Mises stress"}, "needs a stress="),
+        ({"fields": {"u": 1.0}}, "fields must be UFL scalars by name"),
+        ({"units": "mm"}, "units must be two strings, of length and stress"),
+        ({"arrows": {"load": ((0, 0, 0), (0, 0, 1))}}, "finite points and vectors in 2D"),
+        ({"colour": "red"}, "unexpected keyword argument 'colour'"),
+    ],
+)
+def test_looks_that_are_refused(look, words):
+    problem = block(n=2)
+    with pytest.raises((ValueError, TypeError), match=words) as info:
+        plot.picture_of_body(None, problem, **{"fields": "displacement", **look})
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+def test_directions_that_are_refused():
+    problem = block(n=2, cell="hex")
+    for look, words in (
+        ({"view": "sideways"}, "the view must be one of x, -x"),
+        ({"up": (0, 0, 0)}, "up must be 3 finite numbers, not all 0"),
+        ({"clip": ((0, 0), "x")}, "the point of clip must be 3 finite numbers"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            plot.picture_of_body(None, problem, **look)
+
+
+@pytest.mark.long
+def test_plane_bodies_are_drawn(folder):
+    """Panels, and PDF that has lines instead of an image."""
+    problem = block(n=4, top=(0.02, -0.05))
+    problem.solve()
+    stress = MATERIAL.full_stress(problem.u)
+    look = dict(stress=stress, cmap="viridis", units=("mm", "MPa"), zoom="contact")
+    both = ["displacement", "von Mises stress"]
+    figure = plot.picture_of_body(folder / "two.png", problem, fields=both, **look)
+    if COMM.rank == 0:
+        labels = [axes.get_ylabel() or axes.get_xlabel() for axes in figure.axes]
+        assert labels == ["y [mm]", "y [mm]", "displacement [mm]", "von Mises stress [MPa]"]
+    plot.picture_of_body(folder / "body.pdf", problem)
+    plot.picture_of_contact(folder / "contact.svg", problem, units=("mm", "MPa"))
+    assert (folder / "body.pdf").read_bytes().startswith(b"%PDF")
+    assert (folder / "contact.svg").read_bytes().startswith(b"<?xml")
+
+
+@needs_display
+@pytest.mark.parametrize(
+    "look",
+    [
+        pytest.param({"clip": "-y", "zoom": 2.0}, marks=pytest.mark.long),
+        {"view": "below", "fields": ["displacement", "von Mises stress"]},
+    ],
+)
+def test_bodies_are_drawn(folder, look):
+    above = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    problem = block(n=3, cell="hex", obstacle=above, top=(0.02, 0.0, -0.05))
+    problem.solve()
+    stress = MATERIAL.full_stress(problem.u)
+    for name in ("body.png", "body.pdf") if "clip" in look else ("body.png",):
+        plotter = plot.picture_of_body(folder / name, problem, stress=stress, **look)
+        assert (plotter is None) == (COMM.rank > 0)
+        assert (folder / name).stat().st_size > 10_000
+        if plotter is not None:
+            plotter.close()
+
+
+def test_a_wheel_by_its_length():
+    """A closed face is cut opposite to contact, and drawn along t = (-n_y, n_x)."""
+    gmsh = pytest.importorskip("gmsh")
+
+    def draw_disc():
+        disc = gmsh.model.occ.addDisk(0.0, 1.0, 0.0, 1.0, 1.0)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(2, [disc], name="wheel")
+        rim = gmsh.model.getBoundary([(2, disc)])
+        gmsh.model.addPhysicalGroup(1, [abs(tag) for _, tag in rim], name="rim")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.2)
+        gmsh.model.mesh.generate(2)
+
+    body = mesh_from_gmsh(COMM, draw_disc, dim=2)
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
+    surface = ContactSurface(u, body, tag="rim", obstacle=floor, law=Coulomb(0.3))
+    spring = 1e3 * (u[0] ** 2 + (u[1] + 0.1) ** 2)
+    problem = ContactProblem((MATERIAL.energy(u) + spring) * ufl.dx, u, [surface])
+    problem.solve()
+    figure = plot.picture_of_contact(None, problem)
+    if COMM.rank == 0:
+        (axes,) = figure.axes
+        assert axes.get_xlabel() == "length along the surface"
+        (pressure,) = (line for line in axes.lines if line.get_label() == "pressure")
+        at, values = (v[np.isfinite(v)] for v in pressure.get_data())
+        assert (np.diff(at) > 0).all()
+        assert np.ptp(at) == pytest.approx(2 * np.pi, rel=0.05)
+        contact = at[values > 0]
+        assert 0.4 < (contact.mean() - at[0]) / np.ptp(at) < 0.6
+        # what touches fills most of the picture
+        low, high = axes.get_xlim()
+        assert low < contact.min() <= contact.max() < high < low + 0.5 * np.ptp(at)

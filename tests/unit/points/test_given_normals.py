@@ -1,0 +1,141 @@
+"""Pairs of curved faces that look at each other in a given direction."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import KINDS, box
+from test_pair import MATERIAL, displacement, held, tagged
+
+import ufl
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+)
+from dolfinx_contact.meshing import join
+
+COMM = MPI.COMM_WORLD
+BULGE = 0.2
+
+
+def bulging(dim, cell, n, sign, first=1):
+    """A box of height 1 that rests on its bulge, or hangs from it; tags of face and far end."""
+    body = box(COMM, n, cell)
+    tags = tagged(body, **{f"t{first}": (dim - 1, 0.0), f"t{first + 1}": (dim - 1, 1.0)})
+    x = body.geometry.x
+    around = np.sum((x[:, : dim - 1] - 0.4) ** 2, axis=1)
+    x[:, dim - 1] = sign * (x[:, dim - 1] + BULGE * around * (1 - x[:, dim - 1]))
+    return body, tags
+
+
+def pressed(dim, cell, sizes, law, **normal):
+    """Two of them, pressed together and moved aside; the pair and its table."""
+    bodies = [bulging(dim, cell, sizes[0], -1), bulging(dim, cell, sizes[1], 1, 3)]
+    both = join([b for b, _ in bodies], facet_tags=[t for _, t in bodies])
+    u = displacement(both.mesh)
+    end = np.zeros(dim)
+    end[0] = 0.01
+    end[-1] = -0.04
+    mirrored = end * [*[1.0] * (dim - 1), -1.0]
+    ends = [held(u, both.facet_tags, 2, mirrored), held(u, both.facet_tags, 4, end)]
+    pair = ContactPair(u, both, slave=3, master=1, law=law, **normal)
+    options = {"snes_rtol": 1e-12}
+    bulk = MATERIAL.energy(u) * ufl.dx
+    problem = ContactProblem(bulk, u, [pair], bcs=ends, petsc_options=options)
+    return problem.surfaces[0], problem.solve().tables["contact"]
+
+
+def on_the_mirror(dim, cell, n, law):
+    """One of them on the plane of symmetry; its table."""
+    body, tags = bulging(dim, cell, n, 1)
+    u = displacement(body)
+    end = np.zeros(dim)
+    end[0] = 0.01
+    end[-1] = -0.04
+    plane = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+    surface = ContactSurface(u, tags, tag=1, obstacle=plane, law=law)
+    options = {"snes_rtol": 1e-12}
+    top = held(u, tags, 2, end)
+    bulk = MATERIAL.energy(u) * ufl.dx
+    problem = ContactProblem(bulk, u, [surface], bcs=[top], petsc_options=options)
+    return problem.solve().tables["contact"]
+
+
+def down(dim):
+    return -3.0 * np.eye(dim)[-1]  # of any length
+
+
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "matching meshes",
+    "Coulomb",
+    reference="itself: one body on the plane between",
+    aspects=(
+        "2D",
+        "3D",
+        "pairs",
+    ),
+)
+def test_mirrored_bulges(dim, cell):
+    """They match along the given normal, and carry the forces of one body on the plane between.
+
+    By symmetry they do so with friction, too.
+    """
+    n = 6 if dim == 2 else 3
+    pair, table = pressed(dim, cell, (n, n), Coulomb(0.3), normal=down(dim))
+    assert pair.obstacle.opposite.matching
+    np.testing.assert_allclose(table.n, np.tile(down(dim) / 3, (len(table.n), 1)))
+    assert set(table.letters) == {"o", "k"}
+    alone = on_the_mirror(dim, cell, n, Frictionless())
+    np.testing.assert_array_equal(table.letters == "o", alone.letters == "o")
+    np.testing.assert_allclose(table.force, alone.force, atol=1e-9 * np.abs(alone.force).max())
+    np.testing.assert_allclose(table.un, 2 * alone.un, atol=1e-9)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("dim", "cell"), [(2, "quad"), (3, "tet")])
+def test_different_bulges(dim, cell):
+    """Of different meshes, each as the slave: forces that are as near as those of either mesh."""
+    sizes = (20, 16) if dim == 2 else (6, 5)
+    loads = []
+    for these in (sizes, sizes[::-1]):
+        pair, table = pressed(dim, cell, these, Frictionless(), normal=down(dim))
+        assert not pair.obstacle.opposite.matching
+        covered = table.area[table.letters != "o"]
+        assert 0 < covered.sum() < table.area.sum() <= 1 + 1e-12  # as they are seen
+        np.testing.assert_allclose(table.rt, 0.0, atol=1e-12)
+        loads.append(table.rn.sum())
+    alone = [on_the_mirror(dim, cell, n, Frictionless()).rn.sum() for n in sizes]
+    off = abs(alone[1] / alone[0] - 1)
+    for load in loads:
+        assert abs(load / np.mean(alone) - 1) < max(off, 0.01)
+
+
+def test_without_it_the_slave_says_where():
+    """Round faces do not match along their own normals, and forces lean by the slope of one."""
+    pair, table = pressed(2, "quad", (6, 6), Frictionless())
+    assert not pair.obstacle.opposite.matching
+    assert np.abs(table.force[:, 0]).max() > 1e-3 * np.abs(table.force).max()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("normal", "reason"),
+    [
+        ((0.0, 0.0), "must be 2 finite numbers, not all 0"),
+        ((0.0, -1.0, 0.0), "must be 2 finite numbers"),
+        ("down", "must be 2 finite numbers"),
+        ((np.nan, -1.0), "must be 2 finite numbers"),
+        ((0.0, 1.0), "more than 60 degrees off that of 6 facets of the slave"),
+        ((ufl.as_ufl(0.0), -1.0), "the normal must be numbers, got"),
+        ((2.0, -1.0), "more than 60 degrees off"),
+    ],
+)
+def test_bad_normals(normal, reason):
+    with pytest.raises(ValueError, match=reason):
+        pressed(2, "quad", (6, 6), Frictionless(), normal=normal)

@@ -1,0 +1,365 @@
+"""Gap, slip and B at a state: their derivatives by Taylor, transposes, and who needs B to stay."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import test_common_points
+import test_mortar
+import test_pair
+import test_rigid_body
+from support.blocks import block
+
+import ufl
+
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    LevelSet,
+    RigidBody,
+    Sphere,
+    materials,
+)
+from dolfinx_contact.analysis.rows import component_rows
+from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.evolution.nscd import NSCD
+from dolfinx_contact.points.crossings import crossings
+from dolfinx_contact.points.kinematics import rotation
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.operators import Operator
+from dolfinx_contact.results.balance import pair_balance
+from dolfinx_contact.results.fields import vertex_state
+from dolfinx_contact.solvers.springs import springs
+
+COMM = MPI.COMM_WORLD
+RUBBER = materials.NeoHookean(600.0, 400.0)
+STEEL = materials.LinearElastic.from_young(1000.0, 0.3)
+
+
+def pressed(u, pair, tags):
+    dim = u.function_space.mesh.geometry.dim
+    bcs = [test_pair.held(u, tags, tag, np.zeros(dim)) for tag in (1, 4)]
+    return ContactProblem(STEEL.energy(u) * ufl.dx, u, [pair], bcs=bcs)
+
+
+def pair(dim, cell, **given):
+    """Two blocks whose faces match."""
+    both = test_pair.stacked(dim, cell, 2)
+    degree = given.pop("degree", 1)
+    u = test_pair.displacement(both.mesh, degree)
+    law = given.pop("law", Coulomb(0.2))
+    return pressed(u, ContactPair(u, both, slave=2, master=3, law=law, **given), both.facet_tags)
+
+
+def mortar(dim, **given):
+    """Two blocks whose faces do not match, in the plane at an angle."""
+    if dim == 2:
+        both = test_mortar.stacked(2, 3, (0.0, 1.0), (0.0, 1.0), "tri", angle=0.7)
+    else:
+        both = test_mortar.solids(2, 3, (0.0, 1.0), (0.0, 1.0), "tet")
+    u = test_pair.displacement(both.mesh, given.pop("degree", 1))
+    law = Coulomb(0.2)
+    return pressed(u, ContactPair(u, both, slave=3, master=2, law=law, **given), both.facet_tags)
+
+
+def crossing_floor(dim, **given):
+    """A block on a rigid floor that is not along an axis."""
+    slope = np.array([0.3, *[0.2] * (dim - 2)])
+    floor = LevelSet(lambda x: x[dim - 1] + sum(a * x[i] for i, a in enumerate(slope)))
+    return block(n=3, cell="tri" if dim == 2 else "tet", obstacle=floor, **given)
+
+
+def round_floor(obstacle, cell, **given):
+    """A block that goes far over a curved floor."""
+    return block(n=3, cell=cell, obstacle=obstacle, material=RUBBER, law=Frictionless(), **given)
+
+
+def rigid(dim, degree=1):
+    names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
+    body = test_rigid_body.punch(dim, load={names[dim - 1]: -3.0}, free=names[:1] + names[dim:],
+                                 held=names[1 : dim - 1])  # fmt: skip
+    method = None if degree == 1 else "integral"
+    return test_rigid_body.block(body, dim, n=3, method=method, degree=degree)
+
+
+def ball():
+    """A sphere that comes and does not turn, over a block that is not linear."""
+    about = (0.3, 0.5, 1.6)
+    held = ("y", "rx", "ry", "rz")
+    body = RigidBody(
+        Sphere(about, 0.5), about=about, load={"z": -6.0}, motion={"x": 0.2}, held=held
+    )
+    return test_rigid_body.block(body, 3, n=3, law=Frictionless(), hyper=True)
+
+
+CASES = {
+    "floor, P1": lambda: crossing_floor(2),
+    "floor, P1, quadrilaterals": lambda: block(n=3, cell="quad"),
+    "floor, P1, Gauss points": lambda: crossing_floor(2, method="integral"),
+    "floor, P2": lambda: crossing_floor(2, degree=2),
+    "floor, P2 and P2": lambda: crossing_floor(2, degree=2, multiplier_degree=2),
+    "floor, mixed": lambda: crossing_floor(2, method="mixed"),
+    "floor in space, P1": lambda: crossing_floor(3),
+    "floor in space, P2": lambda: crossing_floor(3, degree=2),
+    "pair, P1": lambda: pair(2, "tri"),
+    "pair, P2": lambda: pair(2, "quad", degree=2),
+    "pair, mixed": lambda: pair(2, "tri", method="mixed"),
+    "pair in space, P1": lambda: pair(3, "hex"),
+    "pair in space, P2": lambda: pair(3, "tet", degree=2),
+    "mortar": lambda: mortar(2),
+    "mortar in space": lambda: mortar(3),
+    "common points, P1": lambda: mortar(2, method="integral"),
+    "common points, P2": lambda: mortar(2, degree=2),
+    "common points in space": lambda: mortar(3, degree=2),
+    "a round face": lambda: test_common_points.pressed(COMM, 2, (1, 1)),
+    "circle": lambda: round_floor(Sphere((0.3, -0.6), 0.5), "quad"),
+    "circle, P2": lambda: round_floor(Sphere((0.3, -0.6), 0.5), "tri", degree=2),
+    "cylinder": lambda: round_floor(Cylinder((0.3, 0.0, -0.6), (0.0, 1.0, 0.0), 0.5), "hex"),
+    "sphere": lambda: round_floor(Sphere((0.3, 0.4, -0.6), 0.5), "hex"),
+    "sphere, Gauss points": lambda: round_floor(
+        Sphere((0.3, 0.4, -0.6), 0.5), "tet", method="integral"
+    ),
+    "wave": lambda: round_floor(LevelSet(lambda x: x[1] + 0.1 * ufl.sin(4.0 * x[0])), "tri"),
+    "rigid body": lambda: rigid(2),
+    "rigid body, P2": lambda: rigid(2, degree=2),
+    "rigid body in space": lambda: rigid(3),
+    "rigid ball": ball,
+}
+
+
+def wave(points, phase):
+    """Vectors at points (n, dim) that no symmetry keeps."""
+    dim = points.shape[1]
+    k = np.array([[17.0, 5.0, 3.0], [20.0, 6.0, 2.0], [23.0, 7.0, 1.0]])[:dim, :dim]
+    return np.sin(points @ k.T + phase + np.arange(dim))
+
+
+class Case:
+    """A surface, a state and a direction."""
+
+    def __init__(self, name):
+        self.problem = CASES[name]()
+        self.eq = self.problem.equations
+        (self.s,) = self.problem.surfaces
+        x = self.s.node_positions
+        self.u = 0.05 * wave(x, 0.3)
+        self.v = wave(x, 2.9)
+        if self.s.between_bodies:
+            _, master = self.s.obstacle.opposite.sides
+            self.u[master] *= -0.5
+            self.v[master] *= -0.5
+        q = np.arange(self.eq.rigid.size)
+        self.q = 0.05 * np.cos(q)
+        self.p = np.sin(2.0 * q + 1.0)
+        if self.s.displaced is not None and self.eq.rigid.size:  # the ball does not turn
+            self.p[self.problem.equations.dim :] = 0.0
+
+    def at(self, h):
+        """Kinematics of a state that is h along the direction."""
+        u = (self.u + h * self.v).reshape(-1)
+        return self.eq.kinematics(self.s, u, self.q + h * self.p)
+
+    @property
+    def seen(self):
+        """The direction at the owned nodes, seen from the rigid body."""
+        return self.eq.relative(self.s, self.v.reshape(-1), self.p)
+
+    def difference(self, f, h):
+        return (f(self.at(h)) - f(self.at(-h))) / (2 * h)
+
+    def sum(self, values):
+        return self.problem.comm.allreduce(float(np.sum(values)))
+
+
+def largest(values):
+    return COMM.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.verifies(
+    "matching meshes",
+    "mortar",
+    reference="differences: central differences of gap and slip",
+    aspects=("pairs",),
+)
+@pytest.mark.verifies(
+    "planes",
+    "nodal contact",
+    "integral contact",
+    "mixed contact",
+    reference="differences: central differences of gap and slip",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_derivatives_by_taylor(name):
+    """Central differences fall as the square of the step, or are exact where B and n stay."""
+    case = Case(name)
+    at = case.at(0.0)
+    seen = case.seen
+    for what, rate in (
+        (lambda k: k.jump, at.jump_rate(seen)),
+        (lambda k: k.gap, at.gap_rate(seen)),
+    ):
+        size = largest(rate)
+        assert size > 0.1
+        coarse, fine = (largest(case.difference(what, h) - rate) / size for h in (1e-2, 1e-3))
+        if case.s.linear:
+            assert coarse < 1e-12
+            assert fine < 1e-11
+        else:
+            assert coarse < 1e-1
+            assert fine < max(coarse / 80, 1e-11)
+    tractions = wave(case.s.positions, 1.7)
+    change = at.operator.transpose_rate(tractions, seen)
+    found = case.difference(lambda k: k.operator.transpose(tractions), 1e-2)
+    assert largest(found - change) < 1e-12 * largest(at.operator.transpose(tractions))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("name", CASES)
+def test_forces_do_the_work_of_pressure_and_shear(name):
+    """B^T is the transpose of the derivatives of gap and slip; rigid bodies get the reaction."""
+    case = Case(name)
+    at = case.at(0.0)
+    s = case.s
+    n = at.data.n
+    pressure = 1.0 + 0.5 * np.sin(7.0 * s.positions[:, 0])
+    shear = wave(s.positions, 1.7)
+    shear -= np.sum(shear * n, axis=1)[:, None] * n
+    # No law has shear on a curved obstacle, where the slip turns with the normal.
+    shear *= s.linear
+    forces = at.operator.transpose(shear - pressure[:, None] * n)
+    nodes = case.v[: s.owned_nodes].reshape(-1)
+    reactions = case.eq.rigid.reactions(s, forces, case.u.reshape(-1), case.q)
+    work = case.sum(forces * nodes) - case.sum(reactions * case.p)
+    gap = at.gap_rate(case.seen)
+    slip = at.jump_rate(case.seen)  # its normal part does no work on shear
+    areas = s.points.areas
+    if name == "wave":
+        # The level set is divided by the size of its gradient, a distance to first order alone.
+        assert s.displaced is not None
+        gap = -np.sum(at.operator.rate(case.seen) * n, axis=1)
+    expected = case.sum(areas * pressure * gap) + case.sum(areas[:, None] * shear * slip)
+    size = case.sum(areas * pressure * np.abs(gap)) + case.sum(
+        areas[:, None] * np.abs(shear * slip)
+    )
+    assert abs(work - expected) < 1e-13 * size
+    assert size > 0.01
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_slips_since_the_last_step(dim):
+    """Laws see the increment; gap and its rate are those without a memory."""
+    case = Case("pair, P1" if dim == 2 else "pair in space, P1")
+    plain = case.at(0.0)
+    before = case.at(-0.1)
+    case.eq = case.eq.with_memory([Memory(before.jump)])
+    at = case.at(0.0)
+    np.testing.assert_allclose(at.gap, plain.gap, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(at.slip, plain.slip, rtol=0, atol=1e-14)
+    moved = plain.slip - before.slip
+    np.testing.assert_allclose(at.increment, moved, rtol=0, atol=1e-14)
+
+
+class Sliding(Operator):
+    """B of points that go on to others as the body moves: none of this package."""
+
+    def __init__(self, operator):
+        self._operator = operator
+        self.areas = operator.areas
+
+    def apply(self, v):
+        return 2.0 * self._operator.apply(v)
+
+    def rate(self, v):
+        return 2.0 * self._operator.rate(v)
+
+    def transpose(self, tractions):
+        return 2.0 * self._operator.transpose(tractions)
+
+    def transpose_rate(self, tractions, v):
+        return self._operator.transpose_rate(tractions, v)
+
+    def destroy(self):
+        self._operator.destroy()
+
+
+REFUSED = {
+    "Jacobian": lambda p: Jacobian(p.equations),
+    "solve": lambda p: p.solve(),
+    "rows": lambda p: component_rows(p.equations, np.zeros(0, dtype=np.intp), np.zeros((0, 2))),
+    "springs": lambda p: springs(
+        p.equations, p.equations.bulk.stiffness(p.u.x.array), None, [p.statuses[0] == 0]
+    ),
+    "motion": lambda p: NSCD(p, density=1.0, dt=0.1),
+    "jumps of rigid bodies": lambda p: p.equations.rigid.jump_matrix(p.surfaces[0]),
+}
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_needs_a_constant_operator(what):
+    """It is refused in words, on every rank, and nowhere computed with another B."""
+    problem = mortar(2)
+    (s,) = problem.surfaces
+    s.points.operator = Sliding(s.points.operator)
+    with pytest.raises(ValueError, match=r"contact: .* keep what is opposite to them"):
+        REFUSED[what](problem)
+
+
+OPPOSITE = {
+    "pairs that cross": (
+        lambda dim: pair(dim, "tri"),
+        lambda p: crossings(p.V, p.surfaces, p.equations.constraints.fixed),
+    ),
+    "gaps of mixed contact": (
+        lambda dim: pair(dim, "tri", method="mixed"),
+        lambda p: p.equations.gaps(p.surfaces[0], p.evaluate()),
+    ),
+    "values at vertices": (
+        lambda dim: mortar(dim, method="integral"),
+        lambda p: vertex_state(p.equations, 0, p.evaluate()),
+    ),
+    "the table": (mortar, lambda p: p.table(p.surfaces[0])),
+    "the balance of a pair": (mortar, lambda p: pair_balance(p.equations, 0, p.evaluate())),
+}
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("what", OPPOSITE)
+def test_what_needs_the_nodes_opposite_to_stay(what):
+    """The stencil of the nodes is that of the reference configuration, and of B that stays."""
+    make, ask = OPPOSITE[what]
+    problem = make(2)
+    (s,) = problem.surfaces
+    ask(problem)
+    s.points.operator = Sliding(s.points.operator)
+    with pytest.raises(ValueError, match=r"contact: the map to opposite nodes needs .* keep"):
+        ask(problem)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("off", [1.0, 0.1, 1e-7, 1e-9, 0.0])
+def test_the_rotation_from_one_normal_to_another(dim, off):
+    """It is one, as far as digits go, also where they are nearly opposite; there it is finite."""
+    rng = np.random.default_rng(5)
+    o = rng.normal(size=(50, dim))
+    o /= np.linalg.norm(o, axis=1)[:, None]
+    n = -o + off * rng.normal(size=o.shape)
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    R = rotation(o, n)
+    assert np.isfinite(R).all()
+    across = rng.normal(size=o.shape)
+    across -= np.sum(across * o, axis=1)[:, None] * o
+    turned = np.einsum("nij,nj->ni", R, across)
+    if off >= 0.1:
+        sizes = np.linalg.norm(across, axis=1)
+        np.testing.assert_allclose(np.sum(turned * n, axis=1), 0.0, atol=1e-9)
+        np.testing.assert_allclose(np.linalg.norm(turned, axis=1), sizes, atol=1e-9)

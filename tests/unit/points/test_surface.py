@@ -1,0 +1,252 @@
+"""Contact points, their places and areas; where multipliers are removed; options of the solver."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from support.blocks import KINDS, block, box, facets
+
+import basix.ufl
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
+from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.problem import discretise
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+def test_points_lie_where_they_should(dim, cell, degree):
+    """Points of parent facets and dofs of the submesh are the same points, on any facet."""
+    domain = box(COMM, 3, cell)
+    where = facets(domain, dim - 1, 0.0)
+    x = domain.geometry.x
+    x[:, 0] += 0.1 * np.sin(5 * x[:, 0]) * x[:, 1] + 0.05 * x[:, 2]
+    x[:, dim - 1] += 0.1 * np.sin(4 * x[:, 0] + 1.0)
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", degree, (dim,))))
+    s = discretise(
+        ContactSurface(
+            u,
+            where,
+            obstacle=HalfSpace(np.zeros(dim), np.eye(dim)[-1]),
+            law=Coulomb(0.3),
+            method="integral",
+        )
+    )
+    n = s.points.number
+    places = s.points.space.tabulate_dof_coordinates()[:n, :dim]
+    np.testing.assert_allclose(s.positions, places, atol=1e-12)
+    # Areas of the points add up to that of the surface.
+    n = s.points.number
+    area = COMM.allreduce(float(s.points.areas[:n].sum()))
+    n = s.points.vertices.dofmap.index_map.size_local
+    around = COMM.allreduce(float(s.points.vertex_areas[:n].sum()))
+    np.testing.assert_allclose(area, around, rtol=1e-2)
+    # A field that is not constant is evaluated at the points, not near them.
+    u.interpolate(lambda y: np.vstack([y[0] + 2 * y[1], *(0 * y[0] for _ in range(dim - 1))]))
+    jump = s.kinematics(u.x.array.reshape(-1, dim)).jump
+    np.testing.assert_allclose(jump[:, 0], places[:, 0] + 2 * places[:, 1], atol=1e-12)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("obstacle", "distance"),
+    [
+        (HalfSpace((0, 0, -1), (0.0, 3.0, 4.0)), lambda x: 0.6 * x[1] + 0.8 * (x[2] + 1)),
+        (Sphere((0, 0, -3), 2.0), lambda x: np.linalg.norm(x - np.c_[[0, 0, -3]], axis=0) - 2),
+        (Cylinder((0, 0, -3), (0, 5, 0), 2.0), lambda x: np.hypot(x[0], x[2] + 3) - 2),
+    ],
+    ids=["half-space", "sphere", "cylinder"],
+)
+@pytest.mark.verifies(
+    "planes", "spheres", "cylinders", reference="closed form: distances", aspects=("3D",)
+)
+def test_gap_and_normal_are_those_of_the_obstacle(obstacle, distance):
+    domain = box(COMM, 3, "tet")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
+    s = discretise(ContactSurface(u, facets(domain, 2, 0.0), obstacle=obstacle, law=Coulomb(0.3)))
+    x = s.positions.T
+    n = s.points.number
+    np.testing.assert_allclose(s.points.vertex_gaps[:n], distance(x), atol=1e-12)
+    # The normal points into the obstacle: minus the gradient of the distance.
+    step = 1e-6
+    for axis in range(3):
+        e = step * np.eye(3)[:, [axis]]
+        slope = (distance(x + e) - distance(x - e)) / (2 * step)
+        np.testing.assert_allclose(s.points.vertex_normals[:n, axis], -slope, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    "element", [("N1curl", 1), ("RT", 1), ("Lagrange", 2, (2,)), "mixed"], ids=str
+)
+def test_uniform_functions_of_any_element(element):
+    """Whether Functions in a curved obstacle are uniform is asked of their values.
+
+    Degrees of freedom of edges differ where a vector does not; and of a mixed space what the
+    obstacle does not have may vary.
+    """
+    domain = box(COMM, 3, "tri")
+    where = facets(domain, 1, 0.0)
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    kind = domain.basix_cell()
+    vectors = basix.ufl.element("Lagrange", kind, 1, shape=(2,))
+    mixed = basix.ufl.mixed_element([vectors, basix.ufl.element("Lagrange", kind, 2)])
+    W = fem.functionspace(domain, mixed if element == "mixed" else element)
+    f = fem.Function(W, name="centre")
+    centre = f if element != "mixed" else ufl.split(f)[0]
+    place = f if element != "mixed" else f.sub(0)
+
+    def touching(given):
+        return discretise(ContactSurface(u, where, obstacle=Sphere(given, 2.0), law=Coulomb(0.3)))
+
+    place.interpolate(lambda x: np.stack([0.5 + 0 * x[0], 0 * x[0] - 2.0]))
+    if element == "mixed":
+        f.sub(1).interpolate(lambda x: x[0])
+    s = touching(centre)
+    s.check_gaps()
+    expected = touching((0.5, -2.0)).points.vertex_gaps
+    np.testing.assert_allclose(s.points.vertex_gaps, expected, atol=1e-12)
+    place.interpolate(lambda x: np.stack([0.5 + 0.1 * x[0], 0.1 * x[1] - 2.0]))
+    with pytest.raises(ValueError, match="the Function centre, which varies"):
+        s.check_gaps()
+    f.x.array[:] = 1.0  # of edges, as long as the normal component is: no one vector
+    if element in (("N1curl", 1), ("RT", 1)):
+        with pytest.raises(ValueError, match="the Function centre, which varies"):
+            s.check_gaps()
+
+
+def test_a_linear_solver_that_the_database_names_after_the_first_solve():
+    """It wins over what is given, from the next solve on, and leaves with the option."""
+    problem = block(n=4)
+    given = PETSc.Options()
+    problem.solve()
+    assert problem.linear_solver.name == "direct"
+    expected = problem.u.x.array.copy()
+    problem.petsc_options["linear_solver"] = "direct"
+    given["contact_linear_solver"] = "amg"
+    try:
+        problem.u.x.array[:] = 0.0
+        problem.solve()
+        assert problem.linear_solver.name != "direct"
+    finally:
+        given.delValue("contact_linear_solver")
+    np.testing.assert_allclose(problem.u.x.array, expected, atol=1e-6 * np.abs(expected).max())
+    problem.solve()
+    assert problem.linear_solver.name == "direct"
+
+
+@pytest.mark.ranks(2, 3)
+def test_facets_named_on_one_rank_only():
+    """Owned facets alone, without ghosts, give the same surface."""
+    domain = box(COMM, 4, "tet")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
+    everything = facets(domain, 2, 0.0)
+    owned = everything[everything < domain.topology.index_map(2).size_local]
+    surfaces = [
+        discretise(ContactSurface(u, f, obstacle=HalfSpace((0, 0, 0), (0, 0, 1)), law=Coulomb(0.3)))
+        for f in (everything, owned)
+    ]
+    for s in surfaces:
+        assert s.points.space.dofmap.index_map.size_global == 25
+        n = s.points.number
+        np.testing.assert_allclose(COMM.allreduce(float(s.points.areas[:n].sum())), 1.0, rtol=1e-12)
+
+
+@pytest.mark.ranks(2)
+def test_reaction_of_a_clamped_contact_node():
+    """The clamped corner belongs to the support: status d, and its reaction balances the rest."""
+    domain = box(COMM, 4, "quad")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    load = fem.Constant(domain, (0.05, -1.0))
+    corner = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 1) & np.isclose(x[1], 0))
+    bcs = [fem.dirichletbc(np.zeros(2), corner, V)]
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
+    s = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.1)
+    )
+    result = ContactProblem(energy, u, [s], bcs=bcs).solve()
+    table = result.tables["contact"]
+    assert table.letters[-1] == "d"
+    assert result.counts["clamped"] == 1
+    contact = result.resultants["contact"]
+    np.testing.assert_allclose(contact + result.support, (-0.05, 1.0), atol=1e-9)
+    # The multiplier of the clamped node is zero; what holds it is its support, all there is.
+    assert not table.force[-1].any()
+    np.testing.assert_allclose(table.support[-1], result.support, rtol=1e-12)
+    assert not table.support[:-1].any()
+    assert abs(table.support[-1, 0]) > 0.1 * table.support[-1, 1]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "options", reference="itself: the tolerance that was asked for", aspects=("3D",)
+)
+def test_several_solves_in_one_process():
+    """Two problems with two prefixes, the command line winning over the options of the caller."""
+    PETSc.Options()["first_snes_max_it"] = 7
+    with options_in_database("first_", {"snes_max_it": 3, "ksp_type": "preonly"}):
+        assert PETSc.Options().getInt("first_snes_max_it") == 7
+        assert PETSc.Options().getString("first_ksp_type") == "preonly"
+    assert PETSc.Options().getInt("first_snes_max_it") == 7
+    assert not PETSc.Options().hasName("first_ksp_type")
+    PETSc.Options()["contact_snes_rtol"] = 0.05
+    loose = block(n=4, cell="hex", options={"snes_rtol": 1e-12}).solve()
+    assert loose.history[-1].measures.worst > 1e-6
+    PETSc.Options().delValue("contact_snes_rtol")
+    tight = block(n=4, cell="hex").solve()
+    assert tight.history[-1].measures.worst < 1e-10
+    assert tight.iterations > loose.iterations
+
+
+@pytest.mark.ranks(2)
+def test_a_solve_can_be_repeated_and_started_warm():
+    problem = block(n=6, cell="hex")
+    first = problem.solve()
+    again = problem.solve()
+    assert again.iterations == 0
+    np.testing.assert_array_equal(first.tables["contact"].letters, again.tables["contact"].letters)
+
+
+@pytest.mark.ranks(2)
+def test_monitor_sees_every_iterate():
+    steps = []
+    result = block(n=6, cell="tri").solve(monitor=steps.append)
+    assert steps == result.history
+    assert [s.iteration for s in steps] == list(range(len(steps)))
+    assert steps[1].flips == 7  # all nodes close in the first step
+    assert steps[-1].flips == 0
+    assert steps[0].measures.worst == 1.0
+
+
+@pytest.mark.verifies(
+    "moving obstacles", "planes", reference="closed form: the distance to a plane", aspects=("2D",)
+)
+def test_constants_in_a_tuple_move_the_obstacle():
+    """Gap and normal follow a Constant that is one component of a point or of a normal."""
+    domain = box(COMM, 2, "tri")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    height = fem.Constant(domain, -0.1)
+    tilt = fem.Constant(domain, 0.0)
+    floor = HalfSpace((0, height), (tilt, 1.0))
+    s = discretise(ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3)))
+    np.testing.assert_allclose(s.points.vertex_gaps, 0.1, atol=1e-14)
+    height.value = -0.3
+    tilt.value = 0.75
+    s.update_geometry()
+    x = s.positions[:, 0]
+    gaps = s.points.vertex_gaps[: len(x)]
+    normals = s.points.vertex_normals[: len(x)]
+    np.testing.assert_allclose(gaps, 0.8 * 0.3 + 0.6 * x, atol=1e-14)
+    np.testing.assert_allclose(normals, np.broadcast_to([-0.6, -0.8], normals.shape), atol=1e-14)
+    with pytest.raises(ValueError, match="the point of the half-space must have 2"):
+        HalfSpace((height, "a"), (0, 1)).on(domain)
+    x = ufl.SpatialCoordinate(domain)
+    assert not HalfSpace((0, 0), (0.1 * x[0], 1.0)).flat
+    assert floor.flat

@@ -1,0 +1,389 @@
+"""The body condensed onto its contact points: errors, files, and the conventions of FCLib."""
+
+import importlib.util
+import sys
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from _triangle import linear_triangle
+from support.blocks import block, half_block
+
+from dolfinx_contact import Coulomb, HalfSpace, Tresca
+from dolfinx_contact.algorithms import GaussSeidel, PointProblem, load_points, save_points
+from dolfinx_contact.algorithms.exchange import fclib_local
+from dolfinx_contact.reduced import Reduction
+
+COMM = MPI.COMM_WORLD
+NAMES = ("S", "p", "friction", "bound", "augmentation", "positions", "gap", "frames", "rate")
+ERRORS = ("S_error", "p_error", "rate_error")
+
+
+def tilted(comm, cell):
+    """A block above a tilted floor, so that frames are no axes and gaps are not 0."""
+    dim = 2 if cell in ("tri", "quad") else 3
+    floor = HalfSpace((*[0.0] * (dim - 1), -0.002), (0.1, *[0.05] * (dim - 2), 1.0))
+    return block(comm, n=3, cell=cell, obstacle=floor)
+
+
+def shared(path):
+    """The path of rank 0, on every rank."""
+    return COMM.bcast(path)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+def test_round_trip(cell, tmp_path):
+    file = shared(tmp_path) / "points.npz"
+    problem = tilted(COMM, cell)
+    problem.u.x.array[:] = 1e-3
+    with Reduction.of(problem.equations) as reduction:
+        reduction.save(file)
+        known = reduction.problem()
+    np.testing.assert_array_equal(problem.u.x.array, 1e-3)
+    COMM.barrier()
+    found = load_points(file)
+    for name in (*NAMES, *ERRORS):
+        np.testing.assert_array_equal(getattr(found, name), getattr(known, name), err_msg=name)
+    assert found.force == known.force
+    assert found.length == known.length
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "point problems in files",
+    "Gauss-Seidel",
+    reference="itself: the forces of the solve",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_what_is_saved_is_the_problem(cell, tmp_path):
+    """An algorithm on numpy arrays alone finds the forces of the solve, in global components."""
+    file = shared(tmp_path) / "points.npz"
+    problem = tilted(COMM, cell)
+    with Reduction.of(problem.equations) as reduction:
+        reduction.save(file)
+    COMM.barrier()
+    points = load_points(file)
+    found = GaussSeidel().run(points, tolerance=1e-12)
+    assert found.converged
+    table = problem.solve().tables["contact"]
+    force = np.einsum("iap,ip->ia", points.frames, found.r)
+    size = np.abs(table.force).max()
+    np.testing.assert_allclose(points.positions, table.x, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(force, table.force, rtol=0, atol=1e-9 * size)
+    np.testing.assert_allclose(found.a[:, -1], table.un, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "point problems in files",
+    reference="independent code: compliances by unit forces, in numpy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_errors_hold(cell):
+    """What a factorisation leaves bounds the difference from the compliance by unit forces."""
+    points, W, q, _ = compliance(cell)
+    order = local_order(points)
+    S = np.linalg.inv(W)[np.ix_(order, order)]
+    p = S @ q[order]
+    slack = 1e-11 * np.abs(S).max()
+    assert (np.abs(points.S - S) <= points.S_error + slack).all()
+    assert points.S_error.max() < 1e-9 * np.abs(points.S).max()
+    assert (np.abs(points.p - p) <= points.p_error + slack * np.abs(q).max()).all()
+
+
+def test_the_rate_of_the_load():
+    """The difference of the loads of two problems without a parameter, within its error."""
+    system = linear_triangle(4, 0.5)
+    condensed = system.condensed(system.create_vector(), 0.0)
+    points = condensed.problem(0.4)
+    loads = []
+    errors = 0.0
+    for gamma in (0.0, 1.0):
+        system.constant.value = gamma
+        with Reduction.of(system.equations) as reduction:
+            found = reduction.problem()
+        assert not found.rate.any()
+        loads.append(found.p)
+        errors = errors + found.p_error
+    size = np.abs(points.rate).max()
+    assert size > 0
+    off = np.abs(loads[1] - loads[0] - points.rate)
+    assert (off <= points.rate_error + errors + 1e-14 * size).all()
+    assert points.rate_error.max() < 1e-9 * size
+    scaled = condensed.problem(0.4, unit=2.0)
+    np.testing.assert_array_equal(2.0 * scaled.rate, points.rate)
+    np.testing.assert_array_equal(2.0 * scaled.rate_error, points.rate_error)
+
+
+def local_order(points):
+    """Places of (ut, un) in an order with the normal first."""
+    d = points.dim
+    first = np.arange(0, len(points.p), d)[:, None]
+    return (first + np.array([*range(1, d), 0])).reshape(-1)
+
+
+def compliance(cell):
+    """A problem, and W and q of FCLib by unit forces on the body's stiffness, on one rank alone.
+
+    The normal into the body comes first; the gap is that of the floor, from positions.
+    """
+    problem = tilted(MPI.COMM_SELF, cell)
+    points = problem.reduced()
+    eq = problem.equations
+    d = points.dim
+    K = eq.bulk.stiffness(np.zeros_like(eq.bulk.displacement.x.array))
+    n = K.getSize()[0]
+    K = K[np.arange(n, dtype=PETSc.IntType), np.arange(n, dtype=PETSc.IntType)]
+    fixed = eq.fixed[:n]
+    free = np.flatnonzero(~fixed)
+    prescribed = np.where(fixed, eq.prescribed.values().reshape(-1)[:n], 0.0)
+    nodes = problem.u.function_space.tabulate_dof_coordinates()[:, :d]
+    up = np.array((0.1, *[0.05] * (d - 2), 1.0)) / np.linalg.norm((0.1, *[0.05] * (d - 2), 1.0))
+    rows = np.zeros((d * points.number, n))
+    gaps = np.zeros(d * points.number)
+    for i, (x, T) in enumerate(zip(points.positions, points.frames, strict=True)):
+        node = int(np.linalg.norm(nodes - x, axis=1).argmin())
+        np.testing.assert_allclose(T[:, -1], up, atol=1e-12)  # minus the normal of the body
+        np.testing.assert_allclose(T.T @ T, np.eye(d), atol=1e-12)
+        axes = [up, *T[:, : d - 1].T]
+        rows[d * i : d * (i + 1), d * node : d * (node + 1)] = axes
+        gaps[d * i] = up @ x + 0.002 * up[-1]
+    R = rows[:, free]
+    compliant = np.linalg.solve(K[np.ix_(free, free)], R.T)
+    moved = np.linalg.solve(K[np.ix_(free, free)], -(K @ prescribed)[free])
+    return points, R @ compliant, R @ moved + gaps, gaps
+
+
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "point problems in files",
+    reference="independent code: compliances by unit forces, in numpy",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_the_conventions_of_fclib(cell):
+    """u = W r + q, the normal first, W by unit forces on the body's own stiffness."""
+    points, W, q, gaps = compliance(cell)
+    local = fclib_local(points)
+    d = points.dim
+    m = points.number
+    size = d * m
+    assert all(name.startswith("/fclib_local/") for name in local)
+    given = {name.removeprefix("/fclib_local/"): v for name, v in local.items()}
+    assert given["spacedim"].tolist() == [d]
+    numbers = {"m": size, "n": size, "nzmax": size * size, "nz": -2}
+    assert {name: given[f"W/{name}"].tolist() for name in numbers} == {
+        name: [number] for name, number in numbers.items()
+    }
+    for name in ("spacedim", "W/m", "W/p", "W/i"):
+        assert given[name].dtype == np.int32
+    dense = np.zeros((size, size))
+    for row in range(size):
+        part = slice(given["W/p"][row], given["W/p"][row + 1])
+        dense[row, given["W/i"][part]] = given["W/x"][part]
+    np.testing.assert_allclose(dense, W, rtol=0, atol=1e-12 * np.abs(W).max())
+    np.testing.assert_allclose(given["vectors/q"], q, rtol=0, atol=1e-12 * np.abs(q).max())
+    np.testing.assert_allclose(points.gap, gaps[::d], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(given["vectors/mu"], [0.3] * m, rtol=1e-15)
+    assert given["info/title"].tobytes().endswith(b"\0")
+    # A solution by another formula: (u + mu |u_T| n) in the dual of the cone, r in the cone.
+    found = GaussSeidel().run(points, tolerance=1e-13)
+    r = np.roll(found.r, 1, axis=1)
+    u = (dense @ r.reshape(-1) + given["vectors/q"]).reshape(m, d)
+    slip = np.linalg.norm(u[:, 1:], axis=1)
+    force = np.abs(r).max()
+    length = np.abs(u).max()
+    assert (np.linalg.norm(r[:, 1:], axis=1) <= 0.3 * r[:, 0] + 1e-9 * force).all()
+    hat = u[:, 0] + 0.3 * slip
+    assert (0.3 * slip <= hat + 1e-9 * length).all()
+    along = hat * r[:, 0] + np.sum(u[:, 1:] * r[:, 1:], axis=1)
+    assert np.abs(along).max() <= 1e-9 * force * length
+    assert (r[:, 0] > 0).any()
+    assert (slip > 1e-6).any()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.skipif(importlib.util.find_spec("h5py") is None, reason="needs h5py")
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.verifies(
+    "point problems in files",
+    reference="independent code: the reader h5py",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_the_file_of_fclib(cell, tmp_path):
+    import h5py
+
+    file = shared(tmp_path) / "points.hdf5"
+    problem = tilted(COMM, cell)
+    with Reduction.of(problem.equations) as reduction:
+        reduction.save(file)
+        expected = fclib_local(reduction.problem())
+    COMM.barrier()
+    with h5py.File(file) as data:
+        for name, values in expected.items():
+            if values.dtype.kind != "S":
+                np.testing.assert_array_equal(data[name][()], values)
+                assert data[name].dtype == values.dtype
+        title = data["/fclib_local/info/title"]
+        assert title.shape == ()
+        assert h5py.check_string_dtype(title.dtype).length is not None
+
+
+@pytest.mark.ranks(2)
+def test_what_is_refused(tmp_path):
+    folder = shared(tmp_path)
+    problem = block(n=2)
+    with Reduction.of(problem.equations) as reduction:
+        with pytest.raises(ValueError, match=r"saved as \.npz, \.hdf5 or \.h5 \(FCLib\), not as"):
+            reduction.save(folder / "points.csv")
+        with pytest.raises(FileNotFoundError):
+            reduction.save(folder / "nowhere" / "points.npz")
+        if COMM.size > 1:
+            with pytest.raises(ValueError, match="file differs between ranks"):
+                reduction.save(folder / f"{COMM.rank}.npz")
+    with (
+        Reduction.of(block(n=2, law=Tresca(1.0)).equations) as reduction,
+        pytest.raises(ValueError, match="FCLib knows Coulomb's friction alone"),
+    ):
+        reduction.save(folder / "points.h5")
+    with pytest.raises(ValueError, match="Dirichlet data do not hold in part"):
+        Reduction.of(half_block(method="mixed").equations)
+    assert COMM.bcast([*map(str, tmp_path.iterdir())]) == []
+
+
+def test_a_missing_h5py_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    problem = block(n=2)
+    with (
+        Reduction.of(problem.equations) as reduction,
+        pytest.raises(ModuleNotFoundError, match=r"h5py is not installed: .* python3-h5py"),
+    ):
+        reduction.save(shared(tmp_path) / "points.hdf5")
+    assert COMM.bcast([*map(str, tmp_path.iterdir())]) == []
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_files_that_are_none(tmp_path):
+    file = tmp_path / "points.npz"
+    with pytest.raises(FileNotFoundError):
+        load_points(file)
+    file.write_text("nothing")
+    with pytest.raises(ValueError, match=r"is no npz file$"):
+        load_points(file)
+    np.savez(file, S=np.eye(2))
+    with pytest.raises(ValueError, match="has no points: its format is 'nothing'"):
+        load_points(file)
+    save_points(file, PointProblem(np.eye(2), np.ones(2), np.array([0.3])))
+    with np.load(file) as data:
+        arrays = dict(data)
+    assert set(arrays) == {
+        *("format", "S", "p", "friction", "bound", "augmentation", "force", "length")
+    }
+    np.savez(file, **(arrays | {"S": -np.eye(2)}))
+    with pytest.raises(ValueError, match="is not positive definite"):
+        load_points(file)
+    np.savez(file, **(arrays | {"more": np.eye(2)}))
+    with pytest.raises(ValueError, match="has other arrays than a point problem"):
+        load_points(file)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"S": np.eye(3)}, r"S must have the shape \(4, 4\), not \(3, 3\)"),
+        ({"S": np.eye(4) * 1j}, "S must be an array of numbers"),
+        ({"p": np.ones(5)}, r"p must have the shape \(6,\), not \(5,\)"),
+        ({"p": ["a"] * 4}, "p must be an array of numbers"),
+        ({"friction": np.zeros(0)}, "needs a point"),
+        ({"friction": np.array([0.3, np.nan])}, "friction is not finite"),
+        ({"friction": np.array([0.3, -0.1])}, "friction must not be negative"),
+        ({"friction": np.full((2, 1), 0.3)}, r"friction must have the shape \(2,\)"),
+        ({"bound": np.array([1.0])}, r"bound must have the shape \(2,\)"),
+        ({"bound": np.array([1.0, -1.0])}, "bound must not be negative"),
+        ({"augmentation": np.ones(3)}, r"augmentation must have the shape \(2,\)"),
+        ({"augmentation": np.array([1.0, 0.0])}, "augmentation must be positive"),
+        ({"augmentation": np.array([1.0, np.nan])}, "augmentation is not finite"),
+        ({"gap": np.ones(3)}, r"gap must have the shape \(2,\)"),
+        ({"frames": np.ones((2, 2))}, r"frames must have the shape \(2, 2, 2\)"),
+        ({"frames": np.ones((2, 2, 2))}, "frames must be orthogonal matrices"),
+        ({"positions": np.ones((3, 2))}, r"positions must have the shape \(2, any\)"),
+        ({"p_error": np.ones(2)}, r"p_error must have the shape \(4,\)"),
+        ({"S_error": -np.eye(4)}, "S_error must not be negative"),
+        ({"rate": np.ones(2)}, r"rate must have the shape \(4,\)"),
+        ({"rate_error": -np.ones(4)}, "rate_error must not be negative"),
+        ({"force": -1.0}, "force must be a number that is not negative"),
+        ({"length": np.array([1.0, 2.0])}, "length must be a number"),
+    ],
+)
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_numbers_that_are_no_problem(tmp_path, changed, message):
+    """Each is refused by name, also in a file."""
+    given = {"S": np.eye(4), "p": np.ones(4), "friction": np.full(2, 0.3)} | changed
+    with pytest.raises(ValueError, match=message):
+        PointProblem(**given)
+    if all(np.asarray(v).dtype.kind == "f" for v in given.values()):
+        file = tmp_path / "points.npz"
+        np.savez(file, format="dolfinx_contact points 1", **given)
+        with pytest.raises(ValueError, match=f"points.npz: .*{message}"):
+            load_points(file)
+
+
+@pytest.mark.ranks(2)
+def test_what_one_rank_gives(tmp_path):
+    """A number that is none on one rank is refused on all."""
+    file = shared(tmp_path) / "points.npz"
+    last = COMM.rank == COMM.size - 1
+    with Reduction.of(block(n=2).equations) as reduction:
+        with pytest.raises(ValueError, match="gamma must be a finite number"):
+            reduction.save(file, gamma="x" if last else 0.0)
+        for wrong in (3, None):
+            with pytest.raises(ValueError, match="the file must be a path, got"):
+                reduction.save(wrong if last else file)
+            with pytest.raises(ValueError, match="the file must be a path, got"):
+                reduction.save(wrong)
+        if COMM.size > 1:
+            with pytest.raises(ValueError, match="gamma differs between ranks"):
+                reduction.save(file, gamma=float(last))
+    COMM.barrier()
+    assert not file.exists()
+
+
+@pytest.mark.ranks(2)
+def test_files_beside_what_is_saved(tmp_path):
+    """Whatever they are called they stay as they are."""
+    folder = shared(tmp_path)
+    names = ("points.npz.part", ".points.npz.part", ".points.part.npz")
+    if COMM.rank == 0:
+        for name in names:
+            (folder / name).write_text("mine")
+    with Reduction.of(block(n=2).equations) as reduction:
+        reduction.save(folder / "points.npz")
+    COMM.barrier()
+    assert sorted(p.name for p in folder.iterdir()) == sorted([*names, "points.npz"])
+    assert [(folder / name).read_text() for name in names] == ["mine"] * 3
+
+
+def test_units():
+    """The problem in the units of the input, and in those of the condensed numbers."""
+    with Reduction.of(block(n=2, law=Coulomb(0.5)).equations) as reduction:
+        unit = reduction.force_unit
+        a, b = reduction.problem(), reduction.problem(unit=unit)
+    np.testing.assert_allclose(a.S, b.S * unit, rtol=1e-14)
+    np.testing.assert_allclose(a.p, b.p * unit, rtol=1e-14)
+    np.testing.assert_allclose(a.free, b.free, rtol=0, atol=1e-12 * np.abs(b.free).max())
+    assert np.diag(b.S).mean() == pytest.approx(1.0)

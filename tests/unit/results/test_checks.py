@@ -1,0 +1,440 @@
+"""What is to be doubted in a state, a mesh or an obstacle is measured and said."""
+
+import logging
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import KINDS, block, box, facets
+
+import basix.ufl
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    HalfSpace,
+    LevelSet,
+    Sphere,
+    Tresca,
+)
+from dolfinx_contact.body.cells import smallest_jacobian
+from dolfinx_contact.laws import status
+from dolfinx_contact.materials import LinearElastic, NeoHookean, StVenantKirchhoff
+from dolfinx_contact.obstacles import Obstacle
+
+COMM = MPI.COMM_WORLD
+GHOSTS = list(mesh.GhostMode)[:2]
+
+
+def said(caplog, words):
+    """Warnings with these words: one on rank 0, none on other ranks. Their text on every rank."""
+    found = [r.getMessage() for r in caplog.records if words in r.getMessage()]
+    caplog.clear()
+    numbers = COMM.allgather(len(found))
+    assert numbers[0] <= 1
+    assert not any(numbers[1:])
+    return COMM.bcast(found[0] if found else "")
+
+
+@pytest.fixture
+def log(caplog):
+    caplog.set_level(logging.WARNING)
+    return caplog
+
+
+# -- curved obstacles ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("slide", [0.002, 0.2])
+@pytest.mark.parametrize("method", ["nodal", "mixed"])
+@pytest.mark.verifies(
+    "misfit and det F",
+    "spheres",
+    reference="closed form: distances of displaced points to the disc",
+    aspects=("2D",),
+)
+def test_sliding_on_a_disc_is_measured(method, slide, log):
+    """The distance to the disc where the closed points are now, from the displacement alone."""
+    centre = np.array([0.4, -3.0])
+    radius = 3.0
+    problem = block(
+        n=6, cell="quad", obstacle=Sphere(centre, radius), top=(slide, -0.02), method=method
+    )
+    result = problem.solve()
+    (s,) = problem.surfaces
+    size = problem.equations.body_size
+    n = s.points.number
+    u = problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs][:n]
+    x = s.positions[:n]
+    closed = status.closed(problem.statuses[0])
+    true = np.linalg.norm(x + u - centre, axis=1) - radius
+    law = (
+        np.linalg.norm(x - centre, axis=1)
+        - radius
+        - np.sum(u * s.points.vertex_normals[:n], axis=1)
+    )
+    worst = COMM.allreduce(float(np.max(np.abs(true - law)[closed], initial=0.0)), op=max)
+    indicators = result.indicators.surfaces["contact"]
+    assert result.misfit == indicators.misfit == result.summary()["misfit"]
+    assert result.misfit == pytest.approx(worst, rel=1e-9)
+    if method == "nodal":  # where the law has closed points on the disc
+        hanging = COMM.allreduce(float(np.max(true[closed], initial=0.0)), op=max)
+        assert result.misfit == pytest.approx(hanging, rel=1e-6)
+    message = said(log, "misfit of 'contact'")
+    if slide < 0.1:
+        assert 0 < result.misfit < 1e-5 * size
+        assert not message
+        assert not result.warnings
+    else:
+        assert result.misfit > 1e-3 * size
+        assert f"differs by {worst / indicators.facet:.2g} facet sizes" in message
+        assert "use sliding='large'" in result.warnings["misfit of 'contact'"]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "misfit and det F",
+    reference="itself: other ways to the same obstacle",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+@pytest.mark.verifies("level sets", reference="itself: the disc", aspects=("2D",))
+@pytest.mark.verifies("cylinders", reference="itself: the disc", aspects=("3D",))
+def test_misfit_of_other_obstacles(log):
+    """Zero where nothing curves; the same by a level set; by Gauss points; in 3D."""
+    dragged = {"n": 4, "cell": "tri", "top": (0.2, -0.02)}
+    assert block(**dragged).solve().misfit == 0.0
+    plane = LevelSet(lambda x: 3.0 * x[1])
+    assert 0 <= block(**dragged, obstacle=plane).solve().misfit < 1e-15
+    disc = block(**dragged, obstacle=Sphere((0.4, -3.0), 3.0)).solve().misfit
+    level = LevelSet(lambda x: ufl.sqrt((x[0] - 0.4) ** 2 + (x[1] + 3.0) ** 2) - 3.0)
+    assert disc > 1e-3
+    assert block(**dragged, obstacle=level).solve().misfit == pytest.approx(disc, rel=1e-9)
+    fine = block(**dragged, degree=2, obstacle=Sphere((0.4, -3.0), 3.0)).solve().misfit
+    assert fine == pytest.approx(disc, rel=0.1)
+    across = Cylinder((0.4, 0.0, -3.0), (0.0, 1.0, 0.0), 3.0)
+    solid = block(n=3, cell="hex", top=(0.2, 0.0, -0.02), obstacle=across).solve().misfit
+    assert solid == pytest.approx(disc, rel=0.2)
+    # Along its axis a cylinder is as flat as a plane.
+    along = Cylinder((0.0, 0.4, -3.0), (1.0, 0.0, 0.0), 3.0)
+    result = block(n=3, cell="hex", top=(0.2, 0.0, -0.02), obstacle=along, law=Coulomb(0.0))
+    assert result.solve().misfit < 0.05 * solid
+
+
+def test_open_points_in_the_obstacle_are_found(log):
+    """Dragged over the bump of a level set, points that the law has open are inside it."""
+    bump = LevelSet(lambda x: x[1] + 0.02 - 0.1 * ufl.exp(-(((x[0] - 1.6) / 0.2) ** 2)))
+    result = block(n=4, cell="tri", law=Frictionless(), top=(0.6, 0.0), obstacle=bump).solve()
+    assert result.counts["open"] == 5
+    assert result.misfit == pytest.approx(0.08, rel=0.01)
+    assert said(log, "misfit of 'contact'")
+
+
+class Reference(Obstacle):
+    """A user's disc, known where the body is not displaced."""
+
+    def on(self, domain):
+        return Sphere((0.4, -3.0), 3.0).on(domain)
+
+
+class Turned(HalfSpace):
+    """A user's own plane, which says nothing of displaced points."""
+
+    def on(self, domain):
+        gap, normal = super().on(domain)
+        return 1.0 * gap, 1.0 * normal
+
+
+class Own(Obstacle):
+    def at(self, domain, x):
+        return Sphere((0.4, -3.0), 3.0).at(domain, x)
+
+
+def test_obstacles_of_users(log):
+    dragged = {"n": 4, "cell": "tri", "top": (0.2, -0.02)}
+    disc = block(**dragged, obstacle=Sphere((0.4, -3.0), 3.0)).solve()
+    log.clear()
+    result = block(**dragged, obstacle=Reference()).solve()
+    assert result.misfit is None
+    np.testing.assert_array_equal(result.tables["contact"].un, disc.tables["contact"].un)
+    assert not said(log, "misfit")
+    assert block(**dragged, obstacle=Own()).solve().misfit == disc.misfit
+    assert block(**dragged, obstacle=Turned((0, 0), (0, 1))).solve().misfit == 0.0
+
+
+# -- det F ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "misfit and det F",
+    reference="closed form: a homogeneous deformation",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_smallest_jacobian(dim, cell, degree):
+    """Of a homogeneous state everywhere; of one bad vertex, where it is; NaN of one value."""
+    problem = block(n=2, cell=cell, degree=degree)
+    G = np.array([[0.3, -0.2, 0.1], [0.1, -0.4, 0.2], [0.0, 0.3, 0.2]])[:dim, :dim]
+    problem.u.interpolate(lambda x: G @ x[:dim])
+    value, place = smallest_jacobian(problem.V, problem.u.x.array)
+    np.testing.assert_allclose(value, np.linalg.det(np.eye(dim) + G), rtol=1e-12)
+    problem.u.x.array[:] = 0.0
+    corner = fem.locate_dofs_geometrical(problem.V, lambda x: np.isclose(x, 1.0)[:dim].all(axis=0))
+    problem.u.x.array.reshape(-1, dim)[corner] = -0.7
+    value, place = smallest_jacobian(problem.V, problem.u.x.array)
+    assert value < 0
+    assert np.abs(place - 1.0).max() < 0.4
+    assert len({(value, *place) for value, place in COMM.allgather((value, place))}) == 1
+    problem.u.x.array.reshape(-1, dim)[corner] = np.nan
+    value, place = smallest_jacobian(problem.V, problem.u.x.array)
+    assert np.isnan(value)
+    assert np.abs(place - 1.0).max() < 0.4
+
+
+def test_only_the_corner_is_inverted():
+    """A quadrilateral whose Gauss points are well: det F = 0 at 0.5, below that at its corner."""
+    problem = block(n=2, cell="quad")
+    corner = fem.locate_dofs_geometrical(problem.V, lambda x: (x[0] > 0.9) & (x[1] > 0.9))
+    problem.u.x.array.reshape(-1, 2)[corner] = -0.55 / 2
+    value, _ = smallest_jacobian(problem.V, problem.u.x.array)
+    assert value == pytest.approx(-0.1, rel=1e-12)
+
+
+def test_an_inverted_solution_is_said(log):
+    """St Venant-Kirchhoff without lateral strain, pressed by 70 %, and through itself by 230 %."""
+    soft = StVenantKirchhoff(0.0, 400.0)
+    result = block(n=4, cell="tri", material=soft, top=(0.0, -0.7)).solve()
+    assert result.min_det_F == pytest.approx(0.3, rel=1e-9)
+    assert not said(log, "inside out")
+    problem = block(n=4, cell="tri", material=soft, top=(0.0, -2.3))
+    result = problem.solve()
+    assert result.min_det_F == pytest.approx(-1.3, rel=1e-9)
+    assert result.reason == "full steps"  # not the increments that found nothing better
+    assert result.summary()["min_det_F"] == result.min_det_F
+    message = said(log, "inside out")
+    assert "det F is -1.3" in message
+    assert list(result.warnings) == ["min_det_F"]
+    assert block(n=4, cell="tri").solve().min_det_F is None
+
+
+def turned(degrees, material):
+    """A square turned about its corner by its Dirichlet data, far above its obstacle."""
+    domain = box(COMM, 3, "tri")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    motion = fem.Function(u.function_space)
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    motion.interpolate(lambda x: np.stack([c * x[0] - s * x[1] - x[0], s * x[0] + c * x[1] - x[1]]))
+    floor = HalfSpace((0.0, -3.0), (0.0, 1.0))
+    face = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Frictionless())
+    top = fem.locate_dofs_topological(u.function_space, 1, facets(domain, 1, 1.0))
+    bcs = [fem.dirichletbc(motion, top)]
+    return ContactProblem(material.energy(u) * ufl.dx, u, [face], bcs=bcs).solve()
+
+
+def test_a_linear_body_that_rotates(log):
+    """Linear strains grow with the square of a rotation; the tangent of the angle is measured."""
+    linear = LinearElastic.from_young(1.0, 0.0)
+    result = turned(5.0, linear)
+    assert result.indicators.rotation == pytest.approx(5.0, rel=0.01)
+    assert not result.warnings
+    assert not said(log, "rotation")
+    result = turned(30.0, linear)
+    assert result.indicators.rotation == pytest.approx(np.degrees(0.5), rel=0.05)
+    assert list(result.warnings) == ["rotation"]
+    assert "linear body has rotated" in said(log, "rotation")
+    nonlinear = turned(30.0, StVenantKirchhoff(0.0, 0.5))
+    assert nonlinear.indicators.rotation is None
+    assert not nonlinear.warnings
+
+
+# -- cells ---------------------------------------------------------------------------------------
+
+
+def with_vertex(domain, at, to):
+    """Move the vertex at one place to another."""
+    dim = len(at)
+    x = domain.geometry.x
+    x[np.isclose(x[:, :dim], at).all(axis=1), :dim] = to
+    return domain
+
+
+def strip(order):
+    """Four triangles in a row, on rank 0 in the given order; the third is empty."""
+    cells = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]], dtype=np.int64)[order]
+    x = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 1], [1, 2]], dtype=np.float64)
+    element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
+    if COMM.rank > 0:
+        cells = cells[:0]
+        x = x[:0]
+    return mesh.create_mesh(COMM, cells=cells, x=x, e=ufl.Mesh(element))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [2, 3, 1, 0], [3, 0, 1, 2]])
+def test_an_empty_cell_is_named(order):
+    """By its number in the input, on every rank, when a problem is made."""
+    domain = strip(order)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.3)
+    )
+    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+    with pytest.raises(ValueError, match="cells without volume: 1,") as info:
+        ContactProblem(energy, u, [surface])
+    assert f"cell {order.index(2)} (in the order of the input), at (0.5, 1)" in str(info.value)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
+@pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
+def test_a_body_on_a_submesh(cell):
+    """A hyperelastic body that is a part of a mesh is solved like one with a mesh of its own."""
+    found = []
+    for part in (False, True):
+        domain = box(COMM, 2, cell)
+        dim = domain.topology.dim
+        if part:
+            cells = mesh.locate_entities(domain, dim, lambda x: x[0] > -1.0)
+            domain = mesh.create_submesh(domain, dim, cells)[0]
+        V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+        u = fem.Function(V)
+        floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+        below = facets(domain, dim - 1, 0.0)
+        surface = ContactSurface(u, below, obstacle=floor, law=Coulomb(0.3))
+        top = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+        held = fem.dirichletbc(np.append(np.full(dim - 1, 0.05), -0.1), top, V)
+        energy = NeoHookean(1.0, 1.0).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
+        result = ContactProblem(energy, u, [surface], bcs=[held]).solve()
+        found.append((result.min_det_F, *result.resultants["contact"]))
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-8, atol=1e-10)
+
+
+# -- obstacles -----------------------------------------------------------------------------------
+
+
+def test_friction_without_contact(log):
+    far = HalfSpace((0, -20), (0, 1))
+    block(n=2, cell="tri", law=Tresca(1.0), obstacle=far)
+    message = said(log, "Tresca")
+    assert "20 away" in message
+    for quiet in (
+        {"law": Tresca(1.0), "obstacle": HalfSpace((0, -5), (0, 1))},
+        {"law": Tresca(0.0), "obstacle": far},
+        {"law": Coulomb(1.0), "obstacle": far},
+    ):
+        block(n=2, cell="tri", **quiet)
+    assert not log.records
+
+
+WHOLE = {"where": lambda d: mesh.exterior_facet_indices(d.topology)}
+#: Obstacles on the wrong side of the unit square or cube, and the place where that shows.
+WRONG = {
+    "floor reversed": ("tri", {"obstacle": HalfSpace((0, -0.1), (0, -1))}, "(0, 0)"),
+    "floor reversed, 3D": ("tet", {"obstacle": HalfSpace((0, 0, 0), (0, 0, -1))}, "(0, 0, 0)"),
+    "disc inside": ("tri", {"obstacle": Sphere((0.5, 0.3), 0.2)}, "(0.5, 0)"),
+    "ball inside": ("hex", {"obstacle": Sphere((0.5, 0.5, 0.3), 0.1)}, "(0.5, 0.5, 0)"),
+    "disc inside, all in contact": ("quad", {"obstacle": Sphere((0.5, 0.3), 0.2), **WHOLE}, "0)"),
+}
+#: Obstacles that are where they should be.
+RIGHT = {
+    "floor": ("tri", {}),
+    "floor below": ("tet", {"obstacle": HalfSpace((0, 0, -3.0), (0, 0, 1))}),
+    "steep plane": ("quad", {"obstacle": HalfSpace((0, 0), (0.9, 0.4))}),
+    "disc below": ("tri", {"obstacle": Sphere((0.4, -3.0), 3.0)}),
+    "small disc in the body": ("tri", {"obstacle": Sphere((0.5, -0.05), 0.2)}),
+    "floor high in the body": ("tri", {"obstacle": HalfSpace((0, 0.3), (0, 1))}),
+    "all of the surface": ("tri", WHOLE),
+    "all of it, deep in the floor": ("quad", {"obstacle": HalfSpace((0, 0.8), (0, 1)), **WHOLE}),
+    "all of it over a ball": ("tet", {"obstacle": Sphere((0.5, 0.5, -1.0), 1.0), **WHOLE}),
+    "ball beside the face": ("tri", {"obstacle": Sphere((2.5, 1.2), 0.5)}),
+    "ball beside it, 3D": ("tet", {"obstacle": Sphere((2.5, 0.5, 1.2), 0.5)}),
+    "inside of a ring": ("tri", {"obstacle": LevelSet(lambda x: 2 - ufl.sqrt(ufl.dot(x, x)))}),
+}
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("name", WRONG)
+def test_obstacle_on_the_wrong_side(name, log):
+    cell, options, place = WRONG[name]
+    block(n=4, cell=cell, **options)
+    message = said(log, "wrong side")
+    assert f"{place}, where the body comes nearest" in message
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_obstacle_on_the_right_side(name, log):
+    cell, options = RIGHT[name]
+    block(n=4, cell=cell, **options)
+    assert not log.records
+
+
+@pytest.mark.parametrize("what", ["normal", "centre"])
+def test_obstacle_that_data_bring_to_the_wrong_side(what, log):
+    """By Constants that change between two solves: nothing touches, and a warning says why."""
+    domain = box(COMM, 4, "tri")
+    before, after = {"normal": ([0, 1], [0, -1]), "centre": ([0.5, -1.0], [0.5, 1.3])}[what]
+    value = fem.Constant(domain, np.array(before, dtype=np.float64))
+    obstacle = HalfSpace((0, 0), value) if what == "normal" else Sphere(value, 1.0)
+    problem = block(domain=domain, obstacle=obstacle)
+    assert not problem.solve().warnings
+    assert not said(log, "wrong side")
+    value.value[:] = after
+    result = problem.solve()
+    assert np.abs(result.resultants["contact"]).max() < 1e-9
+    assert said(log, "the obstacle is on the wrong side")
+
+
+def test_level_set_that_differentiates():
+    """By its position, to be a distance to first order."""
+
+    def steep(x):
+        phi = 2 * x[1] + 0.1 * x[0]
+        slope = ufl.diff(phi, x)
+        return phi / ufl.sqrt(ufl.dot(slope, slope))
+
+    plane = HalfSpace((0, 0), (0.1, 2))
+    forces = [block(obstacle=o).solve().resultants["contact"] for o in (plane, LevelSet(steep))]
+    np.testing.assert_allclose(*forces, rtol=1e-9)
+
+
+def test_reversed_floor_that_pulls():
+    """It touches, on the wrong side."""
+    domain = box(COMM, 4, "tri")
+    normal = fem.Constant(domain, (0.0, 1.0))
+    problem = block(domain=domain, obstacle=HalfSpace((0, -0.1), normal))
+    assert not problem.solve().warnings
+    normal.value[:] = 0.0, -1.0
+    result = problem.solve()
+    assert result.resultants["contact"][1] < -1e-3
+    assert result.indicators.surfaces["contact"].across == pytest.approx(1.0)
+    assert "across of 'contact'" in result.warnings
+
+
+def test_reversed_floor_under_a_round_foot(log):
+    """The points deepest in it are the rims of the foot, which face neither way."""
+    domain = box(COMM, 8, "tri")
+    x = domain.geometry.x
+    x[:, 1] += (1 - x[:, 1]) * (1 - np.sqrt(1 - (0.999 * (2 * x[:, 0] - 1)) ** 2))
+    below = mesh.locate_entities_boundary(
+        domain,
+        1,
+        lambda x: np.isclose(x[1], 1 - np.sqrt(1 - (0.999 * (2 * x[0] - 1)) ** 2), atol=1e-9),
+    )
+    for normal, wrong in (((0, 1), False), ((0, -1), True)):
+        floor = HalfSpace((0, 0), normal)
+        block(domain=domain, where=lambda d: below, obstacle=floor)
+        message = said(log, "wrong side")
+        assert ("at (0.5, 0), " in message) == wrong

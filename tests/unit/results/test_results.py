@@ -1,0 +1,371 @@
+"""Contact and support apart: resultants, the balance of forces, tables and fields."""
+
+import csv
+import logging
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import KINDS, block, box, facets
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
+from dolfinx_contact.evolution import NSCD
+from dolfinx_contact.io import write_contact_table
+from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
+from dolfinx_contact.problem import discretise
+from dolfinx_contact.results.balance import forces_at_vertices
+from dolfinx_contact.results.result import collect
+
+#: What ranks do to each other is tested in all cases on two of them.
+pytestmark = pytest.mark.ranks(2, every_case=True)
+
+COMM = MPI.COMM_WORLD
+STEEL = LinearElastic.from_young(1000.0, 0.3)
+
+
+def floor(dim):
+    return HalfSpace(np.zeros(dim), np.eye(dim)[-1])
+
+
+def total(problem, integrand):
+    """Integral of a scalar over all ranks."""
+    return COMM.allreduce(fem.assemble_scalar(fem.form(integrand)))
+
+
+def arch(n, degree, lift=0.01):
+    """A body clamped on its left side, whose foot there is ``lift`` above the floor, pressed down.
+
+    The underside falls to the right: the clamped contact node stays open.
+    """
+    domain = box(COMM, n, "tri")
+    x = domain.geometry.x
+    x[:, 1] += lift * (1 - x[:, 0]) * (1 - x[:, 1])
+    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 0, 0.0))
+    below = mesh.locate_entities_boundary(domain, 1, lambda x: x[1] < lift * (1 - x[0]) + 1e-9)
+    surface = ContactSurface(u, below, obstacle=floor(2), law=Coulomb(0.3))
+    load = fem.Constant(domain, (0.0, -20.0))
+    energy = STEEL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
+    clamp = fem.dirichletbc(np.array([0.004, 0.0]), held, V)
+    return ContactProblem(energy, u, [surface], bcs=[clamp])
+
+
+def test_contact_of_an_arch_in_two_discretisations():
+    """P1 at nodes and P2 at Gauss points agree on contact; support holds much of the load."""
+    result = arch(24, 1).solve()
+    other = arch(12, 2).solve()
+    contact = result.resultants["contact"]
+    fine = other.resultants["contact"]
+    assert result.counts["clamped"] == 1
+    np.testing.assert_allclose(contact, fine, rtol=0.03)
+    np.testing.assert_allclose(result.support, other.support, atol=0.03 * fine[1])
+    # 1 x 1 with the wedge below taken off, times 20.
+    for r in (result, other):
+        np.testing.assert_allclose(r.external, (0.0, -20 * 0.995), atol=1e-12)
+        assert r.imbalance < 1e-9
+    # The clamped node is open, and what holds it is not contact.
+    table = result.tables["contact"]
+    assert table.letters[0] == "d"
+    assert table.un[0] > 0.009
+    assert np.linalg.norm(table.support[0]) > 0.01 * fine[1]
+    assert not table.force[0].any()
+    assert table.pressure[0] == table.rn[0] == 0.0
+
+
+def test_work_of_friction_is_that_of_contact():
+    """The clamped node moves by 0.004 against its support, which is no friction."""
+    problem = arch(12, 1, lift=0.0)
+    result = problem.solve()
+    table = result.tables["contact"]
+    free = table.letters != "d"
+    work = -np.sum(table.rt[free] * table.ut[free])
+    assert result.energies["friction"] == pytest.approx(work, rel=1e-12)
+    assert work > 0
+    support = -np.sum((table.support * table.ut)[:, 0])
+    assert abs(support) > 0.1 * work
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.each_value
+@pytest.mark.parametrize("material", ["linear", "neo-Hookean"])
+@pytest.mark.parametrize(("dim", "cell"), KINDS)
+@pytest.mark.verifies(
+    "balance of forces",
+    "hyperelastic bodies",
+    reference="theorem: contact, support and loads are in equilibrium",
+    aspects=(
+        "2D",
+        "3D",
+    ),
+)
+def test_balance_of_all_forces(dim, cell, material):
+    """Body force, traction, clamped and half-fixed nodes: contact + support + external = 0."""
+    domain = box(COMM, 4 if dim == 2 else 2, cell)
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    x = ufl.SpatialCoordinate(domain)
+    law = STEEL if material == "linear" else NeoHookean(600.0, 400.0)
+    body = fem.Constant(domain, (3.0, -40.0) if dim == 2 else (3.0, 2.0, -40.0))
+    pull = fem.Constant(domain, (5.0, -10.0) if dim == 2 else (5.0, -4.0, -10.0))
+    right = facets(domain, 0, 1.0)
+    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, dim - 1, np.sort(right), 1))
+    energy = law.energy(u) * ufl.dx - ufl.dot(body, u) * ufl.dx - x[0] * ufl.dot(pull, u) * ds(1)
+    left = facets(domain, 0, 0.0)
+    symmetry = fem.dirichletbc(0.0, fem.locate_dofs_topological(V.sub(0), dim - 1, left), V.sub(0))
+    edge = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 1) & np.isclose(x[dim - 1], 1))
+    held = fem.dirichletbc(np.full(dim, 0.001), edge, V)
+    surface = ContactSurface(u, facets(domain, dim - 1, 0.0), obstacle=floor(dim), law=Coulomb(0.2))
+    problem = ContactProblem(
+        energy, u, [surface], bcs=[symmetry, held], petsc_options={"snes_rtol": 1e-12}
+    )
+    result = problem.solve()
+    contact = result.resultants["contact"]
+    table = result.tables["contact"]
+    np.testing.assert_allclose(result.external, body.value + pull.value, rtol=1e-12)
+    size = np.linalg.norm(contact) + np.linalg.norm(result.support)
+    assert np.linalg.norm(contact + result.support + result.external) < 1e-9 * size
+    assert result.imbalance < 1e-9
+    # On the symmetry plane the normal multiplier is contact, the x component support.
+    on_plane = np.isclose(table.x[:, 0], 0.0)
+    assert not (table.letters[on_plane] == "d").any()
+    assert table.rn[on_plane].min() > 0
+    assert np.abs(table.force[on_plane, 0]).max() < 1e-12 * size
+    assert np.abs(table.support[on_plane, 0]).min() > 1e-4 * size
+    assert not table.support[on_plane, 1:].any()
+    assert not table.support[~on_plane].any()
+    summary = result.summary()
+    assert summary["support"] == result.support.tolist()
+    assert summary["external"] == result.external.tolist()
+    assert summary["force_imbalance"] == result.imbalance
+
+
+@pytest.mark.parametrize(("degree", "method"), [(1, "nodal"), (1, "mixed"), (2, "integral")])
+@pytest.mark.verifies(
+    "balance of forces",
+    "nodal contact",
+    "mixed contact",
+    "integral contact",
+    reference="closed form: a pressed block",
+    aspects=("2D",),
+)
+def test_pressed_block_in_closed_form(degree, method):
+    """A pressure of 3 on a block of width 1 without lateral strain: contact 3, support 0."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+    u = fem.Function(V)
+    p = fem.Constant(domain, 3.0)
+    top = mesh.meshtags(domain, 1, np.sort(facets(domain, 1, 1.0)), 1)
+    ds = ufl.Measure("ds", domain, subdomain_data=top)
+    energy = LinearElastic.from_young(1000.0, 0.0).energy(u) * ufl.dx + p * u[1] * ds(1)
+    left = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=floor(2), law=Frictionless(), method=method
+    )
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(0.0, left, V.sub(0))])
+    result = problem.solve()
+    np.testing.assert_allclose(result.resultants["contact"], (0.0, 3.0), atol=1e-10)
+    np.testing.assert_allclose(result.support, 0.0, atol=1e-10)
+    np.testing.assert_allclose(result.external, (0.0, -3.0), atol=1e-12)
+    np.testing.assert_allclose(result.tables["contact"].pressure, 3.0, rtol=1e-9)
+
+
+def test_an_imbalance_is_measured_and_said(caplog):
+    """Contact forces that are not those of the solution are found out."""
+    problem = block(n=4, cell="tri")
+    assert problem.solve().imbalance < 1e-9
+    assert not caplog.records
+    problem.surfaces[0].multiplier.x.array[:] *= 1.1
+    with caplog.at_level(logging.WARNING):
+        result = collect(problem.equations, problem.evaluate(), [])
+    # The support is that of a body with these contact forces; free nodes are out of balance.
+    assert 0.01 < result.imbalance < 0.1
+    said = [r for r in caplog.records if "out of balance" in r.getMessage()]
+    assert len(said) == (COMM.rank == 0)
+
+
+def test_support_in_the_contact_table(folder):
+    table = arch(12, 1).solve().tables["contact"]
+    write_contact_table(COMM, folder, [table])
+    with open(folder / "contact.csv") as stream:
+        rows = list(csv.DictReader(stream))
+    assert list(rows[0])[-4:] == ["status", "support_x", "support_y", "support_z"]
+    assert [r["status"] for r in rows] == list(table.letters)
+    clamped = rows[0]
+    rest = rows[1:]
+    assert clamped["status"] == "d"
+    for key in ("rn", "rt", "rt_x", "rt_y", "pressure", "shear"):
+        assert clamped[key] == "0.0"
+    assert float(clamped["support_x"]) == table.support[0, 0] != 0.0
+    assert float(clamped["support_y"]) == table.support[0, 1] != 0.0
+    assert all(float(r[f"support_{axis}"]) == 0.0 for r in rest for axis in "xyz")
+    assert sum(float(r["rn"]) for r in rest) > 1.0
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_support_as_a_field(degree):
+    """Force per area at the vertices, of all nodes of the surface: also of those between them."""
+    domain = box(COMM, 2, "tet")
+    V = fem.functionspace(domain, ("Lagrange", degree, (3,)))
+    u = fem.Function(V)
+    held = fem.locate_dofs_topological(V, 2, facets(domain, 0, 0.0))
+    load = fem.Constant(domain, (0.0, 0.0, -20.0))
+    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor(3), law=Coulomb(0.3))
+    problem = ContactProblem(
+        STEEL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx,
+        u,
+        [surface],
+        bcs=[fem.dirichletbc(np.array([0.001, 0.0, 0.0]), held, V)],
+    )
+    problem.solve()
+    fields = problem.contact_fields(surface)
+    support = fields["support"].x.array.reshape(-1, 3)
+    n = problem.discrete(surface).points.vertices.dofmap.index_map.size_local
+    found = COMM.allreduce(
+        (support * problem.discrete(surface).points.vertex_areas[:, None])[:n].sum(axis=0)
+    )
+    below = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 0) & np.isclose(x[2], 0))
+    owned = below[below < V.dofmap.index_map.size_local]
+    rows = problem.evaluate().reactions.reshape(-1, 3)[owned]
+    expected = COMM.allreduce(rows.sum(axis=0))
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    assert np.linalg.norm(expected) > 1.0
+    x = problem.discrete(surface).points.vertices.tabulate_dof_coordinates()
+    assert not support[x[:, 0] > 1e-9].any()
+    held = x[:n, 0] < 1e-9
+    assert COMM.allreduce(int((np.abs(support[:n][held, 2]) > 1e-3).sum())) == 3
+    if degree == 1:
+        clamped = fields["status"].x.array == 3
+        np.testing.assert_array_equal(clamped, x[:, 0] < 1e-9)
+        assert not fields["traction"].x.array.reshape(-1, 3)[clamped].any()
+        assert not fields["pressure"].x.array[clamped].any()
+
+
+@pytest.mark.ranks(2, 3)
+def test_forces_of_nodes_between_vertices():
+    """A half of each goes to either end of its edge, across the borders of ranks too."""
+    domain = box(COMM, 3, "tet")
+    V = fem.functionspace(domain, ("Lagrange", 2, (3,)))
+    below = facets(domain, 2, 0.0)
+    surface = discretise(
+        ContactSurface(fem.Function(V), below, obstacle=floor(3), law=Coulomb(0.3))
+    )
+    nodes = V.tabulate_dof_coordinates()
+    forces = np.where(np.isclose(nodes[:, 2:], 0.0), 1.0 + nodes, 0.0)
+    trace = surface.points.vertex_trace_dofs
+    found = forces_at_vertices(V, surface.submesh, trace, forces)
+    X = nodes[np.isclose(nodes[:, 2], 0.0)]
+    X = np.unique(np.round(np.vstack(COMM.allgather(X)), 9), axis=0)
+    grid = np.isclose(3 * X % 1, 0) | np.isclose(3 * X % 1, 1)
+    vertices, middles = X[grid.all(axis=1)], X[~grid.all(axis=1)]
+    # On the diagonals of squares, which all run one way, and on their sides.
+    for x, force in zip(nodes[trace], found, strict=True):
+        away = np.abs(middles - x)
+        side = np.isclose(np.sort(away, axis=1), [0.0, 0.0, 1 / 6]).all(axis=1)
+        along = np.isclose((middles - x)[:, 0], (middles - x)[:, 1])
+        diagonal = np.isclose(np.sort(away, axis=1), [0.0, 1 / 6, 1 / 6]).all(axis=1) & along
+        wanted = 1.0 + x + 0.5 * (1.0 + middles[side | diagonal]).sum(axis=0)
+        np.testing.assert_allclose(force, wanted, rtol=1e-8)
+    assert len(vertices) == 16
+    assert len(middles) == 33
+
+
+@pytest.mark.parametrize(("aside", "letter"), [(0.01, "+"), (0.0, "k"), (-0.001, "-")])
+def test_a_prescribed_slip_is_no_violation(aside, letter):
+    """Where the support moves a closed node along the floor friction has nothing to hold."""
+    domain = box(COMM, 3, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0.0, 0.0), (0.0, 1.0)), law=Coulomb(0.3)
+    )
+    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+    side = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
+    bcs = [fem.dirichletbc(np.array([0.01, -0.01]), top, V), fem.dirichletbc(aside, side, V.sub(0))]
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    result = ContactProblem(energy, u, [surface], bcs=bcs).solve()
+    assert result.kkt_violation < 1e-9
+    table = result.tables["contact"]
+    assert table.letters[0] == letter
+    assert table.bound[0] == 0.0 < table.rn[0]
+
+
+@pytest.mark.parametrize(
+    "material", [NeoHookean(600.0, 400.0), CiarletGeymonat(4000.0, 120.0, 30.0)]
+)
+def test_a_body_without_load(material):
+    """Nothing touches it: the stresses are round-off, also after it was pressed and lifted."""
+    problem = block(material=material, obstacle=HalfSpace((0.0, -0.1), (0.0, 1.0)), top=(0.0, 0.0))
+    result = problem.solve()
+    assert (result.iterations, result.kkt_violation) == (0, 0.0)
+    (moved,) = problem.bcs
+    for height in (-0.15, 0.05, 0.1, 0.2):
+        moved.g.value[1] = height
+        result = problem.solve()
+        assert result.kkt_violation < 1e-8
+        assert (result.counts["open"] == 5) == (height > 0)
+
+
+def test_a_mesh_that_moves_after_the_problem_was_made():
+    problem = block()
+    problem.V.mesh.geometry.x[:] *= 2.0
+    with pytest.raises(ValueError, match="the mesh has moved"):
+        problem.solve()
+
+
+@pytest.mark.parametrize("what", ["friction", "top"])
+def test_constants_that_differ_between_ranks_at_a_solve(what):
+    problem = block(law=Coulomb(0.3))
+    (surface,) = problem.surfaces
+    if what == "friction":
+        surface.law.friction.value = 0.3 + 0.1 * COMM.rank
+    else:
+        problem.bcs[0].g.value[1] -= 0.01 * COMM.rank
+    if COMM.size > 1:
+        with pytest.raises(ValueError, match="Constants differs between ranks"):
+            problem.solve()
+    else:
+        problem.solve()
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize("material", [LinearElastic, NeoHookean])
+def test_ghosts_follow_their_owners(material):
+    """As load, moduli, density and the state of a start, of which owners alone are given."""
+
+    def resultants(*, followed):
+        domain = box(COMM, 4, "tri")
+        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        W = fem.functionspace(domain, ("Lagrange", 1))
+        u, pull, velocity = (fem.Function(V) for _ in range(3))
+        moduli, density = (fem.Function(W) for _ in range(2))
+        moduli.x.array[:] = 100.0
+        density.x.array[:] = 1.0
+        energy = material(moduli, moduli).energy(u) - ufl.dot(pull, u)
+        floor = HalfSpace((0.0, -0.01), (0.0, 1.0))
+        surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+        problem = ContactProblem(energy * ufl.dx, u, [surface])
+        given = {
+            u: lambda x: np.stack([0.01 * x[1], 0.01 * x[0]]),
+            pull: lambda x: np.stack([1 + x[1], -2 - x[0]]),
+            velocity: lambda x: np.stack([1 + x[1], -1 - x[0]]),
+            moduli: lambda x: 100.0 + x[0],
+            density: lambda x: 1.0 + x[0],
+        }
+        for f, values in given.items():
+            f.interpolate(values)
+            dofmap = f.function_space.dofmap
+            owned = dofmap.index_map.size_local * dofmap.index_map_bs
+            if not followed:
+                f.x.array[owned:] = 0.5
+        motion = NSCD(problem, density, dt=0.01, velocity=velocity, mass="lumped")
+        return [step.result.resultants["contact"] for step in motion.run([0.0, 0.04]).steps]
+
+    found, expected = (np.array(resultants(followed=followed)) for followed in (False, True))
+    assert np.abs(expected).max() > 1.0
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()

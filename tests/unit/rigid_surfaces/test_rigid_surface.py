@@ -1,0 +1,959 @@
+"""Rigid surfaces of facets: distances, orientation, files, and contact with them."""
+
+from itertools import pairwise
+
+from mpi4py import MPI
+
+import demo_punch
+import numpy as np
+import pytest
+from _surfaces import ball, brick, cylinder, disc, outward, write_stl
+from scipy.spatial import ConvexHull, Delaunay
+from scipy.spatial.transform import Rotation
+from support import blocks
+from support.blocks import same_tables
+from test_curved_friction import (
+    OnBody,
+    Stopped,
+    errors_of_differences,
+    pressed_and_led,
+    remembering,
+)
+from test_large_sliding import block, shaken
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Cylinder,
+    Frictionless,
+    LevelSet,
+    RigidBody,
+    RigidSurface,
+    Sphere,
+    plot,
+)
+from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.materials import NeoHookean, lame
+from dolfinx_contact.records import EvolutionRecord
+from dolfinx_contact.rigid_surfaces import closest
+from dolfinx_contact.rigid_surfaces.closest import closest_on
+
+COMM = MPI.COMM_WORLD
+SURFACES = {
+    "ball": ball(4),
+    "cylinder": cylinder(40),
+    "box": brick((-1, -1, -1), (1, 1, 1)),
+    "disc": disc(30),
+    "square": brick((-1, -1), (1, 1)),
+}
+REFUSED = pytest.mark.refuses("surfaces of facets", aspects=("2D", "3D"))
+
+
+def places(dim, number=400):
+    return 1.2 * np.random.default_rng(1).normal(size=(number, dim))
+
+
+# -- distances -------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    reference="enumeration: the distances of all facets",
+    aspects=("2D", "3D"),
+)
+def test_closest(name, monkeypatch):
+    """The search finds what all facets one by one give; derivatives are those of differences."""
+    surface = RigidSurface(*SURFACES[name])
+    dim = surface.points.shape[1]
+    x = np.concatenate([places(dim), 20 * places(dim)[:20], 1e-3 * places(dim)[:20]])
+    found = surface.distances(x)
+    with monkeypatch.context() as few:
+        few.setattr(closest, "_PAIRS", 50)
+        again = vars(surface.distances(x))
+    for name_of, values in vars(found).items():
+        np.testing.assert_array_equal(again[name_of], values, err_msg=name_of)
+    best = np.full(len(x), np.inf)
+    for facet in surface.points[surface.cells]:
+        corners = np.broadcast_to(facet, (len(x), *facet.shape))
+        feet = np.einsum("nk,nki->ni", closest_on(x, corners), corners)
+        best = np.minimum(best, np.linalg.norm(x - feet, axis=1))
+    np.testing.assert_allclose(np.abs(found.distance), best, atol=1e-14)
+    if name in ("box", "square"):
+        over = np.abs(x) - 1.0
+        outside = np.linalg.norm(np.maximum(over, 0.0), axis=1)
+        exact = outside + np.minimum(over.max(axis=1), 0.0)
+        np.testing.assert_allclose(found.distance, exact, atol=1e-14)
+    # Away from where the closest facet changes.
+    h = 1e-5
+    slope, turn = np.empty_like(found.slope), np.empty_like(found.turn)
+    for i in range(dim):
+        after, before = (surface.distances(x + s * h * np.eye(dim)[i]) for s in (1, -1))
+        slope[:, i] = (after.distance - before.distance) / (2 * h)
+        turn[:, :, i] = (after.normal - before.normal) / (2 * h)
+    for off in (slope - found.slope, turn - found.turn):
+        each = np.sort(np.abs(off).reshape(len(x), -1).max(axis=1))
+        assert each[int(0.95 * len(x))] < 1e-8
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: the distance from a box", aspects=("3D",)
+)
+@pytest.mark.parametrize("width", [1e-5, 1e-7, 1e-9])
+def test_closest_of_slivers(width):
+    """Points above and below a fan of facets that thin are as far from it as from its plane."""
+    rng = np.random.default_rng(4)
+    corners = np.zeros((200, 3, 3))
+    corners[:, 1, 0] = 1.0
+    corners[:, 2, 0] = rng.uniform(0.2, 0.8, 200)
+    corners[:, 2, 1] = width
+    turn = Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix()
+    parts = rng.dirichlet([1.0, 1.0, 1.0], 200)
+    places = np.einsum("nk,nki->ni", parts, corners)
+    for height in (0.0, 1e-9, 1e-3, 1.0):
+        x = (places + np.array([0.0, 0.0, height])) @ turn.T
+        found = closest_on(x, corners @ turn.T)
+        assert (found >= 0).all()
+        feet = np.einsum("nk,nki->ni", found, corners)
+        np.testing.assert_allclose(feet, places, atol=1e-16 / width + 1e-14)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.verifies(
+    "surfaces of facets",
+    reference="closed form: normals of spheres and circles",
+    aspects=("2D", "3D"),
+)
+def test_normals_of_points():
+    """Averages at points are those of a circle and a sphere through these, however they lie."""
+    rng = np.random.default_rng(2)
+    angle = np.sort(rng.uniform(0, 2 * np.pi, 40))
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    cells = np.stack([np.arange(40), (np.arange(40) + 1) % 40], axis=1)
+    points, triangles = ball(5)
+    points = points + rng.normal(size=points.shape) * 0.02
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    for x, facets in ((circle, cells), (points, triangles)):
+        surface = RigidSurface(x, facets, crease=90.0)
+        np.testing.assert_allclose(surface.distances(x).normal, x, atol=1e-12)
+        beside = 1.0001 * surface.distances(0.9 * x).feet
+        assert np.isfinite(surface.distances(beside).normal).all()
+
+
+def _punch(dim, angles, radius=0.1):
+    """A box of the width 1 with a top at 0, whose edges are cut to facets with these angles."""
+    edge = [(0.4 + radius * np.sin(a), radius * (np.cos(a) - 1.0)) for a in np.radians(angles)]
+    section = [*edge, (edge[-1][0], -1.0)]
+    if dim == 2:
+        points = np.array([(-x, y) for x, y in section[::-1]] + section)
+        n = np.arange(len(points))
+        return points, np.stack([(n + 1) % len(points), n], axis=1)
+    signs = [(a, b) for a in (-1, 1) for b in (-1, 1)]
+    points = np.array([(a * x, b * x, z) for a, b in signs for x, z in section])
+    return points, outward(points, ConvexHull(points).simplices)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("angles", [range(0, 91, 15), range(0, 91, 30), (0, 50)])
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: a plane has one normal", aspects=("2D", "3D")
+)
+def test_normals_of_flat_parts(dim, angles):
+    """Narrow facets of edges that are rounded or cut do not tilt a flat part beside them."""
+    punch = RigidSurface(*_punch(dim, angles))
+    x = np.zeros((50, dim))
+    x[:, :-1] = np.random.default_rng(3).uniform(-0.4, 0.4, (50, dim - 1))
+    up = np.eye(dim)[-1]
+    np.testing.assert_allclose(punch.distances(x).normal, np.tile(up, (50, 1)), atol=1e-3)
+
+
+def _turned(profile, angles):
+    """Rings of a profile (radius, height) about z, which ends on the axis, and its facets."""
+    n = len(angles)
+    points = [(r * np.cos(a), r * np.sin(a), z) for r, z in profile[1:-1] for a in angles]
+    rings = [np.arange(n) + n * k for k in range(len(profile) - 2)]
+    first, last = len(points), len(points) + 1
+    points += [(0.0, 0.0, profile[0][1]), (0.0, 0.0, profile[-1][1])]
+    cells = [(first, rings[0][(i + 1) % n], rings[0][i]) for i in range(n)]
+    for a, b in pairwise(rings):
+        for i, j in ((i, (i + 1) % n) for i in range(n)):
+            cells += [(a[i], a[j], b[j]), (a[i], b[j], b[i])]
+    cells += [(last, rings[-1][i], rings[-1][(i + 1) % n]) for i in range(n)]
+    return np.array(points), np.array(cells)
+
+
+def _even(n):
+    return np.arange(n) * 2 * np.pi / n
+
+
+def _capsule():
+    """Of radius 1, between half-spheres around -1 and 1, and its normals."""
+    angles = np.linspace(0, np.pi / 2, 5)
+    lower = [(np.sin(a), -1 - np.cos(a)) for a in angles]
+    profile = lower + [(r, -z) for r, z in lower[::-1]]
+    return _turned(profile, _even(16)), lambda x: x - np.clip(x, -1, 1) * [0, 0, 1]
+
+
+def _wall():
+    """Of a cylinder with facets of different widths, which go from one end to the other."""
+    steps = np.cumsum(np.where(np.arange(24) % 6 == 0, 5.0, 0.7))
+    surface = _turned([(0, -1), (1, -1), (1, 1), (0, 1)], steps * 2 * np.pi / steps[-1])
+    return surface, lambda x: x * [1, 1, 0]
+
+
+def _rounded_box():
+    """With parts of spheres for corners, and flat parts that are narrower than the round ones."""
+    inner, radius = np.array([0.5, 0.3, 0.05]), 0.3
+    angles = np.linspace(-np.pi / 4, np.pi / 4, 7)
+    way = np.array([(1.0, np.tan(a), np.tan(b)) for a in angles for b in angles])
+    ways = np.concatenate([s * np.roll(way, i, axis=1) for i in range(3) for s in (-1, 1)])
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    mine = ((ways[None] * signs[:, None]) > -1e-9).all(axis=2)
+    points = np.concatenate(
+        [s * inner + radius * ways[m] for s, m in zip(signs, mine, strict=True)]
+    )
+    points = np.unique(np.round(points, 12), axis=0)
+    cells = outward(points, ConvexHull(points, qhull_options="Qt").simplices)
+    return (points, cells), lambda x: x - np.clip(x, -inner, inner)
+
+
+def _cone():
+    """Of facets from the tip to the rim, with generators that rise by 45 degrees."""
+    profile = [(0, 0), (1, 1), (0, 1)]
+    return _turned(profile, _even(48)), lambda x: x * [1, 1, 0] / _radius(x) - [0, 0, 1]
+
+
+def _radius(x):
+    return np.maximum(np.linalg.norm(x[:, :2], axis=1, keepdims=True), 1e-300)
+
+
+ROUND = {
+    "capsule": (_capsule, lambda n: np.ones(len(n), dtype=bool), 1e-3),
+    "wall of a cylinder": (_wall, lambda n: np.abs(n[:, 2]) < 0.5, 1e-6),
+    "rounded box": (_rounded_box, lambda n: np.ones(len(n), dtype=bool), 1e-3),
+    "cone": (_cone, lambda n: n[:, 2] < 0, 0.04),
+}
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.parametrize("name", ROUND)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    reference="closed form: normals of spheres, cylinders, cones and planes that touch",
+    aspects=("3D",),
+)
+def test_normals_of_round_parts(name):
+    """Where parts of different curvature meet, facets are narrow, or a cone has its tip.
+
+    The bound of the cone is that of its facets, which are off by half the angle between them.
+    """
+    made, counted, bound = ROUND[name]
+    (points, cells), exact = made()
+    surface = RigidSurface(points, cells, crease=50.0)
+    rng = np.random.default_rng(5)
+    flat = surface._surface.normals
+    facets = np.flatnonzero(counted(flat))
+    parts = rng.dirichlet((1.0, 1.0, 1.0), (5, len(facets)))
+    x = np.einsum("skc,kci->ski", parts, surface.points[surface.cells[facets]]).reshape(-1, 3)
+    n = exact(x)
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    np.testing.assert_allclose(surface.distances(x).normal, n, atol=bound)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.refuses("surfaces of facets", aspects=("3D",))
+def test_facets_that_are_there_twice():
+    """Those with the same side are left out; a plate without thickness is none to be mended."""
+    points, cells = brick((0, 0, 0), (1, 1, 1))
+    again = np.concatenate([cells, np.roll(cells[:5], 1, axis=1), cells[3:4]])
+    with pytest.raises(ValueError, match="6 facets are there twice: mend=True"):
+        RigidSurface(points, again)
+    np.testing.assert_array_equal(RigidSurface(points, again, mend=True).cells, cells)
+    with pytest.raises(ValueError, match="no manifold"):
+        RigidSurface(points, np.concatenate([cells, cells[:1, ::-1]]), mend=True)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.parametrize("seed", [0, 2, 3])
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: normals of a saddle", aspects=("3D",)
+)
+def test_normals_of_slivers(seed):
+    """Facets of a round surface that bend little beside slivers are no flat parts of it."""
+    side = np.linspace(-1, 1, 20)
+    ends = np.ones(20)
+    rims = [(side, -ends), (side, ends), (-ends, side), (ends, side)]
+    inner = np.random.default_rng(seed).uniform(-1, 1, (400, 2))
+    x, y = np.unique(np.concatenate([inner, *(np.stack(r, axis=1) for r in rims)]), axis=0).T
+    cells = Delaunay(np.stack([x, 8 * y], axis=1)).simplices
+    surface = RigidSurface(np.stack([x, y, x * y], axis=1), cells, crease=60)._surface
+    at = surface.points[surface.cells]
+    exact = np.stack([-at[..., 1], -at[..., 0], np.ones(at.shape[:2])], axis=2)
+    exact /= np.linalg.norm(exact, axis=2)[..., None]
+    off = np.linalg.norm(surface.corner_normals - exact, axis=2)
+    facets = np.linalg.norm(surface.normals[:, None] - exact, axis=2)
+    assert np.sqrt(np.mean(off**2)) < 0.016
+    assert facets.max() > 0.5
+    # No normal is nearly opposite to a facet, whatever the edges say.
+    assert off.max() < facets.max()
+
+
+def _fine_beside_coarse(fine):
+    """A box whose top has a finer grid of triangles than its sides, with points on their edges."""
+    points, cells = brick((0, 0, 0), (1, 1, 1))
+    cells = cells[~np.isclose(points[cells][:, :, 2], 1).all(axis=1)]
+    grid = np.array([(i, j, fine) for i in range(fine + 1) for j in range(fine + 1)]) / fine
+    a = np.array([i * (fine + 1) + j for i in range(fine) for j in range(fine)])
+    top = np.concatenate(
+        [np.stack([a, a + fine + 1, a + fine + 2], 1), np.stack([a, a + fine + 2, a + 1], 1)]
+    )
+    return np.concatenate([points, grid]), np.concatenate([cells, top + len(points)])
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.refuses("surfaces of facets", aspects=("3D",))
+def test_points_on_edges():
+    """Of facets that do not meet: refused, and mended by cutting those that have the edges."""
+    points, cells = _fine_beside_coarse(3)
+    points = np.float64(np.float32(points + 0.3)) - 0.3  # as from a file
+    mended = RigidSurface(points, cells, mend=True)
+    assert mended.closed
+    x = places(3) / 2 + 0.5
+    box = RigidSurface(*brick((0, 0, 0), (1, 1, 1)))
+    np.testing.assert_allclose(mended.distances(x).distance, box.distances(x).distance, atol=1e-6)
+    # Without the points that are in one place there are still those on edges.
+    plate = np.array(
+        [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0, 0), (1, -1, 0), (2, -1, 0)]
+    )
+    facets = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 1)]
+    with pytest.raises(ValueError, match="1 points of rims are on the edges of facets of others"):
+        RigidSurface(plate, facets)
+    assert len(RigidSurface(plate, facets, mend=True).cells) == 5
+    with pytest.raises(ValueError, match="1 points of rims are on the segments of others"):
+        RigidSurface([(0, 0), (2, 0), (1, 0), (1, 1)], [(0, 1), (2, 3)])
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: distances from a segment", aspects=("2D",)
+)
+def test_rim():
+    """Behind its rim an open surface is as far away as it is in front of it."""
+    plate = RigidSurface([[0.0, 0.0], [1.0, 0.0]], [[1, 0]])
+    assert not plate.closed
+    x = np.array([[0.5, 0.2], [0.5, -0.2], [1.3, 0.4], [1.3, -0.4], [-0.3, -0.4]])
+    found = plate.distances(x)
+    np.testing.assert_allclose(found.distance, [0.2, -0.2, 0.5, 0.5, 0.5], atol=1e-15)
+    assert found.past.tolist() == [False, False, False, True, True]
+    die = RigidSurface(*disc(30), reverse=True)
+    assert die.distances(np.zeros((1, 2))).distance[0] > 0.9
+
+
+# -- derivatives in the equations ------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize(
+    ("kind", "given"),
+    [
+        ("disc", {}),
+        ("disc", {"method": "integral"}),
+        ("disc", {"method": "integral", "remove_overlap": 1.0}),
+        ("ball", {}),
+        ("ball", {"crease": 0.0}),
+        ("arc", {}),
+        ("cap", {}),
+    ],
+)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "Coulomb",
+    "rigid bodies",
+    reference="differences: central differences",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_jacobian(kind, given):
+    """Gap, normal and slip with memory, on a body that has turned, and past the rims of such."""
+    dim = 2 if kind in ("disc", "arc") else 3
+    crease = given.get("crease", 30.0)
+    given = {name: value for name, value in given.items() if name != "crease"}
+    made = disc(24, 3.0, (0.4, -3.0), 0.1) if dim == 2 else ball(3, 3.0, (0.4, 0.6, -3.0))
+    if kind in ("arc", "cap"):
+        middles = made[0][made[1]].mean(axis=1)
+        used, cells = np.unique(made[1][middles[:, 0] < 0.4], return_inverse=True)
+        made = made[0][used], cells.reshape(-1, dim)
+    # The cones of an edge are narrow: rounding makes them wide.
+    shape = RigidSurface(*made, crease=crease, rounding=0.0 if crease else 0.3)
+    motion = {"rz": 0.3} if dim == 2 else {"rx": 0.2, "ry": -0.3, "rz": 0.4}
+    held = ["x", "y", "z"][:dim]
+    body = RigidBody(shape, about=[0.4, *[0.5] * (dim - 2), -1.0], motion=motion, held=held)
+    cell = "quad" if dim == 2 else "hex"
+    given |= dict(law=Coulomb(0.3), sliding="large", interference="remove_overlap" not in given)
+    problem = block(body, cell=cell, n=2, **given)
+    problem = remembering(problem)
+    eq = problem.equations
+    x, v = (shaken(problem, size, seed) for size, seed in ((0.05, 1.0), (1.0, 2.0)))
+    n = eq.owned_sizes[0]
+    rest = n + eq.owned_sizes[1]
+    v.array[:n][eq.fixed[:n]] = 0.0
+    v.array[rest:] = 0.0
+    x.array[rest:] = eq.rigid.here(eq.rigid.prescribed(1.0))
+    x.array[:n][eq.fixed[:n]] = eq.prescribed.values().reshape(-1)[:n][eq.fixed[:n]]
+    errors = errors_of_differences(problem, x, v, (1e-5, 1e-6))
+    assert errors[0] < 1e-5
+    assert errors[1] < 0.02 * errors[0] + 1e-8
+
+
+# -- contact ---------------------------------------------------------------------------------------
+
+
+def force_of(shape, dim, law=None, **given):
+    """Of a block pressed on a shape and pulled over it."""
+    on_body = OnBody(dim, shape, law or Coulomb(0.3), n=4, **given)
+
+    def motion(t, X):
+        return pressed_and_led(t, X, press=0.1, shear=0.3)
+
+    steps = on_body.run(motion, [0.0, 0.5, 1.0, 1.5, 2.0]).steps
+    return steps[-1].result
+
+
+#: Exact, of facets with k times as many along a line, and by how much these are off with k = 1.
+CURVED = {
+    "disc": (
+        Sphere((0.4, -1.0), 1.0),
+        lambda k: disc(20 * k, 1.0, (0.4, -1.0), 0.3),
+        (np.pi / 10) ** 2 / 8,
+    ),
+    "ball": (
+        Sphere((0.4, 0.45, -1.0), 1.0),
+        lambda k: ball(4 * k, 1.0, (0.4, 0.45, -1.0)),
+        (1.1 * np.arctan(2.0) / 4) ** 2 / 6,
+    ),
+    "roller": (
+        Cylinder((0.4, 0.5, -1.0), (0.0, 1.0, 0.0), 1.0),
+        lambda k: cylinder(40 * k, 1.0, 4.0, (0.4, 0.5, -1.0)),
+        (np.pi / 20) ** 2 / 8,
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "method"),
+    [
+        *(("disc", "nodal"), ("disc", "integral")),
+        pytest.param("ball", "nodal", marks=pytest.mark.long),
+        pytest.param("roller", "nodal", marks=pytest.mark.long),
+    ],
+)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "spheres",
+    "cylinders",
+    "Coulomb",
+    "quasi-static",
+    reference="itself: exact spheres and cylinders",
+    aspects=("2D", "3D", "large sliding"),
+)
+def test_against_exact_shapes(kind, method):
+    """A block pulled over a sphere and a cylinder: facets are off by the square of their size."""
+    dim = 2 if kind == "disc" else 3
+    exact, made, sagitta = CURVED[kind]
+    expected = force_of(exact, dim, method=method).resultants["contact"]
+    off = []
+    for k in (1, 4):
+        found = force_of(RigidSurface(*made(k)), dim, method=method)
+        assert method == "integral" or found.kkt_violation < 1e-9
+        off.append(np.abs(found.resultants["contact"] - expected).max() / np.abs(expected).max())
+        # By no more than the facets are off, over the depth of 0.1: the square of their size.
+        assert off[-1] < 2 * sagitta / k**2 / 0.1
+    assert off[1] < off[0] / 4
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "rigid bodies",
+    "Coulomb",
+    reference="itself: on one rank, and the distance of a rectangle as a level set",
+    aspects=("2D", "large sliding"),
+)
+def test_flat_punch_and_ranks():
+    """A punch with sharp corners is that of its distance function, on any number of ranks."""
+
+    def box(x):
+        over = [abs(x[0] - 0.51) - 0.21, abs(x[1] + 0.5) - 0.5]
+        outside = sum(ufl.max_value(v, 0.0) ** 2 for v in over)
+        far = ufl.gt(outside, 0.0)
+        inside = ufl.max_value(*over)
+        return ufl.conditional(far, ufl.sqrt(ufl.conditional(far, outside, 1.0)), inside)
+
+    punch = RigidSurface(*brick((0.3, -1.0), (0.72, 0.0)))
+    expected = force_of(LevelSet(box), 2).tables["contact"]
+    same_tables(force_of(punch, 2).tables["contact"], expected, 1e-9)
+    alone = force_of(punch, 2, comm=MPI.COMM_SELF).tables["contact"]
+    same_tables(force_of(punch, 2).tables["contact"], alone, 1e-8)
+
+
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "Signorini",
+    reference="closed form: a face without friction carries along its normal",
+    aspects=("3D", "large sliding"),
+)
+def test_frictionless():
+    """Tractions are along the averaged normals."""
+    shape = RigidSurface(*ball(6, 1.0, (0.4, 0.45, -1.0)))
+    result = force_of(shape, 3, Frictionless())
+    table = result.tables["contact"]
+    assert (table.rn > 0).any()
+    assert np.abs(table.rt).max() < 1e-9 * table.rn.max()
+
+
+@pytest.mark.verifies(
+    "records of histories",
+    "surfaces of facets",
+    reference="itself: a history without a stop",
+    aspects=("2D", "records"),
+)
+def test_resumed(folder):
+    """A record goes on with the surface that it was made with, and no other."""
+
+    def made(start=0.0):
+        shape = RigidSurface(*disc(20, 1.0, (0.4, -1.0), start))
+        on_disc = OnBody(2, shape, Coulomb(0.3), n=2)
+
+        def load(t):
+            on_disc.move(lambda X: pressed_and_led(t, X, shear=0.2))
+
+        return QuasiStatic(on_disc.problem, load)
+
+    times = [0.0, 1.0, 1.5, 2.0]
+    expected = made().run(times, rays=False).steps[-1].result.tables["contact"]
+
+    def watch(step):
+        if step.number == 2:
+            raise Stopped
+
+    begun = made()
+    with EvolutionRecord(folder, begun) as record, pytest.raises(Stopped):
+        begun.run(times, rays=False, record=record, observer=watch)
+    with pytest.raises(ValueError, match=r"another problem|differ"):
+        EvolutionRecord(folder, made(0.01), resume=True)
+    with EvolutionRecord(folder, made(), resume=True) as record:
+        found = record.go_on().steps[-1].result
+    same_tables(found.tables["contact"], expected, 1e-9)
+
+
+# -- what is passed --------------------------------------------------------------------------------
+
+
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: depths of corners in facets", aspects=("2D",)
+)
+def test_corner_between_points_is_said(caplog):
+    wedge = RigidSurface([[0.35, -0.02], [0.05, -0.6], [0.65, -0.6]], [[0, 1], [1, 2], [2, 0]])
+    on_wedge = OnBody(2, wedge, Frictionless(), n=2)
+    on_wedge.move(lambda X: np.tile([0.0, -0.15], (len(X), 1)))
+    result = on_wedge.problem.solve()
+    # The facet of the nodes at 0 and 0.5 has come down by 0.15.
+    depth = result.indicators.surfaces["contact"].between_points
+    assert depth == pytest.approx(0.13 / 0.5, rel=1e-9)
+    assert ("by 0.26 of the facet size" in caplog.text) == (COMM.rank == 0)
+
+
+def flat_punch(method):
+    """A punch whose corners are above nodes of a slab, pressed by 60 and led sideways by 0.1."""
+    corners = [[-1.0, -0.8], [1.0, 0.0]]
+    domain = mesh.create_rectangle(COMM, corners, [16, 5], mesh.CellType.quadrilateral)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    force, way = (fem.Constant(domain, 0.0) for _ in range(2))
+    punch = RigidSurface(*brick((-0.5, 0.0), (0.5, 1.0)))
+    move = {"load": {"y": force}, "motion": {"x": way}, "held": ["rz"], "name": "punch"}
+    tool = RigidBody(punch, about=(0.0, 0.0), **move)
+    top, bottom = (
+        mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
+        for y in (0.0, -0.8)
+    )
+    contact = ContactSurface(u, top, obstacle=tool, law=Coulomb(0.3), method=method, name="face")
+    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, bottom), V)
+    energy = NeoHookean(*lame(1000.0, 0.3)).energy(u) * ufl.dx(metadata={"quadrature_degree": 2})
+    problem = ContactProblem(energy, u, [contact], bcs=[held])
+
+    def load(t):
+        force.value = -60.0 * min(t, 1.0)
+        way.value = 0.1 * max(t - 1.0, 0.0)
+
+    times = [0.0, 0.5, 1.0, 1.5, 2.0]
+    return QuasiStatic(problem, load).run(times).steps[-1].result
+
+
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "rigid bodies",
+    "Coulomb",
+    reference="closed form: a flat punch is dragged by friction alone",
+    aspects=("2D", "large sliding"),
+)
+def test_edge_that_ploughs_is_said(caplog):
+    """Nodes beside a sharp edge are pushed by its side, which gives a warning; Gauss points pass
+    under it.
+    """
+    ploughs, passes = (flat_punch(method) for method in ("nodal", "integral"))
+    drag = [-r.rigid_bodies["punch"].contact[0] / (0.3 * 60.0) for r in (ploughs, passes)]
+    assert drag[0] > 1.5
+    assert drag[1] == pytest.approx(1.0, abs=0.01)
+    assert ploughs.indicators.surfaces["face"].across > 0.02
+    assert "take method='integral'" in ploughs.warnings["across of 'face'"]
+    assert not passes.warnings
+    # Once in a history.
+    assert caplog.text.count("acts across the face") == (COMM.rank == 0)
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@REFUSED
+def test_bad_surfaces():
+    points, cells = ball(1)
+    flipped = cells.copy()
+    flipped[3] = flipped[3, ::-1]
+    fan = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    two = np.concatenate([cells, cells + len(points)])
+    hollow = np.concatenate([cells, cells[:, ::-1] + len(points)])
+    nested = np.concatenate([points, 0.5 * points])
+    box, sides = brick((0, 0, 0), (1, 1, 1))
+    flush = np.concatenate([box, box + np.array([0.5, 0.0, 0.0])])
+    boxes = np.concatenate([sides, sides + len(box)])
+    torn = points[cells].reshape(-1, 3)
+    alone = np.arange(len(torn)).reshape(-1, 3)
+    apart = np.concatenate([points, points + np.array([5.0, 0.0, 0.0])])
+    for x, facets, given, message in (
+        (points, flipped, {}, "the facets at 3 of 30 edges between two look to different sides"),
+        (points, cells[:, ::-1], {}, "a closed surface has its normals inward"),
+        (points[:5], fan, {}, "no manifold: 1 edges have more than two facets"),
+        (points, np.vstack([cells, [0, 0, 1]]), {}, "1 facets have two corners in one place"),
+        (np.eye(3) * [[1], [1], [0]] + [0, 0, 1], [[0, 1, 2], [0, 2, 1]], {}, "there twice"),
+        ([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], {}, "1 facets have no area"),
+        (np.full((3, 3), np.nan), [[0, 1, 2]], {}, "points are a finite array"),
+        (points, cells.astype(float), {}, "cells are triangles by numbers of points"),
+        (points, np.zeros((0, 3), int), {}, "cells are triangles"),
+        (points, cells + 1, {}, "numbers of points that there are not"),
+        (points, cells, {"crease": -1.0}, "crease must be a number from 0 to 180 degrees"),
+        (points, cells, {"rounding": np.nan}, "rounding must be a number from 0"),
+        (nested, two, {}, "a closed part of the surface has points of another within it"),
+        (nested, hollow, {"mend": True}, "a closed part of the surface has points of another"),
+        (flush, boxes, {}, "a closed part of the surface has points of another within it"),
+        (torn, alone, {}, "the surface is torn: 60 points of rims are in one place with others"),
+        (torn + 1e-3 * np.sin(np.arange(180.0)).reshape(-1, 3), alone, {"mend": True}, "torn: 60"),
+        ([[0.0, 0], [1, 0], [0, 1]], [[0, 1], [2, 1]], {}, "at 1 of 1 points between two look"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            RigidSurface(x, facets, **given)
+    right = RigidSurface(points, cells)
+    for wrong in (flipped, cells[:, ::-1], np.vstack([cells, [0, 0, 1]])):
+        mended = RigidSurface(points, wrong, mend=True)
+        x = places(3, 50)
+        np.testing.assert_allclose(mended.distances(x).distance, right.distances(x).distance)
+    assert RigidSurface(apart, two).closed
+    assert RigidSurface(torn, alone, mend=True).closed
+    with pytest.raises(AttributeError, match="a RigidBody moves it"):
+        right.points = points
+    with pytest.raises(ValueError, match="read-only"):
+        right.points[0] = 0.0
+    # A strip with one side alone.
+    n = 12
+    turn = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    way = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    arm = 0.3 * (np.cos(turn / 2)[:, None] * way + np.sin(turn / 2)[:, None] * [0, 0, 1.0])
+    k = np.arange(n)
+    m, over = (k + 1) % n, np.arange(n) == n - 1
+    low, high = np.where(over, m + n, m), np.where(over, m, m + n)
+    strip = np.concatenate([np.stack([k, low, high], 1), np.stack([k, high, k + n], 1)])
+    with pytest.raises(ValueError, match="one side alone"):
+        RigidSurface(np.concatenate([way - arm, way + arm]), strip, mend=True)
+
+
+@pytest.mark.ranks(2)
+@REFUSED
+def test_bad_use():
+    for shape, dim, given, message in (
+        (disc(20), 3, {}, "is a surface of segments, for a 2D mesh"),
+        (disc(20), 2, {"method": "mixed"}, "gaps of the mixed method are averages around nodes"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            OnBody(dim, RigidSurface(*shape), Coulomb(0.3), **given)
+
+
+def together(*parts):
+    """One surface of several (points, cells)."""
+    starts = np.cumsum([0, *(len(x) for x, _ in parts)])
+    cells = [np.asarray(k) + start for (_, k), start in zip(parts, starts[:-1], strict=True)]
+    return RigidSurface(np.concatenate([x for x, _ in parts]), np.concatenate(cells))
+
+
+PLATE = brick((-1.0, -0.07), (2.0, -0.02))
+
+
+def thrown_at_a_thin_tool(law, speed, tool=None):
+    """A motion of a block towards a tool of which a step may be longer than it is thick.
+
+    Args:
+        law: of contact.
+        speed: downwards, or a velocity.
+        tool: below it; a plate if none is given.
+    """
+    domain = blocks.box(COMM, 3, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    tool = tool or RigidSurface(*PLATE)
+    face = ContactSurface(u, blocks.facets(domain, 1, 0.0), obstacle=tool, law=law, sliding="large")
+    dx = ufl.dx(metadata={"quadrature_degree": 2})
+    problem = ContactProblem(NeoHookean(*lame(1000.0, 0.3)).energy(u) * dx, u, [face])
+    velocity = fem.Function(u.function_space)
+    velocity.x.array.reshape(-1, 2)[:] = speed if np.ndim(speed) else (0.0, -speed)
+    return NSCD(problem, density=1.0, dt=0.02, velocity=velocity, mass="lumped")
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses("surfaces of facets", aspects=("2D",))
+def test_a_step_through_a_thin_tool_is_said():
+    """With friction it is refused; without, the step gives a warning, and no shorter one does."""
+    with pytest.raises(ValueError, match=r"turned by half a turn .* at a contact point that is at"):
+        thrown_at_a_thin_tool(Coulomb(0.3), 4.0).run([0.0, 0.1])
+    for speed, through in ((10.0, True), (0.5, False)):
+        steps = thrown_at_a_thin_tool(Frictionless(), speed).run([0.0, 0.06]).steps
+        assert [step.result.indicators.surfaces["contact"].passing > 90.0 for step in steps].count(
+            True
+        ) == through
+
+
+THROUGH = {
+    # Thinner than a part of the way.
+    "sheet": (RigidSurface(*brick((-1.0, -0.0225), (2.0, -0.02))), (0.0, -10.0)),
+    # Entered beside its middle, where the way is a chord of less than a quarter of it.
+    "disc": (Sphere((0.5, -0.4), 0.2), (0.0, -50.0)),
+}
+
+
+@pytest.mark.parametrize("name", THROUGH)
+def test_ways_through_thin_parts(name):
+    """Thin parts of a tool are passed where the normals at both ends of a step are opposite."""
+    tool, velocity = THROUGH[name]
+    for part, through in ((1.0, True), (0.01, False)):
+        motion = thrown_at_a_thin_tool(Frictionless(), part * np.array(velocity), tool)
+        steps = motion.run([0.0, 0.04]).steps
+        assert any("passing of 'contact'" in step.result.warnings for step in steps) == through
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("angle", "through"), [(2.0, True), (0.1, False)])
+def test_ways_through_tools_that_turn(dim, angle, through):
+    """A bar at the end of an arm comes through a block on an arc, and not on the chord of that."""
+    low, high = [-0.6, *[-2.0] * (dim - 2), -0.02], [0.6, *[2.0] * (dim - 2), 0.02]
+    points, cells = brick(low, high)
+    points[:, 0] += 5.0
+    turned = np.array([[np.cos(1.0), np.sin(1.0)], [-np.sin(1.0), np.cos(1.0)]])
+    points[:, [0, -1]] = points[:, [0, -1]] @ turned.T
+    axis = np.array([-4.5, *[0.5] * (dim - 2), 0.0])
+    name = "rz" if dim == 2 else "ry"
+    turns = []
+
+    def body(domain):
+        turns.append(fem.Constant(domain, 0.0))
+        names = ["x", "y", "rz"] if dim == 2 else ["x", "y", "z", "rx", "ry", "rz"]
+        held = [c for c in names if c != name]
+        bar = RigidSurface(points + axis, cells)
+        return RigidBody(bar, about=axis, motion={name: turns[0]}, held=held)
+
+    on_body = OnBody(dim, body, Frictionless(), n=3, sliding="large")
+
+    def load(t):
+        turns[0].value = angle * t * (1 if dim == 2 else -1)
+
+    steps = QuasiStatic(on_body.problem, load).run([0.0, 1.0]).steps
+    assert ("passing of 'contact'" in steps[-1].result.warnings) == through
+
+
+@pytest.mark.parametrize(
+    "drum", [Sphere((0.5, -0.5), 0.5), RigidSurface(*disc(48, radius=0.5, centre=(0.5, -0.5)))]
+)
+def test_drums_that_spin(drum):
+    """A block slips on a drum, which spins by a third of a turn a step, and does not pass it.
+
+    A drum of facets warns of the slip over several of these in a step.
+    """
+    domain = blocks.box(COMM, 4, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    angle = fem.Constant(domain, 0.0)
+    body = RigidBody(drum, about=(0.5, -0.5), motion={"rz": angle}, held=["x", "y"])
+    face = blocks.facets(domain, 1, 0.0)
+    contact = ContactSurface(u, face, obstacle=body, law=Coulomb(0.1), sliding="large")
+    top = fem.locate_dofs_topological(u.function_space, 1, blocks.facets(domain, 1, 1.0))
+    bcs = [fem.dirichletbc(np.array([0.0, -0.03]), top, u.function_space)]
+    dx = ufl.dx(metadata={"quadrature_degree": 3})
+    problem = ContactProblem(NeoHookean(*lame(1.0, 0.3)).energy(u) * dx, u, [contact], bcs=bcs)
+
+    def load(t):
+        angle.value = np.radians(120) * t
+
+    steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0]).steps
+    assert not any("passing of 'contact'" in s.result.warnings for s in steps)
+    slips = [s.result.indicators.surfaces["contact"].slip_in_step for s in steps[1:]]
+    if isinstance(drum, Sphere):
+        assert not any(slips)
+        return
+    way = [np.linalg.norm(s.result.tables["contact"].increment, axis=-1).max() for s in steps[1:]]
+    np.testing.assert_allclose(slips, np.array(way) / 0.2, rtol=1e-2)  # of five nodes on a unit
+    assert all("slip_in_step of 'contact'" in s.result.warnings for s in steps[1:])
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.skipif(COMM.size == 1, reason="ranks that differ")
+@REFUSED
+def test_ranks_with_other_tools():
+    shape = RigidSurface(*disc(20, start=0.01 * COMM.rank))
+    with pytest.raises(ValueError, match="obstacle differs between ranks"):
+        OnBody(2, shape, Coulomb(0.3))
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="looks at a file")
+@pytest.mark.refuses("surfaces of facets", aspects=("3D",))
+def test_truncated_stl_files_are_refused(folder):
+    """Anywhere but in the name of the solid at the end, and in both formats."""
+    points, cells = ball(1)
+    rng = np.random.default_rng(7)
+    for binary in (False, True):
+        write_stl(folder / "whole.stl", points, cells, binary=binary)
+        content = (folder / "whole.stl").read_bytes()
+        end = len(content) if binary else content.rindex(b"endsolid") + len(b"endsolid") - 1
+        for size in rng.integers(1, end, 100):
+            (folder / "part.stl").write_bytes(content[:size])
+            with pytest.raises(ValueError, match=r"truncated|is no complete"):
+                RigidSurface.read(folder / "part.stl")
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="looks at a file")
+@pytest.mark.verifies(
+    "surfaces of facets", reference="itself: the same file in lower case", aspects=("3D",)
+)
+def test_ascii_stl_of_other_writers(folder):
+    """Upper case, a byte order mark, several solids, and keywords within the name of a solid."""
+    write_stl(folder / "plain.stl", *ball(1), binary=False)
+    expected = RigidSurface.read(folder / "plain.stl")
+    text = (folder / "plain.stl").read_text()
+    facets = text.split("\n", 1)[1].rsplit("endsolid", 1)[0]
+    middle = facets.index("endfacet", len(facets) // 2) + len("endfacet\n")
+    halves = [f"solid part\n{half}endsolid\n" for half in (facets[:middle], facets[middle:])]
+    variants = (
+        text.upper().encode(),
+        b"\xef\xbb\xbf" + text.encode(),
+        f"solid facet normal vertex 1 2 3\n{facets}endsolid facet vertex\n".encode(),
+        "".join(halves).encode(),
+    )
+    for content in variants:
+        (folder / "variant.stl").write_bytes(content)
+        read = RigidSurface.read(folder / "variant.stl")
+        np.testing.assert_array_equal(read.points, expected.points)
+        np.testing.assert_array_equal(read.cells, expected.cells)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: what was written", aspects=("2D", "3D")
+)
+def test_files(folder):
+    """STL in words and binary, groups of gmsh in 2D and 3D; errors are those of all ranks."""
+    points, cells = ball(2)
+    if COMM.rank == 0:
+        for name, binary in (("words.stl", False), ("binary.stl", True)):
+            write_stl(folder / name, 1e3 * points, cells, binary=binary)
+        (folder / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
+        (folder / "broken.stl").write_bytes((folder / "binary.stl").read_bytes()[:-7])
+        _write_gmsh(folder / "tool.msh")
+    COMM.barrier()
+    x = places(3, 40)
+    expected = RigidSurface(points, cells).distances(x).distance
+    for name, accuracy in (("words.stl", 1e-13), ("binary.stl", 1e-6)):
+        tool = RigidSurface.read(folder / name, scale=1e-3)
+        assert (len(tool.points), len(tool.cells), tool.closed) == (42, 80, True)
+        np.testing.assert_allclose(tool.distances(x).distance, expected, atol=accuracy)
+    box = RigidSurface.read(folder / "tool.msh", group="skin", mend=True)
+    assert box.closed
+    assert np.isclose(box.distances([[0.5, 0.5, 2.0]]).distance[0], 1.0)
+    line = RigidSurface.read(folder / "tool.msh", group="edge")
+    assert line.points.shape[1] == 2
+    assert not line.closed
+    for name, given, error, message in (
+        ("none.stl", {}, FileNotFoundError, "none.stl"),
+        ("empty.stl", {}, ValueError, "has no facets"),
+        ("broken.stl", {}, ValueError, "is no complete STL file"),
+        ("tool.step", {}, ValueError, "from a file .stl or .msh"),
+        ("words.stl", {"group": "skin"}, ValueError, "an STL file has no groups"),
+        ("words.stl", {"scale": 0.0}, ValueError, "scale must be a positive number"),
+        ("tool.msh", {"group": "rim"}, ValueError, "no group 'rim' of curves or surfaces"),
+        ("tool.msh", {"group": "void"}, ValueError, "no facets in the group 'void'|no group"),
+    ):
+        with pytest.raises(error, match=message):
+            RigidSurface.read(folder / name, **given)
+    if COMM.size > 1:
+        with pytest.raises(ValueError, match="scale differs between ranks"):
+            RigidSurface.read(folder / "words.stl", scale=1.0 + COMM.rank)
+
+
+def _write_gmsh(path):
+    """A box with its skin, and an edge of it, in groups."""
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(3, [1], name="body")
+    skin = [tag for _, tag in gmsh.model.getEntities(2)]
+    gmsh.model.addPhysicalGroup(2, skin, name="skin")
+    flat = [
+        tag
+        for _, tag in gmsh.model.getEntities(1)
+        if np.ptp(np.array(gmsh.model.getBoundingBox(1, tag))[[2, 5]]) < 1e-3
+    ]
+    gmsh.model.addPhysicalGroup(1, flat[:1], name="edge")
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.5)
+    gmsh.model.mesh.generate(3)
+    gmsh.write(str(path))
+    gmsh.finalize()
+
+
+# -- the demo --------------------------------------------------------------------------------------
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("tool", ["ball", "roller", "flat"])
+@pytest.mark.verifies(
+    "surfaces of facets",
+    "rigid bodies",
+    "Coulomb",
+    "quasi-static",
+    reference="itself: exact shapes; closed form: equilibrium with the force",
+    aspects=("3D", "large sliding"),
+)
+def test_demo(tool, folder, monkeypatch):
+    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
+    found = demo_punch.main([f"--tool={tool}", "--n=6", "--steps=2", f"--output={folder}"])
+    assert found["unbalanced"] < 1e-9
+    assert found["kkt_violation"] < 1e-9
+    assert found["drag_exact"] > 0.2 * 60.0
+    if tool == "flat":
+        assert found["off"][0] < 1e-9
+    else:
+        assert found["off"][2] < found["off"][0] / 6
+        assert found["off"][2] < 0.02

@@ -1,0 +1,343 @@
+"""Data that are affine by what they are made of, and what becomes of those that are not."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import facets
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    ConvergenceError,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    ParametricContact,
+    RigidBody,
+)
+from dolfinx_contact.analysis import contact_family
+from dolfinx_contact.continuation import find_solutions, follow
+from dolfinx_contact.evolution import NSCD, ArcLength
+from dolfinx_contact.materials import LinearElastic
+
+COMM = MPI.COMM_WORLD
+
+
+class Plate:
+    """A plate that is pressed on a floor, with a parameter and whatever is added to its energy."""
+
+    def __init__(self, term=None, *, degree=1, n=3, cell="triangle", floor=None, law=None):
+        kind = getattr(mesh.CellType, cell)
+        self.domain = domain = mesh.create_unit_square(COMM, n, n, kind)
+        V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
+        self.u = fem.Function(V, name="u")
+        self.top = fem.Function(V)
+        self.gamma, self.other = (fem.Constant(domain, 0.0) for _ in range(2))
+        self.top.interpolate(lambda x: np.vstack([0 * x[0], -0.02 + 0 * x[0]]))
+        held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+        right = facets(domain, 0, 1.0)
+        tags = mesh.meshtags(domain, 1, np.sort(right), np.full(len(right), 1, dtype=np.int32))
+        self.side = ufl.Measure("ds", domain, subdomain_data=tags)(1)
+        energy = LinearElastic.from_young(100.0, 0.3).energy(self.u) * ufl.dx
+        if term is not None:
+            energy += term(self)
+        floor = HalfSpace((0.0, 0.0), (0.0, 1.0)) if floor is None else floor(self)
+        law = Coulomb(0.3) if law is None else law(self)
+        surface = ContactSurface(self.u, facets(domain, 1, 0.0), obstacle=floor, law=law)
+        bcs = [fem.dirichletbc(self.top, held)]
+        self.problem = ContactProblem(energy, self.u, [surface], bcs=bcs)
+
+    def parametric(self, driven=None):
+        pairs = [] if driven is None else [(self.top, driven(self))]
+        return ParametricContact(self.problem, self.gamma, driven=pairs)
+
+    @property
+    def values(self):
+        """Values of the displacement, in the order of the nodes."""
+        x = self.u.function_space.tabulate_dof_coordinates()
+        n = self.u.function_space.dofmap.index_map.size_local
+        values = np.hstack([x[:n, :2], self.u.x.array.reshape(-1, 2)[:n]])
+        whole = np.concatenate(COMM.allgather(values))
+        return whole[np.lexsort(np.round(whole[:, 1::-1].T, 9))][:, 2:]
+
+
+def pull(p):
+    return -5 * p.u[0] * p.side
+
+
+JUMPS = {
+    "friction": (lambda p: 20 * abs(p.u[0]) * ufl.dx - 5 * p.u[0] * ufl.dx, r"\|u\[0\]\|"),
+    "friction on a face": (lambda p: 20 * abs(p.u[0]) * p.side + pull(p), r"\|u\[0\]\|"),
+    "one way": (lambda p: ufl.max_value(p.u[1], p.u[0]) * ufl.dx, "max_value"),
+    "of a smooth body": (
+        lambda p: ufl.exp(p.u[1]) * ufl.dx + ufl.sign(p.u[0]) * p.u[0] * ufl.dx,
+        "sign",
+    ),
+    "on inner facets": (
+        lambda p: abs(ufl.jump(ufl.grad(p.u[0]))[0]) * ufl.dS,
+        "grad",
+    ),
+}
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize("name", JUMPS)
+def test_a_bulk_that_jumps_is_not_solved(name):
+    """The error names the possibility; the displacement is as it was."""
+    term, words = JUMPS[name]
+    p = Plate(term)
+    message = rf"kinks in u, by .*{words}.*: if its residual jumps there.*such as Tresca"
+    with pytest.raises(ConvergenceError, match=message):
+        p.problem.solve(progress=False)
+    assert not p.u.x.array.any()
+
+
+def test_nothing_is_proved_of_an_energy_that_jumps():
+    """Its derivative, in which the jump is absent, is that of a linear body."""
+    p = Plate(lambda p: ufl.conditional(p.u[0] > 1e-3, 1.0, 0.0) * ufl.dx)
+    p.problem.solve()
+    assert p.problem.uniqueness().verdict == "not proved"
+
+
+def test_a_residual_that_jumps_is_not_solved():
+    p = Plate()
+    v = ufl.TestFunction(p.u.function_space)
+    stiff = ufl.derivative(LinearElastic.from_young(1.0, 0.3).energy(p.u) * ufl.dx, p.u, v)
+    residual = stiff + (ufl.sign(p.u[0]) - 0.1) * v[0] * ufl.dx
+    problem = ContactProblem(residual, p.u, p.problem.contacts, bcs=p.problem.bcs)
+    with pytest.raises(ConvergenceError, match=r"kinks in u.*Tresca"):
+        problem.solve(progress=False)
+
+
+@pytest.mark.parametrize(
+    ("sense", "degree", "cell"),
+    [(1.0, 1, "triangle"), (1.0, 2, "quadrilateral"), (-1.0, 1, "triangle")],
+)
+@pytest.mark.verifies(
+    "bulk with kinks", reference="itself: springs that act always, or never", aspects=("2D",)
+)
+@pytest.mark.refuses("bulk with kinks", aspects=("branches",))
+def test_a_bulk_with_kinks(sense, degree, cell):
+    """Springs on the side that only hold it back: as ever, or never, as the pull has it."""
+
+    def springs(p, stretch):
+        return 50 * stretch**2.0 * p.side + sense * pull(p)
+
+    def solved(term):
+        p = Plate(term, degree=degree, cell=cell)
+        result = p.problem.solve()
+        assert degree == 2 or result.kkt_violation < 1e-9
+        return p, result, p.values
+
+    p, _, found = solved(lambda p: springs(p, ufl.max_value(p.u[0], 0)))
+    _, _, expected = solved(lambda p: springs(p, p.u[0] if sense > 0 else 0 * p.u[0]))
+    # An edge of degree 2 is pressed in beside the held corner, by a little.
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 if degree == 1 else 1e-5)
+    assert np.abs(found).max() > 0.01
+    assert p.problem.uniqueness().verdict == "not proved"
+    system = p.parametric()
+    for use in (
+        lambda: follow(system, system.create_vector(), 0.0, gamma_range=(0.0, 1.0)),
+        lambda: ArcLength(system),
+    ):
+        with pytest.raises(ValueError, match=r"the bulk has kinks in u: max_value"):
+            use()
+
+
+def test_what_is_affine_stays_so():
+    """Kinks of data alone, whole powers, quotients by data: the stiffness is kept, and a proof."""
+
+    def term(p):
+        x = ufl.SpatialCoordinate(p.domain)
+        c = p.other
+        soft = ufl.conditional(x[0] > 0.5, 1.0, 2.0) * abs(c - 1) / ufl.max_value(x[1], 0.1)
+        return (soft * p.u[0] ** 2.0 + p.gamma**1.0 * soft * p.u[0]) * ufl.dx
+
+    p = Plate(term)
+    system = p.parametric()
+    assert system.is_piecewise_affine
+    p.problem.solve()
+    assert p.problem.uniqueness().verdict == "proved"
+    assert follow(system, _start(system), 0.0, gamma_range=(0.0, 1.0), route="pivoting").points
+
+
+@pytest.mark.parametrize(
+    ("term", "rest", "load"),
+    [
+        (None, 0.0, 0.0),
+        (lambda p: ufl.dot(p.u, p.u) ** 1.0 * ufl.dx, 0.0, 0.0),
+        (lambda p: (3.0 + p.u[0] * p.u[1]) * ufl.dx, 3.0, 0.0),
+        (lambda p: (p.u[0] - 0.5) ** 2 * ufl.dx, 0.25, -1.0),
+        (lambda p: -5 * p.u[0] * p.side, 0.0, -5.0),
+    ],
+)
+def test_what_is_left_at_rest(term, rest, load, monkeypatch):
+    """The energy, and the sum of the rows, at zero displacement: assembled if anything is left."""
+    body = Plate(term).problem.equations.bulk
+    assembled = []
+    plain = body.residual_at
+    monkeypatch.setattr(body, "residual_at", lambda u: assembled.append(1) or plain(u))
+    none = np.zeros_like(body.displacement.x.array)
+    body.stiffness(none)
+    assert body.energy_at(none) == pytest.approx(rest, abs=1e-14)
+    rows = body.affine_load().sum()
+    assert COMM.allreduce(rows) == pytest.approx(load, abs=1e-14)
+    assert len(assembled) == int(load != 0)
+
+
+SHAPES = {
+    "up and down": lambda g: 1 - abs(g - 1),
+    "up to": lambda g: ufl.min_value(g, 0.5),
+    "a step": lambda g: ufl.conditional(g > 1, 1.0, 0.5) * g,
+}
+
+
+def _loaded(shape):
+    return Plate(lambda p: -3 * shape(p.gamma) * p.u[0] * p.side).parametric()
+
+
+def _driven(shape):
+    p = Plate(pull)
+    return p.parametric(lambda p: ufl.as_vector([0.02 * shape(p.gamma), -0.02]))
+
+
+def _moved(shape):
+    def floor(p):
+        motion = {"y": 0.01 * shape(p.gamma)}
+        plane = HalfSpace((0.0, 0.0), (0.0, 1.0))
+        return RigidBody(plane, about=(0.0, 0.0), motion=motion, held=["x", "rz"])
+
+    return Plate(pull, floor=floor).parametric()
+
+
+def _start(system, gamma=0.0):
+    system.set_parameter(gamma)
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    return x
+
+
+@pytest.mark.parametrize(
+    ("name", "of"),
+    [
+        pytest.param("up to", _driven, marks=pytest.mark.long),
+        pytest.param("up to", _moved, marks=pytest.mark.long),
+        pytest.param("a step", _loaded, marks=pytest.mark.long),
+        ("up and down", _loaded),
+    ],
+)
+@pytest.mark.verifies(
+    "branches",
+    reference="itself: solves at points of the branch",
+    aspects=(
+        "2D",
+        "branches",
+    ),
+)
+def test_data_with_kinks_in_gamma(name, of):
+    """Solutions are those of the load at gamma; branches go over kinks, and end at jumps."""
+    system = of(SHAPES[name])
+    assert not system.is_piecewise_affine
+    x = _start(system)
+    there = _start(system, 2.0)
+    found = find_solutions(system, [x], 2.0, lengths=[1 / 2])
+    assert found.complete  # at one gamma the load is a number
+    assert min((s.x - there).norm() for s in found.found) < 1e-8 * there.norm()
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 2.0))
+    y = system.create_vector()
+    b = system.create_vector()
+    for point in branch.points:
+        y.array[:] = point.y.array_r[: y.getLocalSize()]
+        assert system.residual(y, point.gamma, b, point.piece) < 1e-8
+    if name == "a step":
+        assert branch.points[-1].gamma == pytest.approx(1.0, abs=1e-5)
+        assert "the data have kinks or jumps in gamma" in branch.reason
+    else:
+        assert branch.points[-1].gamma == pytest.approx(2.0)
+        assert (y - there).norm() < 1e-6 * there.norm()
+
+
+def bump(p):
+    """Nothing at the ends and in the middle of 0 to 1, one at 1/4."""
+    return ufl.max_value(1 - 20 * abs(p.other - 0.25), 0)
+
+
+SECOND = {
+    "a load": lambda: Plate(lambda p: (p.gamma - p.other - bump(p)) * p.u[0] * p.side),
+    "friction": lambda: Plate(
+        lambda p: p.gamma * p.u[0] * p.side, law=lambda p: Coulomb(0.3 + 0.1 * p.other + bump(p))
+    ),
+    "a gap": lambda: Plate(
+        lambda p: p.gamma * p.u[0] * p.side,
+        floor=lambda p: HalfSpace(ufl.as_vector([0.0, 0.01 * (p.other + bump(p))]), (0.0, 1.0)),
+    ),
+    "the stiffness": lambda: Plate(
+        lambda p: (p.gamma * p.u[0] + p.other * p.u[0] + bump(p) * p.u[0] ** 2) * p.side
+    ),
+    "the rate": lambda: Plate(lambda p: (p.gamma * (1 + bump(p)) + p.other) * p.u[0] * p.side),
+}
+
+
+@pytest.mark.parametrize("name", SECOND)
+def test_a_second_parameter_between_samples(name):
+    p = SECOND[name]()
+    with pytest.raises(ValueError, match="must be affine in the second parameter"):
+        contact_family(p.parametric(), p.other, mu_range=(0.0, 1.0))
+
+
+def _motion(damping, **options):
+    """A body that floats, with the velocity and the speed of a wind."""
+    domain = mesh.create_unit_square(COMM, 2, 2)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="u")
+    v = fem.Function(V, name="v")
+    floor = HalfSpace((0.0, -5.0), (0.0, 1.0))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Frictionless())
+    energy = LinearElastic.from_young(100.0, 0.3).energy(u) * ufl.dx
+    wind = fem.Constant(domain, (0.4, 0.0))
+    form = damping(v, wind, ufl.TestFunction(V), u)
+    problem = ContactProblem(energy, u, [surface])
+    density = options.pop("density", lambda u, v: 1.0)(u, v)
+    motion = NSCD(problem, density, dt=0.05, velocity=v, damping=form, mass="consistent", **options)
+    return motion, v, wind
+
+
+@pytest.mark.verifies("NSCD motion", reference="closed form: v' = 3 (w - v)", aspects=("2D",))
+def test_damping_in_a_wind():
+    """v' = 3 (w - v): the body takes the speed of the wind, which blows the other way later."""
+    motion, v, wind = _motion(lambda v, w, t, u: 3.0 * ufl.inner(v - w, t) * ufl.dx)
+    mean = fem.form(v[0] * ufl.dx)
+    history = motion.run([0.0, 1.0])
+    at_one = COMM.allreduce(fem.assemble_scalar(mean))
+    assert at_one == pytest.approx(0.4 * (1 - np.exp(-3.0)), rel=2e-3)
+    assert abs(history.energies.residue) < 1e-9 * history.energies.external
+    wind.value = (-0.4, 0.0)
+    motion.run([1.0, 2.0])
+    expected = -0.4 + (at_one + 0.4) * np.exp(-3.0)
+    assert COMM.allreduce(fem.assemble_scalar(mean)) == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("damping", "words"),
+    [
+        (lambda v, w, t, u: ufl.sign(v[0]) * t[0] * ufl.dx, r"sign\(v\[0\]\)"),
+        (lambda v, w, t, u: abs(v[0]) * t[0] * ufl.dx, r"\|v\[0\]\|"),
+        (lambda v, w, t, u: ufl.conditional(v[0] > 1, v[0], 2 * v[0]) * t[0] * ufl.dx, "> "),
+        (lambda v, w, t, u: v[0] * v[1] * t[0] * ufl.dx, "degree 2"),
+        (lambda v, w, t, u: abs(u[0]) * v[0] * t[0] * ufl.dx, "displacement"),
+    ],
+)
+def test_damping_that_is_not_affine(damping, words):
+    with pytest.raises(ValueError, match=words):
+        _motion(damping)
+
+
+@pytest.mark.ranks(2)
+def test_a_density_that_moves():
+    with pytest.raises(ValueError, match="the density depends on the displacement"):
+        _motion(lambda v, w, t, u: ufl.inner(v, t) * ufl.dx, density=lambda u, v: 1 + u[0] ** 2)

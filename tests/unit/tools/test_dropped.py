@@ -1,0 +1,86 @@
+"""What is dropped while an exception travels, in processes of their own, which might hang."""
+
+import gc
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+from support.blocks import box
+
+from dolfinx_contact import _kept
+
+SCRIPT = """
+import gc
+from mpi4py import MPI
+from support.blocks import block
+from dolfinx_contact import meshing
+from dolfinx_contact.algorithms import Uzawa
+
+def mesh_of_a_problem():
+    domain = block(n=2).V.mesh
+    gc.collect()
+    return domain
+
+def joined():
+    body = meshing.join([mesh_of_a_problem(), mesh_of_a_problem()])
+    return body.mesh
+
+def fails():
+    raise ArithmeticError
+
+for make in (mesh_of_a_problem, joined):
+    for _ in range(2):
+        try:
+            print(make(), fails())  # the mesh is dropped while the exception travels
+        except ArithmeticError:
+            pass
+        assert MPI.COMM_WORLD.allreduce(1) == MPI.COMM_WORLD.size
+for _ in range(50):
+    try:
+        block(n=2).solve(algorithm=Uzawa(max_iterations=-1))
+    except ValueError:
+        pass
+assert block(n=2).solve().converged
+print("done")
+"""
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="processes of their own")
+@pytest.mark.parametrize(
+    "launcher",
+    [
+        pytest.param([], id="one rank"),
+        pytest.param(["mpirun", "-n", "2"], marks=pytest.mark.long, id="two ranks"),
+    ],
+)
+def test_the_next_collective_does_not_wait_for_ever(launcher):
+    command = [*launcher, sys.executable, "-c", SCRIPT]
+    here = Path(__file__).parents[2]
+    done = subprocess.run(command, cwd=here, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("done") == max(len(launcher) - 1, 1)
+
+
+@pytest.mark.ranks(2)
+def test_garbage_that_is_collected_while_meshes_are_freed(monkeypatch):
+    """Both free the same meshes, which left one of them with places that were gone."""
+
+    def collected(number):
+        gc.collect()
+        return range(number)
+
+    monkeypatch.setattr(_kept, "_kept", [])
+    gc.disable()
+    try:
+        meshes = [box(MPI.COMM_SELF, 1, "tri") for _ in range(3)]
+        for domain in meshes:
+            _kept.keep(domain)
+        del meshes, domain
+        monkeypatch.setattr(_kept, "range", collected, raising=False)
+        _kept.keep(box(MPI.COMM_SELF, 1, "quad"))
+    finally:
+        gc.enable()
+    assert len(_kept._kept) == 1

@@ -1,0 +1,327 @@
+"""What scripts are made of: the parser of their options, journals in memory, plain pictures."""
+
+import argparse
+import csv
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from _case import ScriptParser, number
+from _hertz import Hertz
+from _plots import draw_maps
+from support.blocks import block, box, facets
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    io,
+    plot,
+    records,
+)
+from dolfinx_contact.continuation import Branch, find_solutions, follow, follower_for, points_at
+from dolfinx_contact.grids import create_grid, graded
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import draw_polygon, mesh_from_gmsh
+from dolfinx_contact.records import BranchRecord, leftmost, rightmost, total
+
+COMM = MPI.COMM_WORLD
+FUNCTIONALS = {"ut": leftmost("ut"), "un": rightmost("un"), "rn": total("rn"), "rt": total("rt")}
+
+
+def pushed(cell="quad", n=3):
+    """A block that is pressed and pushed the more the larger gamma is."""
+    domain = box(COMM, n, cell)
+    dim = domain.geometry.dim
+    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
+    u = fem.Function(V)
+    moved = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
+    law = Coulomb(0.3)
+    up = np.eye(dim)[-1]
+    floor = HalfSpace(-0.002 * up, up)
+    surface = ContactSurface(u, facets(domain, dim - 1, 0.0), obstacle=floor, law=law)
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(moved, held)])
+    way = ufl.as_vector([0.008 * gamma, *[0.0] * (dim - 2), -0.01 * gamma])
+    return ParametricContact(problem, gamma, driven=[(moved, way)])
+
+
+@pytest.fixture(scope="module")
+def followed():
+    system = pushed()
+    x = system.create_vector()
+    return system, x, follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps")
+
+
+# -- the command line ----------------------------------------------------------------------------
+
+
+def parser():
+    made = ScriptParser("A script", output="output/x", dim=2, cell=None, n=4, lame=(1.0, 2.0))
+    made.add_argument("--part", type=number(least=0, below=1), default=0.5, help="of it")
+    return made
+
+
+def test_options_with_their_defaults():
+    args = parser().parse(["--n", "7", "--lame", "3", "4", "-contact_snes_max_it", "9"])
+    assert (args.n, args.lame, args.part, args.cell, args.output) == (
+        7,
+        [3, 4],
+        0.5,
+        "quad",
+        "output/x",
+    )
+    assert parser().parse(["--dim", "3"]).cell == "hex"
+    with pytest.raises(KeyError, match="wheels"):
+        ScriptParser("A script", output="x", wheels=4)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--n 0", "--n: must be positive, got 0"),
+        ("--n 2.5", "--n: must be a whole number"),
+        ("--part nan", "--part: must be finite"),
+        ("--part 1", "--part: must be below 1"),
+        ("--part -0.1", "--part: must be at least 0"),
+        ("--part x", "--part: must be a number"),
+        ("--lame -1 1", "a stable material"),
+        ("--dim 3 --cell tri", "--cell tri does not fit --dim 3"),
+        ("--wheels 4", "unknown options"),
+    ],
+)
+def test_bad_options(words, message, capsys):
+    with pytest.raises(SystemExit):
+        parser().parse(words.split())
+    said = capsys.readouterr().err
+    assert message in said if COMM.rank == 0 else said == ""
+
+
+def test_bounds_of_numbers():
+    assert number(int, most=3)("3") == 3
+    for kind, word in ((number(most=3), "3.1"), (number(above=2), "2"), (number(), "inf")):
+        with pytest.raises(argparse.ArgumentTypeError):
+            kind(word)
+
+
+# -- journals in memory --------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+def test_journal_in_memory_is_that_of_a_record(followed, folder):
+    system, x, branch = followed
+    journal = records.journal_of(system, [branch], FUNCTIONALS)
+    with BranchRecord(folder / "record", system, FUNCTIONALS) as record:
+        follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps", record=record)
+        mine = journal.columns()
+        other = record.journal.columns()
+        for name in other:
+            if name == "norm":  # in other units
+                assert np.corrcoef(mine[name], other[name])[0, 1] == pytest.approx(1.0)
+            elif other[name].dtype == object:
+                assert mine[name].tolist() == other[name].tolist()
+            else:
+                np.testing.assert_allclose(mine[name], other[name], atol=1e-9)
+        assert journal.summary()["folds"] == record.journal.summary()["folds"] == []
+    assert journal.summary()["events"] == sum(bool(s.changes) for s in branch.special) > 1
+    rows = journal.rows()
+    assert [row["gamma"] for row in rows] == branch.summary()["gammas"]
+    assert rows[-1] == journal.summary()["end"]
+    assert journal.rows(0, ("stick", "gamma"))[-1]["gamma"] == 1.0
+    with pytest.raises(ValueError, match="not columns: wheels"):
+        journal.rows(columns=["wheels"])
+    with pytest.raises(ValueError, match="must be Branches"):
+        records.journal_of(system, [3])
+    with pytest.raises(ValueError, match="neither a UFL form nor a function"):
+        records.journal_of(system, [branch], {"wheels": 4})
+
+
+@pytest.mark.parametrize("cell", ["quad", "hex"])
+def test_functionals_are_those_of_the_table(cell):
+    system = pushed(cell, 2)
+    system.set_parameter(1.0)
+    table = system.problem.solve().tables["contact"]
+    found = {name: f(system.problem) for name, f in FUNCTIONALS.items()}
+    assert found["ut"] == pytest.approx(table.along(table.ut)[0])
+    assert found["un"] == pytest.approx(table.un[-1])
+    assert found["rn"] == pytest.approx(table.rn.sum())
+    force = table.rt.sum(axis=0)
+    assert found["rt"] == pytest.approx(force[0] if cell == "quad" else np.linalg.norm(force))
+    with pytest.raises(ValueError, match="un, ut, rn or rt"):
+        leftmost("wheels")
+    with pytest.raises(ValueError, match="no surface is named 'x'"):
+        leftmost("ut", "x")(system.problem)
+    with pytest.raises(ValueError, match="forces are summed"):
+        total("ut")
+
+
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
+def test_points_of_a_branch_at_one_gamma(route):
+    system = pushed(n=2)
+    x = system.create_vector()
+    way = dict(gamma_range=(0.0, 1.0), route=route)
+    branch = follow(system, x, 0.0, **way)
+    (point,) = points_at(system, branch, 0.73, **way)
+    with follower_for(system, x, 0.0, gamma_scale=1.0, route=route) as follower:
+        again = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
+        (known,) = follower.at(again, 0.73)
+    assert point.gamma == known.gamma == 0.73
+    assert (point.y - known.y).norm() < 1e-10 * known.y.norm()
+    assert system.letters(point.piece) == system.letters(known.piece)
+    with pytest.raises(ValueError, match="gamma = 2"):
+        points_at(system, branch, 2.0, **way)
+    with pytest.raises(ValueError, match="a Branch with points"):
+        points_at(system, Branch(), 0.5, **way)
+
+
+def test_solutions_as_points(followed):
+    system, x, branch = followed
+    found = find_solutions(system, [x], 1.0)
+    (point,) = found.points(system)
+    assert records.journal_of(system, [Branch([point])], FUNCTIONALS).rows()[0][
+        "rn"
+    ] == pytest.approx(records.journal_of(system, [branch], FUNCTIONALS).rows()[-1]["rn"], rel=1e-9)
+    assert system.result_at(point).kkt_violation < 1e-9
+    assert found.continua == ()
+
+
+# -- pictures and tables -------------------------------------------------------------------------
+
+
+def big(path):
+    return path.stat().st_size > 8_000
+
+
+def test_pictures_of_curves_and_regions(folder):
+    if COMM.rank > 0:  # drawn on one
+        return
+    x = np.linspace(0.1, 1.0, 30)
+    axes = plot.draw_curves(folder / "a.png", {"y": (x, x**2)}, marks={"m": (x[:3], x[:3])})
+    assert big(folder / "a.png")
+    assert [line.get_label() for line in axes.lines] == ["y", "m"]
+    cells = [["a", "b"], ["b", "a"], ["a", "a"]]
+    names = {"a": "first", "b": "second", "c": "third"}
+    lines = [(([0, 1], [0, 1]), "c")]
+    assert big(draw_maps(folder / "c.png", x[:3], x[:2], {"map": cells}, names, lines=lines))
+    for wrong in ({}, {"y": (x, x[:2])}):
+        with pytest.raises(ValueError, match=r"nothing to draw|abscissae"):
+            plot.draw_curves(folder / "d.png", wrong)
+    with pytest.raises(KeyError, match="b"):
+        draw_maps(folder / "d.png", x[:3], x[:2], {"map": cells}, {"a": "first"})
+    assert not (folder / "d.png").exists()
+
+
+def test_diagrams_with_several_panels(followed, folder):
+    system, _, branch = followed
+    journal = records.journal_of(system, [branch], FUNCTIONALS)
+    if COMM.rank > 0:
+        return
+    sizes = []
+    for i, names in enumerate(
+        [["ut"], ["ut", "rn"], {"ut": "$u_t$", "rn": "N", "rt": "T"}, [*FUNCTIONALS]]
+    ):
+        for counts in (False, True):
+            file = folder / f"{i}{counts}.png"
+            plot.draw_diagram(file, journal, names, names=["the branch"], counts=counts)
+            sizes.append(file.stat().st_size)
+    assert min(sizes) > 10_000
+    with pytest.raises(ValueError, match="1 branches need as many names, got 2"):
+        plot.draw_diagram(folder / "no.png", journal, names=["a", "b"])
+    with pytest.raises(ValueError, match="'wheels' is not a recorded number"):
+        plot.draw_diagram(folder / "no.png", journal, ["ut", "wheels"])
+
+
+@pytest.mark.ranks(2)
+def test_report_speaks_on_one_rank(capsys, folder, followed):
+    say = io.Report(COMM)
+    problem = block(n=2)
+    say("begins")
+    result = problem.solve(monitor=say.newton)
+    say.result(result)
+    system, _, branch = followed
+    say.branch(records.journal_of(system, [branch]))
+    say.files([folder / "a.png", None])
+    said = capsys.readouterr().out
+    if COMM.rank > 0:
+        assert said == ""
+        return
+    assert said.startswith("begins\n  Newton  0: force ")
+    assert f"{result.reason}: {result.iterations} Newton iterations, {result.dofs} unknowns" in said
+    assert f"{result.counts['stick']} stick" in said
+    assert f"event       gamma {branch.special[0].gamma:.12f}" in said
+    assert f"{len(branch.points)} points: {branch.reason}\n" in said
+    assert said.endswith(f"files:\n  {folder / 'a.png'}\n")
+
+
+@pytest.mark.ranks(2)
+def test_rows_as_csv(folder):
+    rows = [{"a": 1, "b": 0.1}, {"a": 2, "b": 0.2, "c": 3}]
+    io.write_rows(COMM, folder / "rows.csv", rows)
+    with open(folder / "rows.csv", newline="") as file:
+        assert list(csv.reader(file)) == [["a", "b"], ["1", "0.1"], ["2", "0.2"]]
+    with pytest.raises(ValueError, match="there are no rows"):
+        io.write_rows(COMM, folder / "none.csv", [])
+
+
+# -- Hertz, grids and polygons -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_closed_forms_of_hertz(dim):
+    """The pressure carries the load, and its radius gives the load back."""
+    hertz = Hertz(dim, 50.0, 2e5)
+    load = 300.0
+    a = hertz.radius(load)
+    assert hertz.load(a) == pytest.approx(load)
+    x = a * np.sin(np.linspace(0, np.pi / 2, 20001))
+    weight = 2.0 if dim == 2 else 2 * np.pi * x
+    assert np.trapezoid(weight * hertz.pressure(load, x), x) == pytest.approx(load, rel=1e-6)
+    assert hertz.pressure(load, [0.0, 1.1 * a]).tolist() == [hertz.peak(load), 0.0]
+    # The displacement of the axis below the surface is the integral of its strain.
+    near, far = (hertz.approach(load, depth, 0.3) for depth in (20 * a, 40 * a))
+    assert 0 < near < far
+    with pytest.raises(ValueError, match="must be positive"):
+        Hertz(dim, 0.0, 1.0)
+    with pytest.raises(ValueError, match="2 or 3"):
+        Hertz(4, 1.0, 1.0)
+
+
+def test_graded_grid():
+    x = graded(10.0, 0.1, 5, 7)
+    assert x[0] == 0
+    assert x[-1] == pytest.approx(10.0, rel=1e-12)
+    h = np.diff(x)
+    np.testing.assert_allclose(h[:5], 0.1)
+    np.testing.assert_allclose(h[6:] / h[5:-1], h[5] / h[4])
+    assert graded(1.0, 0.1, 5, 5) == pytest.approx(np.linspace(0, 1, 11))
+    for wrong in ((10.0, 0.1, 100, 1), (10.0, 0.1, 5, 0), (10.0, 0.0, 5, 5)):
+        with pytest.raises(ValueError, match="do not fill"):
+            graded(*wrong)
+    domain = create_grid(COMM, [x, [1.0, 2.0, 4.0]], mesh.CellType.quadrilateral)
+    area = fem.assemble_scalar(fem.form(fem.Constant(domain, 1.0) * ufl.dx))
+    assert COMM.allreduce(area) == pytest.approx(30.0)
+    with pytest.raises(ValueError, match="must rise"):
+        create_grid(COMM, [x, [1.0, 1.0]], mesh.CellType.quadrilateral)
+
+
+def test_polygon_and_its_bounds():
+    corners = [(0, 0), (2, 0), (2, 1), (0, 1)]
+    sides = {"below": [0], "rest": [1, 3]}
+    body = mesh_from_gmsh(COMM, lambda: draw_polygon(corners, 0.5, sides), dim=2, groups=sides)
+    np.testing.assert_allclose(body.bounds("below"), [[0, 0, 0], [2, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(body.bounds("rest"), [[0, 0, 0], [2, 1, 0]], atol=1e-12)
+    length = fem.assemble_scalar(fem.form(fem.Constant(body.mesh, 1.0) * body.ds("rest")))
+    assert COMM.allreduce(length) == pytest.approx(2.0)
+    with pytest.raises(ValueError, match="no group of facets is named 'above'"):
+        body.bounds("above")
+    with pytest.raises(ValueError, match="do not make a polygon"):
+        mesh_from_gmsh(COMM, lambda: draw_polygon(corners, 0.5, {"x": [4]}))
