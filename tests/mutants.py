@@ -42,8 +42,11 @@ ROOMS = {
         [
             *("law", "coulomb", "status", "table_of_laws", "anisotropic", "compliant"),
             *("compiled_law", "friction_limits", "more_friction", "own_law", "interfaces"),
-            *("adhesion_in_time", "adhesion_recovers", "nonlocal", "core_in_small"),
-            *("roots_in_small", "laws_in_small", "formulas_in_small"),
+            *(
+                "adhesion_in_time",
+                "adhesion_recovers",
+                "nonlocal",
+            ),
         ],
     ),
     "compiler": (["laws/compiled.py"], ["compiled_law", "law"]),
@@ -51,11 +54,11 @@ ROOMS = {
         ["points/[!_]*.py", "points/sliding/[!_]*.py", "obstacles.py"],
         [
             *("surface", "kinematics", "pair", "sliding_pair", "mortar", "rigid_surface"),
-            *("sliding_revolution", "core_in_small"),
+            "sliding_revolution",
             *("rigid_body", "true_surface", "two_faces", "small_sliding", "held_ends"),
             *("curved_friction", "given_normals", "doubled_nodes", "common_points", "overlap"),
-            *("points_in_small", "planes_of_symmetry", "faces_in_small", "sides_in_small"),
-            *("sliding_in_small", "clipping"),
+            "planes_of_symmetry",
+            "clipping",
         ],
     ),
     "equations": (
@@ -63,12 +66,15 @@ ROOMS = {
         [
             *("kinematics", "parametric", "checks", "law", "own_law", "more_friction"),
             *("curved_friction", "rigid_body", "pair", "nonlocal", "planes_of_symmetry"),
-            *("messages", "core_in_small", "rates_in_small", "scales"),
+            *("messages", "scales"),
         ],
     ),
     "reduced": (
         ["reduced/[!_]*.py", "solvers/condensation.py", "solvers/surface_block.py"],
-        ["point_problem", "lemke", "core_in_small"],
+        [
+            "point_problem",
+            "lemke",
+        ],
     ),
     "checker": (
         ["analysis/check_proof.py"],
@@ -82,7 +88,10 @@ ROOMS = {
         ],
         [
             *("affine", "rays", "linear_triangle", "proved_rays", "continuation", "kinked_data"),
-            *("kink_starts", "paths_in_small", "pivoting", "steps_in_small"),
+            *(
+                "kink_starts",
+                "pivoting",
+            ),
         ],
     ),
     "evolution": (
@@ -90,8 +99,8 @@ ROOMS = {
         [
             *("evolution", "slip_memory", "increments", "sliding_steps", "at_rest", "motion"),
             *("motion_data", "motion_solver", "friction_from_zero", "arc_length", "jumps"),
-            *("motion_laws", "paths_in_small", "energies_in_small", "evolution_in_small"),
-            *("runs_in_small", "ways_in_small", "states_in_small", "between_runs"),
+            "motion_laws",
+            "between_runs",
         ],
     ),
 }
@@ -99,7 +108,7 @@ ROOMS = {
 ALONE = {
     "checker": (
         *("test_recorded_proofs", "test_bounds_in_closed_form"),
-        *("test_differences_of_solutions", "test_checker_in_small", "test_bounds_of_errors"),
+        *("test_differences_of_solutions", "test_bounds_of_errors"),
     )
 }
 #: Operators of Cosmic Ray that are tried. The others put something grosser in the same place (a
