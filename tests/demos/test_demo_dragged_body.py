@@ -7,7 +7,6 @@ from mpi4py import MPI
 
 import demo_dragged_body
 import gmsh
-import numpy as np
 import pytest
 
 COMM = MPI.COMM_WORLD
@@ -54,14 +53,6 @@ def test_default_body(folder, capsys):
         assert printed == ""
 
 
-@pytest.mark.long
-def test_degree_two(folder):
-    summary = demo_dragged_body.main(
-        ["--size=0.25", "--degree=2", "--friction=0.5", f"--output={folder}"]
-    )
-    check(folder, summary, 0.5)
-
-
 def barrel(file, names=("body", "contact", "top")):
     """A block with a round lower face, meshed line by line so that every gmsh makes the same."""
     gmsh.initialize(interruptible=False)
@@ -86,23 +77,6 @@ def barrel(file, names=("body", "contact", "top")):
     model.mesh.generate(3)
     gmsh.write(str(file))
     gmsh.finalize()
-
-
-@pytest.mark.long
-def test_mesh_from_a_file(folder):
-    """The same numbers on any number of ranks."""
-    file = folder / "barrel.msh"
-    if COMM.rank == 0:
-        barrel(file)
-    COMM.barrier()
-    out = folder / "out"
-    options = ["--friction=0.4", "--press=0.1", "--shift=0.05", "--young=20", "--poisson=0.3"]
-    summary = demo_dragged_body.main([f"--mesh={file}", f"--output={out}", *options])
-    check(out, summary)
-    assert summary["dofs"] == 825
-    assert [summary[k] for k in ("open", "stick", "slip", "clamped")] == [30, 6, 19, 0]
-    forces = [summary[k] for k in ("sum_rn", "sum_rt_x", "sum_rt_y")]
-    np.testing.assert_allclose(forces, [2.2373435698, -0.4858718934, -0.0112057788], rtol=1e-7)
 
 
 @pytest.mark.ranks(2)

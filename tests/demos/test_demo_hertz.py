@@ -71,21 +71,6 @@ def test_point_contact_converges(folder):
     assert summary["load"] == pytest.approx(4 * summary["sum_rn"])
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        pytest.param(["--cell", "tri", "--levels", 5, 10, 20], marks=pytest.mark.long),
-        ["--degree", 2, "--levels", 5, 10, 20],
-        ["--load", 57800, "--size", 10, "--levels", 5, 20],  # a/R = 0.08
-    ],
-)
-def test_line_contact_otherwise(folder, options):
-    summary = run(folder, *options)
-    assert summary["peak_pressure_error"] < 0.01
-    assert summary["radius_error"] < 0.01
-    assert summary["load"] == pytest.approx(options[1] if "--load" in options else 3624.9, rel=0.02)
-
-
 @pytest.mark.verifies(
     "Coulomb", reference="independent code: integral equations of the half-plane", aspects=("2D",)
 )
@@ -141,22 +126,3 @@ def test_numbers_do_not_depend_on_ranks(options):
     assert one.status == many.status
     assert many.x == pytest.approx(one.x, rel=1e-12)
     assert many.pressure == pytest.approx(one.pressure, rel=1e-9, abs=1e-9 * one.pressure.max())
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    "options",
-    [
-        ["--dim", "2", "--cell", "hex"],
-        ["--levels", "1"],
-        ["--size", "4"],
-        ["--poisson", "0.5"],
-        ["--radius", "nan"],
-        ["--friction", "-0.1"],
-        ["--load", "1e6"],
-        ["--load", "-1"],
-    ],
-)
-def test_bad_arguments(options, capsys):
-    with pytest.raises(SystemExit):
-        demo_hertz.arguments(options)

@@ -423,26 +423,3 @@ def test_a_pile_is_drawn(folder, no_pictures):
     assert summary["external"] == pytest.approx(summary["work_of_pull"], rel=1e-4)
     assert abs(summary["residue"]) < 0.03 * summary["external"]
     assert all((folder / name).exists() for name in ("load.png", "shear.png"))
-
-
-@pytest.mark.long
-def test_a_pile_converges(folder, no_pictures, monkeypatch):
-    """In steps: what is left over; in L/R: ends of the soil; in cells: the load."""
-    runs = []
-    for steps in (8, 16):
-        words = ["--n=10", f"--steps={steps}", f"--output={folder / str(steps)}"]
-        runs.append(demo_pile.main(words))
-    shares = [abs(run["residue"]) / run["external"] for run in runs]
-    assert shares[1] < 0.6 * shares[0]
-    fine = demo_pile.main(["--n=40", "--steps=16", f"--output={folder / 'fine'}"])
-    middle = demo_pile.main(["--n=20", "--steps=16", f"--output={folder / 'middle'}"])
-    for name in ("peak", "gives"):
-        near, far = (abs(run[name] - fine[name]) for run in (middle, runs[1]))
-        assert near < 0.35 * far, name
-    # The pressure at the corner of the base grows with finer cells, and what friction it is hardly.
-    assert middle["plateau"] == pytest.approx(fine["plateau"], rel=1e-3)
-    assert fine["plateau"] == pytest.approx(fine["friction_limit"], rel=2e-3)
-    monkeypatch.setattr(demo_pile, "PILE", (30e9, 0.2))
-    more = [gives(f"--depth={L}", f"--n={2 * L}") - 1 for L in (10, 20, 40)]
-    for near, far in zip(more[1:], more[:-1], strict=True):
-        assert 0.45 < near / far < 0.55

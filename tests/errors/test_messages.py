@@ -2,14 +2,12 @@
 
 import faulthandler
 import logging
-import traceback
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 from support.blocks import block, box, facets, same_tables
-from support.textbook import coulomb_system
 
 import ufl
 from dolfinx import fem
@@ -20,15 +18,12 @@ from dolfinx_contact import (
     Coulomb,
     HalfSpace,
     ParametricContact,
-    RigidSurface,
 )
-from dolfinx_contact._errors import everywhere, same_everywhere
-from dolfinx_contact.continuation import Observer, find_solutions, follow, solutions
-from dolfinx_contact.continuation.rays import Rays, outgoing
+from dolfinx_contact._errors import everywhere
+from dolfinx_contact.continuation import Observer, find_solutions, follow
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord
-from dolfinx_contact.solvers.history import Attempt, LinearSolverError
-from dolfinx_contact.solvers.linear import Direct
+from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.newton import Newton
 
 #: What ranks do to each other is tested in all cases on two of them.
@@ -153,49 +148,12 @@ def test_a_linear_solver_that_fails_is_told_from_a_cycle(options, words):
         assert word in attempt.reason
 
 
-def test_a_singular_matrix_is_named_with_reasons(monkeypatch):
-    problem = block()
-    attempt = Attempt("full steps")
-
-    def singular(self, state):
-        self.matrix.zeroEntries()
-        self.matrix.assemble()
-
-    monkeypatch.setattr(Direct, "update", singular)
-    x = problem.create_vector()
-    problem.write(x)
-    with Newton(problem.equations, problem.linear_solver, "none", None) as solver:
-        assert not solver.run(x, attempt)
-    for word in ("PC FACTOR_", "DIVERGED_PCSETUP_FAILED", "mumps INFOG(1:2) = -10", "singular"):
-        assert word in attempt.reason
-
-
 def test_iterative_solvers_work_without_a_factorisation_package():
     """The package of the default factorisation is not asked for an incomplete one."""
     options = {"ksp_type": "gmres", "ksp_rtol": 1e-12, "pc_type": "sor", "ksp_max_it": 500}
     options |= {"ksp_gmres_restart": 200}
     assert "pc_factor_mat_solver_type" not in block(options=options).linear_solver.defaults
     assert block().linear_solver.defaults["pc_factor_mat_solver_type"] == "mumps"
-
-
-def test_a_linear_system_that_cannot_be_set_up_is_one_failed_strategy(monkeypatch):
-    """The error comes out of PETSc as itself, and the strategies after it work."""
-    expected = block().solve().tables["contact"]
-    problem = block()
-    update = Direct.update
-    calls = []
-
-    def failing(self, state):
-        calls.append(1)
-        if len(calls) == 1:
-            raise LinearSolverError("the surface is singular")
-        update(self, state)
-
-    monkeypatch.setattr(Direct, "update", failing)
-    result = problem.solve()
-    same_tables(result.tables["contact"], expected)
-    assert [a.strategy for a in result.attempts] == ["full steps", "pivoting"]
-    assert result.attempts[0].reason == "the surface is singular"
 
 
 def test_an_exception_in_a_residual_comes_out_as_itself():
@@ -269,46 +227,6 @@ def test_a_solution_is_found_at_any_load(gamma):
     assert len(there.found) == 1
     b = system.create_vector()
     assert system.residual(there.found[0].x, gamma, b, None) < 1e-9
-
-
-def test_no_certificate_of_no_solution_where_one_must_exist(monkeypatch, caplog):
-    system, x = loaded(n=2)
-    assert system.condensed(x, 0.0).always_solvable
-    monkeypatch.setattr(solutions, "outgoing", lambda cone: Rays((), True, "nothing"))
-    there = find_solutions(system, [x], 0.3)
-    assert there.found == ()
-    assert not there.complete
-    (message,) = warnings_of(caplog, "a solution exists")
-    assert "positive definite" in message
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_no_certificate_from_data_that_are_not_finite(bad):
-    for S, rate in ((np.eye(2), [bad, 1.0]), (np.diag([1.0, bad]), [1.0, 1.0])):
-        with pytest.raises(ValueError, match="are not finite"):
-            outgoing(coulomb_system(S, np.zeros(2), rate, 0.5))
-    assert outgoing(coulomb_system(np.eye(2), np.zeros(2), [0.1, -1.0], 0.5)).complete
-
-
-def test_no_certificate_of_pieces_that_overflow():
-    """Every entry is a number, and so is none of the states."""
-    found = outgoing(coulomb_system(1e-200 * np.eye(2), np.zeros(2), [1e200, -1e200], 0.5))
-    assert not found.complete
-    assert "overflow" in found.method
-
-
-def test_loads_that_are_not_finite_have_no_solutions(monkeypatch):
-    system, x = loaded(n=2)
-    residual = system.residual
-
-    def spoilt(x, gamma, b, piece):
-        error = residual(x, gamma, b, piece)
-        b.array[:] = np.nan
-        return error
-
-    monkeypatch.setattr(system, "residual", spoilt)
-    with pytest.raises(ValueError, match="are not finite"):
-        find_solutions(system, [x], 0.3)
 
 
 # -- code of the user ------------------------------------------------------------------------------
@@ -395,12 +313,6 @@ def test_interruptions_reach_every_rank():
         on_last(SystemExit(3))
 
 
-@pytest.mark.skipif(COMM.size == 1, reason="for ranks that differ")
-def test_what_differs_is_named_with_its_place():
-    with pytest.raises(ValueError, match=r"^floor: the law differs between ranks: 0 on rank 0, 1"):
-        same_everywhere(COMM, "floor", the_law=min(COMM.rank, 1))
-
-
 def test_the_log_is_the_users():
     assert logging.getLogger("dolfinx_contact").level == logging.NOTSET
 
@@ -408,15 +320,3 @@ def test_the_log_is_the_users():
 def test_a_result_prints_round_off_as_zero():
     result = block(n=3).solve()
     assert "loads and springs: (0, 0)" in str(result)
-
-
-def test_an_error_of_rank_0_has_its_traceback(folder):
-    """On rank 0 as the traceback, on others as a note."""
-    if COMM.rank == 0:
-        (folder / "tool.stl").write_text("solid tool\nfacet normal 0 0 1\n")
-    COMM.barrier()
-    with pytest.raises(ValueError, match="truncated") as failure:
-        RigidSurface.read(folder / "tool.stl")
-    text = "".join(traceback.format_exception(failure.value))
-    assert "rigid_surfaces" in text
-    assert "files.py" in text

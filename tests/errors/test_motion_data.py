@@ -1,7 +1,6 @@
 """Motions whose data are not what they are taken for: refused, or said."""
 
 import logging
-import zlib
 
 from mpi4py import MPI
 
@@ -18,7 +17,6 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
-    RigidBody,
 )
 from dolfinx_contact.body.rigid import largest_turn, parts
 from dolfinx_contact.evolution import NSCD
@@ -93,20 +91,6 @@ def test_what_changes_in_mass_and_damping_is_refused(what):
     motion.load = lambda t: None
     values[...] = before + 1.0
     assert motion.run([0.15, 0.2], progress=False).complete
-
-
-def test_data_of_loads_and_laws_may_change():
-    """Weight, modulus without damping by it, and friction follow the load."""
-    law = Coulomb(0.1)
-    problem, _, E = body(law=law, height=0.0, held=False)
-    friction = problem.surfaces[0].law.friction
-
-    def load(t):
-        E.value = 1000.0 + t
-        friction.value = 0.1 + t
-
-    motion = NSCD(problem, 1.0, dt=0.1, load=load, mass="lumped", theta=1.0)
-    assert motion.run([0.0, 0.2], progress=False).complete
 
 
 @pytest.mark.parametrize("scheme", ["theta", "theta-euler", "modified-theta"])
@@ -224,105 +208,6 @@ def test_a_density_that_is_negative_within_a_cell():
     with pytest.raises(ValueError, match="the density must be positive everywhere"):
         NSCD(problem, x[0] - 0.2, dt=0.1, mass="lumped")
     NSCD(problem, x[0] + 0.01, dt=0.1, mass="lumped")
-
-
-@pytest.mark.ranks(2)
-def test_what_a_step_looks_at(monkeypatch):
-    """The mesh is looked at once a step, and no UFL is differentiated to know where a body is."""
-    domain = box(COMM, 2, "quad")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    t = fem.Constant(domain, 0.0)
-    shape = HalfSpace((0.0, -0.1), (0.0, 1.0))
-    wall = RigidBody(shape, about=(0.0, 0.0), motion={"y": 1.0 * t, "x": 0.1 * t}, held=("rz",))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=wall, law=Coulomb(0.3))
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-
-    def load(time):
-        t.value = time
-
-    problem = ContactProblem(energy, u, [surface])
-    motion = NSCD(problem, 1.0, dt=0.05, load=load)
-    motion.run([0.0, 0.1], progress=False)
-    marks = []
-    derivatives = []
-    checksum = zlib.crc32
-    expanded = ufl.algorithms.expand_derivatives
-    size = domain.geometry.x.nbytes
-
-    def counted(data, *start):
-        marks.append(memoryview(data).nbytes == size)
-        return checksum(data, *start)
-
-    def taken(*args, **kwargs):
-        derivatives.append(args)
-        return expanded(*args, **kwargs)
-
-    monkeypatch.setattr(zlib, "crc32", counted)
-    monkeypatch.setattr(ufl.algorithms, "expand_derivatives", taken)
-    history = motion.run([0.1, 0.3], progress=False)
-    assert sum(marks) <= 2 * len(history.steps)
-    assert not derivatives
-    assert max(s.result.resultants["contact"][1] for s in history.steps) > 1.0
-    np.testing.assert_allclose(wall.displacement, (0.03, 0.3), atol=1e-12)
-    # What the user moves between two solves is noticed all the same.
-    domain.geometry.x[:, 0] *= 1.01
-    with pytest.raises(ValueError, match="the mesh has moved"):
-        problem.solve()
-
-
-def thrown(load_of, **how):
-    """A body above a floor with a uniform load, a Constant, and its motion."""
-    domain = box(COMM, 2, "tri")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    eps = ufl.sym(ufl.grad(u))
-    pull = fem.Constant(domain, (0.0, 0.0))
-    floor = HalfSpace((0.0, -0.01), (0.0, 1.0))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    energy = (50.0 * ufl.inner(eps, eps) - ufl.dot(pull, u)) * ufl.dx
-    problem = ContactProblem(energy, u, [surface])
-    velocity = at_speed(problem, 1.0, -0.2)
-    load = load_of(pull)
-    return NSCD(problem, 1.0, dt=0.02, load=load, velocity=velocity, mass="consistent", **how)
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("scheme", ["theta", "modified-theta"])
-def test_a_later_run_begins_with_the_load_of_its_time(scheme):
-    """Whatever the data were set to since, as by another history of the problem."""
-
-    def load_of(pull):
-        def load(t):
-            pull.value[:] = np.sin(9 * t), -1 - t
-
-        return load
-
-    once, twice = (thrown(load_of, scheme=scheme, theta=0.6) for _ in range(2))
-    expected = once.run([0.0, 0.2]).energies
-    twice.run([0.0, 0.1])
-    twice.load(7.0)  # a look at another time
-    found = twice.run([0.1, 0.2]).energies
-    v = once.velocity.x.array
-    assert np.abs(twice.velocity.x.array - v).max() < 1e-12 * np.abs(v).max()
-    assert found.external == pytest.approx(expected.external, rel=1e-12)
-
-
-def test_another_load_acts_from_the_start_of_a_run():
-    """By the momentum of a body that flies."""
-
-    def constant(pull, x):
-        def load(t):
-            pull.value[:] = x, 1.0
-
-        return load
-
-    pulls = []
-    motion = thrown(lambda pull: pulls.append(pull) or constant(pull, 1.0))
-    motion.run([0.0, 0.02])
-    motion.load = constant(pulls[0], 5.0)
-    motion.run([0.02, 0.04])
-    assert np.abs(motion.velocity.x.array[0::2] - (1.0 + 0.02 * (1.0 + 5.0))).max() < 1e-12
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -12,7 +12,7 @@ from test_pair import displacement, held, stacked
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, HalfSpace, io
+from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, HalfSpace
 from dolfinx_contact.analysis import stability_at_rest
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
@@ -236,16 +236,6 @@ def test_shear_under_pressure(m):
     assert force[-1] == pytest.approx(6.0**-3 + m * (1 - 1 / 36), rel=1e-5)
 
 
-@pytest.mark.long
-def test_residue_falls_with_the_steps():
-    residues = []
-    for n in (10, 20):
-        problem, top = bonded(n=1, law=RCCM(C, C, W), young=1e4, comm=MPI.COMM_SELF)
-        history = QuasiStatic(problem, along(top, (0.0, 4 * U0))).run(np.linspace(0.0, 1.0, n + 1))
-        residues.append(abs(history.energies.residue))
-    assert residues[1] < 0.5 * residues[0] < 0.05 * W
-
-
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("speed", "wanted"),
@@ -318,62 +308,6 @@ def test_jacobian_by_taylor(cell, method, viscosity):
     np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
 
 
-def test_rejected_steps_leave_nothing():
-    """As the run that takes the accepted times at once; on one rank bit by bit."""
-    runs = []
-    times = [0.0, 1.0, 2.0, 3.0]
-    for wanted in (0.2, 1.0):
-        problem, top = bonded(law=RCCM(C, C, W, 0.3, viscosity=0.1))
-        load = along(top, (0.0, -0.01), (0.2, -0.01), (0.3, 0.2))
-        evolution = QuasiStatic(problem, load)
-        history = evolution.run(times, accept=lambda s, w=wanted: s.time - s.start < 1.5 * w)
-        times = [0.0, *(s.time for s in history.steps)]
-        (memory,) = evolution.memory
-        runs.append((history, [*(f.x.array for f in problem.fields), *memory.fields.values()]))
-    (rejecting, first), (other, second) = runs
-    assert sum(s.rejected for s in rejecting.steps) > 0 == sum(s.rejected for s in other.steps)
-    for a, b in zip(first, second, strict=True):
-        tolerance = 0.0 if COMM.size == 1 else 1e-10  # else sums come in any order
-        np.testing.assert_allclose(a, b, rtol=tolerance, atol=tolerance)
-    for a, b in zip(rejecting.steps, other.steps, strict=True):
-        assert a.energies.damage == pytest.approx(b.energies.damage, rel=tolerance, abs=tolerance)
-    assert history.energies.damage > 0
-    beta = memory.fields["beta"]
-    with pytest.raises(ValueError, match="read-only"):
-        memory.fields["beta"][:] = 1.0
-    # The memory of the end is what stands: looking at the state again changes nothing.
-    found = problem.with_memory(evolution.memory).evaluate().surfaces[0].answers.bond("after.beta")
-    np.testing.assert_allclose(found, beta, rtol=1e-14)
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
-@pytest.mark.parametrize("cell", ["tri", "tet"])
-@pytest.mark.verifies(
-    "RCCM adhesion",
-    reference="itself: the run on one rank",
-    aspects=(
-        "2D",
-        "3D",
-    ),
-)
-def test_as_on_one_rank(cell):
-    tables = []
-    for comm in (COMM, MPI.COMM_SELF):
-        problem, top = bonded(cell, law=RCCM(C, C, W, 0.3, viscosity=0.02), comm=comm)
-        aside = [0.05] if cell == "tet" else []
-        load = along(top, (0.0, *aside, -0.01), (0.2, *aside, -0.01), (0.3, *aside, 0.1))
-        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, 13))
-        tables.append([s.result.tables["contact"] for s in history.steps])
-    for a, b in zip(*tables, strict=True):
-        np.testing.assert_allclose(a.x, b.x, atol=1e-12)
-        np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-8)
-        np.testing.assert_allclose(a.un, b.un, rtol=0, atol=1e-10)
-        np.testing.assert_allclose(a.ut, b.ut, rtol=0, atol=1e-10)
-        np.testing.assert_allclose(a.beta, b.beta, rtol=1e-8)
-        assert "".join(a.bond) == "".join(b.bond)
-
-
 def drawn_node(stiffness, **given):
     """One node that a load gamma pulls off the floor, bonded by a stiffness."""
     law = RCCM(stiffness, 0.0, W, **given)
@@ -425,112 +359,6 @@ def test_snap_back(k):
     assert end.gamma * free == pytest.approx(8 * u0)
     u = gap_of_node(system) / u0
     assert u + k**-1 * u**-3 == pytest.approx(8.0, rel=1e-8)
-
-
-@pytest.mark.parametrize(
-    "given",
-    [
-        {},
-        pytest.param({"viscosity": 0.5, "order": 2}, marks=pytest.mark.long),
-        pytest.param({"viscosity": 0.5}, marks=pytest.mark.long),
-        pytest.param({"viscosity": 0.5, "exponent": 2.0}, marks=pytest.mark.long),
-    ],
-)
-@pytest.mark.verifies(
-    "RCCM adhesion",
-    reference="closed form: the opening at which the remembered intensity damages",
-    aspects=(
-        "2D",
-        "branches",
-    ),
-)
-def test_events_of_damage_within_a_step(given):
-    """Followed from a damaged state the bond damages anew where its memory says, to round-off.
-
-    Drawn by a spring of 5 times the stiffness of the bond, so that nothing folds.
-    """
-    k = 5.0
-    gaps = []
-    for stiffness in (0.0, 1.0):
-        system = drawn_node(stiffness)
-        system.set_parameter(1e-3)
-        gaps.append(gap_of_node(system))
-    free = gaps[0] / 1e-3
-    stiffness = gaps[1] / (gaps[0] - gaps[1]) / k
-    u0 = np.sqrt(W / stiffness)
-    system = drawn_node(stiffness, **given)
-    problem = system.problem
-    unit = u0 / free
-    system.set_parameter(0.0)
-    way = [0.0, 2.0, 3.0, 1.0, 0.5]
-
-    def load(t):
-        system.set_parameter(unit * np.interp(t, range(5), way))
-
-    evolution = QuasiStatic(problem, load)
-    evolution.run([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
-    (memory,) = evolution.memory
-    beta = float(memory.fields["beta"].min())
-    later = memory.later(0.5)
-    assert beta < 0.8
-    x = system.create_vector()
-    problem.write(x)
-    system = system.with_memory([later])
-    branch = follow(system, x, 0.5 * unit, gamma_range=(0.5 * unit, 6 * unit), max_steps=100)
-    (event,) = branch.special
-    (change,) = event.changes
-    assert (event.kind, event.located, event.smooth) == ("event", True, False)
-    assert (change.before, change.after) == (0, DAMAGING)
-    # E beta = w at the opening u: the load is that of the spring and of the bond.
-    u = beta**-0.5
-    assert event.gamma / unit == pytest.approx(u * (1 + beta**2 / k), rel=1e-9)
-    held = branch.points[event.index - 1]
-    damages = branch.points[-1]
-    for point, bond in ((held, "i"), (damages, "d")):
-        table = system.result_at(point).tables["contact"]
-        (row,) = np.flatnonzero(table.letters != "d")
-        u = table.un[row] / u0
-        now = table.beta[row]
-        assert table.bond[row] == bond
-        assert point.gamma / unit == pytest.approx(u * (1 + now**2 / k), rel=1e-8)
-        assert (now < beta) == (bond == "d")
-    if not given:
-        assert now == pytest.approx(u**-2, rel=1e-10)
-    elif given == {"viscosity": 0.5}:
-        assert now == pytest.approx((0.5 * beta + 0.5) / (0.5 + 0.5 * u**2), rel=1e-10)
-
-
-@pytest.mark.long
-def test_what_is_written(folder):
-    """Intensity and letters of bonds in tables, steps and fields; units do not matter."""
-    seen = []
-    for unit in (1.0, 1e6):  # of stress
-        law = RCCM(unit * C, unit * C, unit * W, 0.3)
-        problem, top = bonded(law=law, young=1e3 * unit)
-        evolution = QuasiStatic(problem, along(top, (0.05, -0.01), (0.1, 0.3)))
-        with io.EvolutionSeries(folder, problem, format="vtk") as series:
-            history = evolution.run([0.0, 0.5, 1.0, 2.0], observer=series)
-        rows = (folder / "steps.csv").read_text().splitlines()
-        t = history.steps[-1].result.tables["contact"]
-        seen.append([s.result.tables["contact"].beta for s in history.steps])
-        names = rows[0].split(",")
-        assert float(rows[-1].split(",")[names.index("beta_contact")]) == pytest.approx(
-            np.dot(t.beta, t.area) / t.area.sum()
-        )
-        assert float(rows[-1].split(",")[names.index("damage")]) > 0
-        assert set(t.bond) == {"d"}
-        io.write_contact_table(COMM, folder, [t])
-        lines = [line.split(",") for line in (folder / "contact.csv").read_text().splitlines()]
-        assert lines[0][-4:] == ["rn_adh", "rt_adh", "beta", "bond"]
-        assert lines[1][-1] == "d"
-        assert float(lines[1][-2]) == t.beta[0]
-        assert float(lines[1][-4]) == pytest.approx(float(lines[1][lines[0].index("rn")]))
-        f = problem.contact_fields(problem.surfaces[0])["beta"]
-        assert (f.x.array >= t.beta.min() * (1 - 1e-9)).all()
-        assert (f.x.array <= t.beta.max() * (1 + 1e-9)).all()
-    np.testing.assert_allclose(*seen, rtol=1e-9)
-    broken = block(law=RCCM(C, C, W, beta=1e-7), top=(0.0, 0.01)).solve().tables["contact"]
-    assert set(broken.bond) == {"b"}
 
 
 @pytest.mark.ranks(2)
@@ -606,26 +434,3 @@ def test_a_bar_that_snaps_back(n, times):
     np.testing.assert_allclose(u + W**2 / (C * u**3) / young, 0.5, rtol=1e-9)
     force = history.steps[-1].result.resultants["contact"]
     np.testing.assert_allclose(force, [0.0, -(W**2) / (C * u[0] ** 3)], atol=1e-9)
-
-
-@pytest.mark.long
-def test_a_bar_that_does_not_snap_back():
-    """A stiff spring: steps that cannot be shorter are no jumps for that."""
-    problem, top = bonded(law=RCCM(C, C, W), young=310.0, n=1)
-    history = QuasiStatic(problem, along(top, (0.0, 1.0))).run([0.0, 0.1, 0.4, 1.0], shortest=0.1)
-    assert history.complete
-    assert [(s.time, s.jump) for s in history.steps] == [(t, False) for t in (0.1, 0.4, 1.0)]
-
-
-def test_bonds_that_break_in_one_step():
-    """From rest to beyond the jump in one step: the state at its end is that of many."""
-    ends = []
-    for steps in (1, 12):
-        problem, top = bonded(law=RCCM(C, C, W), young=20.0, n=2)
-        evolution = QuasiStatic(problem, along(top, (0.0, 3.0)))
-        history = evolution.run(np.linspace(0, 1, steps + 1))
-        assert history.complete
-        ends.append(history.steps[-1].result)
-    a, b = (r.tables["contact"] for r in ends)
-    np.testing.assert_allclose(a.un, b.un, rtol=1e-9)
-    assert a.un.min() > 2.9

@@ -4,17 +4,12 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import block
 from test_adhesion import U0, C, W, along, bonded
 from test_adhesion_in_time import Point
-from test_law import randomise, remainders
 
-from dolfinx_contact import RCCM, Coulomb, NormalCompliance, records
+from dolfinx_contact import RCCM, Coulomb, NormalCompliance
 from dolfinx_contact.evolution import QuasiStatic
-from dolfinx_contact.laws.status import DAMAGING
-from dolfinx_contact.points.memory import Memory
 
-COMM = MPI.COMM_WORLD
 PRESSED = (0.0, 5.0)
 
 
@@ -85,46 +80,6 @@ def test_a_new_bond_begins_where_it_is():
     assert weak < kept.to(1e3, (aside, 0.0), PRESSED) == pytest.approx(1 / 25, rel=1e-5)
 
 
-def test_what_springs_of_a_broken_bond_give_up():
-    """Drawn off a second time, and aside from where they were at rest: their energy is spent."""
-    point = Point(RCCM(C, C, W, viscosity=0.1, recovers=True))
-    aside = 5 * U0
-    for t, jump in [(0.0, (0.0, 0.0)), (100.0, (0.0, 2000 * U0)), (101.0, (aside, 0.0))]:
-        point.to(t, jump, PRESSED if jump[1] == 0 else None)
-    assert point.to(101.05, (aside, 0.0), PRESSED) == pytest.approx(0.5, rel=1e-5)
-    broken = point.to(300.0, (3 * aside, 2000 * U0))
-    assert 0 < broken < 1e-6
-    assert point.to(301.0, (4 * aside, 0.0), PRESSED) == broken
-    left = broken**2 * C * (2 * aside) ** 2 / 2
-    assert point.answers.bond("spent")[0] == pytest.approx(left, rel=1e-12)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
-def test_pressed_down_again(cell):
-    """Blocks drawn off and pressed down: bonds are there again, if they recover."""
-    ways = {}
-    aside = [0.0] * (1 if cell == "quad" else 2)
-    for recovers in (False, True):
-        law = RCCM(C, C, W, 0.3, viscosity=0.05, recovers=recovers)
-        problem, top = bonded(cell, 1 if cell == "hex" else 2, law=law, young=1e4)
-        up = (*aside, 4 * U0)
-        load = along(top, up, (*aside, -0.002), (*aside, -0.002), up)
-        history = QuasiStatic(problem, load).run(np.linspace(0.0, 4.0, 41))
-        tables = [s.result.tables["contact"] for s in history.steps]
-        pull = [-t.rn.sum() for t in tables]
-        ways[recovers] = max(pull[:10]), max(pull[30:]), tables
-        assert all(s.result.kkt_violation < 1e-8 for s in history.steps)
-    first, weak, _ = ways[False]
-    again, strong, tables = ways[True]
-    assert again == pytest.approx(first, rel=1e-9)
-    assert weak < 0.4 * first
-    # It grows at w/b = 20 for one in time, and so is whole again.
-    assert strong == pytest.approx(first, rel=0.02)
-    assert any(set(t.bond) == {"r"} for t in tables[10:30])
-    np.testing.assert_array_equal(tables[29].beta, 1.0)
-
-
 def thresholds(contact, young=1e3, steps=24):
     """Histories of pressing and shearing by both thresholds."""
     found = []
@@ -136,15 +91,6 @@ def thresholds(contact, young=1e3, steps=24):
         found.append([s.result.tables["contact"] for s in history.steps])
         assert all(s.result.kkt_violation < 1e-8 for s in history.steps)
     return found
-
-
-@pytest.mark.long
-def test_thresholds_are_one_under_signorini():
-    for a, b in zip(*thresholds(None), strict=True):
-        size = np.abs(a.force).max()
-        np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-11 * size)
-        np.testing.assert_allclose(a.beta, b.beta, rtol=1e-11)
-        np.testing.assert_allclose(a.ut, b.ut, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("exponent", [pytest.param(2.0, marks=pytest.mark.long), 1.0])
@@ -205,65 +151,6 @@ def test_energies(given):
         assert spent[-1] == pytest.approx(max(spent), rel=1e-6)
     assert left[1] < 0.6 * left[0]
     assert left[0] < 0.1 * history.energies.external
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    ("cell", "given"),
-    [
-        ("quad", {"exponent": 0.5}),
-        ("quad", {"exponent": 2.0, "order": 2}),
-        ("quad", {"recovers": True, "order": 2}),
-        ("quad", {"contact": NormalCompliance(2e4), "threshold": "reaction"}),
-        ("tet", {"recovers": True, "contact": NormalCompliance(2e4)}),
-    ],
-)
-def test_jacobian_by_taylor(cell, given):
-    """With a memory of everything that is kept, and points of all statuses, which are held."""
-    law = RCCM(3e4, 2e4, 0.4, 0.3, 0.3, broken=0.7, **given)
-    problem = block(n=8 if cell == "quad" else 2, cell=cell, law=law)
-    x = randomise(problem, 1, 0.01, 10.0)
-    (surface,) = problem.surfaces
-    rng = np.random.default_rng(COMM.rank)
-    n = surface.points.number
-    fields = {"beta": rng.uniform(0.5, 1, n), ".rate": rng.uniform(0, 0.5, n)}
-    fields |= {".length": np.full(n, 0.08), ".rest": rng.uniform(0.1, 0.3, n)}
-    fields |= {".closed": np.round(rng.uniform(0, 1, n))}
-    fields |= {f".origin_{i}": rng.normal(0, 0.002, n) for i in range(surface.dim)}
-    kept = {*law.memory(surface.dim)}
-    known = {k: v for k, v in fields.items() if k in kept}
-    problem = problem.with_memory([Memory(rng.normal(0, 0.002, (n, surface.dim)), known, 0.1)])
-    sizes = remainders(problem, x, 2)
-    codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
-    assert (codes >= DAMAGING).any()
-    assert sizes[0] > 1e-9
-    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
-
-
-@pytest.mark.verifies(
-    "records of histories",
-    "RCCM adhesion",
-    reference="itself: the memory that was recorded",
-    aspects=(
-        "2D",
-        "records",
-    ),
-)
-def test_records_have_what_recovers(folder):
-    """What a law keeps comes back from a record, on other ranks as well."""
-    law = RCCM(C, C, W, 0.3, viscosity=0.05, recovers=True, order=2)
-    problem, top = bonded(law=law)
-    load = along(top, (0.0, 3 * U0), (0.1, -0.01))
-    times = np.linspace(0.0, 2.0, 9)
-    evolution = QuasiStatic(problem, load)
-    record = records.EvolutionRecord(folder, evolution)
-    evolution.run(times, record=record)
-    (memory,) = evolution.memory
-    names = {".rate", ".length", ".rest", ".closed", ".origin_0", ".origin_1", "beta"}
-    assert set(memory.fields) == names
-    accepted = record._run_state(len(times) - 1).accepted
-    for name, values in accepted.memory[0].fields.items():
-        np.testing.assert_array_equal(values, memory.fields[name])
 
 
 @pytest.mark.ranks(2)

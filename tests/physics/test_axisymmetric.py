@@ -26,23 +26,17 @@ from dolfinx_contact import (
     ParametricContact,
     RigidBody,
     Sphere,
-    io,
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid, graded
-from dolfinx_contact.io.fields import body_fields
-from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.materials import (
     Axisymmetric,
-    CiarletGeymonat,
     LinearElastic,
     NeoHookean,
-    StVenantKirchhoff,
 )
 from dolfinx_contact.meshing import join, mesh_from_gmsh
 from dolfinx_contact.problem import discretise
-from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 STEEL = Axisymmetric(LinearElastic.from_young(1000.0, 0.3))
@@ -389,115 +383,7 @@ def test_energy_of_a_history():
 # -- rigid motions and solvers -------------------------------------------------------------------
 
 
-def lying(pull, law=None):
-    """A disc that lies on a floor, with a load on its top and no support but the axis."""
-    domain = section(4, "quad")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    floor = ContactSurface(
-        u, facets(domain, 1, 0.0), obstacle=FLOOR, law=law or Frictionless(), axisymmetric=True
-    )
-    top = mesh.meshtags(domain, 1, (f := np.sort(facets(domain, 1, 1.0))), np.ones_like(f))
-    load = pull * u[1]
-    energy = STEEL.energy(u) * ufl.dx
-    energy -= load * ufl.Measure("ds", domain, subdomain_data=top)(1)
-    return ContactProblem(energy, u, [floor])
-
-
-def test_a_loose_disc():
-    """One rigid motion is left, along the axis; the floor carries the load."""
-    problem = lying(-10.0)
-    motions = problem.equations.scaling.loose.of_body
-    assert motions.shape[0] == 1
-    np.testing.assert_allclose(motions[0, :, 0], 0.0)
-    result = problem.solve()
-    np.testing.assert_allclose(result.tables["contact"].pressure, 10.0, rtol=1e-8)
-    np.testing.assert_allclose(result.external, [0.0, -10.0 * np.pi], rtol=1e-9)
-    assert result.imbalance < 1e-9
-    with pytest.raises(FloatingBodyError, match="axial translation"):
-        lying(10.0).solve()
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("cell", ["tri", "quad"])
-@pytest.mark.verifies(
-    "multigrid",
-    reference="independent code: MUMPS for the linear systems",
-    aspects=(
-        "2D",
-        "multigrid",
-    ),
-)
-@pytest.mark.verifies(
-    "bodies of revolution",
-    reference="itself: factorised",
-    aspects=(
-        "2D",
-        "multigrid",
-    ),
-)
-def test_multigrid(cell):
-    options = {"linear_solver": "amg", "snes_rtol": 1e-11, "ksp_rtol": 1e-11}
-    law = Coulomb(0.2)
-    domain = section(24, cell)
-    results = [disc(domain, law=law, options=o).solve() for o in ({}, options)]
-    same_tables(*(r.tables["contact"] for r in results), tolerance=1e-8)
-    assert max(s.krylov for s in results[1].history) < 60
-
-
-@pytest.mark.verifies(
-    "uniqueness",
-    "bodies of revolution",
-    reference="itself: the verdict of the certificate",
-    aspects=(
-        "2D",
-        "proofs",
-    ),
-)
-def test_the_only_solution():
-    """Certificates of the reduced problem hold as they do in the plane; here of a ring."""
-    ring = section(4)
-    ring.geometry.x[:, 0] += 0.5
-    for problem in (disc(ring, law=Coulomb(0.2)), disc(section(4))):
-        problem.solve()
-        assert problem.uniqueness().verdict == "proved"
-
-
 # -- materials and output ------------------------------------------------------------------------
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("kind", [LinearElastic, StVenantKirchhoff, NeoHookean, CiarletGeymonat])
-def test_uniform_strain(kind):
-    """Energy and stress of a uniform stretch in space, on the axis too."""
-    domain = section(3)
-    a = 1.02
-    b = 0.97
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    u.interpolate(lambda x: np.stack([(a - 1) * x[0], (b - 1) * x[1]]))
-    space = kind(120.0, 80.0, 10.0) if kind is CiarletGeymonat else kind(120.0, 80.0)
-    cube = box(COMM, 1, "tet") if COMM.size == 1 else box(COMM, 2, "tet")
-    v = fem.Function(fem.functionspace(cube, ("Lagrange", 1, (3,))))
-    v.interpolate(lambda x: np.stack([(a - 1) * x[0], (a - 1) * x[1], (b - 1) * x[2]]))
-
-    def integral(e):
-        return COMM.allreduce(fem.assemble_scalar(fem.form(e)))
-
-    turned = Axisymmetric(space)
-    stored = integral(space.energy(v) * ufl.dx)
-    around = 2 * np.pi * ufl.SpatialCoordinate(domain)[0]
-    assert integral(turned.energy(u) * around * ufl.dx) == pytest.approx(np.pi * stored, rel=1e-10)
-    radial, axial = (integral(space.stress(v)[i, i] * ufl.dx) for i in (0, 2))
-    for f in body_fields(u, turned.full_stress(u)):
-        values = f.x.array.reshape(-1, *f.ufl_shape)
-        if f.name == "stress":
-            exact = np.diag([radial, axial, radial])
-            np.testing.assert_allclose(values, np.tile(exact, (len(values), 1, 1)), atol=1e-9)
-        else:
-            np.testing.assert_allclose(values, abs(radial - axial), rtol=1e-8)
-    assert integral(turned.stress(u)[1, 1] * around * ufl.dx) == pytest.approx(
-        np.pi * axial, rel=1e-9
-    )
 
 
 @pytest.mark.verifies(
@@ -530,59 +416,12 @@ def test_large_strain():
     assert result.min_det_F == pytest.approx(k**2 * b, rel=1e-8)
 
 
-@pytest.mark.verifies(
-    "files for ParaView",
-    "bodies of revolution",
-    reference="closed form: uniform pressure between discs",
-    aspects=(
-        "2D",
-        "pairs",
-    ),
-)
-def test_output(folder):
-    """Sections for ParaView, pictures, and a table with r and z under x and y."""
-    problem = stacked((3, 4), 1, "nodal", law=Coulomb(0.3))
-    result = problem.solve()
-    of_part = (Axisymmetric(LinearElastic.from_young(E, 0.0)) for E in (1000.0, 3000.0))
-    stress = {tag: part.full_stress(problem.u) for tag, part in enumerate(of_part, 1)}
-    files = io.write_fields(folder, problem, stress=stress)
-    assert {f.name for f in files} >= {"contact.bp", "contact_opposite.bp"}
-    master = MasterFace(problem, problem.surfaces[0])
-    fields = master.fields(problem)
-    pressure = 0.01 / (1 / 1000 + 1 / 3000)
-    assert COMM.allreduce(len(fields["pressure"].x.array)) > 0
-    np.testing.assert_allclose(fields["pressure"].x.array, pressure, rtol=0.02)
-    io.write_contact_table(COMM, folder, [result.tables["contact"]])
-    if COMM.rank == 0:
-        rows = np.genfromtxt(folder / "contact.csv", delimiter=",", names=True, dtype=None)
-        np.testing.assert_allclose(rows["x"], np.linspace(0, 1, 5), atol=1e-12)
-        np.testing.assert_allclose(rows["y"], 1.0)
-        assert rows["rn"].sum() == pytest.approx(np.pi * pressure, rel=1e-9)
-
-
 # -- what is refused -----------------------------------------------------------------------------
 
 
 def refused(reason, make):
     with pytest.raises(ValueError, match=reason):
         make()
-
-
-@pytest.mark.ranks(2)
-def test_surfaces_that_disagree():
-    domain = section(3)
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    given = dict(obstacle=FLOOR, law=Frictionless())
-    sides = [
-        ContactSurface(u, facets(domain, 1, z), name=str(z), axisymmetric=not z, **given)
-        for z in (0.0, 1.0)
-    ]
-    energy = STEEL.energy(u) * ufl.dx
-    refused(
-        "all contact surfaces are axisymmetric or none", lambda: ContactProblem(energy, u, sides)
-    )
-    plane = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    refused("bulk is that of a plane body", lambda: ContactProblem(plane, u, sides[:1]))
 
 
 @pytest.mark.refuses("bodies of revolution", aspects=("3D",))

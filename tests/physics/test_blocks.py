@@ -299,40 +299,6 @@ def test_two_surfaces_with_their_own_laws():
     assert result.tables["upper"].along(result.tables["upper"].ut).min() < 0
 
 
-def test_symmetry_plane_halves_the_block():
-    """A tangential component fixed by a symmetry plane: half the body gives half the forces."""
-    top = (0.0, -0.01)
-    whole = block(cell="quad", n=8, law=Coulomb(0.2), top=top).solve().tables["contact"]
-    domain = mesh.create_rectangle(
-        COMM, [[0.5, 0.0], [1.0, 1.0]], [4, 8], mesh.CellType.quadrilateral
-    )
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    symmetry = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.5))
-    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-    bcs = [
-        fem.dirichletbc(0.0, symmetry, V.sub(0)),
-        fem.dirichletbc(np.array(top), held, V),
-    ]
-    surface = ContactSurface(
-        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.2)
-    )
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    result = ContactProblem(energy, u, [surface], bcs=bcs).solve()
-    assert result.kkt_violation < 1e-9
-    half = result.tables["contact"]
-    np.testing.assert_allclose(half.pressure, whole.pressure[4:], rtol=1e-9)
-    np.testing.assert_allclose(half.rt[1:, 0], whole.rt[5:, 0], atol=1e-9 * whole.rn.max())
-
-
-@pytest.mark.ranks(2)
-def test_no_contact_at_all():
-    result = block(cell="tet", n=3, obstacle=HalfSpace((0, 0, -1.0), (0, 0, 1.0))).solve()
-    assert result.counts["open"] == 16
-    assert result.tables["contact"].rn.max() == 0.0
-    np.testing.assert_allclose(result.tables["contact"].un, 0.99, rtol=1e-12)
-
-
 @pytest.mark.verifies(
     "hyperelastic bodies",
     "planes",

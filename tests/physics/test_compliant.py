@@ -8,11 +8,8 @@ import demo_only_solution
 import demo_regularised
 import numpy as np
 import pytest
-from demo_own_law import SlipWeakening
 from scipy.optimize import brentq, minimize_scalar
 from support.blocks import KINDS, block, box, facets, same_tables
-from test_axisymmetric import disc, section
-from test_law import randomise, remainders
 from test_mortar import sheared
 from test_pair import displacement, held, stacked
 
@@ -20,7 +17,6 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import (
-    RCCM,
     ContactPair,
     ContactProblem,
     ContactSurface,
@@ -29,13 +25,10 @@ from dolfinx_contact import (
     NormalCompliance,
     ParametricContact,
     Regularised,
-    Sphere,
     Tresca,
 )
 from dolfinx_contact.continuation import follow
-from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.results.fields import vertex_state
 
 COMM = MPI.COMM_WORLD
 PHI = {
@@ -183,40 +176,6 @@ def test_penalised_coulomb(dim):
     np.testing.assert_allclose(size[slips], 0.3 * t.pressure[slips], atol=1e-8)
 
 
-LAWS = [
-    NormalCompliance(3000.0, 2.5, Coulomb(0.5)),
-    NormalCompliance(3000.0, 1.0, Tresca(3.0), tangential=500.0),
-    *(Regularised(Coulomb(0.5), 0.01, shape) for shape in PHI),
-    NormalCompliance(3000.0, 1.5, Regularised(SlipWeakening(0.5, 0.2, 0.01), 0.005)),
-    Regularised(Tresca(3.0), 0.005, "sqrt"),
-]
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
-@pytest.mark.parametrize(
-    ("cell", "degree", "method"),
-    [("quad", 1, "nodal"), ("tet", 1, "nodal"), ("tri", 2, "integral")],
-)
-@pytest.mark.verifies(
-    "normal compliance",
-    "regularised friction",
-    reference="differences: Taylor remainders of second order",
-    aspects=(
-        "2D",
-        "3D",
-    ),
-)
-def test_jacobian_by_taylor(cell, degree, method, law):
-    """Also on a curved obstacle; of pieces that are smooth the remainder falls as h^2."""
-    floor = Sphere((0.5, *[0.5] * (cell == "tet"), -5.0), 5.0)
-    problem = block(n=2, cell=cell, degree=degree, law=law, obstacle=floor)
-    x = randomise(problem, 1, 0.02, 10.0)
-    sizes = remainders(problem, x, 2)
-    if sizes[0] > 1e-12:  # else the piece is affine
-        np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
-
-
 @pytest.mark.verifies(
     "normal compliance",
     "regularised friction",
@@ -251,33 +210,6 @@ def test_limits():
     np.testing.assert_allclose(
         order(lambda e: Regularised(Coulomb(0.3), e, "polynomial"), (1e-4, 1e-5)), 1.0, atol=0.05
     )
-
-
-@pytest.mark.parametrize(
-    "shape",
-    [pytest.param(s, marks=[] if s in ("linear", "tanh") else pytest.mark.long) for s in PHI],
-)
-def test_forces_and_statuses_as_the_width_falls(shape):
-    """Forces of true friction at order 1; statuses but of points that creep by the width or more.
-
-    A stuck point whose shear is q times the bound creeps by phi^-1(q) eps, which is beyond eps,
-    and counts as a slip at any width, where q > phi(1): 1 of linear and polynomial.
-    """
-    block_ = dict(n=6, cell="quad", top=(0.02, -0.03), options={"snes_rtol": 1e-12})
-    true = block(**block_).solve().tables["contact"]
-    problem = block(**block_, law=Regularised(Coulomb(0.3), 1e-2, shape))
-    errors = []
-    widths = np.array([1e-2, 1e-4, 1e-6, 1e-7])
-    for width in widths:
-        problem.surfaces[0].law.width.value = width
-        t = problem.solve().tables["contact"]
-        errors.append(np.abs(t.force - true.force).max() / np.abs(true.force).max())
-    slopes = np.diff(np.log(errors)) / np.diff(np.log(widths))
-    assert slopes[-1] == pytest.approx(1.0, abs=0.05)
-    q = np.abs(true.along(true.rt)) / (0.3 * true.rn)
-    wrong = (true.letters == "k") & (q > PHI[shape](1.0))
-    assert ((t.letters != true.letters) == wrong).all()
-    assert wrong.any() == (shape in ("tanh", "sqrt"))
 
 
 @pytest.mark.ranks(2)
@@ -412,17 +344,6 @@ def test_up_to_where_regularised_friction_has_one_solution(folder):
     assert all(1e5 * summary["bound"][case] < F for case, F in friction.items())
 
 
-def test_a_history_warns_once(caplog):
-    """That a surface gives way by much; a solve by itself warns each time."""
-    problem = block(law=NormalCompliance(50.0), top=(0.0, -0.3))
-    with caplog.at_level(logging.WARNING):
-        QuasiStatic(problem, lambda t: None).run([0.0, 1.0, 2.0])
-        in_run = caplog.text.count("the surface gives way by")
-        problem.solve()
-        in_all = caplog.text.count("the surface gives way by")
-    assert (in_run, in_all) == ((1, 2) if COMM.rank == 0 else (0, 0))
-
-
 @pytest.mark.ranks(2)
 def test_warning_and_bad_laws(caplog):
     with caplog.at_level(logging.WARNING):
@@ -449,59 +370,3 @@ def test_warning_and_bad_laws(caplog):
     problem.surfaces[0].law.width.value = 0.0
     with pytest.raises(ValueError, match="not positive: width"):
         problem.solve()
-
-
-def soft_contact(kind, law):
-    """The table of a body on a compliant surface; pictures have the same bounds."""
-    options = {"snes_rtol": 1e-12}
-    if kind == "disc":
-        problem = disc(section(5), law=law)
-    elif kind == "pair":
-        both = stacked(2, "quad", 3)
-        u = displacement(both.mesh)
-        tags = both.facet_tags
-        surface = ContactPair(u, tags, slave=3, master=2, law=law)
-        bcs = [held(u, tags, 1, (0.0, 0.0)), held(u, tags, 4, (0.02, -0.01))]
-        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-        problem = ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
-    else:
-        problem = block(cell=kind, n=3, law=law, options=options)
-    (surface,) = problem.surfaces
-    (table,) = problem.solve().tables.values()
-    at_vertices = vertex_state(problem.equations, 0, problem.evaluate())
-    shown = np.concatenate(COMM.allgather(at_vertices["bound"]))
-    assert shown.max() == pytest.approx((table.bound / table.area).max(), rel=1e-10)
-    return table
-
-
-@pytest.mark.parametrize("kind", ["tri", "hex", "disc", "pair"])
-@pytest.mark.parametrize("given", [(1e4,), (1e5, 2.0)])
-def test_bound_of_friction(kind, given):
-    """F times the pressure of the law, whatever the augmented one is; slips are on it."""
-    t = soft_contact(kind, NormalCompliance(*given, friction=Coulomb(0.1)))
-    # Of a body of revolution the axis holds itself.
-    wanted = np.where(t.axisymmetric & (t.x[:, 0] < 1e-9), 0.0, 0.1 * t.rn)
-    np.testing.assert_allclose(t.bound, wanted, rtol=0, atol=1e-8 * t.rn.max())
-    shear = np.linalg.norm(t.rt, axis=1)
-    slips = np.isin(t.letters, list("+-s"))
-    assert slips.any()
-    np.testing.assert_allclose(shear[slips], t.bound[slips], rtol=0, atol=1e-7 * t.rn.max())
-
-
-@pytest.mark.parametrize(
-    ("contact", "threshold"),
-    [
-        *((NormalCompliance(1e4), "pressure"), (NormalCompliance(1e5, 2.0), "reaction")),
-        pytest.param(NormalCompliance(1e4), "reaction", marks=pytest.mark.long),
-        pytest.param(NormalCompliance(1e5, 2.0), "pressure", marks=pytest.mark.long),
-        *((None, threshold) for threshold in ("pressure", "reaction")),
-    ],
-)
-def test_bound_of_bonds(threshold, contact):
-    """Bonds half broken: F (1 - beta) times the pressure without, or with, that of the springs."""
-    law = RCCM(2e3, 100.0, 1.0, 0.3, beta=0.5, contact=contact, threshold=threshold)
-    t = soft_contact("tri", law)
-    pressure = t.rn if threshold == "reaction" else t.rn - t.rn_adh
-    wanted = 0.3 * (1 - t.beta) * pressure
-    np.testing.assert_allclose(t.bound, wanted, rtol=0, atol=1e-8 * t.rn.max())
-    assert (np.abs(t.rn_adh).max() > 0.01 * t.rn.max()) == (contact is not None)

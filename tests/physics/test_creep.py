@@ -5,7 +5,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import block, box, facets
-from test_law import randomise, remainders
 
 import ufl
 from dolfinx import fem
@@ -16,10 +15,8 @@ from dolfinx_contact import (
     Coulomb,
     HalfSpace,
     NormalCompliance,
-    ParametricContact,
     Regularised,
 )
-from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.points.memory import Memory
@@ -107,17 +104,6 @@ def test_creep(cell, shape, method):
         assert after.residue == pytest.approx(before.residue, abs=1e-8 * spent + 1e-12)
 
 
-def test_another_speed():
-    """The creep follows a changed eps, as every field of a law."""
-    rates = []
-    for factor in (1.0, 2.0):
-        problem, force = loose("quad", Regularised(Coulomb(F), width=1e-3, speed=EPS))
-        problem.surfaces[0].law.speed.value *= factor
-        history = dragged(problem, force, np.array([1.0]), [0.0, 10.0, 20.0, 30.0])
-        rates.append(np.diff(means(history)[:, 0])[-1] / 10.0)
-    np.testing.assert_allclose(rates, EPS * CREEP["tanh"] * np.array([1.0, 2.0]), rtol=1e-8)
-
-
 def test_an_increment_at_its_velocity():
     """A step of the length dt is the static law of the width eps dt, as `width` has it."""
     dt = 0.25
@@ -136,18 +122,6 @@ def test_an_increment_at_its_velocity():
         size = np.abs(tables[0].force).max()
         np.testing.assert_allclose(tables[0].force, other.force, rtol=0, atol=tolerance * size)
     assert tables[0].status == tables[1].status
-
-
-@pytest.mark.parametrize(("cell", "shape"), [("quad", "tanh"), ("tet", "sqrt")])
-def test_jacobian_by_taylor(cell, shape):
-    problem = block(n=2, cell=cell, law=Regularised(Coulomb(F), speed=0.05, shape=shape))
-    x = randomise(problem, 1, 0.01, 10.0)
-    (surface,) = problem.surfaces
-    jump = np.random.default_rng(COMM.rank).normal(0, 0.002, (surface.points.number, surface.dim))
-    problem = problem.with_memory([Memory(jump, step=0.1)])
-    sizes = remainders(problem, x, 2)
-    assert sizes[0] > 1e-9
-    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
 
 
 @pytest.mark.ranks(2)
@@ -172,21 +146,3 @@ def test_what_is_lacking_is_said():
     step = problem.with_memory([Memory(np.zeros((surface.points.number, 2)), step=0.1)])
     with pytest.raises(ValueError, match=r"in a history the law .* lacks a speed"):
         step.solve()
-
-
-def test_branches_need_a_time_as_well():
-    """A branch within a step has the velocities of the step."""
-    domain = box(COMM, 2, "quad")
-    gamma = fem.Constant(domain, 0.5)
-    problem = block(n=2, domain=domain, law=Regularised(Coulomb(gamma), speed=1e-2))
-    system = ParametricContact(problem, gamma)
-    x = system.create_vector()
-    with pytest.raises(ValueError, match="lacks a width"):
-        follow(system, x, 0.0, gamma_range=(0.0, 0.5))
-    (surface,) = problem.surfaces
-    problem = problem.with_memory([Memory(np.zeros((surface.points.number, 2)), step=0.1)])
-    system = ParametricContact(problem, gamma)
-    problem.solve()
-    problem.write(x)
-    branch = follow(system, x, 0.5, gamma_range=(0.4, 0.5), direction="decreasing")
-    assert branch.points[-1].gamma == pytest.approx(0.4)

@@ -17,30 +17,23 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import (
     RCCM,
-    ContactPair,
     ContactProblem,
     ContactSurface,
     Coulomb,
     Cylinder,
-    Frictionless,
     HalfSpace,
     LevelSet,
     NonlocalCoulomb,
     ParametricContact,
     RigidBody,
     Sphere,
-    materials,
     plot,
 )
-from dolfinx_contact.continuation import follow
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.evolution import NSCD, QuasiStatic
-from dolfinx_contact.meshing import join
 from dolfinx_contact.points.memory import Memory
-from dolfinx_contact.records import EvolutionRecord
 
 COMM = MPI.COMM_WORLD
-STEEL = materials.LinearElastic.from_young(1000.0, 0.3)
 
 
 # -- slips along surfaces --------------------------------------------------------------------------
@@ -434,61 +427,6 @@ def test_turned(shape, method, angle):
         assert np.abs(table.increment[table.letters == "k"]).max() < 1e-9
 
 
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
-@pytest.mark.verifies(
-    "rigid bodies",
-    reference="itself: an obstacle where the body has come",
-    aspects=("2D", "3D", "large sliding", "branches"),
-)
-def test_a_cam(dim):
-    """A disc or ball beside the axis about which it turns, against one that stands where it is."""
-    about = np.array([0.5, *[0.4] * (dim - 2), -1.45])
-    arm = np.array([0.5, *[0.1] * (dim - 2), 0.2])
-    vector = np.array([0.0, 0.0, 0.7]) if dim == 2 else np.array([0.3, -0.9, 0.2])
-    Q = Rotation.from_rotvec(vector).as_matrix()[:dim, :dim]
-    shift = np.array([0.03, *[0.02] * (dim - 2), 0.08])
-    names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
-    gammas = []
-
-    def body_on(domain):
-        gammas.append(fem.Constant(domain, 1.0))
-        values = [*shift, *vector[-(len(names) - dim) :]]
-        motion = {name: v * gammas[0] for name, v in zip(names, values, strict=True)}
-        return RigidBody(Sphere(about + arm, 1.0), about=about, motion=motion)
-
-    law = Frictionless()
-    cam = OnBody(dim, body_on, law, sliding="large")
-    result = cam.problem.solve()
-    still = OnBody(dim, Sphere(about + shift + Q @ arm, 1.0), law).problem.solve()
-    table, expected = (r.tables["contact"] for r in (result, still))
-    assert table.count("o") < len(table.x)
-    for name in ("force", "n", "un"):
-        mine = getattr(expected, name)
-        np.testing.assert_allclose(
-            getattr(table, name), mine, rtol=0, atol=1e-9 * np.abs(mine).max()
-        )
-    assert result.misfit < 1e-9
-    # Forces pass through the centre: their moment about the axis is that of the resultant there.
-    found = result.rigid_bodies["rigid body"]
-    force = -table.force.sum(axis=0)
-    np.testing.assert_allclose(found.contact[:dim], force, atol=1e-9 * np.abs(force).max())
-    moment = np.cross(*(np.pad(v, (0, 3 - dim)) for v in (Q @ arm, force)))[-(len(names) - dim) :]
-    np.testing.assert_allclose(found.contact[dim:], moment, atol=1e-8 * np.abs(force).max())
-    # The same by a branch, along which the body turns.
-    cam.u.x.array[:] = 0.0
-    cam.surface.multiplier.x.array[:] = 0.0
-    cam.surface.rigid_body.values = np.zeros(len(names))
-    gammas[0].value = 0.0
-    system = ParametricContact(cam.problem, gammas[0])
-    cam.problem.solve()
-    x = system.create_vector()
-    cam.problem.write(x)
-    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
-    ended = system.result_at(branch.points[-1]).tables["contact"]
-    size = np.abs(expected.force).max()
-    np.testing.assert_allclose(ended.force, expected.force, rtol=0, atol=1e-7 * size)
-
-
 def is_dry(table, friction):
     """Whether the friction of points that slip is mu p, and against the slip."""
     slips = np.isin(table.letters, ["+", "-", "s"])
@@ -613,110 +551,6 @@ def test_on_a_plane(dim, cell, method):
             assert energies[0] == pytest.approx(energies[1], rel=1e-8, abs=1e-12)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.verifies(
-    "spheres",
-    "Coulomb",
-    reference="itself: small sliding, of which it is the limit",
-    aspects=("2D", "3D", "large sliding"),
-)
-def test_small_slides(dim):
-    """The difference from small sliding is of second order in the load."""
-    middle = np.array([0.4, 0.6])[: dim - 1]
-
-    def lifted(x):
-        return np.sqrt(9.0 - np.sum((x - middle) ** 2, axis=1)) - 3.0
-
-    differences = []
-    for size in (1e-3, 1e-4):
-        found = []
-        for sliding in ("large", "small"):
-            given = {"material": STEEL, "sliding": sliding, "lifted": lifted}
-            on_ball = OnBody(dim, OBSTACLES["disc" if dim == 2 else "ball"], Coulomb(0.2), **given)
-
-            def motion(t, X, size=size):
-                moved = np.zeros_like(X)
-                moved[:, -1] = -size * min(t, 1.0)
-                moved[:, 0] = size * (0.1 + 0.1 * X[:, 0]) * t
-                return moved
-
-            history = on_ball.run(motion, [0.0, 1.0, 2.0])
-            letters = [step.result.tables["contact"].letters for step in history.steps]
-            assert "k" in letters[0]
-            assert np.isin(letters[1], ["+", "-", "s"]).any()
-            found.append(on_ball.u.x.array.copy())
-        off = COMM.allreduce(np.abs(found[0] - found[1]).max(initial=0.0), max)
-        differences.append(off / size)
-    assert differences[0] < 1e-2
-    assert differences[1] < 0.11 * differences[0]
-
-
-def drum_of_a_body(friction, moved, n, stiffness=1e5):
-    """A block on an elastic drum, as `OnBody` on a rigid one, by a pair that slides."""
-    upper = mesh.create_unit_square(COMM, n, n, mesh.CellType.quadrilateral)
-    lower = mesh.create_rectangle(
-        COMM, [np.array([0.0, 0.0]), np.array([1.0, 1.0])], [3 * n, 3], mesh.CellType.quadrilateral
-    )
-    tags = []
-    for domain, below, above in ((upper, 3, 4), (lower, 1, 2)):
-        low, high = facets(domain, 1, 0.0), facets(domain, 1, 1.0)
-        every = np.concatenate([low, high])
-        values = np.concatenate([np.full(len(low), below), np.full(len(high), above)])
-        order = np.argsort(every)
-        tags.append(mesh.meshtags(domain, 1, every[order], values[order].astype(np.int32)))
-    s, across = lower.geometry.x[:, :2].T.copy()
-    angle = 1.2 * (s - 0.4)
-    r = 0.7 + 0.3 * across
-    lower.geometry.x[:, 0] = 0.4 + r * np.sin(angle)
-    lower.geometry.x[:, 1] = r * np.cos(angle) - 1.0
-    both = join([lower, upper], facet_tags=tags[::-1])
-    V = fem.functionspace(both.mesh, ("Lagrange", 1, (2,)))
-    u, top = fem.Function(V), fem.Function(V)
-    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(friction), sliding="large")
-    bcs = []
-    for tag, value in ((1, np.zeros(2)), (4, top)):
-        dofs = fem.locate_dofs_topological(V, 1, both.facet_tags.find(tag))
-        bcs.append(fem.dirichletbc(value, dofs, V) if tag == 1 else fem.dirichletbc(value, dofs))
-    W = fem.functionspace(both.mesh, ("DG", 0))
-    scale = fem.Function(W)
-    middle = mesh.compute_midpoints(both.mesh, 2, np.arange(len(scale.x.array), dtype=np.int32))
-    scale.x.array[:] = np.where(middle[:, 1] > 0.0, 1.0, stiffness)
-    problem = ContactProblem(scale * RUBBER.energy(u) * DX, u, [pair], bcs=bcs)
-    X = V.tabulate_dof_coordinates()[:, :2]
-
-    def load(t):
-        top.x.array[:] = moved(t, X).reshape(-1)
-
-    return problem, load
-
-
-@pytest.mark.verifies(
-    "spheres",
-    "Coulomb",
-    "quasi-static",
-    reference="itself: a pair of bodies, one of which is nearly rigid",
-    aspects=("2D", "pairs", "large sliding"),
-)
-def test_against_a_stiff_body():
-    """Forces of a block led around a rigid drum, and around one of 1e5 times its stiffness."""
-
-    def moved(t, X):
-        return around(t, X, 2, angle=0.2)
-
-    times = [0.0, 0.5, 1.0, *np.linspace(1.1, 2.0, 10)]
-    off = []
-    for n in (4, 8, 16):
-        rigid = OnBody(2, Sphere((0.4, -1.0), 1.0), Coulomb(0.3), n=n)
-        expected = rigid.run(moved, times).steps[-1].result.resultants["contact"]
-        problem, load = drum_of_a_body(0.3, moved, n)
-        history = QuasiStatic(problem, load).run(times)
-        force = history.steps[-1].result.resultants["contact"]
-        off.append(np.abs(force - expected).max() / np.abs(expected).max())
-    assert off[-1] < 0.02
-    assert off[1] < 0.6 * off[0]
-    assert off[2] < 0.6 * off[1]
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("turning", [pytest.param(False, marks=pytest.mark.long), True])
 @pytest.mark.verifies(
@@ -786,81 +620,6 @@ def test_motion():
     assert rests[1] < 0.85 * rests[0]
 
 
-@pytest.mark.ranks(2, 3)
-@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
-@pytest.mark.verifies(
-    "Coulomb",
-    "rigid bodies",
-    reference="itself: on one rank",
-    aspects=("2D", "3D", "large sliding"),
-)
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("method", ["nodal", "integral"])
-def test_ranks(dim, method):
-    """Tables and energies of a slide over a body that turns do not depend on ranks."""
-    names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
-    found = []
-    for comm in (COMM, MPI.COMM_SELF):
-        constants = {}
-
-        def body_on(domain, constants=constants):
-            constants |= {name: fem.Constant(domain, 0.0) for name in names}
-            shape = OBSTACLES["ellipse" if dim == 2 else "bumps"]
-            return RigidBody(shape, about=[0.4, *[0.5] * (dim - 2), -1.0], motion=constants)
-
-        given = {"sliding": "large", "method": method, "comm": comm}
-        on_body = OnBody(dim, body_on, Coulomb(0.15), n=4 if dim == 2 else 3, **given)
-
-        def load(t, on_body=on_body, constants=constants):
-            constants[names[-2 if dim == 3 else -1]].value = -0.1 * max(t - 1.0, 0.0)
-            on_body.move(lambda X: pressed_and_led(t, X, press=0.12, shear=0.1))
-
-        evolution = QuasiStatic(on_body.problem, load)
-        history = evolution.run(np.arange(0.0, 2.6, 0.5))
-        found.append(history.steps[-1])
-    mine, alone = (step.result.tables["contact"] for step in found)
-    assert np.isin(mine.letters, ["+", "-", "s"]).any()
-    same_tables(mine, alone, 1e-8)
-    a, b = (step.energies for step in found)
-    for name in ("external", "stored", "dissipated"):
-        assert getattr(a, name) == pytest.approx(getattr(b, name), rel=1e-8)
-
-
-@pytest.mark.parametrize("method", [pytest.param("nodal", marks=pytest.mark.long), "integral"])
-@pytest.mark.verifies(
-    "records of histories",
-    "Coulomb",
-    reference="itself: a history without a stop",
-    aspects=("2D", "large sliding", "records"),
-)
-def test_resumed(folder, method):
-    """A history that is resumed from its record knows where its points were on the obstacle."""
-
-    def made():
-        on_disc = OnBody(2, OBSTACLES["disc"], Coulomb(0.3), method=method)
-
-        def load(t):
-            on_disc.move(lambda X: pressed_and_led(t, X, shear=0.2))
-
-        return on_disc, QuasiStatic(on_disc.problem, load)
-
-    times = [0.0, 1.0, 1.5, 2.0, 2.5]
-    _, whole = made()
-    expected = whole.run(times, rays=False).steps[-1].result.tables["contact"]
-
-    def watch(step):
-        if step.number == 2:
-            raise Stopped
-
-    _, begun = made()
-    with EvolutionRecord(folder, begun) as record, pytest.raises(Stopped):
-        begun.run(times, rays=False, record=record, observer=watch)
-    _, again = made()
-    with EvolutionRecord(folder, again, resume=True) as record:
-        found = record.go_on().steps[-1].result
-    same_tables(found.tables["contact"], expected, 1e-9)
-
-
 class Stopped(Exception):
     """What an observer raises."""
 
@@ -927,38 +686,6 @@ def test_refused():
     adhesive = RCCM(10.0, 10.0, 0.1)
     with pytest.raises(ValueError, match="no friction with the law RCCM, which has bonds"):
         OnBody(2, turned, adhesive, sliding="large")
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("component", [0, 1])
-def test_held_in_part(component):
-    """A node on a plane of symmetry of a drum; one that is held elsewhere is refused."""
-    domain = mesh.create_rectangle(
-        COMM, [np.array([0.0, 0.0]), np.array([0.5, 1.0])], [3, 4], mesh.CellType.quadrilateral
-    )
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-
-    def problem(centre, moved=0.0):
-        u = fem.Function(V)
-        drum = Sphere((centre, -1.0), 1.0)
-        surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=drum, law=Coulomb(0.3))
-        W = V.sub(component)
-        side = fem.locate_dofs_topological(W, 1, facets(domain, 0, 0.0))
-        top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-        bcs = [fem.dirichletbc(np.array([moved, -0.08]), top, V)]
-        bcs.append(fem.dirichletbc(moved, side, W))
-        return ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
-
-    if component == 1:
-        with pytest.raises(ValueError, match="fix the normal displacement alone"):
-            problem(0.0)
-        return
-    result = problem(0.0).solve()
-    assert result.kkt_violation < 1e-9
-    with pytest.raises(ValueError, match="neither normal nor tangential"):
-        problem(0.3)
-    with pytest.raises(ValueError, match="was tangential to the obstacle and is not where it is"):
-        problem(0.0, 0.1).solve()
 
 
 # -- the demo --------------------------------------------------------------------------------------

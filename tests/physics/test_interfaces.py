@@ -12,7 +12,6 @@ from support.blocks import block
 from test_adhesion import along, bonded
 from test_adhesion_in_time import Point
 from test_arc_length import bar
-from test_law import randomise, remainders
 
 import ufl
 
@@ -20,7 +19,6 @@ from dolfinx_contact import RCCM, BilinearCohesive, MaxwellLayer, Tresca
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
 from dolfinx_contact.laws import Interface, Internal
 from dolfinx_contact.laws.status import BROKEN, DAMAGING
-from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
 C = 100.0
@@ -216,36 +214,6 @@ def test_given_friction(cell):
     assert max(np.abs(f).max(initial=0.0) for f in rubbed) > 0.1
 
 
-@dataclass(frozen=True)
-class Sticky(Interface):
-    """Friction by the pressure, and a part that needs none."""
-
-    threshold: Any
-    friction: Any
-    needs_pressure = False
-
-    def dissipation(self, rates, state):
-        return (self.threshold + self.friction * state.pressure) * rates.slip
-
-
-@pytest.mark.parametrize("cell", ["tri", "hex"])
-def test_friction_with_and_without_pressure(cell):
-    """Both parts where points are closed, one where they are open."""
-    problem, top = bonded(cell, law=Sticky(2.0, 0.5))
-    aside = [0.0] * (cell == "hex")
-    load = along(top, (0.1, *aside, -0.01), (0.2, *aside, 0.05))
-    history = QuasiStatic(problem, load).run(np.linspace(0.0, 2.0, 9))
-    pressed, lifted = (history.steps[i].result.tables["contact"] for i in (3, 7))
-    for t in (pressed, lifted):
-        bound = 2.0 * t.area + 0.5 * t.rn
-        np.testing.assert_allclose(np.linalg.norm(t.rt, axis=1), bound, rtol=1e-9)
-        np.testing.assert_allclose(t.bound, bound, rtol=1e-9)
-    assert set("+s") & set(pressed.letters)
-    assert pressed.rn.max() > 1.0
-    assert set(lifted.letters) == {"o"}
-    assert (lifted.rn == 0).all()
-
-
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.verifies(
@@ -337,24 +305,6 @@ def test_cohesion_at_a_point():
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
-@pytest.mark.parametrize(
-    ("strength", "a", "b"), [(2.0, 0.1, 0.3), (0.05, 0.01, 0.1), (7.0, 3.0, 1e-2)]
-)
-def test_cohesion_at_its_strength(strength, a, b):
-    """Where paths come to kinks: of what damages by less than round-off no digit is known."""
-    law = BilinearCohesive(strength, a, b)
-    for ulps in range(-3, 8):
-        point = Point(law, r=1000.0)
-        point.to(0, (0.0, 0.5 * a))
-        damage = point.to(1, (0.0, a * (1 + ulps * np.finfo(float).eps)))
-        assert 0.0 <= damage <= 20 * (1 + a / b) * np.finfo(float).eps
-        assert point.answers.bond("traction")[0, 1] == pytest.approx(-strength, rel=1e-12)
-        assert 0.0 <= point.answers.bond("spent")[0] <= 1e-12 * strength * (a + b)
-        later = point.to(2, (0.0, a + b / 2))
-        assert later == pytest.approx(1 - 0.5 * a / (a + b / 2), rel=1e-12)
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="one point")
 def test_what_a_brittle_bond_costs():
     """Is what it says however few the steps: softening over a thousand times the elastic size."""
     strength = 2.0
@@ -403,63 +353,6 @@ def test_cohesion_with_friction():
     np.testing.assert_allclose(np.abs(t.along(t.rt)), 0.5 * t.rn, rtol=1e-9)
     assert set(last.status) == {"+"}
     assert last.energies.damage == pytest.approx(2.0 * 0.012 / 2, rel=1e-9)
-
-
-@dataclass(frozen=True)
-class Magnet(Interface):
-    """It draws with the traction s, which fades with the opening; friction of what is pressed."""
-
-    strength: Any
-    reach: Any
-    friction: Any
-
-    def energy(self, state):
-        return -self.strength * self.reach * ufl.exp(-state.opening / self.reach)
-
-    def dissipation(self, rates, state):
-        return self.friction * state.pressure * rates.slip
-
-
-def test_a_traction_without_opening():
-    """What draws at closed points presses them, and friction knows; they open beyond it."""
-    problem, top = bonded("quad", law=Magnet(3.0, 0.01, 0.5))
-    load = along(top, (0.01, 0.0), (0.01, 0.0025), (0.01, 0.02))
-    problem.solve()
-    history = QuasiStatic(problem, load).run([0.0, 1.0, 2.0, 3.0])
-    drawn, lifted, away = (s.result.tables["contact"] for s in history.steps)
-    for table, resultant in ((drawn, 0.0), (lifted, -2.5)):
-        assert table.rn.sum() == pytest.approx(resultant, abs=1e-9)
-        shut = table.letters != "o"
-        assert shut.any()
-        bound = (0.5 * (table.pressure + 3.0) * table.area)[shut]
-        np.testing.assert_allclose(table.bound[shut], bound, rtol=1e-9)
-        assert set(table.letters[shut]) == {"+"}
-        np.testing.assert_allclose(table.along(table.rt)[shut], -bound, rtol=1e-9)
-    assert away.status == "ooo"
-    np.testing.assert_allclose(away.pressure, -3.0 * np.exp(-away.un / 0.01), rtol=1e-8)
-    assert away.un.min() > 0.01
-
-
-@pytest.mark.chatty
-def test_a_broken_bond_sticks_and_slips():
-    """Dragged to and fro: letters are those of the friction, stick within its bound, slip at it."""
-    law = BilinearCohesive(4.0, 0.004, 0.03, 0.5)
-    problem, top = bonded("quad", law=law)
-    corners = (0.0, -0.01), (0.1, -0.01), (-0.1, -0.01)
-    times = [0.0, 1.0, *np.linspace(1.25, 2.0, 4), 2.005, 2.02, 2.05, 2.5]
-    seen = set()
-    for step in QuasiStatic(problem, along(top, *corners)).run(times).steps:
-        t = step.result.tables["contact"]
-        if set(t.bond) != {"b"}:
-            continue
-        share = t.along(t.friction) / (0.5 * t.rn)
-        slip = t.along(t.increment)
-        assert (np.abs(share) < 1 + 1e-8).all()
-        np.testing.assert_allclose(share[t.letters == "+"], -1.0, rtol=1e-8)
-        np.testing.assert_allclose(share[t.letters == "-"], 1.0, rtol=1e-8)
-        np.testing.assert_allclose(slip[t.letters == "k"], 0.0, atol=1e-12)
-        seen |= set(t.letters)
-    assert seen == {"k", "+", "-"}
 
 
 @dataclass(frozen=True)
@@ -517,41 +410,6 @@ def test_opening_alone(cell, caplog):
     assert "no solution" not in caplog.text  # it began bonded, though no solve had said so
 
 
-@dataclass(frozen=True)
-class Exponential(Interface):
-    """A traction s exp(-u/e) by a damage that comes to its end at an infinite jump."""
-
-    strength: Any
-    length: Any
-    damage: Any = 0.0
-    internal = (Internal("damage", "grows", end=1.0),)
-
-    def _stiffness(self, damage):
-        return self.strength / self.length * (1 - damage)
-
-    def energy(self, state):
-        return self._stiffness(state["damage"]) * state.opening**2 / 2
-
-    def dissipation(self, rates, state):
-        reached = -self.length * ufl.ln(1 - state["damage"])
-        return self.strength / self.length * reached**2 / 2 * rates["damage"]
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="one point")
-def test_an_end_that_is_never_reached():
-    """Also where the damage is the last number before 1, and its threshold infinite at it."""
-    point = Point(Exponential(2.0, 0.1), r=1000.0)
-    for k, far in enumerate([0.5, 5.0, 20.0, 30.0, 36.0, 40.0, 100.0, 1000.0], 1):
-        damage = point.to(k, (0.0, 0.1 * far))
-        assert damage == pytest.approx(-np.expm1(-far), rel=1e-12, abs=2e-16)
-        traction = point.answers.bond("traction")[0]
-        assert np.isfinite(point.answers.traction(point.answers.required)).all()
-        if far <= 20:
-            assert traction[1] == pytest.approx(-2.0 * far * np.exp(-far), rel=1e-6)
-        else:
-            assert abs(traction[1]) < 1e-12
-
-
 @pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.parametrize("k", [pytest.param(1.0, marks=pytest.mark.long), 8.0])
@@ -578,27 +436,6 @@ def test_a_bar_on_cohesion(k):
         seen |= set(step.result.tables["contact"].bond)
     assert seen == {"i", "d", "b"}
     assert history.energies.damage == pytest.approx(0.05 * strength * (a + b) / 2, rel=1e-6)
-
-
-@dataclass(frozen=True)
-class Torn(Interface):
-    """A spring whose energy is no number beyond an opening, though its traction is."""
-
-    stiffness: Any
-    limit: Any
-
-    def energy(self, state):
-        return self.stiffness / 2 * state.opening**2 + 1e-30 * ufl.ln(self.limit - state.opening)
-
-
-def test_energies_that_are_no_numbers():
-    """A path ends before, and says why."""
-    path = ArcLength(bar(1.0, 2, law=Torn(C, 0.5)))
-    history = path.run(gamma_range=(0.0, 3.0))
-    assert not history.complete
-    assert "a law gives a number that is not finite" in history.reason
-    assert 0.9 < history.steps[-1].gamma < 1.0
-    assert np.isfinite(history.energies.residue)
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
@@ -653,34 +490,6 @@ def test_coupled_variables(dim):
     assert {0, DAMAGING} <= seen
 
 
-@pytest.mark.parametrize("cell", ["tri", pytest.param("tet", marks=pytest.mark.long)])
-@pytest.mark.verifies(
-    "interfaces of one's own",
-    reference="differences: Taylor remainders of second order",
-    aspects=(
-        "2D",
-        "3D",
-    ),
-)
-def test_jacobian_by_taylor(cell):
-    """Remainders of first order Taylor expansions fall by four a halving, of every variable."""
-    problem = block(n=3, cell=cell, law=Creeping(3e4, 2e3, 0.04, 0.3))
-    x = randomise(problem, 1, 0.01, 10.0)
-    (surface,) = problem.surfaces
-    rng = np.random.default_rng(COMM.rank)
-    n = surface.points.number
-    dim = surface.dim
-    fields = {f".y_{i}": rng.normal(0, 0.002, n) for i in range(dim)}
-    fields["damage"] = rng.uniform(0.0, 1.0, n)
-    memory = Memory(rng.normal(0, 0.002, (n, dim)), fields, 0.1)
-    problem = problem.with_memory([memory])
-    sizes = remainders(problem, x, 2)
-    codes = np.concatenate(COMM.allgather(problem.equations.contact(x).statuses[0]))
-    assert (codes >= DAMAGING).any()
-    assert sizes[0] > 1e-9
-    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
-
-
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("internal", "more", "message"),
@@ -720,56 +529,3 @@ def test_interfaces_that_are_none(internal, more, message):
 
     with pytest.raises(ValueError, match=message):
         block(n=1, law=Own()).solve()
-
-
-@pytest.mark.ranks(2)
-def test_law_that_is_not_finite():
-    """What has a kink at rest says so, and which law it is."""
-
-    @dataclass(frozen=True)
-    class Rooted(Interface):
-        strength: Any
-
-        def energy(self, state):
-            return self.strength * ufl.sqrt(ufl.dot(state.jump, state.jump))
-
-    with pytest.raises(ValueError, match="look at the law Rooted of contact, whose answer"):
-        block(n=2, law=Rooted(10.0)).solve()
-
-
-def test_resisted_without_bound_at_the_end():
-    """A bond that is broken at the start costs nothing, though its threshold is infinite there."""
-
-    @dataclass(frozen=True)
-    class Hardening(Interface):
-        stiffness: Any
-        work: Any
-        damage: Any = 0.0
-        internal = (Internal("damage", "grows", end=1.0),)
-
-        def energy(self, state):
-            return (1 - state["damage"]) * self.stiffness / 2 * ufl.dot(state.jump, state.jump)
-
-        def dissipation(self, rates, state):
-            return self.work / (1 - state["damage"]) * rates["damage"]
-
-    problem, top = bonded("quad", law=Hardening(100.0, 1.0, 1.0), snes_rtol=1e-10)
-    history = QuasiStatic(problem, along(top, (0.0, 0.1))).run(np.linspace(0.0, 1.0, 3))
-    np.testing.assert_allclose(history.steps[-1].result.tables["contact"].un, 0.1, rtol=1e-12)
-    assert history.energies.damage == 0.0
-    assert history.energies.residue == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"name": "2x"}, "needs a name"),
-        ({"change": "up"}, "not 'up'"),
-        ({"change": "falls", "vector": True}, "neither falls nor grows"),
-        ({"end": 1.0}, "of a variable that falls or grows"),
-        ({"change": "grows", "end": np.nan}, "must be a number"),
-    ],
-)
-def test_variables_that_are_none(given, message):
-    with pytest.raises(ValueError, match=message):
-        Internal(**{"name": "d", **given})

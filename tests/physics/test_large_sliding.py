@@ -3,7 +3,6 @@
 from itertools import pairwise
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import demo_around_a_cylinder
 import numpy as np
@@ -23,20 +22,13 @@ from dolfinx_contact import (
     LevelSet,
     NormalCompliance,
     ParametricContact,
-    RigidBody,
     Sphere,
     materials,
     plot,
 )
-from dolfinx_contact.algorithms import Penalty, Uzawa
-from dolfinx_contact.analysis.stability import stability_at_rest
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.equations.jacobian import Jacobian
-from dolfinx_contact.io import write_contact_table
-from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import closed
-from dolfinx_contact.plot import picture_of_body, picture_of_contact
-from dolfinx_contact.results.fields import vertex_state
 
 COMM = MPI.COMM_WORLD
 DX = ufl.dx(metadata={"quadrature_degree": 2})  # assembly would take most of the time
@@ -383,28 +375,6 @@ def test_led_around_a_cylinder(cell, n):
     agrees(result.tables["contact"])
 
 
-def powered(power):
-    """A disc by a power of its distance, whose gradient vanishes on the disc for 2 and more."""
-    return LevelSet(lambda x: (ufl.sqrt((x[0] - 0.4) ** 2 + (x[1] + 1.0) ** 2) - 1.0) ** power)
-
-
-@pytest.mark.ranks(2)
-def test_a_gradient_that_vanishes():
-    """Where a point touches, where one is at the start, and where the normal has no end."""
-    result = block(powered(1)).solve()
-    assert result.kkt_violation < 1e-9
-    pole = LevelSet(lambda x: ufl.dot(x, x) - 1.0)
-    for obstacle, place in (
-        (powered(3), r"\(-?0\.\d+, -0\.0\d+\)"),
-        (pole, r"\(0, 0\)"),
-        (Sphere((0.5, 0.0), 0.5), r"\(0\.25, 0\)"),
-    ):
-        problem = block(obstacle)
-        with pytest.raises(ValueError, match=f"no normal at a contact point that is at {place}"):
-            problem.solve()
-        assert not problem.u.x.array.any()
-
-
 def ellipse(domain, centre, angle):
     """An ellipse about a centre that has turned by an angle; both may be UFL of Constants."""
 
@@ -498,173 +468,6 @@ def test_an_obstacle_that_comes_and_turns():
         assert size > 0
         force = found.tables["contact"].force
         np.testing.assert_allclose(force, solved.force, rtol=0, atol=1e-8 * size)
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.verifies(
-    "rigid bodies",
-    "spheres",
-    reference="itself: an obstacle where the body has come",
-    aspects=(
-        "2D",
-        "3D",
-        "large sliding",
-    ),
-)
-@pytest.mark.refuses("rigid bodies", aspects=("large sliding",))
-def test_a_rigid_body(dim):
-    """An indenter under a force, as it is and as an obstacle that stands where it has come."""
-    about = np.array([0.3, *[0.5] * (dim - 2), 1.5])
-    names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
-    up = names[dim - 1]
-    others = [c for c in names if c not in (up, "x")]
-
-    def problem(obstacle, sliding=None):
-        domain = box(COMM, 5 if dim == 2 else 3, "quad" if dim == 2 else "hex")
-        V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-        u = fem.Function(V)
-        top = facets(domain, dim - 1, 1.0)
-        surface = ContactSurface(u, top, obstacle=obstacle, law=Frictionless(), sliding=sliding)
-        held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 0.0))
-        bcs = [fem.dirichletbc(np.zeros(dim), held, V)]
-        return ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
-
-    body = RigidBody(
-        Sphere(about, 0.5), about=about, load={up: -60.0}, motion={"x": 0.2}, held=others
-    )
-    pressed = problem(body)
-    result = pressed.solve()
-    assert pressed.surfaces[0].displaced is not None
-    assert quadratic(result.history)
-    assert result.kkt_violation < 1e-9
-    assert result.misfit < 1e-9 * 0.5
-    found = result.rigid_bodies["rigid body"]
-    assert found.force[-1] == pytest.approx(60.0, rel=1e-9)
-    still = problem(Sphere(about + found.displacement, 0.5)).solve()
-    a, b = (r.tables["contact"] for r in (result, still))
-    np.testing.assert_allclose(a.force, b.force, rtol=0, atol=1e-8 * np.abs(b.force).max())
-    # The rotation of a rigid body is small by assumption: then sliding is small as well.
-    turning = RigidBody(
-        Sphere(about, 0.5),
-        about=about,
-        load={up: -60.0},
-        free=others[-1:],
-        held=["x", *others[:-1]],
-    )
-    assert problem(turning).surfaces[0].displaced is None
-    with pytest.raises(ValueError, match="a rigid body that turns freely turns little"):
-        problem(turning, "large")
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("solid", [False, True])
-@pytest.mark.verifies(
-    "multigrid",
-    reference="independent code: MUMPS for the linear systems",
-    aspects=(
-        "2D",
-        "3D",
-        "large sliding",
-        "multigrid",
-    ),
-)
-@pytest.mark.verifies(
-    "hyperelastic bodies",
-    reference="itself: factorised",
-    aspects=(
-        "2D",
-        "3D",
-        "large sliding",
-        "multigrid",
-    ),
-)
-@pytest.mark.verifies(
-    "cylinders",
-    reference="itself: factorised",
-    aspects=(
-        "3D",
-        "large sliding",
-        "multigrid",
-    ),
-)
-def test_multigrid(solid):
-    """The same by multigrid, whose surface block takes normals that turn."""
-    direct = strip(n=3, solid=solid).solve().tables["contact"]
-    PETSc.Options()["contact_linear_solver"] = "amg"
-    problem = strip(n=3, solid=solid)
-    table = problem.solve().tables["contact"]
-    assert problem.linear_solver.name == "amg"
-    np.testing.assert_allclose(
-        table.force, direct.force, rtol=0, atol=1e-6 * np.abs(direct.force).max()
-    )
-
-
-@pytest.mark.chatty
-@pytest.mark.verifies(
-    "penalty",
-    "Uzawa",
-    reference="itself: Newton's method",
-    aspects=(
-        "2D",
-        "large sliding",
-    ),
-)
-@pytest.mark.refuses("stability at rest", "point problems in files", aspects=("large sliding",))
-def test_algorithms():
-    """Penalisation and the augmented Lagrangian follow the normal; what is reduced is refused."""
-    disc = Sphere((0.4, -1.0), 1.0)
-    algorithms = ("penalty", "uzawa")
-    table = block(disc).solve().tables["contact"]
-    for name, algorithm in zip(algorithms, (Penalty(), Uzawa(augmented=True)), strict=True):
-        found = block(disc).solve(algorithm=algorithm).tables["contact"]
-        tolerance = 1e-3 if name == "penalty" else 1e-7
-        size = np.abs(table.force).max()
-        np.testing.assert_allclose(found.force, table.force, rtol=0, atol=tolerance * size)
-    steel = block(disc, material=STEEL, sliding="large")
-    steel.solve()
-    assert steel.uniqueness().verdict == "not proved"
-    with pytest.raises(ValueError, match="the reduced problem needs small sliding"):
-        steel.reduced()
-    with pytest.raises(ValueError, match="this algorithm needs a body that is linear"):
-        steel.solve(algorithm="uzawa")
-    with pytest.raises(ValueError, match="contact: this needs small sliding"):
-        stability_at_rest(steel, density=1.0)
-
-
-@pytest.mark.parametrize("method", ["nodal", "integral"])
-def test_what_is_written(folder, method):
-    """Table, fields and pictures have the gap and the normal of now."""
-    problem = strip(n=4, method=method)
-    result = problem.solve()
-    (s,) = problem.surfaces
-    table = result.tables["contact"]
-    state = vertex_state(problem.equations, 0, problem.evaluate())
-    u = problem.u.x.array.reshape(-1, 2)[s.points.vertex_trace_dofs]
-    x = s.node_positions[s.points.vertex_trace_dofs] + u
-    arm = x - np.array([0.0, -0.4])
-    length = np.linalg.norm(arm, axis=1)
-    np.testing.assert_allclose(state["un"], length - 0.4, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(state["n"], -arm / length[:, None], rtol=0, atol=1e-13)
-    np.testing.assert_allclose(problem.contact_fields(s)["gap"].x.array, state["un"])
-    floor = patch(s)
-    if COMM.rank == 0:
-        on = floor["floor"] + floor["moved"] - [0.0, -0.4]
-        np.testing.assert_allclose(np.linalg.norm(on, axis=1), 0.4, rtol=1e-12)
-    if method == "nodal":
-        np.testing.assert_allclose(table.pressure * table.area, np.linalg.norm(table.force, axis=1))
-        assert np.abs(table.rt).max() < 1e-9 * table.rn.max()
-    assert np.linalg.norm(result.resultants["contact"] + result.support) < 1e-9 * table.rn.sum()
-    write_contact_table(COMM, folder, result.tables.values())
-    if COMM.rank == 0:
-        file = folder / "contact.csv"
-        rows = np.genfromtxt(file, delimiter=",", names=True, dtype=None, encoding=None)
-        np.testing.assert_allclose(rows["un"], table.un, atol=1e-12)
-        np.testing.assert_allclose(rows["rn"], table.rn, atol=1e-9 * table.rn.max())
-    if method == "nodal":
-        for draw in (picture_of_body, picture_of_contact):
-            draw(folder / "picture.png", problem)
-            assert COMM.rank > 0 or (folder / "picture.png").stat().st_size > 1000
 
 
 @pytest.mark.long

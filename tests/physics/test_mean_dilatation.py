@@ -13,7 +13,6 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact.io.fields import body_fields
 from dolfinx_contact.materials import (
     Axisymmetric,
     CiarletGeymonat,
@@ -22,8 +21,6 @@ from dolfinx_contact.materials import (
     StVenantKirchhoff,
     lame,
 )
-from dolfinx_contact.plot import picture_of_body
-from dolfinx_contact.records.functionals import compiled
 
 COMM = MPI.COMM_WORLD
 YOUNG = 2.0
@@ -313,26 +310,6 @@ def shaft(dim, radius):
     return Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), radius)
 
 
-@pytest.mark.long
-@pytest.mark.skipif(COMM.size > 1, reason="the hierarchy, and what it is no use for, is another")
-def test_multigrid_that_stagnates_ends():
-    """A neo-Hookean body for which the hierarchy is no use: it is not built anew for ever."""
-    domain = box(COMM, 6, "quad")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-    floor = HalfSpace(np.zeros(2), np.array([0.0, 1.0]))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    problem = ContactProblem(
-        NeoHookean(*lame(YOUNG, 0.4999)).mean_dilatation_energy(u),
-        u,
-        [surface],
-        bcs=[fem.dirichletbc(np.array([0.0, -0.02]), top, V)],
-        petsc_options={"linear_solver": "amg"},
-    )
-    assert problem.solve().kkt_violation < 1e-8
-
-
 @pytest.mark.parametrize("cell", ["quad", "hex"])
 def test_a_pressed_block(cell):
     """A flat block between two rough plates is as stiff as one of twice as many cells."""
@@ -364,148 +341,6 @@ def test_a_pressed_block(cell):
     change = {kind: forces[kind, low] / forces[kind, high] - 1 for kind in ("mean", "whole")}
     assert abs(change["mean"]) < 0.06
     assert change["whole"] > 3 * abs(change["mean"])
-
-
-@pytest.mark.parametrize("cell", ["quad", "hex"])
-def test_one_point_beside_other_rules(cell):
-    """Of cells that are distorted FFCx mixes a rule of one point with others; here it does not."""
-    domain = box(COMM, 2, cell)
-    dim = domain.geometry.dim
-    domain.geometry.x[:, :dim] += 0.1 * np.sin(7.0 * domain.geometry.x[:, :dim][:, ::-1])
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
-    u.interpolate(lambda x: np.sin(3.0 * x[:dim] + x[dim - 1]))
-
-    def forms(measure):
-        one = ufl.div(u) ** 2 * measure(domain, metadata={"quadrature_degree": 1})
-        full = ufl.inner(ufl.grad(u), ufl.grad(u)) * measure(metadata={"quadrature_degree": 4})
-        return one + full, one, full
-
-    together, *apart = [
-        COMM.allreduce(fem.assemble_scalar(compiled_form(form))) for form in forms(ufl.dx)
-    ]
-    assert together == pytest.approx(sum(apart), rel=1e-12)
-    with pytest.raises(ValueError, match="beside integrals by other rules over facets"):
-        compiled_form(forms(ufl.ds)[0])
-
-
-@pytest.mark.parametrize("rule", ["default scheme", "custom", "interior facets"])
-def test_one_point_that_cannot_be_mended(rule):
-    """A rule of one point beside others by other words is integrated as it says, or refused."""
-    domain = box(COMM, 2, "quad")
-    domain.geometry.x[:, :2] += 0.1 * np.sin(7.0 * domain.geometry.x[:, 1::-1])
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    u.interpolate(lambda x: np.sin(3.0 * x[:2] + x[1]))
-    if rule == "interior facets":
-        e = ufl.inner(ufl.grad(u)("+"), ufl.grad(u)("-"))
-        form = e * ufl.dS(domain, metadata={"quadrature_degree": 0})
-        form += e * ufl.dS(metadata={"quadrature_degree": 3})
-        with pytest.raises(ValueError, match="by one point stands beside"):
-            compiled_form(form)
-        return
-    full = ufl.inner(ufl.grad(u), ufl.grad(u)) * ufl.dx(domain, metadata={"quadrature_degree": 4})
-    if rule == "custom":
-        middle = {"quadrature_points": ((0.5, 0.5),), "quadrature_weights": (1.0,)}
-        own = ufl.div(u) ** 2 * ufl.dx(metadata={"quadrature_rule": "custom", **middle})
-        with pytest.raises(ValueError, match="by one point stands beside"):
-            compiled_form(own + full)
-        return
-    one = ufl.div(u) ** 2 * ufl.dx(domain, degree=1, scheme="default")
-    together, *apart = [
-        COMM.allreduce(fem.assemble_scalar(compiled_form(form))) for form in (one + full, one, full)
-    ]
-    assert together == pytest.approx(sum(apart), rel=1e-12)
-
-
-def test_one_point_where_others_are_not_defined():
-    """An energy that is defined at the middle of a cell alone stays so beside another rule."""
-    domain = box(COMM, 1, "quad")
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    u.interpolate(lambda x: np.vstack([0.9 * (2 * x[0] - 1) * (2 * x[1] - 1), 0.0 * x[0]]))
-    e = ufl.ln(1.0 + u[0] / (0.1 * 0.81)) ** 2
-    form = e * ufl.dx(domain, metadata={"quadrature_degree": 1})
-    form += ufl.inner(u, u) * ufl.dx(metadata={"quadrature_degree": 4})
-    assert np.isfinite(fem.assemble_scalar(compiled_form(form)))
-
-
-@pytest.mark.parametrize(
-    "kind", ["quad", pytest.param("hex", marks=pytest.mark.long), "revolution"]
-)
-@pytest.mark.verifies(
-    "nearly incompressible bodies",
-    "stresses",
-    reference="closed form: means of the divergence over cells",
-    aspects=("2D", "3D"),
-)
-def test_stress_in_files(kind):
-    """The stress of a cell has the pressure of its mean dilatation, however it is distorted."""
-    domain = box(COMM, 3, "hex" if kind == "hex" else "quad")
-    dim = domain.geometry.dim
-    x = domain.geometry.x
-    x[:, :dim] += 0.05 * np.sin(7.0 * x[:, :dim] + 3.0 * x[:, dim - 1 : dim])
-    x[:, 0] += 0.1
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
-    u.interpolate(lambda x: 0.01 * np.sin(3.0 * x[:dim] + x[dim - 1]) * x[0])
-    lmbda, mu = lame(YOUNG, 0.4999)
-    material = LinearElastic(lmbda, mu)
-    weight, divergence = 1.0, ufl.div(u)
-    if kind == "revolution":
-        material = Axisymmetric(material)
-        weight = ufl.SpatialCoordinate(domain)[0]
-        divergence += u[0] / weight
-    stress, _ = body_fields(u, material.mean_dilatation_stress(u))
-    test = ufl.TestFunction(fem.functionspace(domain, ("DG", 0)))
-    dx = ufl.dx(metadata={"quadrature_degree": 8})
-    over, whole = (
-        fem.assemble_vector(fem.form(e * weight * test * dx(domain))).array
-        for e in (divergence, 1.0)
-    )
-    n = domain.topology.index_map(dim).size_local
-    middle = np.full((1, dim), 0.5)
-    at_middle = fem.Expression(divergence, middle, comm=COMM).eval(
-        domain, np.arange(n, dtype=np.int32)
-    )
-    expected = lmbda * over[:n] / whole[:n] + 2 * mu / 3 * at_middle.ravel()
-    found = np.trace(stress.x.array.reshape(-1, 2**dim, 3, 3), axis1=2, axis2=3)[:n] / 3
-    size = np.abs(lmbda * over[:n] / whole[:n]).max(initial=1e-300)
-    assert np.abs(found - expected[:, None]).max(initial=0.0) < 1e-9 * size
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.verifies(
-    "nearly incompressible bodies",
-    "stresses",
-    "pictures",
-    reference="closed form: means of the divergence over cells",
-    aspects=("2D",),
-)
-def test_stress_in_pictures():
-    """A picture has the pressure and von Mises stress of the cells, at its corners exactly.
-
-    Of u = (x^2 y, 0) the mean divergence of a square cell is 2 x y at its middle.
-    """
-    n = 4
-    domain = box(COMM, n, "quad")
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    floor = HalfSpace((0.0, -1.0), (0.0, 1.0))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    material = LinearElastic(5000.0, 1.0)
-    problem = ContactProblem(material.mean_dilatation_energy(u), u, [surface])
-    u.interpolate(lambda x: np.stack([x[0] ** 2 * x[1], 0.0 * x[0]]))
-    stress = material.mean_dilatation_stress(u)
-    pressure = picture_of_body(None, problem, fields={"mean": ufl.tr(stress) / 3})
-    stressed = picture_of_body(None, problem, stress=stress)
-    _, mises = body_fields(u, stress)
-    ends = (
-        COMM.allreduce(mises.x.array.max(), MPI.MAX),
-        COMM.allreduce(mises.x.array.min(), MPI.MIN),
-    )
-    if COMM.rank:
-        return
-    mean = pressure.axes[0].collections[0].get_array()
-    middle = np.array([0.5 / n, 1 - 0.5 / n])
-    assert [mean.min(), mean.max()] == pytest.approx((5000 + 2 / 3) * 2 * middle**2, rel=1e-12)
-    seen = stressed.axes[0].collections[0].get_array()
-    assert (seen.max(), seen.min()) == pytest.approx(ends, rel=1e-12)
 
 
 def test_what_it_is_not_for():
@@ -550,20 +385,3 @@ class Stiffer(NeoHookean):
 
     def energy(self, u):
         return 3.0 * super().energy(u)
-
-
-def test_a_functional_by_one_point_beside_another_rule():
-    """A user's functional in a record is compiled as the bulk is."""
-    domain = box(COMM, 2, "quad")
-    domain.geometry.x[:, :2] += 0.05 * np.sin(np.pi * domain.geometry.x[:, :2]) ** 2
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    energy = LinearElastic.from_young(YOUNG, 0.3).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface])
-    u.interpolate(lambda x: np.sin(3.0 * x[:2] + x[1]))
-    one = ufl.div(u) ** 2 * ufl.dx(domain, metadata={"quadrature_degree": 1})
-    full = ufl.inner(ufl.grad(u), ufl.grad(u)) * ufl.dx(metadata={"quadrature_degree": 4})
-    functionals = {"together": one + full, "one": one, "full": full}
-    together, *apart = [value() for value in compiled(problem, functionals).values()]
-    assert together == pytest.approx(sum(apart), rel=1e-12)

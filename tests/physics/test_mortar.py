@@ -4,7 +4,6 @@ from itertools import pairwise
 
 from mpi4py import MPI
 
-import demo_two_blocks
 import demo_two_cylinders
 import numpy as np
 import pytest
@@ -25,7 +24,6 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.grids import create_grid
-from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 from dolfinx_contact.problem import discretise
 
@@ -205,41 +203,6 @@ def test_more_elements_converge_to_one_body(slave, master, ratio):
     assert errors[2] < 0.5 * errors[1] < 0.25 * errors[0]
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("ratio", [pytest.param(2, marks=pytest.mark.long), 3])
-@pytest.mark.chatty
-def test_two_blocks_of_different_meshes(folder, ratio):
-    """Resultants near those of matching meshes, and the finer the nearer."""
-    off = []
-    for n in (8, 16):
-        runs = [
-            demo_two_blocks.main(["--static", f"--n={n}", f"--ratio={r}", f"--output={folder}"])
-            for r in (1, ratio)
-        ]
-        off.append(max(abs(runs[1][k] / runs[0][k] - 1) for k in ("sum_rn", "sum_rt_x")))
-        assert runs[1]["force_imbalance"] < 1e-12
-        assert runs[1]["kkt_violation"] < 1e-10
-    assert off[1] < 0.4 * off[0] < 0.4 * 0.01
-
-
-@pytest.mark.ranks(2)
-def test_a_rounded_face():
-    """A gap that opens to both sides: the same with either mesh as the slave, to some percent."""
-    forces = []
-    for slave, master in SIDES:
-        both = stacked(40, 32, (-1.0, 1.0), (-1.0, 1.0))
-        x = both.mesh.geometry.x
-        upper = np.unique(both.mesh.geometry.dofmap[both.cell_tags.find(2)])
-        x[upper, 1] += 0.1 * x[upper, 0] ** 2 * (1 - x[upper, 1])
-        u = displacement(both.mesh)
-        pair = ContactPair(u, both, slave=slave, master=master, law=Frictionless())
-        ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.0, -0.02))]
-        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
-        assert result.counts["open"] > 0
-        forces.append(abs(result.resultants["contact"][1]))
-    assert forces[0] == pytest.approx(forces[1], rel=5e-3)
-
-
 @pytest.mark.ranks(2)
 def test_bad_mortars():
     both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
@@ -363,45 +326,6 @@ def test_patch_in_space(case, slave, master, cells):
     np.testing.assert_allclose(table.pressure, pressure, rtol=1e-11)
     np.testing.assert_allclose(np.linalg.norm(table.shear, axis=1), shear, rtol=1e-11)
     assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
-
-
-@pytest.mark.ranks(2)
-def test_a_warped_face_in_space():
-    """Faces that are curved alike, of different meshes: forces balance, and so do both roles."""
-    forces = []
-    for slave, master in SIDES:
-        both = solids(6, 4, (0.0, 1.0), (0.0, 1.0), "hex")
-        x = both.mesh.geometry.x @ TILT
-        x[:, 2] += 0.1 * x[:, 0] * (1 - x[:, 0]) * (1 - np.abs(x[:, 2]))
-        both.mesh.geometry.x[:] = x
-        u = displacement(both.mesh)
-        pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(0.3))
-        way = (0.01, 0.0, -0.05)
-        ends = [held(u, both.facet_tags, 1, (0, 0, 0)), held(u, both.facet_tags, 4, way)]
-        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
-        assert result.imbalance < 1e-10
-        forces.append(np.abs(result.resultants["contact"]))
-    np.testing.assert_allclose(*forces, rtol=0.02, atol=0.01 * forces[0].max())
-
-
-def test_units():
-    """Pa and m, or GPa and mm: the same to round-off."""
-    tables = []
-    for metre, pascal in ((1.0, 1.0), (1e3, 1e-9)):
-        both = stacked(12, 8, (-0.3, 1.45), (0.0, 1.0))
-        both.mesh.geometry.x[:] *= metre
-        u = displacement(both.mesh)
-        pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
-        steel = LinearElastic.from_young(2.1e11 * pascal, 0.3)
-        way = metre * np.array([0.004, -0.02])
-        ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, way)]
-        result = ContactProblem(steel.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
-        tables.append(result.tables["contact"])
-    a, b = tables
-    assert a.status == b.status
-    np.testing.assert_allclose(
-        b.pressure * 1e9, a.pressure, rtol=1e-8, atol=1e-8 * a.pressure.max()
-    )
 
 
 def sheared(options=None, law=Coulomb(0.15)):  # noqa: B008
@@ -544,20 +468,3 @@ def test_a_slave_that_is_held():
     # Between the stiffness of a strip and that of a body that is held aside.
     force = -result.resultants["contact"][1]
     assert 0.01 * 1000 < force < 0.01 * 1000 * 0.7 / (1.3 * 0.4)
-
-
-def test_a_small_overlap_presses_nothing():
-    """What is taken for the chords of curved faces is no gap; meant, it is a press fit."""
-    found = []
-    for interference in (False, True):
-        both = stacked(4, 8, (0.0, 1.0), (0.0, 1.0))
-        upper = np.unique(both.mesh.geometry.dofmap[both.cell_tags.find(2)])
-        both.mesh.geometry.x[upper, 1] -= 0.002
-        u = displacement(both.mesh)
-        options = dict(slave=3, master=2, law=Frictionless(), interference=interference)
-        ends = [held(u, both.facet_tags, t, (0, 0)) for t in (1, 4)]
-        pair = ContactPair(u, both, **options)
-        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
-        found.append(result.resultants["contact"][1])
-    assert abs(found[0]) < 1e-12
-    assert found[1] > 0.5

@@ -19,11 +19,8 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
-    ParametricContact,
-    RigidBody,
 )
 from dolfinx_contact.body.inertia import mass_matrix
-from dolfinx_contact.continuation import Ending, Observer
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 
@@ -164,42 +161,6 @@ def test_a_bar_thrown_at_a_wall():
     np.testing.assert_allclose(found[1], 1.0, rtol=0, atol=0.01)
 
 
-@pytest.mark.verifies(
-    "NSCD motion",
-    "rigid bodies",
-    reference="closed form: the energy of a bar that goes away at twice the speed",
-    aspects=("2D",),
-)
-def test_a_wall_that_hits_a_bar():
-    """A rigid body that moves at 10 throws a bar at rest as one at rest does that moves at -10.
-
-    It pushes with what the bar gets: the bar goes away with 20, and twice the impulse times 10 is
-    its energy.
-    """
-    n = 8
-    still = forces(thrown(n))[:, 1]
-    moved = []
-
-    def pushed(domain):
-        moved.append(fem.Constant(domain, 0.0))
-        shape = HalfSpace((0.0, 0.0), (0.0, 1.0))
-        return RigidBody(shape, about=(0.0, 0.0), motion={"y": moved[0]}, held=("x", "rz"))
-
-    problem = demo_bouncing_bar.bar(n, COMM, weight=0.0, height=0.0, obstacle=pushed)
-
-    def load(t):
-        moved[0].value = 10.0 * t
-
-    history = NSCD(problem, 1.0, dt=1 / 3 / n, load=load).run([0.0, 0.8], progress=False)
-    force = forces(history)[:, 1]
-    account = history.energies
-    np.testing.assert_allclose(force, still, rtol=0, atol=1e-9 * 300)
-    t = times(history)
-    assert account.external == pytest.approx(10.0 * force @ np.diff(t), rel=1e-10)
-    assert account.external == pytest.approx(2000.0, rel=0.05)
-    assert abs(account.residue) < 1e-10 * account.external
-
-
 # -- blocks ----------------------------------------------------------------------------------------
 
 
@@ -236,59 +197,6 @@ def block(
         held = fem.Function(V)
         bcs = [fem.dirichletbc(held, top)]
     return ContactProblem(material.energy(u) * ufl.dx + pull, u, [surface], bcs=bcs), held
-
-
-@pytest.mark.long
-def test_what_turns_back_is_not_at_rest():
-    """A block that is thrown up is slow for a while, high up, where nothing holds it."""
-    problem, _ = block(weight=10.0)
-    motion = NSCD(problem, 1.0, dt=1e-3, velocity=at_speed(problem, 0.0, 1.0))
-    history = motion.settle(0.15, rest=1e-2)
-    assert history.ending is Ending.BUDGET
-    assert not history.complete
-    slow = [s.energies.kinetic <= 1e-2 * 0.5 for s in history.steps]
-    assert sum(slow) > 12
-
-
-@pytest.mark.long
-def test_settling_is_one_run():
-    """An observer sees one run, which ends after ten steps with little kinetic energy."""
-
-    class Looks(Observer):
-        def __init__(self):
-            self.begins = []
-            self.ends = []
-
-        def begin(self, task, state):
-            self.begins.append((task.max_time, task.rest))
-
-        def step(self, step, state):
-            self.last = state
-
-        def end(self, ended):
-            self.ends.append(ended)
-
-    problem, _ = block(weight=10.0)
-    velocity = at_speed(problem, 0.0, -0.1)
-    motion = NSCD(problem, 1.0, dt=2e-3, velocity=velocity, damping=(200.0, 1e-2))
-    seen = Looks()
-    history = motion.settle(1.0, rest=1e-4, observer=seen, progress=False)
-    assert history.ending is Ending.REACHED
-    assert seen.begins == [(1.0, 1e-4)]
-    assert seen.ends == [history]
-    assert seen.last.ending is Ending.REACHED
-    energies = [s.energies.kinetic for s in history.steps]
-    times = np.array([s.time for s in history.steps])
-    loud = np.flatnonzero(energies > 1e-4 * np.maximum.accumulate(energies))[-1]
-    quiet = len(energies) - 1 - loud
-    assert quiet >= 10
-    # It ends at the first step at which both conditions hold.
-    needed = np.maximum(10 * 2e-3, 4 * 1e-2 * times)
-    at_rest = np.flatnonzero(times - times[loud] >= needed * (1 - 1e-9))
-    assert at_rest.tolist() == [len(energies) - 1]
-    # The next run counts again.
-    again = motion.settle(0.01, rest=1e-4, observer=seen, progress=False)
-    assert again.ending is Ending.BUDGET
 
 
 def shaken(problem, size=1.0):
@@ -443,34 +351,6 @@ def test_energy_of_a_hyperelastic_body():
     assert 1.8 < np.log2(found[0] / found[1]) < 2.2
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.verifies(
-    "NSCD motion", "branches", reference="differences: of the rows of a step", aspects=("2D",)
-)
-def test_a_load_within_a_step():
-    """The derivative of the rows by a Constant of the load, which has the weight theta there."""
-    domain = box(COMM, 2, "quad")
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    weight = fem.Constant(domain, 3.0)
-    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    below = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx + weight * u[1] * ufl.dx
-    motion = NSCD(ContactProblem(energy, u, [below]), 2.0, dt=0.01, theta=0.8)
-    motion.run([0.0, 0.02], progress=False)
-    system = ParametricContact(motion.problem, weight)
-    x, up, down, found = (system.create_vector() for _ in range(4))
-    motion.problem.write(x)
-    piece = system.piece_at(x, 3.0)
-    system.residual(x, 4.0, up, piece)
-    system.residual(x, 2.0, down, piece)
-    system.parameter_derivative(x, 3.0, found, piece)
-    wanted = (up.array - down.array) / 2
-    assert largest(wanted) > 0.01
-    assert largest(found.array - wanted) < 1e-10
-    total = COMM.allreduce(found.array.sum())
-    assert total == pytest.approx(0.8)
-
-
 def dense(matrix):
     return matrix.convert("dense").getDenseArray().copy()
 
@@ -535,59 +415,6 @@ def test_mass_matrices(cell, degree):
 
 
 # -- what must not matter --------------------------------------------------------------------------
-
-
-def hits_askew(comm, *, mass=1.0, length=1.0, time=1.0, steps=8, n=3):
-    """A block thrown at a rough floor askew, in other units."""
-    made = block(
-        "tri",
-        n,
-        comm=comm,
-        size=length,
-        material=LinearElastic.from_young(100.0 * mass / time**2, 0.3),
-        weight=5.0 * mass / length / time**2,
-        friction=0.3,
-        height=0.02 * length,
-    )[0]
-    speed = length / time
-    v = fem.Function(made.V)
-    v.interpolate(lambda x: speed * np.array([2 + x[1] / length, -1 - 0.6 * x[0] / length]))
-    motion = NSCD(made, mass / length**2, dt=0.02 * time, velocity=v)
-    return motion, motion.run([0.0, 0.02 * steps * time], progress=False)
-
-
-@pytest.mark.verifies("units", "NSCD motion", reference="itself: other units", aspects=("2D",))
-def test_units_change_nothing():
-    m = 1e-3
-    length = 1e3
-    t = 60.0
-    _, a = hits_askew(COMM)
-    _, b = hits_askew(COMM, mass=m, length=length, time=t)
-    force = m * length / t**2
-    assert {"+", "o"} <= set("".join(s.status for s in a.steps))
-    assert [s.status for s in a.steps] == [s.status for s in b.steps]
-    size = np.abs(forces(a)).max()
-    np.testing.assert_allclose(forces(b) / force, forces(a), rtol=0, atol=1e-9 * size)
-    other = b.energies.row()
-    for name, value in a.energies.row().items():
-        assert other[name] / (force * length) == pytest.approx(value, rel=1e-9, abs=1e-10)
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.verifies("NSCD motion", reference="itself: the motion on one rank", aspects=("2D",))
-def test_ranks_change_nothing():
-    """50 steps in which a block hits, slips and leaves: what all ranks find is what one finds."""
-    steps = 50 if COMM.size > 1 else 2
-    (_, all_), (_, one) = (hits_askew(c, steps=steps) for c in (COMM, MPI.COMM_SELF))
-    assert [s.status for s in all_.steps] == [s.status for s in one.steps]
-    size = np.abs(forces(one)).max()
-    np.testing.assert_allclose(forces(all_), forces(one), rtol=0, atol=1e-9 * size)
-    for a, b in zip(all_.steps, one.steps, strict=True):
-        s, t = (x.result.tables["contact"] for x in (a, b))
-        np.testing.assert_allclose(s.force, t.force, rtol=0, atol=1e-9 * size)
-        np.testing.assert_allclose(s.ut, t.ut, rtol=0, atol=1e-9)
-    for name, value in one.energies.row().items():
-        assert all_.energies.row()[name] == pytest.approx(value, rel=1e-9, abs=1e-10)
 
 
 # -- bad input -------------------------------------------------------------------------------------

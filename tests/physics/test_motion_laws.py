@@ -1,7 +1,6 @@
 """Laws beside Coulomb's in motions: friction of velocities, compliance, adhesion."""
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
-    Frictionless,
     HalfSpace,
     NormalCompliance,
     Regularised,
@@ -163,76 +161,6 @@ def test_an_interface_that_breaks():
     assert abs(e.residue) < 0.03 * 0.1
 
 
-def test_a_load_that_is_changed_between_runs():
-    """From then on it is the new one, in the first half of the next step as well."""
-    domain = box(COMM, 2, "quad")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    pull = fem.Constant(domain, 2.0)
-    floor = HalfSpace((0, -5.0), (0, 1))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    energy = (LinearElastic.from_young(1e3, 0.0).energy(u) - pull * u[0]) * ufl.dx
-    motion = NSCD(ContactProblem(energy, u, [surface]), 1.0, dt=0.1, mass="consistent")
-    motion.run([0.0, 0.5], progress=False)
-    pull.value = -2.0
-    history = motion.run([0.5, 1.0], progress=False)
-    # Forth with 2, back with -2: at rest again, after 2 (1/2)^2.
-    assert np.abs(motion.velocity.x.array).max(initial=0.0) < 1e-12
-    np.testing.assert_allclose(u.x.array[::2], 0.5, rtol=1e-12)
-    assert abs(history.energies.external) < 1e-12
-
-
-def test_an_obstacle_that_arrives():
-    """Where it reaches a body at rest at the very end of a step, it touches, and then hits."""
-    domain = box(COMM, 2, "quad")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    y = fem.Constant(domain, -0.05)
-    floor = HalfSpace((0.0 * y, y), (0, 1))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    problem = ContactProblem(LinearElastic.from_young(1e3, 0.0).energy(u) * ufl.dx, u, [surface])
-
-    def load(t):
-        y.value = -0.05 + t
-
-    history = NSCD(problem, 1.0, dt=0.002, load=load).run([0.0, 0.1], progress=False)
-    assert history.complete
-    assert len(history.steps) == 50
-    assert history.energies.kinetic > 0.5
-    assert abs(history.energies.residue) < 1e-11
-
-
-@pytest.mark.long
-@pytest.mark.chatty
-def test_a_bond_on_springs():
-    """The energies are those of a quasi-static history, from which slow motion hardly differs."""
-    found = []
-    for moves in (False, True):
-        domain = box(COMM, 2, "quad")
-        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-        u = fem.Function(V)
-        up = fem.Constant(domain, np.zeros(2))
-        dofs = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-        law = RCCM(100.0, 100.0, 1.0, viscosity=0.5, contact=NormalCompliance(1e4))
-        floor = HalfSpace((0, 0), (0, 1))
-        surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=law)
-        energy = LinearElastic.from_young(1e4, 0.0).energy(u) * ufl.dx
-        problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(up, dofs, V)])
-
-        def load(t, up=up):
-            up.value[1] = 0.2 * t
-
-        if moves:
-            how = dict(dt=0.01, load=load, damping=(100.0, 0.01))
-            history = NSCD(problem, 1e-3, **how).run([0.0, 1.0], progress=False)
-        else:
-            history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, 101), progress=False)
-        e = history.energies
-        found.append((e.external, e.stored, e.damage))
-        assert abs(e.residue) < 0.02 * e.external
-    np.testing.assert_allclose(*found, rtol=0.01)
-
-
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("what", ["velocity", "damping"])
 def test_what_differs_between_ranks(what):
@@ -270,31 +198,6 @@ def test_a_body_of_revolution():
         motion = NSCD(problem, 3.0, dt=0.1, velocity=v, mass=mass)
         history = motion.run([0.0, 0.2], start=problem.snapshot(), progress=False)
         assert history.energies.kinetic == pytest.approx(0.5 * 3.0 * np.pi * 4.0, rel=1e-12)
-
-
-@pytest.mark.verifies(
-    "bodies of revolution",
-    "energies of motions",
-    reference="closed form: a body that drag slows",
-    aspects=("2D",),
-)
-def test_drag_of_a_body_of_revolution():
-    """Rayleigh's factor of the mass is of the mass around: all nodes are slowed alike."""
-    domain = box(COMM, 3, "quad")
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    floor = HalfSpace((0, -5.0), (0, 1))
-    surface = ContactSurface(
-        u, facets(domain, 1, 0.0), obstacle=floor, law=Frictionless(), axisymmetric=True
-    )
-    energy = Axisymmetric(LinearElastic.from_young(1e3, 0.3)).energy(u)
-    problem = ContactProblem(energy * ufl.dx, u, [surface])
-    v = velocity(problem, 0.0, -2.0)
-    how = dict(dt=0.1, velocity=v, mass="consistent", damping=(2.0, 0.0))
-    history = NSCD(problem, 3.0, **how).run([0.0, 0.2], progress=False)
-    slowed = -2.0 * (0.9 / 1.1) ** 2
-    off = np.abs(v.x.array.reshape(-1, 2) - [0.0, slowed]).max(initial=0.0)
-    assert COMM.allreduce(off, op=MPI.MAX) < 1e-11
-    assert history.energies.damping == pytest.approx(1.5 * np.pi * (4 - slowed**2), rel=1e-10)
 
 
 @pytest.mark.ranks(2)
@@ -375,40 +278,3 @@ def test_a_floor_carries_what_it_touches(how):
     off = np.abs(v.x.array.reshape(-1, 2)[nodes] - wanted)
     along = 0 if how == "dragged" else 1
     assert COMM.allreduce(off[:, along].max(initial=0.0), op=MPI.MAX) < 1e-9
-
-
-@pytest.mark.chatty
-@pytest.mark.verifies(
-    "NSCD motion",
-    "Coulomb",
-    reference="itself: factorised",
-    aspects=(
-        "3D",
-        "multigrid",
-    ),
-)
-def test_multigrid():
-    """The same impacts as by factorising."""
-    options = PETSc.Options()
-    found = []
-    for solver in ("direct", "amg"):
-        options["contact_linear_solver"] = solver
-        options["contact_snes_rtol"] = 1e-11
-        domain = box(COMM, 4, "hex")
-        V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-        u = fem.Function(V)
-        v = fem.Function(V)
-        v.x.array[:] = np.tile([1.0, 0.3, -1.0], len(v.x.array) // 3)
-        floor = HalfSpace((0, 0, -0.01), (0, 0.02, 1))
-        surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))
-        problem = ContactProblem(
-            LinearElastic.from_young(1e3, 0.3).energy(u) * ufl.dx, u, [surface]
-        )
-        motion = NSCD(problem, 1.0, dt=0.01, velocity=v)
-        history = motion.run([0.0, 0.06], progress=False)
-        assert motion.problem.linear_solver.name == solver
-        found.append(history)
-    forces = [np.array([s.result.resultants["contact"] for s in h.steps]) for h in found]
-    assert np.abs(forces[0]).max() > 1.0
-    np.testing.assert_allclose(forces[1], forces[0], rtol=0, atol=1e-7 * np.abs(forces[0]).max())
-    assert [s.status for s in found[0].steps] == [s.status for s in found[1].steps]

@@ -6,12 +6,10 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from _triangle import linear_triangle
 from scipy.spatial.distance import cdist
-from support.blocks import block, box, facets, same_tables
+from support.blocks import block, box, same_tables
 from test_compliant import sheared_block
 from test_law import randomise, remainders
-from test_mortar import sheared
 from test_pair import displacement, held, stacked
 
 import ufl
@@ -20,21 +18,17 @@ from dolfinx import fem, mesh
 from dolfinx_contact import (
     ContactPair,
     ContactProblem,
-    ContactSurface,
     Coulomb,
     HalfSpace,
     NonlocalCoulomb,
     NormalCompliance,
     ParametricContact,
     Regularised,
-    RigidBody,
     Sphere,
 )
-from dolfinx_contact.analysis import critical_friction
-from dolfinx_contact.continuation import explore, follow
+from dolfinx_contact.continuation import follow
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records.manifest import manifest_of
-from dolfinx_contact.reduced.scope import can_condense
 
 COMM = MPI.COMM_WORLD
 KERNELS = {
@@ -210,51 +204,6 @@ def test_jacobian_by_taylor(cell, degree, method, law):
         np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
 
 
-def test_jacobian_of_a_rigid_body():
-    """Columns of its motion go through the points around as well."""
-    indenter = RigidBody(
-        HalfSpace((0.0, 0.0), (0.0, 1.0)),
-        about=(0.4, 0.0),
-        load={"y": 5.0},
-        free=["rz"],
-        held=["x"],
-    )
-    problem = block(law=NonlocalCoulomb(0.5, 0.6), obstacle=indenter)
-    x = randomise(problem, 1, 0.02, 10.0)
-    assert remainders(problem, x, 2).max() < 1e-11
-
-
-def rate_of(problem, gamma, at=0.3, h=1e-4):
-    """The derivative of H by gamma, and that of central differences, the statuses held."""
-    system = ParametricContact(problem, gamma)
-    system.set_parameter(at)
-    x = randomise(problem, 1, 0.04, 10.0)
-    piece = system.piece_at(x, at)
-    c, a, b = (system.create_vector() for _ in range(3))
-    system.parameter_derivative(x, at, c, piece)
-    system.residual(x, at + h, a, piece)
-    system.residual(x, at - h, b, piece)
-    a.axpy(-1.0, b)
-    a.scale(0.5 / h)
-    a.axpy(-1.0, c)
-    return a.norm() / c.norm()
-
-
-@pytest.mark.parametrize("method", ["nodal", "integral", "mixed"])
-def test_rates(method):
-    """By the coefficient, the height and slope of the floor, and a compliance."""
-    domain = box(COMM, 4, "quad")
-    gamma = fem.Constant(domain, 0.0)
-    tilted = HalfSpace(ufl.as_vector((0.0, 0.02 * gamma)), ufl.as_vector((0.03 * gamma, 1.0)))
-    for law, floor in [
-        (NonlocalCoulomb(0.02 + 0.1 * gamma, 0.6), None),
-        (NonlocalCoulomb(0.5, 0.6), tilted),
-        (NormalCompliance(3000.0 * (1 + gamma), 1.5, NonlocalCoulomb(0.5, 0.6)), tilted),
-    ]:
-        problem = block(domain=domain, cell="quad", method=method, law=law, obstacle=floor)
-        assert rate_of(problem, gamma) < 1e-6
-
-
 def between_bodies(law, solver="direct", cell="tet"):
     both = stacked(3, cell, 3)
     u = displacement(both.mesh)
@@ -290,41 +239,6 @@ def test_between_bodies():
         np.testing.assert_allclose(np.linalg.norm(t.rt, axis=1)[slips], bound[slips], rtol=1e-9)
         tables.append(t)
     same_tables(*tables, 1e-8)
-
-
-@pytest.mark.ranks(2)
-def test_jacobian_between_bodies():
-    for problem in (between_bodies(LAWS[2]), sheared(law=LAWS[0])[0].problem):
-        sizes = remainders(problem, randomise(problem, 1, 0.02, 10.0), 2)
-        if sizes[0] > 1e-12:
-            np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
-@pytest.mark.parametrize(
-    ("cell", "method"), [("hex", "nodal"), ("quad", "mixed"), ("tri", "integral")]
-)
-@pytest.mark.verifies(
-    "nonlocal friction",
-    reference="itself: the solve on one rank",
-    aspects=(
-        "2D",
-        "3D",
-    ),
-)
-def test_ranks(cell, method):
-    """The same numbers as on one rank."""
-    n, dim = (4, 3) if cell == "hex" else (12, 2)
-    top = (0.03, *[0.0] * (dim - 2), -0.03)
-    tables = []
-    for comm in (COMM, MPI.COMM_SELF):
-        law = NonlocalCoulomb(0.3, 0.4)
-        problem = block(domain=box(comm, n, cell), cell=cell, method=method, law=law, top=top,
-                        options={"snes_rtol": 1e-12})  # fmt: skip
-        tables.append(problem.solve().tables["contact"])
-    assert 0 < tables[0].count("k") < len(tables[0].status)
-    same_tables(*tables)
 
 
 @pytest.mark.verifies(
@@ -387,51 +301,6 @@ def test_a_branch():
     same_tables(found, block(**options, law=NonlocalCoulomb(0.3, 0.3)).solve().tables["contact"])
 
 
-def test_a_branch_of_points_that_lift_off():
-    """Where nothing presses nothing is held, and borders do not come and go with the bound."""
-    law = NonlocalCoulomb(1.7, 0.6)
-    system = linear_triangle(4, 1.7, law=lambda _: law)
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
-    diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0))
-    assert all(b.reason == "gamma reached the end of its range" for b in diagram.branches)
-    last = [p for b in diagram.branches for p in b.points if p.gamma == 1.0]
-    system.set_parameter(1.0)
-    known = system.problem.solve().tables["contact"]
-    assert set(known.letters) <= set("od")
-    for point in last:
-        t = system.result_at(point).tables["contact"]
-        np.testing.assert_allclose(t.ut, known.ut, atol=1e-8)
-        assert set(system.letters(point.piece)) <= set("PMd")
-    assert last
-
-
-@pytest.mark.verifies(
-    "Tresca's fixed point",
-    "nonlocal friction",
-    reference="itself: Newton's method",
-    aspects=("2D",),
-)
-def test_other_algorithms():
-    """Tresca's fixed point finds the same; what works on points is refused, with a reason."""
-    options = dict(n=4, cell="quad", top=(0.02, -0.02), law=NonlocalCoulomb(0.3, 0.4))
-    known = block(**options).solve().tables["contact"]
-    same_tables(known, block(**options).solve(algorithm="tresca").tables["contact"], 1e-7)
-    problem = block(**options)
-    problem.solve()
-    assert not can_condense(ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0)))
-    found = problem.uniqueness()
-    assert found.verdict != "proved"
-    assert "proofs are for the laws of Coulomb and Tresca" in found.reason
-    with pytest.raises(ValueError, match="needs the law of Coulomb or Tresca"):
-        problem.reduced()
-    with pytest.raises(ValueError, match="needs the law of Coulomb or Tresca"):
-        problem.solve(algorithm="lemke")
-    with pytest.raises(ValueError, match="needs a local law, not NonlocalCoulomb"):
-        critical_friction(problem, (1.0, 0.0))
-
-
 @pytest.mark.ranks(2)
 def test_bad_laws_and_a_small_radius(caplog):
     for make, message in [
@@ -474,20 +343,3 @@ def test_bad_laws_and_a_small_radius(caplog):
     if COMM.rank == 0:
         assert "the radius of nonlocal friction, 0.2, is below the mesh size, 0.25" in caplog.text
     same_tables(found, block(**options, law=Coulomb(0.3)).solve().tables["contact"], 1e-12)
-
-
-@pytest.mark.ranks(2, 3)
-def test_a_surface_on_one_rank_alone():
-    """Ranks without a point take part; a far obstacle touches nothing and nothing is held."""
-    domain = box(COMM, 6, "quad")
-    u = displacement(domain)
-    few = facets(domain, 1, 0.0)
-    few = few[mesh.compute_midpoints(domain, 1, few)[:, 0] < 0.4]
-    floor = HalfSpace((0.0, -0.5), (0.0, 1.0))
-    surface = ContactSurface(u, few, obstacle=floor, law=NonlocalCoulomb(0.3, 0.4))
-    top = fem.locate_dofs_topological(u.function_space, 1, facets(domain, 1, 1.0))
-    ends = [fem.dirichletbc(np.array([0.1, 0.0]), top, u.function_space)]
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    result = ContactProblem(energy, u, [surface], bcs=ends).solve()
-    assert result.counts["open"] == 3
-    assert np.abs(result.tables["contact"].force).max() < 1e-12

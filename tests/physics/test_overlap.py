@@ -16,21 +16,16 @@ from dolfinx_contact import (
     ContactPair,
     ContactProblem,
     Coulomb,
-    Cylinder,
     Frictionless,
     HalfSpace,
-    LevelSet,
     RigidBody,
     RigidSurface,
     SelfContact,
-    Sphere,
 )
-from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, lame
 from dolfinx_contact.meshing import join
 from dolfinx_contact.problem import discretise
-from dolfinx_contact.records import EvolutionRecord
 
 COMM = MPI.COMM_WORLD
 OVERLAP = 0.04
@@ -136,25 +131,6 @@ def test_refused(dim, sliding):
             discretise(surface(u, both, sliding, **options))
 
 
-@pytest.mark.refuses("records of histories", aspects=("2D", "large sliding"))
-def test_other_overlaps_are_other_problems(folder):
-    """The removed overlap, the search distance, and planes of symmetry."""
-
-    def opened(resume=True, **given):
-        problem = pressed(2, "large", **({"remove_overlap": 0.1} | given))
-        EvolutionRecord(folder, QuasiStatic(problem, lambda t: None), resume=resume).close()
-
-    opened(resume=False)
-    opened(remove_overlap=0.2)
-    for other in (
-        {"interference": True, "remove_overlap": None},
-        {"search_distance": 0.3},
-        {"symmetry": {0: 0.0}},
-    ):
-        with pytest.raises(ValueError, match="differs: the kind of sliding of"):
-            opened(**other)
-
-
 def tool(dim, closed):
     """A box whose top is by some more than a facet within the unit block, or that top alone."""
     points, cells = brick([-1.0] * dim, [*[2.0] * (dim - 1), 0.1])
@@ -163,28 +139,6 @@ def tool(dim, closed):
         used, cells = np.unique(cells[top], return_inverse=True)
         points, cells = points[used], cells.reshape(-1, dim)
     return RigidSurface(points, cells)
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.each_value
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("closed", [False, True])
-@pytest.mark.parametrize("moves", [False, True])
-@pytest.mark.refuses("surfaces of facets", aspects=("2D", "3D"))
-def test_a_body_within_a_tool(dim, closed, moves):
-    """A body that starts in a tool of facets is refused, unless it is to be pushed out."""
-    obstacle = tool(dim, closed)
-    if moves:
-        names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
-        obstacle = RigidBody(obstacle, about=[0.0] * dim, held=names)
-    cell = "quad" if dim == 2 else "hex"
-    at_rest = dict(cell=cell, top=[0.0] * dim, sliding="small")
-    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference=True"):
-        block(obstacle, **at_rest)
-    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference allows 0\.09"):
-        block(obstacle, interference=0.09, **at_rest)
-    pushed = block(obstacle, interference=0.1, **at_rest).solve()
-    np.testing.assert_allclose(pushed.tables["contact"].un, 0.0, atol=1e-12)
 
 
 def on_tool(dim, height, *, law=None, bumps=0.0, moves=False, **given):
@@ -241,30 +195,6 @@ def test_an_overlap_with_a_tool_is_removed(dim, method, sliding):
     assert removed.indicators.surfaces["contact"].between_points < 1e-9
 
 
-@pytest.mark.refuses("surfaces of facets", aspects=("2D",))
-def test_overlaps_that_are_not_removed(folder):
-    """Larger ones, and what says two things; what is removed is known to records."""
-    for options, words in (
-        ({"remove_overlap": 0.05}, r"overlap by 0\.08; remove_overlap allows 0\.05"),
-        ({}, r"overlap by 0\.08; .*remove_overlap for a start without stress"),
-        ({"remove_overlap": 0.1, "interference": True}, "and not both"),
-        ({"remove_overlap": -0.1}, "remove_overlap must be the largest overlap that is removed"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            on_tool(2, 0.08, **options)
-    floor = HalfSpace((0.0, 0.1), (0.0, 1.0))
-    at_rest = dict(cell="quad", top=[0.0, 0.0], remove_overlap=0.1)
-    with pytest.raises(ValueError, match="which remove_overlap does not support"):
-        block(floor, method="mixed", **at_rest)
-    resting = block(floor, **at_rest)
-    np.testing.assert_allclose(resting.solve().tables["contact"].force, 0.0, atol=1e-9)
-    pushed = block(floor, cell="quad", top=[0.0, 0.0])
-    resting, pushed = (QuasiStatic(problem, lambda t: None) for problem in (resting, pushed))
-    EvolutionRecord(folder, resting).close()
-    with pytest.raises(ValueError, match="differs: the kind of sliding of"):
-        EvolutionRecord(folder, pushed, resume=True)
-
-
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.refuses("press fits", aspects=("2D", "3D"))
@@ -283,41 +213,3 @@ def test_a_body_within_a_floor(dim):
     for given in ("interference", "remove_overlap"):
         with pytest.raises(ValueError, match=rf"overlap by 0\.002; {given} allows 0\.001"):
             block(near, **{given: 0.001}, **at_rest)
-
-
-def round_obstacle(kind, dim, height):
-    """Of the radius 1, with its middle below or above the bottom of the unit block."""
-    middle = np.full(dim, 0.5)
-    middle[-1] = height
-    if kind == "sphere":
-        return Sphere(middle, 1.0)
-    if kind == "cylinder":
-        return Cylinder(middle, np.eye(3)[1], 1.0)
-    if kind == "level set":
-        return LevelSet(lambda x: ufl.sqrt(sum((x[i] - middle[i]) ** 2 for i in range(dim))) - 1.0)
-    t = 2 * np.pi * np.arange(24) / 24
-    points = middle + np.stack([np.cos(t), np.sin(t)], axis=1)
-    return RigidSurface(points, np.stack([np.arange(24), (np.arange(24) + 1) % 24], axis=1))
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    ("kind", "dim", "method", "sliding"),
-    [
-        ("sphere", 2, "nodal", "small"),
-        ("sphere", 3, "integral", "large"),
-        ("cylinder", 3, "nodal", "large"),
-        ("level set", 2, "integral", "small"),
-        ("facets", 2, "nodal", "large"),
-    ],
-)
-@pytest.mark.refuses("press fits", aspects=("2D", "3D", "large sliding"))
-def test_beyond_the_middle_of_an_obstacle(kind, dim, method, sliding):
-    """There its nearest side is behind the body: no overlap is removed, but before it is."""
-    cell = "tri" if dim == 2 else "hex"
-    given = dict(cell=cell, n=2, method=method, sliding=sliding, remove_overlap=1.5)
-    given |= dict(top=[0.0] * dim)
-    with pytest.raises(ValueError, match="nearest side is behind the body, or beside it"):
-        block(round_obstacle(kind, dim, 0.1), **given)
-    resting = block(round_obstacle(kind, dim, -0.3), **given)
-    np.testing.assert_allclose(resting.surfaces[0].points.gaps.min(initial=0.0), 0.0, atol=1e-12)

@@ -22,23 +22,16 @@ from dolfinx_contact import (
     ContactPair,
     ContactProblem,
     ContactSurface,
-    ConvergenceError,
     Coulomb,
     Frictionless,
     HalfSpace,
     ParametricContact,
-    Tresca,
-    io,
-    plot,
     records,
 )
-from dolfinx_contact.algorithms import Penalty
 from dolfinx_contact.continuation import explore
-from dolfinx_contact.continuation.ray_finder import RayFinder
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import crack, join, mesh_from_gmsh
+from dolfinx_contact.meshing import crack, join
 from dolfinx_contact.problem import discretise
-from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 # Since DOLFINx 0.10 it wants a prefix of its options.
@@ -272,53 +265,6 @@ def test_a_press_fit():
     np.testing.assert_allclose(result.tables["contact"].pressure, 0.01 * modulus, rtol=1e-10)
 
 
-def test_a_body_that_only_contact_holds():
-    """Between a floor and a block that presses it; and one that nothing holds is named."""
-    both = stacked(2, "quad", 2)
-    u = displacement(both.mesh)
-    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.5), name="between")
-    plane = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    floor = ContactSurface(u, both, tag=1, obstacle=plane, law=Coulomb(0.5), name="floor")
-    top = held(u, both.facet_tags, 4, (0.001, -0.02))
-    bulk = MATERIAL.energy(u) * ufl.dx
-    result = ContactProblem(bulk, u, [pair, floor], bcs=[top]).solve()
-    force = [result.resultants[name] for name in ("between", "floor")]
-    np.testing.assert_allclose(force[0], force[1], rtol=1e-8)
-    assert result.imbalance < 1e-9
-    u.x.array[:] = 0.0
-    free = ContactPair(u, both, slave=3, master=2, law=Frictionless())
-    with pytest.raises(FloatingBodyError, match=r"translation x of part \d of 2"):
-        ContactProblem(bulk, u, [free], bcs=[top]).solve()
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.parametrize("side", ["slave", "master"])
-def test_one_side_is_clamped(side):
-    """What is held and what is free still push each other, as on a rigid plane."""
-    both = stacked(2, "quad", 4)
-    u = displacement(both.mesh)
-    # The lower body is held whole.
-    inside = mesh.locate_entities(both.mesh, 2, lambda x: x[1] < 1 + 1e-9)
-    lower = np.intersect1d(inside, both.cell_tags.find(1)).astype(np.int32)
-    V = u.function_space
-    still = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 2, lower), V)
-    tags = dict(slave=3, master=2) if side == "master" else dict(slave=2, master=3)
-    pair = ContactPair(u, both, law=Coulomb(0.3), **tags)
-    top = held(u, both.facet_tags, 4, (0.005, -0.02))
-    found = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=[still, top]).solve()
-    domain = box(COMM, 4, "quad")
-    w = displacement(domain)
-    plane = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    surface = ContactSurface(w, facets(domain, 1, 0.0), obstacle=plane, law=Coulomb(0.3))
-    top = held(w, tagged(domain, t4=(1, 1.0)), 4, (0.005, -0.02))
-    alone = ContactProblem(MATERIAL.energy(w) * ufl.dx, w, [surface], bcs=[top]).solve()
-    sign = 1.0 if side == "master" else -1.0
-    a = found.tables["contact"]
-    b = alone.tables["contact"]
-    assert a.status == b.status
-    np.testing.assert_allclose(sign * a.force, b.force, atol=1e-8 * np.abs(b.force).max())
-
-
 # -- branches --------------------------------------------------------------------------------------
 
 
@@ -447,103 +393,6 @@ def test_crack(dim, cell, reach):
     assert result.imbalance < 1e-12
 
 
-def test_a_crack_that_is_drawn_open():
-    """Without traction on its sides: the energy falls as the crack grows."""
-    energies = []
-    for reach in (0.25, 0.5, 0.75):
-        domain, tags = cracked(2, "tri", reach, n=8)
-        body = crack(domain, [5], facet_tags=tags)
-        u = displacement(body.mesh)
-        pair = ContactPair(u, body, slave=5, master="5_opposite", law=Coulomb(0.2))
-        ends = [held(u, body.facet_tags, 1, (0, 0)), held(u, body.facet_tags, 4, (0, 0.02))]
-        result = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends).solve()
-        assert result.counts["stick"] == result.counts["slip"] == 0
-        energies.append(result.energies["bulk"])
-    assert energies == sorted(energies, reverse=True)
-
-
-def with_an_arm(n, cell):
-    """A box with facets to crack, 5 across it and 6 from there to its top."""
-    domain = box(COMM, n, cell)
-    domain.topology.create_entities(1)
-    flat = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5))
-    arm = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[0], 0.5) & (x[1] > 0.5 - 1e-9))
-    every = np.concatenate([flat, arm])
-    values = np.repeat(np.array([5, 6], dtype=np.int32), [len(flat), len(arm)])
-    order = np.argsort(every)
-    return domain, mesh.meshtags(domain, 1, every[order], values[order])
-
-
-def test_a_branched_crack():
-    """Three fans meet where an arm ends on another crack."""
-    domain, tags = with_an_arm(4, "quad")
-    body = crack(domain, [5, 6], facet_tags=tags)
-    # Five nodes of the long crack, two more of the arm; at the junction one copy more.
-    assert body.mesh.geometry.index_map().size_global == 25 + 5 + 2 + 1
-    one = mesh.meshtags(domain, 1, tags.indices, np.full_like(tags.values, 5))
-    with pytest.raises(ValueError, match="branched or crossing crack needs a group for each arm"):
-        crack(domain, [5], facet_tags=one)
-
-
-def two_rocks():
-    """Two materials, with an interface that has a name."""
-    import gmsh
-
-    model = gmsh.model
-    corners = [(0, 0), (1, 0), (1, 0.4), (0, 0.5), (1, 1), (0, 1)]
-    points = [model.geo.addPoint(x, y, 0, 0.2) for x, y in corners]
-    ends = [(0, 1), (1, 2), (2, 3), (3, 0), (2, 4), (4, 5), (5, 3)]
-    lines = [model.geo.addLine(points[a], points[b]) for a, b in ends]
-    loops = [[0, 1, 2, 3], [4, 5, 6, 2]]
-    signs = [[1, 1, 1, 1], [1, 1, 1, -1]]
-    faces = [
-        model.geo.addPlaneSurface(
-            [model.geo.addCurveLoop([s * lines[i] for i, s in zip(loop, sign, strict=True)])]
-        )
-        for loop, sign in zip(loops, signs, strict=True)
-    ]
-    model.geo.synchronize()
-    for name, face in zip(("rock", "soil"), faces, strict=True):
-        model.addPhysicalGroup(2, [face], name=name)
-    for name, line in {"floor": 0, "fault": 2, "top": 5}.items():
-        model.addPhysicalGroup(1, [lines[line]], name=name)
-    model.mesh.generate(2)
-
-
-def test_a_fault_by_its_name(folder):
-    """Through gmsh's groups, an oblique interface, and out again: fields, tables, pictures."""
-    body = mesh_from_gmsh(COMM, two_rocks)
-    before = body.mesh.geometry.index_map().size_global
-    body = crack(body, ["fault"])
-    assert set(body.names) == {"rock", "soil", "floor", "fault", "top", "fault_opposite"}
-    u = displacement(body.mesh)
-    fault = ContactPair(u, body, slave="fault", master="fault_opposite", law=Coulomb(0.4))
-    dx = ufl.Measure("dx", body.mesh, subdomain_data=body.cell_tags)
-    energy = sum(
-        LinearElastic.from_young(young, 0.3).energy(u) * dx(body.tag(name))
-        for name, young in {"rock": 1000.0, "soil": 100.0}.items()
-    )
-    ends = [
-        fem.dirichletbc(np.array(value), body.dofs(u.function_space, name), u.function_space)
-        for name, value in {"floor": (0.0, 0.0), "top": (0.06, -0.05)}.items()
-    ]
-    problem = ContactProblem(energy, u, [fault], bcs=ends)
-    points = problem.discrete(fault).points
-    assert body.mesh.geometry.index_map().size_global == before + points.number_everywhere
-    np.testing.assert_allclose(points.data.n @ [1.0, 10.0], np.sqrt(101))
-    result = problem.solve()
-    assert result.counts["slip"] > 0
-    assert result.kkt_violation < 1e-10
-    files = io.write_fields(folder, problem)
-    assert all(f.exists() for f in files)
-    plot.picture_of_body(folder / "body.png", problem)
-    plot.picture_of_contact(folder / "contact.png", problem)
-    assert all((folder / name).stat().st_size > 1000 for name in ("body.png", "contact.png"))
-    table = result.tables["contact"]
-    forces = table.force / np.abs(table.force).max()
-    assert len(set(COMM.allgather(np.round(forces, 9).tobytes()))) == 1
-
-
 # -- bad input -------------------------------------------------------------------------------------
 
 
@@ -588,111 +437,3 @@ def test_bad_pairs():
         join([box(COMM, 2, "quad"), box(COMM, 2, "tri")])
     with pytest.raises(ValueError, match="a list of meshes is needed"):
         join([])
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.refuses("mixed contact", aspects=("pairs",))
-def test_faces_of_different_meshes():
-    """But for nodal contact; also where nodes of one are some of the other's."""
-    for n, missing in ((3, r"12 of 16 nodes"), (4, r"16 of 25 nodes"), (1, "1 of 1 facets")):
-        a = box(COMM, 2, "hex")
-        b = box(COMM, n, "hex")
-        b.geometry.x[:, 2] += 1.0
-        both = join([a, b], facet_tags=[tagged(a, t2=(2, 1.0)), tagged(b, t3=(2, 1.0))])
-        u = displacement(both.mesh)
-        refused(f"the faces do not match: {missing} of the slave", u, both, method="mixed")
-
-
-def test_where_an_arm_ends():
-    """The unbroken side is no slave there: two nodes of the master meet one of its own."""
-    domain, tags = with_an_arm(6, "tri")
-    body = crack(domain, [5, 6], facet_tags=tags)
-    u = displacement(body.mesh)
-    sides = dict(slave=5, master="5_opposite")
-    refused("1 nodes of the slave have two or more of the master opposite", u, body, **sides)
-    ContactPair(u, body, slave="5_opposite", master=5, law=Frictionless())
-    crossing = mesh.locate_entities(
-        domain, 1, lambda x: np.isclose(x[0], 0.5) | np.isclose(x[1], 0.5)
-    )
-    one = mesh.meshtags(domain, 1, np.sort(crossing), np.full(len(crossing), 5, dtype=np.int32))
-    with pytest.raises(ValueError, match="crossing crack needs a group for each arm"):
-        crack(domain, [5], facet_tags=one)
-
-
-def test_a_block_that_slides_away():
-    """Sheared by more than friction holds it has no equilibrium, however small residuals get."""
-    both = stacked(3, "hex", 2)
-    u = displacement(both.mesh)
-    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)(4)
-    x = ufl.SpatialCoordinate(both.mesh)
-    twist = 0.4 * ufl.as_vector((0.5 - x[1], x[0] - 0.5, 0.0))
-    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
-    for shear, holds in ((1.0, True), (2.1, False)):
-        load = ufl.as_vector((-0.8 * shear, -0.6 * shear, -5.0)) + twist
-        bulk = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ds
-        u.x.array[:] = 0.0
-        problem = ContactProblem(bulk, u, [pair], bcs=[held(u, both.facet_tags, 1, np.zeros(3))])
-        if holds:
-            force = problem.solve().resultants["contact"]
-            np.testing.assert_allclose(force, (0.8, 0.6, 5.0), rtol=1e-8)
-            continue
-        with pytest.raises(ConvergenceError):
-            problem.solve()
-        assert largest(u.x.array) == 0.0
-
-
-def test_a_block_that_tips(monkeypatch):
-    """At no load all points of a face may be at a kink: more pieces than 64 bits count."""
-    tried = []
-
-    def counted(finder, piece, kinks, *given):
-        tried.append(len(kinks))
-        assert len(tried) < 50
-        return rays(finder, piece, kinks, *given)
-
-    rays = RayFinder.of_statuses
-    monkeypatch.setattr(RayFinder, "of_statuses", counted)
-    both = stacked(3, "hex", 2)
-    u = displacement(both.mesh)
-    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)(4)
-    rule = dict(method="integral", quadrature_degree=8)
-    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(2.3), **rule)
-    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(ufl.as_vector((-6.9, 1.2, -5.0)), u) * ds
-    bcs = [held(u, both.facet_tags, 1, np.zeros(3))]
-    with pytest.raises(ConvergenceError):
-        ContactProblem(energy, u, [pair], bcs=bcs).solve()
-    assert largest(u.x.array) == 0.0
-
-
-@pytest.mark.parametrize(
-    ("dim", "cell", "bound", "shift", "press", "stiffness"),
-    [
-        (2, "tri", 2.0, 0.02, -0.001, 1000.0),
-        pytest.param(2, "tri", 20.0, 0.2, -0.05, 1000.0, marks=pytest.mark.long),
-        pytest.param(3, "hex", 2.0, 0.02, -0.001, 100.0, marks=pytest.mark.long),
-    ],
-)
-def test_penalisation_with_a_bound_given_in_advance(dim, cell, bound, shift, press, stiffness):
-    """Some stick and some slip; where full steps cycle, the statuses are pivoted on."""
-
-    def problem():
-        both = stacked(dim, cell)
-        u = displacement(both.mesh)
-        top = np.zeros(dim)
-        top[0] = shift
-        top[-1] = press
-        pair = ContactPair(u, both, slave=3, master=2, law=Tresca(bound))
-        ends = [held(u, both.facet_tags, 1, 0 * top), held(u, both.facet_tags, 4, top)]
-        return ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
-
-    wanted = problem()
-    penalised = problem()
-    counts = wanted.solve().counts
-    assert min(counts["stick"], counts["slip"]) > 0
-    assert penalised.solve(algorithm=Penalty(stiffness=stiffness)).counts == counts
-    difference = penalised.u.x.array - wanted.u.x.array
-    assert largest(difference) <= 1e-6 * largest(wanted.u.x.array)
-    if dim == 3:
-        said = "yields by 1e.03 times the augmentation was not solved .full steps: .*less may do"
-        with pytest.raises(ConvergenceError, match=said):
-            problem().solve(algorithm="penalty")

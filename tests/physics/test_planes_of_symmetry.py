@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from support.blocks import CELLS
 from test_pair import displacement
-from test_sliding_pair import errors_with_parts_held, smooth
 
 import ufl
 from dolfinx import fem, mesh
@@ -16,11 +15,9 @@ from dolfinx_contact import (
     ContactProblem,
     Coulomb,
     Frictionless,
-    ParametricContact,
     SelfContact,
 )
-from dolfinx_contact.continuation import follow
-from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.meshing import join
@@ -142,114 +139,12 @@ def test_planes_may_be_anywhere(slave):
         np.testing.assert_allclose(*values, atol=1e-10, err_msg=name)
 
 
-def paired(dim, overlap, *, whole, slave=SLAVE):
-    """A displacement of the bodies, and a pair of them; with slave 0 one face of both."""
-    body = bodies(dim, whole=whole, overlap=overlap)
-    u = displacement(body.mesh)
-    planes = {} if whole else dict.fromkeys(range(dim - 1), 0.0)
-    given = dict(search_distance=0.5, law=Coulomb(0.3), symmetry=planes, interference=True)
-    return u, touching(u, body, slave, **given)
-
-
 def moved(x):
     """A displacement (dim, n) that is symmetric to both planes, at places of the mesh."""
     up = len(x) - 1
     values = 0.1 * x * (1.0 + x[up] + x[0] ** 2)
     values[up] = -0.3 * x[0] ** 2
     return values
-
-
-def seen(dim, overlap, *, whole, slave=SLAVE):
-    """At a symmetric displacement positions, normals and jumps of the slave's nodes (n, 3 dim), and
-    positions and forces of all nodes (m, 2 dim) under symmetric tractions.
-    """
-    u, pair = paired(dim, overlap, whole=whole, slave=slave)
-    pair = discretise(pair)
-    u.interpolate(lambda x: moved(x[:dim]))
-    n = pair.owned_nodes
-    now = u.x.array.reshape(-1, dim)[:n]
-    operator = pair.points.at(now, 0.3 * now)
-    nodal = operator.facing.nodal
-    x = pair.positions
-    number = len(x)
-    rows = np.hstack([x, nodal.normal[:number], nodal.jump[:number]])
-    tractions = np.cos(x)
-    tractions[:, :-1] = np.sin(x[:, :-1])
-    forces = operator.transpose(tractions).reshape(-1, dim)
-    forces = np.hstack([pair.node_positions[:n], forces])
-    return [np.concatenate(COMM.allgather(values)) for values in (rows, forces)]
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.each_value
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize(
-    ("overlap", "slave"), [(-0.05, SLAVE), (0.1, SLAVE), (0.1, MASTER), (-0.05, 0), (0.1, 0)]
-)
-@pytest.mark.verifies(
-    "sliding pairs",
-    reference="itself: the whole model, of which it is a half or a quarter",
-    aspects=("2D", "3D", "pairs", "large sliding"),
-)
-def test_part_sees_what_the_whole_sees(dim, overlap, slave):
-    """Normals, gaps, slips and forces, apart and in each other; of one face too."""
-    whole, all_forces = seen(dim, overlap, whole=True, slave=slave)
-    part, forces = seen(dim, overlap, whole=False, slave=slave)
-    assert len(part) == (1 if slave else 2) * 3 ** (dim - 1)
-    for row in part:
-        off = np.linalg.norm(whole[:, :dim] - row[:dim], axis=1)
-        np.testing.assert_allclose(row, whole[np.argmin(off)], atol=1e-12)
-    tilted = np.abs(part[:, dim]).max()
-    slip = np.abs(part[:, 2 * dim]).max()
-    assert min(tilted, slip) > 0.01
-    for row in forces:
-        off = np.linalg.norm(all_forces[:, :dim] - row[:dim], axis=1)
-        other = all_forces[np.argmin(off), dim:]
-        on = np.abs(row[: dim - 1]) < 1e-9  # planes, across which it is held
-        along = np.append(~on, True)
-        # Half of what comes from both sides.
-        np.testing.assert_allclose(row[dim:][along], other[along] / 2 ** on.sum(), atol=1e-12)
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.verifies(
-    "sliding pairs",
-    reference="differences: of the residual",
-    aspects=("2D", "3D", "pairs", "large sliding"),
-)
-def test_jacobian_with_images(dim, monkeypatch):
-    """Of bodies that are in each other beside the planes, with the common parts held."""
-    u, pair = paired(dim, 0.1, whole=False)
-    V = u.function_space
-    X = V.tabulate_dof_coordinates()[: V.dofmap.index_map.size_local, :dim]
-    bcs = []
-    for axis in range(dim - 1):
-        W = V.sub(axis)
-
-        def here(x, axis=axis):
-            return np.isclose(x[axis], 0.0)
-
-        plane = mesh.locate_entities_boundary(V.mesh, dim - 1, here)
-        dofs = fem.locate_dofs_topological(W, dim - 1, plane)
-        bcs.append(fem.dirichletbc(fem.Constant(V.mesh, 0.0), dofs, W))
-    problem = ContactProblem(RUBBER.energy(u) * ufl.dx, u, [pair], bcs=bcs)
-    eq = problem.equations
-    n = eq.owned_sizes[0]
-    (pair,) = problem.surfaces
-    waves = np.outer(pair.points.ids[:, 0], np.arange(1.0, 1.0 + dim))
-    x = problem.create_vector()
-    v = x.duplicate()
-    place = moved(X.T).T + smooth(X, 3, 0.01)
-    for f, field, tractions in ((x, place, 2e-3 * np.sin(waves)), (v, smooth(X, 8, 1.0), waves)):
-        f.array[:n] = field.reshape(-1)
-        f.array[:n][eq.fixed[:n]] = 0.0
-        f.array[n:] = tractions.reshape(-1)
-    v.array[n:] = 0.1 * np.cos(v.array[n:])
-    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
-    assert errors[0] < 1e-5
-    assert errors[1] < 0.02 * errors[0] + 1e-9
-    facing = state.surfaces[0].kinematics.operator.facing
-    assert COMM.allreduce(int((facing.mirrors < 0).any(axis=1).sum())) > 0
 
 
 @pytest.mark.ranks(2)
@@ -339,50 +234,6 @@ def test_a_plane_that_moves(dim, itself):
         QuasiStatic(problem, load).run([0.0, 1.0, 2.0])
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("evolution", ["history", "motion"])
-@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
-def test_a_plane_that_is_off_at_the_start(evolution):
-    """Also where the displacement is what is prescribed, and the first step takes it back."""
-    problem, moved, _ = led(2, "Constant", itself=False)
-    n = problem.equations.owned_sizes[0]
-    held = problem.equations.fixed[:n]
-
-    def load(t):
-        moved.value = 0.01 - t
-
-    def start():
-        if evolution == "motion":
-            NSCD(problem, 1.0, dt=0.01, load=load).run([0.0, 0.01])
-        else:
-            QuasiStatic(problem, load).run([0.0, 0.01])
-
-    moved.value = 0.01
-    given = problem.equations.prescribed.values().reshape(-1)[:n]
-    problem.u.x.array[:n][held] = given[held]
-    problem.u.x.scatter_forward()
-    before = problem.u.x.array.copy()
-    with pytest.raises(ValueError, match=f"contact at the start: Dirichlet data {OFF}"):
-        start()
-    np.testing.assert_array_equal(problem.u.x.array, before)
-
-
-@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
-def test_a_plane_that_a_branch_moves():
-    """Values of a Function that the parameter drives are looked at before anything is followed."""
-    problem, moved, gamma = led(2, "Function", itself=False)
-    problem.solve()
-    system = ParametricContact(problem, gamma, driven=[(moved, 0.01 * gamma)])
-    x = system.create_vector()
-    problem.write(x)
-    with pytest.raises(ValueError, match=r"at gamma = 0.03125: .*off the plane of symmetry x = 0"):
-        follow(system, x, 0.0, gamma_range=(0.0, 1.0))
-    np.testing.assert_array_equal(moved.x.array, 0.0)
-    moved.x.array[:] = 0.01  # the parameter does not drive it, and it has changed since the solve
-    with pytest.raises(ValueError, match=OFF):
-        follow(ParametricContact(problem, gamma), x, 0.0, gamma_range=(-0.1, 0.1))
-
-
 def side_by_side(first, second, names):
     """Two blocks by their corners, all facets of each marked by a name."""
     parts = []
@@ -423,23 +274,3 @@ def test_what_crosses_a_plane_gives_a_warning():
         found = result.indicators.surfaces["contact"]
         assert found.behind_plane == pytest.approx(depth / found.facet, abs=1e-9)
         assert ("behind_plane of 'contact'" in result.warnings) == (depth > 0.0)
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.verifies(
-    "self contact", reference="closed form: an area", aspects=("2D", "large sliding")
-)
-@pytest.mark.parametrize("direction", [(0, 1), (1, 0), (0, -1)])
-def test_walls_of_one_height(direction):
-    """Facets as far along the direction as what they face meet it nevertheless, once."""
-    body = side_by_side(([0.0, 0.0], [1.0, 1.0]), ([1.1, 0.0], [2.0, 1.0]), (1, 2))
-    walls = mesh.locate_entities_boundary(
-        body.mesh, 1, lambda x: np.isclose(x[0], 1.0) | np.isclose(x[0], 1.1)
-    )
-    u = displacement(body.mesh)
-    face = discretise(
-        SelfContact(u, walls, law=Coulomb(0.3), direction=direction, search_distance=0.3)
-    )
-    operator = face.points.at(np.zeros((face.owned_nodes, 2)), None)
-    facing = COMM.allreduce(float(operator.areas.sum()))
-    assert facing == pytest.approx(1.0)

@@ -1,7 +1,6 @@
 """Rigid bodies with unknowns of their own, as contact partners."""
 
 import itertools
-import json
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -12,59 +11,27 @@ from support.blocks import box, facets, same_tables
 
 import dolfinx.fem.petsc
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     ConvergenceError,
     Coulomb,
-    Cylinder,
     Frictionless,
     HalfSpace,
-    LevelSet,
     ParametricContact,
     RigidBody,
     Sphere,
     materials,
-    solve_nested,
 )
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.records import BranchRecord, resume
-from dolfinx_contact.results.fields import vertex_state
 from dolfinx_contact.solvers.classical import start_by_lemke
-from dolfinx_contact.solvers.following import follow_load
 from dolfinx_contact.solvers.history import Attempt, FloatingBodyError
-from dolfinx_contact.solvers.newton import Newton
-from dolfinx_contact.solvers.strategies import raise_load
 
 COMM = MPI.COMM_WORLD
 METHODS = [(None, 1), ("integral", 1), ("mixed", 1), ("integral", 2)]
-
-
-@pytest.mark.verifies(
-    "rigid bodies", reference="differences: of displacements of any size", aspects=("2D", "3D")
-)
-@pytest.mark.parametrize("size", [0.0, 5e-5, 1e-3, 0.7, 2.5])
-@pytest.mark.parametrize("dim", [2, 3])
-def test_velocities_of_a_body_that_has_turned(dim, size):
-    """Velocities of material points against differences of where they come to.
-
-    In 3D the rate of a vector of rotation is no angular velocity but at the start.
-    """
-    rng = np.random.default_rng(0)
-    names = ["x", "y", "rz"] if dim == 2 else ["x", "y", "z", "rx", "ry", "rz"]
-    plane = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
-    body = RigidBody(plane, about=rng.normal(size=dim), held=names)
-    x = rng.normal(size=(3, dim))
-    turn = rng.normal(size=len(names) - dim)
-    change = rng.normal(size=len(names))
-    values = np.concatenate([rng.normal(size=dim), size * turn / np.linalg.norm(turn)])
-    there = x + body.carried(x, values)
-    h = 1e-6
-    wanted = (body.carried(x, values + h * change) - body.carried(x, values - h * change)) / (2 * h)
-    np.testing.assert_allclose(body.rate(there, values, change), wanted, rtol=0, atol=2e-9)
 
 
 def block(
@@ -252,99 +219,6 @@ def test_a_sphere_under_a_force(dim, method, degree):
     same_tables(result.tables["top 0"], again.solve().tables["top 0"], 1e-8)
 
 
-@pytest.mark.verifies(
-    "rigid bodies",
-    "cylinders",
-    "level sets",
-    reference="itself: the cylinder as a level set",
-    aspects=("3D",),
-)
-def test_cylinders_and_level_sets():
-    """A cylinder across a block, free to roll and yaw, and the same as a level set."""
-    about = np.array([0.6, 0.5, 2.0])  # over two lines of nodes: on one it would roll away
-    given = {"load": {"z": -10.0}, "free": ["x", "ry", "rz"], "held": ["y", "rx"]}
-    shapes = (
-        Cylinder(about, (0, 1, 0), 1.0),
-        LevelSet(lambda x: ufl.sqrt((x[0] - 0.6) ** 2 + (x[2] - 2.0) ** 2) - 1.0),
-    )
-    tables = []
-    for shape in shapes:
-        result = block(RigidBody(shape, about=about, **given), 3).solve()
-        tables.append(result.tables["top 0"])
-    assert abs(tables[0].force[:, 2].sum() + 10.0) < 1e-10
-    same_tables(*tables, 1e-9)
-
-
-@pytest.mark.verifies(
-    "rigid bodies",
-    "hyperelastic bodies",
-    reference="closed form: force and moment that press",
-    aspects=("2D",),
-)
-def test_a_nonlinear_body():
-    body = punch(load={"y": -100.0, "rz": 4.0}, held=["x"])
-    problem = block(body, hyper=True)
-    result = problem.solve()
-    np.testing.assert_allclose(result.rigid_bodies["punch"].contact[1:], [100.0, -4.0], atol=1e-6)
-    again = block(prescribed(body), hyper=True).solve()
-    same_tables(result.tables["top 0"], again.tables["top 0"], 1e-7)
-
-
-def test_an_obstacle_that_is_held():
-    """A rigid body that does not move is an obstacle; one that moves along carries the body."""
-    held = block(RigidBody(Sphere((0.5, 1.4), 0.5), about=(0.5, 1.4), held=["x", "y", "rz"]))
-    plain = block(Sphere((0.5, 1.4), 0.5))
-    same_tables(held.solve().tables["top 0"], plain.solve().tables["top 0"], 1e-12)
-
-
-@pytest.mark.ranks(2)
-def test_two_surfaces_share_a_body():
-    """Half of the face each, and a second body beside."""
-
-    def halves(domain):
-        every = facets(domain, 1, 1.0)
-        fdim = domain.topology.dim - 1
-        x = mesh.compute_midpoints(domain, fdim, every)[:, 0]
-        parts = x < 0.5, (x > 0.5) & (x < 0.75), x > 0.75
-        return [(b, every[part]) for b, part in zip((body, other, body), parts, strict=True)]
-
-    body = punch(load={"y": -10.0, "rz": 1.0}, held=["x"])
-    other = RigidBody(body.shape, about=body.about, load={"y": -3.0}, held=["x", "rz"], name="b")
-    result = block(None, n=8, where=halves).solve()
-    found = result.rigid_bodies
-    assert set(found) == {"punch", "b"}
-    np.testing.assert_allclose(found["punch"].contact[1:], [10.0, -1.0], atol=1e-10)
-    assert abs(found["b"].force[1] - 3.0) < 1e-10
-    both = result.resultants["top 0"] + result.resultants["top 2"]
-    assert abs(both[1] + 10.0) < 1e-10
-    other = RigidBody(
-        body.shape, about=body.about, load={"y": -3.0}, held=["x", "rz"], name="punch"
-    )
-    with pytest.raises(ValueError, match="different names"):
-        block(None, n=8, where=halves)
-
-
-def test_a_plane_of_symmetry():
-    """Half a block, held across at its plane of symmetry, under half the force."""
-
-    def symmetric(V):
-        at = facets(V.mesh, 0, 1.0)
-        dofs = fem.locate_dofs_topological(V.sub(0), 1, at)
-        return fem.dirichletbc(0.0, dofs, V.sub(0))
-
-    body = RigidBody(Sphere((1.0, 1.5), 0.5), about=(1.0, 1.5), load={"y": -10.0}, held=["x", "rz"])
-    result = block(body, n=6, more=[symmetric]).solve()
-    found = result.rigid_bodies["rigid body"]
-    assert abs(found.force[1] - 10.0) < 1e-11
-    assert result.converged
-    # Free to tilt, the node on the axis holds it by friction: there its multiplier is kept.
-    body = RigidBody(
-        Sphere((1.0, 1.5), 0.5), about=(1.0, 1.5), load={"y": -10.0}, free=["rz"], held=["x"]
-    )
-    found = block(body, n=6, more=[symmetric]).solve().rigid_bodies["rigid body"]
-    np.testing.assert_allclose(found.contact[1:], [10.0, 0.0], atol=1e-11)
-
-
 # -- friction ------------------------------------------------------------------------------------
 
 
@@ -375,31 +249,6 @@ def test_bodies_that_nothing_holds(method):
     rolling = RigidBody(Sphere(c, 0.5), about=c, load={"y": -10.0}, free=["rz"], held=["x"])
     with pytest.raises(FloatingBodyError, match="rotation about z of rigid body"):
         block(rolling, law=Frictionless(), method=method).solve()
-
-
-def test_a_body_that_does_not_touch_yet():
-    """A load brings it to the block."""
-    body = RigidBody(
-        Sphere((0.5, 1.51), 0.5), about=(0.5, 1.51), load={"y": -10.0}, held=["x", "rz"]
-    )
-    near = RigidBody(Sphere((0.5, 1.5), 0.5), about=(0.5, 1.5), load={"y": -10.0}, held=["x", "rz"])
-    far = [
-        block(b, law=Frictionless(), n=8).solve().rigid_bodies["rigid body"] for b in (body, near)
-    ]
-    assert abs(far[0].motion[1] + 0.01 - far[1].motion[1]) < 1e-4
-
-
-def by_increments(problem, x):
-    """The strategy of load increments."""
-    attempt = Attempt("load increments", "")
-    with Newton(problem.equations, problem.linear_solver, "none", None) as solver:
-        return raise_load(solver, x, attempt, 4)
-
-
-def by_following(problem, x):
-    """The strategy of load following."""
-    attempt = Attempt("load following", "")
-    return follow_load(problem.equations, lambda: problem.linear_solver, x, attempt, 40)
 
 
 # -- equations -----------------------------------------------------------------------------------
@@ -556,89 +405,7 @@ def test_the_jacobian(dim, method, degree):
     assert b[0].norm() < 1e-6 * b[2].norm()
 
 
-@pytest.mark.parametrize(("way", "load"), [(by_increments, {"rz": 2.0}), (by_following, {})])
-def test_loads_and_motions_in_increments(way, load):
-    """Strategies that raise the load raise what is prescribed to a body as well."""
-    given = {"motion": {"y": -0.02, "x": 0.004}, "load": load}
-    if not load:
-        given["motion"]["rz"] = 0.01
-    body = punch(**given)
-    problem = block(body, n=2)
-    problem.solve()
-    values = body.values
-    u = problem.u.x.array.copy()
-    problem = block(punch(**given), n=2)
-    x = problem.create_vector()
-    assert way(problem, x)
-    problem.read(x)
-    np.testing.assert_allclose(problem.rigid_bodies[0].values, values, rtol=1e-8)
-    np.testing.assert_allclose(problem.u.x.array, u, atol=1e-10)
-
-
-def test_from_a_coarser_mesh():
-    """Nested iteration takes the motion along."""
-    problems = [
-        block(
-            RigidBody(
-                Sphere((0.5, 1.5), 0.5), about=(0.5, 1.5), load={"y": -20.0}, held=["x", "rz"]
-            ),
-            n=n,
-        )
-        for n in (6, 12)
-    ]
-    coarse, fine = solve_nested(problems)
-    alone = block(problems[1].rigid_bodies[0], n=12)
-    alone.rigid_bodies[0].values = np.zeros(3)
-    cold = alone.solve()
-    assert fine.iterations <= cold.iterations
-    same_tables(fine.tables["top 0"], cold.tables["top 0"])
-    assert coarse.rigid_bodies["rigid body"].motion[1] != fine.rigid_bodies["rigid body"].motion[1]
-
-
 # -- ranks and units -----------------------------------------------------------------------------
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
-@pytest.mark.parametrize(("dim", "method"), [(2, "nodal"), (2, "integral"), (3, "nodal")])
-@pytest.mark.verifies(
-    "rigid bodies",
-    reference="itself: the solve on one rank",
-    aspects=(
-        "2D",
-        "3D",
-    ),
-)
-def test_ranks(dim, method):
-    """The same numbers as in serial."""
-    up = "xyz"[dim - 1]
-    found = []
-    for comm in (MPI.COMM_SELF, COMM):
-        body = punch(
-            dim,
-            load={up: -10.0, "rz" if dim == 2 else "rx": 1.5, "x": 0.7},
-            held=others(dim, up, "rz" if dim == 2 else "rx", "x"),
-        )
-        problem = block(body, dim, 3, method=method, comm=comm)
-        found.append((problem.solve(), body.values))
-    np.testing.assert_allclose(found[0][1], found[1][1], rtol=1e-9, atol=1e-12)
-    same_tables(*(r.tables["top 0"] for r, _ in found))
-
-
-@pytest.mark.verifies("rigid bodies", "units", reference="itself: other units", aspects=("2D",))
-def test_units():
-    """Millimetres and pascals, the same steps."""
-    found = []
-    for size, young in ((1.0, 1e3), (1e3, 1e9), (1e-3, 1e-3)):
-        force = young * size * 0.01
-        moment = young * size**2 * 0.002
-        body = punch(size=size, load={"y": -force, "rz": moment, "x": 0.1 * force})
-        result = block(body, size=size, young=young).solve()
-        scale = np.array([size, size, 1.0])
-        found.append((body.values / scale, result.iterations, result.tables["top 0"].status))
-    for values, iterations, letters in found[1:]:
-        np.testing.assert_allclose(values, found[0][0], rtol=1e-9)
-        assert (iterations, letters) == found[0][1:]
 
 
 # -- branches ------------------------------------------------------------------------------------
@@ -688,43 +455,6 @@ def test_a_branch_under_a_growing_force(method, route):
     np.testing.assert_allclose(again.rigid_bodies["punch"].motion, followed, rtol=1e-7)
 
 
-def test_the_rate_of_the_force():
-    """dH/dgamma against differences."""
-    _, _, system = parametric()
-    x = system.probe(3)
-    x.scale(1e-2)
-    piece = system.piece_at(x, 1.0)
-    b = [system.create_vector() for _ in range(3)]
-    system.residual(x, 1.5, b[0], piece)
-    system.residual(x, 0.5, b[1], piece)
-    system.parameter_derivative(x, 1.0, b[2], piece)
-    b[0].axpy(-1.0, b[1])
-    b[0].axpy(-1.0, b[2])
-    assert b[2].norm() > 0.1
-    assert b[0].norm() < 1e-10 * b[2].norm()
-
-
-def test_a_motion_as_the_parameter():
-    def where(domain):
-        made["c"] = gamma = fem.Constant(domain, 0.0)
-        body = punch(load={"y": -10.0}, motion={"x": gamma + gamma**2}, held=["rz"])
-        return [(body, facets(domain, 1, 1.0))]
-
-    made = {}
-    problem = block(None, where=where)
-    result = problem.solve()
-    system = ParametricContact(problem, made["c"])
-    assert not system.is_linear
-    x = problem.create_vector()
-    problem.write(x)
-    branch = follow(system, x, 0.0, gamma_range=(0.0, 0.002))
-    result = system.result_at(branch.points[-1])
-    found = result.rigid_bodies["punch"]
-    assert found.motion[0] == pytest.approx(0.002004, rel=1e-9)
-    system.set_parameter(0.002)
-    same_tables(problem.solve().tables["top 0"], result.tables["top 0"], 1e-7)
-
-
 @pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "rigid bodies", "all solutions", reference="itself: the solve", aspects=("2D",)
@@ -762,36 +492,6 @@ def test_lemke():
     assert "not positive definite" in attempt.reason
 
 
-@pytest.mark.chatty
-@pytest.mark.verifies(
-    "rigid bodies",
-    "records of branches",
-    reference="itself: the branch that nothing ended",
-    aspects=(
-        "2D",
-        "branches",
-        "records",
-    ),
-)
-def test_a_record_goes_on(folder):
-    """The fields of a point on the disk have the motion of the body."""
-    problem, body, system = parametric("integral")
-    problem.solve()
-    x = problem.create_vector()
-    problem.write(x)
-    with BranchRecord(folder / "run", system, every=1) as record:
-        follow(system, x, 0.0, gamma_range=(0.0, 2.0), max_steps=2, record=record)
-    whole = follow(system, x, 0.0, gamma_range=(0.0, 2.0))
-    values = body.values
-    problem, body, system = parametric("integral")
-    again = resume(folder / "run", system, every=1, max_steps=1000)
-    assert again.points[-1].gamma == whole.points[-1].gamma == 2.0
-    np.testing.assert_allclose(body.values, values, rtol=1e-9)
-    problem, body, system = parametric("integral", about=(1.5, 2.0))
-    with pytest.raises(ValueError, match="another problem"):
-        resume(folder / "run", system)
-
-
 # -- bad input -----------------------------------------------------------------------------------
 
 PLANE = HalfSpace((0, 1), (0, -1))
@@ -821,67 +521,4 @@ def test_bad_input(given, words):
         RigidBody(given.pop("shape"), **given)
 
 
-@pytest.mark.refuses("rigid bodies", aspects=("multigrid",))
-def test_input_that_does_not_fit_the_mesh():
-    domain = box(COMM, 2, "tri")
-    c = fem.Constant(domain, np.nan)
-    body = RigidBody(PLANE, about=(0, 1), load={"y": c}, held=["x", "rz"])
-    with pytest.raises(ValueError, match="Constant of another mesh"):
-        block(body)
-    with pytest.raises(ValueError, match="3 components, the mesh 2"):
-        block(RigidBody(PLANE, about=(0, 1, 0), held=others(3)))
-    x = ufl.SpatialCoordinate(domain)
-    with pytest.raises(ValueError, match="nor the position"):
-        RigidBody(PLANE, about=(0, 1), load={"y": x[0]}, held=["x", "rz"])
-    with pytest.raises(ValueError, match="no multigrid"):
-        block(punch(held=others(2)), options={"linear_solver": "amg"}).solve()
-    with pytest.raises(ValueError, match="its shape must be"):
-        RigidBody(punch(held=others(2)), about=(0, 1), held=others(2))
-
-
-@pytest.mark.ranks(2)
-def test_a_load_that_is_not_a_number():
-    made = {}
-
-    def where(domain):
-        made["c"] = fem.Constant(domain, -10.0)
-        body = punch(load={"y": 2 * made["c"]}, held=["x", "rz"])
-        return [(body, facets(domain, 1, 1.0))]
-
-    problem = block(None, where=where)
-    assert abs(problem.solve().resultants["top 0"][1] + 20.0) < 1e-10
-    made["c"].value = np.nan
-    with pytest.raises(ValueError, match="rigid body is not finite"):
-        problem.solve()
-    made["c"].value = -3.0
-    assert abs(problem.solve().resultants["top 0"][1] + 6.0) < 1e-10
-
-
-@pytest.mark.ranks(2)
-def test_loads_that_differ_between_ranks():
-    if COMM.size == 1:
-        pytest.skip("needs ranks")
-    body = punch(load={"y": -10.0 - COMM.rank}, held=["x", "rz"])
-    with pytest.raises(ValueError, match="rigid bodies differs between ranks"):
-        block(body)
-
-
 # -- results -------------------------------------------------------------------------------------
-
-
-@pytest.mark.ranks(2)
-def test_what_is_told():
-    """The summary goes to JSON; large turns are told by the misfit."""
-    body = punch(load={"y": -10.0, "rz": 1.0}, held=["x"])
-    problem = block(body)
-    result = problem.solve()
-    told = json.loads(json.dumps(result.summary()["rigid_bodies"]))["punch"]
-    assert told["load"] == {"x": 0.0, "y": -10.0, "rz": 1.0}
-    assert told["contact"]["y"] == pytest.approx(10.0)
-    assert told["motion"]["rz"] == body.rotation[0] != 0
-    assert 0 < result.misfit < 1e-3
-    found = problem.evaluate()
-    gap = found.surfaces[0].kinematics.gap
-    np.testing.assert_array_less(-1e-12, gap)
-    vertices = vertex_state(problem.equations, 0, found)
-    np.testing.assert_allclose(vertices["un"][: len(gap)], gap, atol=1e-15)

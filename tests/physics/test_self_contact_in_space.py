@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from test_pair import displacement
-from test_sliding_pair import errors_with_parts_held, hairpin, smooth
+from test_sliding_pair import hairpin, smooth
 
 import basix.ufl
 import ufl
@@ -91,40 +91,6 @@ def test_a_folded_plate(cell):
     total = COMM.allreduce(nodal.weight[:n].sum())
     alone = Plate(MPI.COMM_SELF, cell)
     assert total == pytest.approx(alone.facing(alone.folded()).weight.sum(), rel=1e-9)
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.verifies(
-    "self contact",
-    reference="differences: of the residual",
-    aspects=("3D", "large sliding"),
-)
-def test_jacobian(monkeypatch):
-    """Of a plate that is folded on itself, partly closed, with the common parts held."""
-    plate = Plate()
-    energy = RUBBER.energy(plate.u) * ufl.dx(metadata={"quadrature_degree": 2})
-    problem = ContactProblem(energy, plate.u, [plate.contact])
-    (pair,) = problem.surfaces
-    eq = problem.equations
-    n = eq.owned_sizes[0]
-    ids = pair.points.ids[:, 0]
-    waves = np.outer(ids, [1.0, 2.0, 3.0])
-    moved = plate.folded(APART) + smooth(plate.X, 3, 0.01)
-    x = problem.create_vector()
-    v = x.duplicate()
-    for f, field, t in (
-        (x, moved, 2e-3 * np.sin(waves)),
-        (v, smooth(plate.X, 8, 1.0), 0.1 * np.cos(waves)),
-    ):
-        f.array[:n] = field.reshape(-1)
-        f.array[n:] = t.reshape(-1)
-    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
-    assert errors[0] < 1e-4
-    assert errors[1] < 0.02 * errors[0] + 1e-9
-    used = np.unique(np.concatenate(COMM.allgather(state.statuses[0])))
-    assert len(used) > 1
-    facing = state.surfaces[0].kinematics.operator.facing.nodal.weight > 0
-    assert COMM.allreduce(int(facing.sum())) > 20
 
 
 # -- a hairpin -------------------------------------------------------------------------------------

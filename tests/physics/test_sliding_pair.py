@@ -22,7 +22,6 @@ from dolfinx_contact import (
     ParametricContact,
     SelfContact,
     Tresca,
-    records,
 )
 from dolfinx_contact._compat import create_mesh
 from dolfinx_contact.continuation import follow
@@ -31,9 +30,7 @@ from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.meshing import join
-from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.memory import Memory
-from dolfinx_contact.points.sliding.candidates import candidates
 from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
@@ -179,71 +176,6 @@ def test_jacobian(dim, cell, slave, law, remembers, monkeypatch):
     assert errors[1] < 0.02 * errors[0] + 1e-9
     used = COMM.allreduce(len(np.unique(np.concatenate(COMM.allgather(state.statuses[0])))), max)
     assert used > 1
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.verifies(
-    "sliding pairs",
-    reference="differences: of the residual",
-    aspects=("3D", "pairs", "large sliding"),
-)
-def test_jacobian_of_bodies_that_spin(monkeypatch):
-    """By 60 and 20 degrees in a step; of a node of the slave hardly anything is left covered."""
-    both = blocks(3, "hex")
-    bodies = Bodies(both, 2, Coulomb(0.3), interference=True)
-    problem, pair, V = bodies.problem, bodies.pair, bodies.u.function_space
-    n = problem.equations.owned_sizes[0]
-    X = V.tabulate_dof_coordinates()[: n // 3]
-    upper = of_upper(both, V)
-    moved = X + smooth(X, 3, 0.04)
-    moved[upper] += (0.07, 0.07, -0.03)
-    # A rank may have no node of the upper body.
-    centre = COMM.allreduce(X[upper].sum(axis=0)) / COMM.allreduce(len(upper))
-    for nodes, angle in ((upper, 60.0), (np.setdiff1d(np.arange(len(X)), upper), 20.0)):
-        turn = Rotation.from_rotvec([0.0, 0.0, np.radians(angle)])
-        moved[nodes] = turn.apply(moved[nodes] - centre) + centre
-    for f in (bodies.below, bodies.above):
-        f.x.array[:n] = (moved - X).reshape(-1)
-        f.x.scatter_forward()
-    waves = np.outer(pair.points.ids[:, 0], np.arange(1.0, 4.0))
-    x = problem.create_vector()
-    v = x.duplicate()
-    x.array[:n] = (moved - X).reshape(-1)
-    x.array[n:] = 2e-3 * np.sin(waves).reshape(-1)
-    v.array[:n] = np.where(problem.equations.fixed[:n], 0.0, smooth(X, 8, 1.0).reshape(-1))
-    v.array[n:] = 0.1 * np.cos(waves).reshape(-1)
-    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
-    assert errors[0] < 1e-5
-    assert errors[1] < 0.02 * errors[0] + 1e-9
-    nodal = state.surfaces[0].kinematics.operator.facing.nodal
-    assert COMM.allreduce(np.degrees(nodal.spin).max(initial=0.0), MPI.MAX) > 35.0
-    assert COMM.allreduce((nodal.weight == 0.0).any(), MPI.LOR)
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("depth", [0.05, 1.0])
-def test_candidates(dim, depth):
-    """What lies along the rays of random facets, as a look at all of them finds it."""
-    rng = np.random.default_rng(7)
-    middles = rng.random((2, 150, 1, dim))
-    x = middles + 0.05 * rng.random((2, 150, dim, dim))
-    normals = rng.normal(size=(2, 150, dim))
-    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    nodes = np.arange(150 * dim).reshape(150, dim)
-    mine = np.arange(COMM.rank, 150, COMM.size)
-    slave, master = (Faces(x[i][mine], normals[i][mine], nodes[mine]) for i in range(2))
-    found = candidates(COMM, slave, master, np.ones(len(mine)), depth, 0.02)
-    i, k = found.pairs.T
-    pairs = np.stack([mine[i], found.nodes[k][:, 0] // dim], axis=1)
-    centre = x.mean(axis=2)
-    radius = np.linalg.norm(x - centre[:, :, None], axis=3).max(axis=2)
-    off = centre[1] - centre[0][:, None]
-    along = np.sum(off * normals[0][:, None], axis=2)
-    across = np.linalg.norm(off - along[..., None] * normals[0][:, None], axis=2)
-    reach = radius[0][:, None] + radius[1] + 0.02
-    wanted = np.argwhere((np.abs(along) <= depth + reach) & (across <= reach))
-    np.testing.assert_array_equal(pairs, wanted[np.isin(wanted[:, 0], mine)])
-    assert 50 < len(wanted) < 150**2 / 4
 
 
 # -- patches ---------------------------------------------------------------------------------------
@@ -462,10 +394,6 @@ def sliding_history(bodies):
     return QuasiStatic(bodies.problem, load)
 
 
-class Killed(Exception):
-    """Raised where a run is to end."""
-
-
 TIMES = np.concatenate([[0.0, 0.5], np.linspace(1.0, 2.5, 13)])
 
 
@@ -546,92 +474,6 @@ def test_wedge(friction, slave):
     exact = (slope + friction) / (1 - friction * slope)
     # The bodies are not rigid: their strains are some 1e-5.
     assert push / weight == pytest.approx(exact, rel=1e-4)
-
-
-@pytest.mark.long
-@pytest.mark.verifies(
-    "sliding pairs",
-    reference="itself: the run in one go",
-    aspects=("2D", "pairs", "large sliding", "records"),
-)
-def test_resumed(folder):
-    """A run that is resumed from its record ends where one in one go does."""
-
-    def made():
-        return Bodies(stacked(10, 7, (-1.0, 2.0), (0.0, 1.0), "quad"), 3, Coulomb(0.3))
-
-    def kill(step):
-        if step.time > 1.6:
-            raise Killed
-
-    whole = made()
-    sliding_history(whole).run(TIMES)
-    first = made()
-    evolution = sliding_history(first)
-    with records.EvolutionRecord(folder / "slide", evolution) as record, pytest.raises(Killed):
-        evolution.run(TIMES, record=record, observer=kill)
-    again = made()
-    evolution = sliding_history(again)
-    with records.EvolutionRecord(folder / "slide", evolution, resume=True) as record:
-        record.go_on()
-    for a, b in zip(whole.problem.fields, again.problem.fields, strict=True):
-        off = np.abs(a.x.array - b.x.array).max(initial=0.0)
-        assert COMM.allreduce(off, max) < 1e-11 * COMM.allreduce(
-            np.abs(a.x.array).max(initial=0.0), max
-        )
-
-
-@pytest.mark.parametrize(
-    ("dim", "cell", "slave"), [(2, "quad", 2), pytest.param(3, "tet", 3, marks=pytest.mark.long)]
-)
-@pytest.mark.verifies(
-    "sliding pairs",
-    "multigrid",
-    reference="independent code: MUMPS for the linear systems",
-    aspects=("2D", "3D", "pairs", "multigrid"),
-)
-def test_multigrid(dim, cell, slave, monkeypatch):
-    """A slide beyond a facet, in which the pattern of the Jacobian changes."""
-    monkeypatch.setattr("dolfinx_contact.points.sliding.faces._FEW_PAIRS", 0)
-    found = []
-    for kind in ("amg", "direct"):
-        options = {"linear_solver": kind, "snes_rtol": 1e-10, "ksp_rtol": 1e-10}
-        bodies = Bodies(blocks(dim, cell), slave, Coulomb(0.3), options=options)
-
-        def load(t, bodies=bodies):
-            motion = np.zeros(bodies.dim)
-            motion[0] = 0.8 * max(t - 0.5, 0.0)
-            motion[-1] = -0.04 * min(2 * t, 1.0)
-            bodies.move(lambda X: np.tile(motion, (len(X), 1)))
-
-        history = QuasiStatic(bodies.problem, load).run([0.0, 0.5, 0.75, 1.0], rays=False)
-        solver = bodies.problem.linear_solver
-        assert solver.name == kind
-        assert bodies.pair.points.faces.searches > 1
-        table = history.steps[-1].result.tables["contact"]
-        assert (table.rn > 1e-3).sum() > 3
-        found.append((bodies.u.x.array.copy(), bodies.pair.multiplier.x.array.copy()))
-    for amg, direct in zip(*found, strict=True):
-        largest = COMM.allreduce(np.max(np.abs(direct), initial=0.0), op=max)
-        assert np.max(np.abs(amg - direct), initial=0.0) <= 1e-8 * largest
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "records"))
-def test_a_record_of_another_sliding(folder):
-    """A history of small sliding has as many unknowns, and does not continue in large sliding."""
-
-    def made(**given):
-        given = {"method": "mixed", "sliding": "small"} | given
-        bodies = Bodies(stacked(4, 4, (0.0, 1.0), (0.0, 1.0)), 3, Coulomb(0.3), **given)
-        return sliding_history(bodies)
-
-    evolution = made()
-    with records.EvolutionRecord(folder / "small", evolution) as record:
-        evolution.run([0.0, 0.5, 1.0], record=record)
-    evolution = made(sliding="large", method=None)
-    with pytest.raises(ValueError, match="the kind of sliding of 'contact'"):
-        records.EvolutionRecord(folder / "small", evolution, resume=True)
 
 
 @pytest.mark.ranks(2)
@@ -746,20 +588,6 @@ def test_overlap_is_refused(slave, distance, by):
             discretise(ContactPair(u, both, interference=True, **given))
         given["search_distance"] = 1.1 * by
     discretise(ContactPair(u, both, interference=True, **given))
-
-
-@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
-def test_edge_of_a_slave_is_refused():
-    """One normal at the node of a corner would push aside what presses down."""
-    both = stacked(4, 4, (0.0, 2.0), (0.5, 1.0))
-    facets = mesh.locate_entities_boundary(
-        both.mesh, 1, lambda x: np.isclose(x[0], 0.5) & (x[1] > -1e-9)
-    )
-    bottom = both.facet_tags.find(3)
-    slave = np.union1d(bottom, facets).astype(np.int32)
-    given = {"law": Coulomb(0.3), "sliding": "large", "master_facets": both.facet_tags.find(2)}
-    with pytest.raises(ValueError, match="the slave has an edge"):
-        discretise(ContactPair(displacement(both.mesh), slave, **given))
 
 
 @pytest.mark.parametrize("slave", [2, pytest.param(3, marks=pytest.mark.long)])
@@ -880,52 +708,6 @@ def test_a_block_that_is_thrown_comes_to_rest(slave, mass):
     assert abs(energies.residue) < 1e-6 * energies.at_start
 
 
-@pytest.mark.verifies(
-    "sliding pairs",
-    "NSCD motion",
-    reference="theorem: theta-Euler has no memory of velocities without mass",
-    aspects=("2D", "pairs", "large sliding"),
-)
-def test_velocities_without_mass_may_be_any():
-    """In free flight with them the cells of the face would be inside out."""
-    found = []
-    for speed in (0.0, 1e3):
-        thrown = Thrown(scheme="theta-euler")
-        X = thrown.u.function_space.tabulate_dof_coordinates()
-        face = np.isclose(X[:, 1], 0.0) & (thrown.velocity.x.array[::2] > 0)
-        thrown.velocity.x.array[1::2][face] = speed
-        thrown.motion.run([0.0, 0.02])
-        found.append(thrown.u.x.array.copy())
-    off = np.abs(found[0] - found[1]).max(initial=0.0)
-    assert COMM.allreduce(off, max) < 1e-10
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.verifies(
-    "sliding pairs",
-    reference="itself: a motion that nothing ended",
-    aspects=("2D", "pairs", "large sliding", "records"),
-)
-def test_a_motion_continues_from_its_record(folder):
-    """Slips are measured from where the faces were, also after a resume."""
-    times = [0.0, 0.06]
-
-    def kill(step):
-        if step.time > 0.035:
-            raise Killed
-
-    whole = Thrown()
-    whole.motion.run(times)
-    first = Thrown()
-    with records.EvolutionRecord(folder / "t", first.motion) as record, pytest.raises(Killed):
-        first.motion.run(times, record=record, observer=kill)
-    again = Thrown()
-    with records.EvolutionRecord(folder / "t", again.motion, resume=True) as record:
-        record.go_on()
-    off = np.abs(again.u.x.array - whole.u.x.array).max()
-    assert COMM.allreduce(off, max) < 1e-11
-
-
 # -- self contact ----------------------------------------------------------------------------------
 
 
@@ -1031,55 +813,6 @@ def disc_on_a_block(cell, slave, n=4, law=None):
     u = displacement(both.mesh)
     given = dict(law=law or Coulomb(0.2), sliding="large", search_distance=0.3)
     return both, u, ContactPair(u, both, slave=slave, master=5 - slave, **given)
-
-
-@pytest.mark.parametrize(
-    ("cell", "slave", "common"),
-    [pytest.param("hex", 2, 1.0, marks=pytest.mark.long), ("tet", 2, 0.0), ("hex", 3, 1.0)],
-)
-@pytest.mark.verifies(
-    "sliding pairs",
-    "Coulomb",
-    reference="closed form: the torque of the pressures that are found",
-    aspects=("3D", "pairs", "large sliding"),
-)
-def test_a_disc_that_spins(cell, slave, common):
-    """Friction acts around the axis however far the disc turns in a step, and the block with it."""
-    both, u, pair = disc_on_a_block(cell, slave)
-    V = u.function_space
-    moves = []
-    for tag in (4, 5):
-        move = fem.Function(V)
-        dofs = fem.locate_dofs_topological(V, 2, both.facet_tags.find(tag))
-        moves.append((move, fem.dirichletbc(move, dofs)))
-    energy = NeoHookean(*lame(10.0, 0.0)).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
-    problem = ContactProblem(energy, u, [pair], bcs=[bc for _, bc in moves])
-    (pair,) = problem.surfaces
-    step = np.radians(20.0)
-
-    def turned(angle, down):
-        c, s = np.cos(angle) - 1.0, np.sin(angle)
-        return lambda x: np.stack([c * x[0] - s * x[1], s * x[0] + c * x[1], 0.0 * x[2] - down])
-
-    def load(t):
-        angle = step * max(t - 1.0, 0.0)
-        moves[0][0].interpolate(turned(angle * (1.0 + common), 0.02 * min(t, 1.0)))
-        moves[1][0].interpolate(turned(angle * common, 0.0))
-
-    history = QuasiStatic(problem, load).run(np.arange(4.0))
-    last = history.steps[-1].result
-    assert last.indicators.surfaces["contact"].spin == pytest.approx(20.0, rel=5e-3)
-    assert "spin of 'contact'" not in last.warnings
-    found = problem.evaluate().surfaces[0]
-    moved = u.x.array.reshape(-1, 3)[pair.points.vertex_trace_dofs[: pair.points.number]]
-    x = pair.positions + moved
-    area = found.kinematics.operator.areas
-    force = found.traction * area[:, None]
-    pressure = -np.sum(found.traction * found.data.n, axis=1)
-    torque = x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]
-    pressed = 0.2 * pressure * area * np.hypot(x[:, 0], x[:, 1])
-    torque, bound = COMM.allreduce(np.array([torque.sum(), pressed.sum()]))
-    assert abs(torque) == pytest.approx(bound, rel=5e-3)  # of the mesh; 1.4e-3 of hexahedra
 
 
 @pytest.mark.parametrize("rubs", [True, False])

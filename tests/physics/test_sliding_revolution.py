@@ -8,7 +8,6 @@ import pytest
 from support.blocks import CELLS
 from test_mortar import hats, stacked
 from test_pair import displacement, tagged
-from test_sliding_pair import errors_with_parts_held, of_upper, smooth
 
 import ufl
 from dolfinx import fem, mesh
@@ -16,19 +15,16 @@ from dolfinx import fem, mesh
 from dolfinx_contact import (
     ContactPair,
     ContactProblem,
-    ContactSurface,
     Coulomb,
     Frictionless,
-    HalfSpace,
 )
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
-from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean, lame
+from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean
 from dolfinx_contact.meshing import join
 from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
-RUBBER = NeoHookean(*lame(1000.0, 0.3))
 LARGE = {"law": Frictionless(), "sliding": "large", "axisymmetric": True}
 EXACT = {"snes_rtol": 1e-12}
 
@@ -46,57 +42,6 @@ def held(V, tags, values):
         W = V.sub(axis)
         bcs.append(fem.dirichletbc(value, fem.locate_dofs_topological(W, 1, tags.find(tag)), W))
     return bcs
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.parametrize("slave", [2, 3])
-@pytest.mark.parametrize("cell", ["tri", "quad"])
-@pytest.mark.verifies(
-    "sliding pairs",
-    "bodies of revolution",
-    reference="differences: of the residual",
-    aspects=("2D", "pairs", "large sliding"),
-)
-def test_jacobian(cell, slave, monkeypatch):
-    """Of two discs that lean and slide outwards, up to the axis, with the common parts held."""
-    both = stacked(5, 7, (0.0, 1.2), (0.0, 1.0), cell)
-    u = displacement(both.mesh)
-    V = u.function_space
-    pair = ContactPair(u, both, slave=slave, master=5 - slave, interference=True, **LARGE)
-    bcs = held(V, both.facet_tags, [(1, 0, 0.0), (1, 1, 0.0), (4, 1, 0.0)])
-    problem = ContactProblem(energy_of(RUBBER, u), u, [pair], bcs=bcs)
-    (pair,) = problem.surfaces
-    eq = problem.equations
-    n = eq.owned_sizes[0]
-    X = V.tabulate_dof_coordinates()[: n // 2, :2]
-    moved = smooth(X, 3, 0.05)
-    upper = of_upper(both, V)
-    r = X[upper, 0]
-    moved[upper] += np.stack([0.1 * r, -0.04 + 0.25 * r - 0.2 * r**2], axis=1)
-    ids = pair.points.ids[:, 0]
-    waves = np.outer(ids, [1.0, 2.0])
-    x = problem.create_vector()
-    v = x.duplicate()
-    for f, field, tractions in ((x, moved, 2e-3 * np.sin(waves)), (v, smooth(X, 8, 1.0), waves)):
-        f.array[:n] = field.reshape(-1)
-        f.array[:n][eq.fixed[:n]] = 0.0
-        f.array[n:] = tractions.reshape(-1)
-    v.array[n:] = 0.1 * np.cos(v.array[n:])
-    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
-    assert errors[0] < 1e-5
-    assert errors[1] < 0.02 * errors[0] + 1e-9
-    used = np.unique(np.concatenate(COMM.allgather(state.statuses[0])))
-    assert len(used) > 1
-    # On the axis the normal is axial, and the sum of the areas is that of the smaller disc: what is
-    # opposite to a face that leans and is in the other lies beyond the axis.
-    nodal = state.surfaces[0].kinematics.operator.facing.nodal
-    on_axis = np.abs(X[:, 0]) < 1e-12
-    mine = on_axis[pair.points.vertex_trace_dofs[: pair.points.number]]
-    assert COMM.allreduce(int(mine.sum())) == 1
-    assert np.abs(nodal.normal[: len(mine)][mine, 0]).max(initial=0.0) == 0.0
-    if slave == 3:
-        area = COMM.allreduce(float(nodal.weight[: len(mine)].sum()))
-        assert area == pytest.approx(np.pi, rel=1e-12)
 
 
 # -- patches ---------------------------------------------------------------------------------------
@@ -317,67 +262,6 @@ def test_lame():
     assert errors[1] < 0.3 * errors[0]
 
 
-def seal(n, comm=COMM, *, obstacle=None, wide=0.7, press=0.25):
-    """A ring with a round face, pressed on a plate and widened: its upper face is led."""
-    bodies = [
-        create_grid(comm, [np.linspace(4, 6, 2 * n + 1), np.linspace(0, 1, n + 1)], CELLS["quad"])
-    ]
-    tags = [tagged(bodies[0], t3=(1, 0.0), t4=(1, 1.0))]
-    if obstacle is None:
-        r = np.linspace(3.5, 7.5, 3 * n)
-        bodies.insert(0, create_grid(comm, [r, [-0.2, 0.0]], CELLS["quad"]))
-        tags.insert(0, tagged(bodies[0], t1=(1, -0.2), t2=(1, 0.0)))
-    both = join(bodies, facet_tags=tags)
-    x = both.mesh.geometry.x
-    ring = x[:, 1] > 1e-9
-    on_face = np.unique(mesh.entities_to_geometry(both.mesh, 1, both.facet_tags.find(3)))
-    ring[on_face] = True
-    x[:, 1] += np.where(ring, 0.2 * (x[:, 0] - 5) ** 2 * (1 - x[:, 1]), 0.0)
-    u = displacement(both.mesh)
-    V = u.function_space
-    energy = energy_of(RUBBER, u)
-    way = [fem.Constant(both.mesh, 0.0) for _ in range(2)]
-    upper = [(4, axis, value) for axis, value in enumerate(way)]
-    if obstacle is None:
-        face = ContactPair(u, both, slave=3, master=2, search_distance=0.3, **LARGE)
-        upper += [(tag, axis, 0.0) for tag in (1, 2) for axis in (0, 1)]
-    else:
-        given = {"law": Frictionless(), "method": "mixed", "axisymmetric": True}
-        face = ContactSurface(u, both, tag=3, obstacle=obstacle, **given)
-    bcs = held(V, both.facet_tags, upper)
-    problem = ContactProblem(energy, u, [face], bcs=bcs, petsc_options={"snes_rtol": 1e-11})
-    for part in np.linspace(0, 1, 6)[1:]:
-        way[1].value = -press * min(2 * part, 1.0)
-        way[0].value = wide * part
-        result = problem.solve()
-    return result
-
-
-@pytest.mark.verifies(
-    "sliding pairs",
-    "bodies of revolution",
-    reference="itself: a plane obstacle, and one rank",
-    aspects=("2D", "pairs", "large sliding"),
-)
-def test_seal():
-    """Over several facets of a plate that is held: the axial force on the plane that it is."""
-    plane = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    errors = []
-    for n in (4, 8):
-        result = seal(n)
-        pair = result.pairs["contact"]
-        assert pair.imbalance < 1e-12
-        wanted = seal(n, obstacle=plane).resultants["contact"]
-        errors.append(abs(pair.slave[1] / wanted[1] - 1))
-        assert wanted[1] > 0
-    assert errors[1] < 1e-4
-    assert errors[1] < 0.3 * errors[0]
-    alone = seal(4, MPI.COMM_SELF)
-    together = seal(4)
-    a, b = (r.tables["contact"].pressure for r in (alone, together))
-    np.testing.assert_allclose(a, b, rtol=0, atol=1e-8 * np.max(b))
-
-
 @pytest.mark.refuses("sliding pairs", "bodies of revolution", aspects=("2D", "pairs"))
 def test_friction_is_refused():
     both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
@@ -385,77 +269,3 @@ def test_friction_is_refused():
     given = {"slave": 3, "master": 2} | LARGE | {"law": Coulomb(0.3)}
     with pytest.raises(ValueError, match="take Frictionless"):
         discretise(ContactPair(u, both, **given))
-
-
-def widened_ring(around, slave):
-    """Axial forces on a ring that is pressed on a wider one, and widened on it, without friction.
-
-    Args:
-        around: cells of a quarter of a circle, which ends at two planes of symmetry; 0 for half a
-            section.
-        slave: 2 for the upper ring, or 3.
-    """
-    dim = 3 if around else 2
-    rings = []
-    for r, z, low, high in (
-        (np.linspace(1.0, 2.0, 3), [0.0, 0.6], 2, 4),
-        (np.linspace(0.7, 2.6, 5), [-0.6, 0.0], 1, 3),
-    ):
-        ends = [r, *[np.linspace(0.0, 0.5 * np.pi, around + 1)] * (dim - 2), z]
-        ring = create_grid(COMM, ends, CELLS["hex" if around else "quad"])
-        faces = {f"t{low}": (dim - 1, z[0]), f"t{high}": (dim - 1, z[1])}
-        tags = tagged(ring, **faces)
-        x = ring.geometry.x
-        if low == 2:  # a curved sole
-            x[:, dim - 1] += 0.1 * (x[:, 0] - 1.4) ** 2 * (1.0 - x[:, dim - 1] / 0.6)
-        if around:
-            radius, angle = x[:, :2].T.copy()
-            x[:, 0] = radius * np.cos(angle)
-            x[:, 1] = radius * np.sin(angle)
-        rings.append((ring, tags))
-    bodies, tags = zip(*rings, strict=True)
-    both = join(bodies, facet_tags=tags)
-    u = displacement(both.mesh)
-    V = u.function_space
-    kind = {"symmetry": {0: 0.0, 1: 0.0}} if around else {"axisymmetric": True}
-    given = dict(law=Frictionless(), sliding="large", search_distance=0.3)
-    pair = ContactPair(u, both, slave=slave, master=5 - slave, **kind, **given)
-    move = fem.Function(V)
-    top = fem.locate_dofs_topological(V, dim - 1, both.facet_tags.find(4))
-    below = fem.locate_dofs_topological(V, dim - 1, both.facet_tags.find(1))
-    bcs = [fem.dirichletbc(move, top), fem.dirichletbc(np.zeros(dim), below, V)]
-    for axis in range(dim - 1 if around else 0):
-        W = V.sub(axis)
-        plane = mesh.locate_entities_boundary(V.mesh, 2, lambda x, i=axis: np.isclose(x[i], 0.0))
-        dofs = fem.locate_dofs_topological(W, 2, plane)
-        bcs.append(fem.dirichletbc(fem.Constant(V.mesh, 0.0), dofs, W))
-    dx = ufl.dx(metadata={"quadrature_degree": 4})
-    energy = RUBBER.energy(u) * dx if around else energy_of(RUBBER, u)
-    problem = ContactProblem(energy, u, [pair], bcs=bcs)
-
-    def load(t):
-        def moved(x):
-            out = x[: dim - 1] / np.linalg.norm(x[: dim - 1], axis=0)
-            return np.vstack([0.2 * max(t - 1.0, 0.0) * out, np.full(x.shape[1], -0.1 * min(t, 1))])
-
-        move.interpolate(moved)
-
-    steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0]).steps
-    parts = 4 if around else 1
-    return parts * np.array([abs(s.result.pairs["contact"].slave[-1]) for s in steps])
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("slave", [2, 3])
-@pytest.mark.verifies(
-    "sliding pairs",
-    "bodies of revolution",
-    reference="itself: a quarter of the body in space; order of convergence",
-    aspects=("2D", "pairs", "large sliding"),
-)
-def test_a_seal_in_space(slave):
-    """The chords of a quarter between two planes of symmetry make an error of the second order."""
-    wanted = widened_ring(0, slave)
-    coarse, fine = (np.abs(widened_ring(around, slave) / wanted - 1.0) for around in (3, 6))
-    assert (coarse < 0.06).all()
-    np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.15)

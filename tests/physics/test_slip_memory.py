@@ -5,22 +5,17 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from demo_own_law import SlipWeakening
-from support.blocks import block, box, facets
+from support.blocks import box, facets
 from test_evolution import put
-from test_evolution_record import Stop, require_same, stopping
-from test_law import randomise, remainders
 from test_pair import displacement, held, stacked
 
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactPair, ContactProblem, ContactSurface, HalfSpace, Regularised
+from dolfinx_contact import ContactPair, ContactProblem, ContactSurface, HalfSpace
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.io import write_contact_table
-from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.points.memory import Memory
-from dolfinx_contact.records import EvolutionRecord
 
 COMM = MPI.COMM_WORLD
 STATIC = 0.4
@@ -160,62 +155,3 @@ def test_a_static_start_has_slipped(folder):
     head, row, *_ = (folder / "contact.csv").read_text().splitlines()
     assert head.split(",")[-1] == "slid"
     assert float(row.split(",")[-1]) == after.slid[0]
-
-
-@pytest.mark.verifies(
-    "records of histories",
-    "friction of the slip",
-    reference="itself: the run that nothing ended",
-    aspects=(
-        "2D",
-        "records",
-    ),
-)
-def test_a_record_has_it(folder):
-    """Stopped and resumed it is the run that nothing ended."""
-    runs = []
-    for name in ("whole", "stopped"):
-        problem, top = dragged()
-        runs.append((folder / name, QuasiStatic(problem, along(top, *PATH[:3]))))
-    times = np.linspace(0.0, 3.0, 7)
-    (whole, first), (stopped, second) = runs
-    with EvolutionRecord(whole, first) as kept:
-        first.run(times, record=kept)
-    with EvolutionRecord(stopped, second) as kept, pytest.raises(Stop):
-        second.run(times, record=kept, observer=stopping(4))
-    problem, top = dragged()
-    third = QuasiStatic(problem, along(top, *PATH[:3]))
-    with EvolutionRecord(stopped, third, resume=True) as kept:
-        assert kept.go_on().complete
-    require_same(stopped, whole)
-    assert (third.memory[0].fields[SLID] > 0.01).all()
-
-
-@pytest.mark.chatty
-def test_creeping_slips_as_well():
-    """Regularised friction weakens with what has crept."""
-    law = Regularised(LAW, speed=0.01)
-    problem, top = dragged(young=1e6, law=law)
-    press = -1e-5
-    history = QuasiStatic(problem, along(top, (0.0, press), (0.03, press))).run(
-        [0.0, *np.linspace(1.0, 2.0, 11)]
-    )
-    for step in history.steps[2:]:
-        found = np.abs(step.result.resultants["contact"])
-        way = 0.03 * (step.time - 1.0)
-        assert found[0] / found[1] == pytest.approx(mu(way) * np.tanh(3.0), abs=1e-3)
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("cell", ["quad", "tet"])
-def test_jacobian_by_taylor(cell):
-    problem = block(n=5 if cell == "quad" else 2, cell=cell, law=SlipWeakening(0.1, 0.05, 0.005))
-    x = randomise(problem, 1, 0.01, 10.0)
-    (surface,) = problem.surfaces
-    rng = np.random.default_rng(COMM.rank)
-    n = surface.points.number
-    memory = Memory(rng.normal(0, 0.002, (n, surface.dim)), {SLID: rng.uniform(0, 0.01, n)}, 0.1)
-    problem = problem.with_memory([memory])
-    sizes = remainders(problem, x, 2)
-    assert sizes[0] > 1e-9
-    np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)

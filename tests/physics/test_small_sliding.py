@@ -15,15 +15,11 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
-    Frictionless,
-    ParametricContact,
     RigidBody,
     Sphere,
     meshing,
 )
-from dolfinx_contact.analysis import contact_family, count_solutions
-from dolfinx_contact.continuation import find_solutions, follow
-from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 
 COMM = MPI.COMM_WORLD
@@ -176,54 +172,6 @@ def test_far_and_turned(options, log):
         assert turn == pytest.approx(angle, rel=0.35 if angle < 45 else 0.6)
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("slide", [0.005, 0.6])
-def test_uniqueness(slide):
-    """What is proved of a small slide is not of a large one."""
-    problem, move, _ = stacked(law=Coulomb(0.05))
-    move(slide)
-    problem.solve()
-    found = problem.uniqueness()
-    assert found.verdict == ("proved" if slide < 0.1 else "not proved")
-    assert ("slip of 'contact'" in found.reason) == (slide > 0.1)
-
-
-@pytest.mark.parametrize("slide", [0.005, 0.6])
-def test_solutions_at_one_load(slide, log):
-    problem, move, above = stacked(n=(2, 2), law=Coulomb(0.05))
-    gamma = fem.Constant(problem.V.mesh, 0.0)
-    move(slide)
-    whole = above.copy()
-    system = ParametricContact(problem, gamma, driven=[(above, gamma * whole)])
-    x = system.create_vector()
-    problem.write(x)
-    found = find_solutions(system, [x], 1.0)
-    assert len(found.found) == 1
-    assert found.complete == (slide < 0.1)
-    assert ("slip of 'contact'" in found.method) == (slide > 0.1)
-    if slide > 0.1:
-        assert found.proof is None
-    log.clear()
-    follow(system, x, 0.0, gamma_range=(0.0, 1.0))
-    assert (said(log) > 0) == (slide > 0.1)
-
-
-def test_solutions_between_bodies_in_space():
-    """What a solve finds is found, where few steps of Newton's method lead nowhere."""
-    problem, move, above = stacked("tetrahedron", (2, 1), law=Coulomb(0.3))
-    gamma = fem.Constant(problem.V.mesh, 0.0)
-    move(0.01)
-    system = ParametricContact(problem, gamma, driven=[(above, gamma * above.copy())])
-    nothing = system.create_vector()
-    nothing.set(0.0)
-    found = find_solutions(system, [nothing], 1.0, lengths=(0.5,), max_iterations=3)
-    system.set_parameter(1.0)
-    problem.solve()
-    known = system.create_vector()
-    problem.write(known)
-    assert (found.found[0].x - known).norm() <= 1e-8 * known.norm()
-
-
 def test_a_history_says_it_once(log):
     """Of accepted steps, each of which has its numbers; so do paths."""
     problem, move, _ = stacked(n=(3, 3), law=Coulomb(0.05))
@@ -238,33 +186,6 @@ def test_a_history_says_it_once(log):
     assert sum(line.startswith("slip of") for line in log) == (COMM.rank == 0)
     assert said(log) >= 1
     evolution.run([1.0, 1.1])
-    assert sum(line.startswith("slip of") for line in log) == (COMM.rank == 0)
-
-
-def test_a_motion_says_it_once(log):
-    """A block that slides beyond the edge of the one below."""
-    body = boxes("quadrilateral", (2, 2))
-    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    velocity = fem.Function(V)
-    force = fem.Function(V)
-    low = fem.locate_dofs_topological(V, 1, body.facet_tags.find(4))
-    pair = ContactPair(u, body.facet_tags, slave=2, master=3, law=Frictionless())
-    velocity.interpolate(lambda x: np.stack([1 + 0 * x[0], 0 * x[0]]), body.cell_tags.find(1))
-    velocity.x.scatter_forward()
-    force.interpolate(lambda x: np.stack([0 * x[0], np.where(x[1] > 1e-9, -1.0, 0.0)]))
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    problem = ContactProblem(
-        energy - ufl.dot(force, u) * ufl.dx,
-        u,
-        [pair],
-        bcs=[fem.dirichletbc(np.zeros(2), low, V)],
-    )
-    motion = NSCD(problem, 1.0, dt=0.05, velocity=velocity)
-    history = motion.run([0.0, 0.4])
-    ways = [step.result.indicators.surfaces["contact"].slip for step in history.steps]
-    assert ways[0] < 0.15
-    assert ways[-1] > 0.7
     assert sum(line.startswith("slip of") for line in log) == (COMM.rank == 0)
 
 
@@ -306,19 +227,3 @@ def test_a_rigid_sphere_that_turns_in_a_history(log):
     misfits = [step.result.misfit for step in history.steps]
     assert misfits[0] < 1e-3 < misfits[-1]
     assert said(log) == 1
-
-
-@pytest.mark.parametrize("slide", [0.005, 0.6])
-def test_a_chart(slide):
-    """Numbers of solutions are not proved where slips are beyond half a facet."""
-    problem, move, above = stacked(n=(2, 2), law=Coulomb(0.05))
-    gamma = fem.Constant(problem.V.mesh, 0.0)
-    move(slide)
-    system = ParametricContact(problem, gamma, driven=[(above, gamma * above.copy())])
-    (pair,) = problem.surfaces
-    family = contact_family(system, pair.law.friction, mu_range=(0.04, 0.06))
-    chart = count_solutions(
-        family, mu_range=(0.04, 0.06), gamma_range=(0.9, 1.1), cells=(1, 1), depth=0
-    )
-    assert [cell.count for cell in chart.cells] == [1]
-    assert chart.proved == (slide < 0.1)

@@ -155,61 +155,6 @@ def test_what_is_not_prescribed_is_found():
     assert figures(bar, aside)["held"] == pytest.approx(1)
 
 
-def test_an_answer_does_not_choose_its_judge():
-    problem = problems.greco(8)
-    arrays = {f.name: getattr(problem, f.name) for f in fields(problem)}
-    u, _ = answer(replace(problem, mu=2.0))
-    assert found(problem, u)
-    for said in ({"mu": 2.0}, {"mu": float("nan")}, {"law": "log"}):
-        with pytest.raises(ValueError, match=r"friction|law"):
-            judge.solved(arrays, said)
-
-
-def pushed(problem, u, nodes, forces):
-    """The displacements under further forces at nodes (k, 2): the bodies are linear."""
-    p = problem
-    K, _ = judge.assembled(p.x, p.cells, p.kind, p.E, p.nu, np.zeros(2))
-    free = np.setdiff1d(np.arange(problem.x.size), problem.held)
-    load = np.zeros(problem.x.shape)
-    load[nodes] = forces
-    more = np.zeros(problem.x.size)
-    more[free] = np.linalg.solve(K.toarray()[np.ix_(free, free)], load.reshape(-1)[free])
-    return u + more.reshape(problem.x.shape)
-
-
-def test_both_bodies_are_judged():
-    """Action and reaction: what the second body feels is as much a part of an answer."""
-    problem = problems.pair()
-    u, forces = answer(problem)
-    good = figures(problem, u, forces)
-    assert good["equilibrium"] < 1e-8
-    assert max(good[f] for f in judge.FIGURES) < 0.01
-    below = problem.x[:, 1] <= 0
-    below[problem.contact] = False
-    alone = np.where(below[:, None], 0.0, u)
-    assert figures(problem, alone)["equilibrium"] > 0.1
-    size = np.abs(forces).max()
-    row = np.flatnonzero(below & np.isclose(problem.x[:, 1], 0))  # along the face, from -0.2 on
-    # In balance, but outside of contact, or pulling there.
-    turned = pushed(problem, u, row[[0, 14]], size * np.array([[0.0, 0.1], [0.0, -0.1]]))
-    assert figures(problem, turned)["equilibrium"] > 0.05
-    between = pushed(problem, u, row[[6, 7, 8]], size * np.array([[0, -1], [0, 2], [0, -1]]))
-    report = figures(problem, between)
-    assert report["equilibrium"] < 1e-8
-    assert report["cone"] > 0.1
-    assert report["penetration"] > 0.01
-
-
-def test_a_code_without_friction_is_judged_without():
-    problem = problems.cyclic(6, 3)
-    u, _ = answer(replace(problem, mu=0.0))
-    assert {"slip"} <= found(problem, u) <= {"cone", "slip"}
-    arrays = {f.name: getattr(problem, f.name) for f in fields(problem)}
-    report = judge.judged(judge.solved(arrays, {"mu": 0.0}), u)
-    assert max(report[f] for f in judge.FIGURES) < 1e-8
-    assert judge.solved(arrays, {}) is arrays
-
-
 @pytest.mark.verifies(
     "mortar", reference="closed form: Hertz' half width and peak", aspects=("2D", "pairs")
 )
@@ -298,55 +243,6 @@ def test_getfem_presses_the_die_alike(pressed):
     assert theirs["pressed"][0] == pytest.approx(ours["pressed"][0], rel=0.04)
 
 
-def test_the_deck_of_a_die_has_its_law(pressed):
-    import with_calculix
-
-    problem, _, _ = pressed
-    settings = {"type": "SURFACE TO SURFACE", "stiffness": 50.0, "stick": 0.01, "increment": 1.0}
-    deck = with_calculix.deck(problem, with_calculix.Layer(problem), settings | {"controls": []})
-    shear, bulk = 6896 / 2.64, 6896 / (3 * 0.36)
-    assert f"*HYPERELASTIC, NEO HOOKE\n{shear / 2:.12g}, {2 / bulk:.12g}" in deck
-    assert deck.count("*STEP, INC=10000, NLGEOM") == problem.steps
-
-
-def test_the_table_compares_forces_of_one_law():
-    import run
-
-    def record(code, way, law, pressed):
-        said = {
-            "version": "1",
-            "converged": True,
-            "law": law,
-            "says": "done",
-            "steps": 84,
-            "iterations": 1,
-            "seconds": 1.0,
-        }
-        names = dict.fromkeys(run.FIGURES, 0.0) | {"steps": 84, "pressed": pressed}
-        names["statuses"] = {"open": 1, "stick": 2, "slip": 3}
-        return {
-            "problem": "ironing", "code": code, "way": way, "record": said, "figures": names,
-            "clock": "processor",
-        }  # fmt: skip
-
-    records = [
-        record("ours", "recommended", "log", [100.0, 20.0]),
-        record("ours", "law iso1", "iso1", [200.0, 40.0]),
-        record("calculix", "tuned", "iso1", [190.0, 42.0]),
-    ]
-    text = run.table(records)
-    assert "| CalculiX | tuned | iso1 | 190.0, 42.0 |  | -5.0%, +5.0% |  |" in text
-    assert "| ironing | yes, not run | not run | not run, yes | not possible |" in text
-    assert "| CalculiX | tuned | done, 84 of 84 steps | 1 | 1.00 |" in text
-    records[2]["figures"]["steps"] = 5  # that there are, whatever it says
-    text = run.table(records)
-    assert "| CalculiX | tuned | done, 5 of 84 steps | 1 | 1.00 |" in text
-    assert "| ironing | yes, not run | not run | not run, no | not possible |" in text
-    del records[2]["figures"]
-    records[2]["error"] = "forces do not fit"
-    assert "| CalculiX | tuned | no answer: forces do not fit |" in run.table(records)
-
-
 @pytest.mark.parametrize("law", list(judge.LAWS))
 def test_stresses_are_those_of_the_energies(law):
     """Internal forces against differences of the energy that the package's driver has."""
@@ -374,12 +270,3 @@ def test_stresses_are_those_of_the_energies(law):
     t = 1e-5
     slope = (energy(u + t * v) - energy(u - t * v)) / (2 * t)
     assert (judge.internal_forces(p, u) * v).sum() == pytest.approx(slope, rel=1e-8)
-
-
-def test_half_width_and_peak_of_an_ellipse():
-    x = np.linspace(-3, 3, 601)
-    pressure = 5 * np.sqrt(np.maximum(1 - (x / 2) ** 2, 0))
-    found = judge.by_hertz(x + 0.7, 0.01 * pressure, np.full_like(x, 0.01), [2.0, 5.0])
-    assert abs(found["half_width"]) < 1e-3
-    assert abs(found["peak"]) < 1e-12
-    assert judge.by_hertz(x, pressure, np.ones_like(x), [1.0, 2.0])["peak"] == pytest.approx(1.5)

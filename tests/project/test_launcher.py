@@ -203,31 +203,6 @@ def test_the_wheel_serves_demos_before_a_root_is_built(launch, stubs, tmp_path):
         assert len(calls(stubs / "mmdebstrap")) == min(number, 3)
 
 
-def test_what_the_wheel_refuses(stubs, tmp_path):
-    def call(*words, **variables):
-        env = os.environ | {"DOLFINX_CONTACT_CACHE": str(tmp_path)} | variables
-        done = subprocess.run(
-            [TREE / "docker/wheel", *words], env=env, capture_output=True, text=True
-        )
-        return done.returncode, done.stderr
-
-    for words, message in [
-        ((), "usage"),
-        (("solver",), "usage"),
-        (("a b", "true"), "usage"),
-        (("solver,wheels", "true"), "does not have all the extras solver,wheels"),
-    ]:
-        code, said = call(*words)
-        assert code == 125
-        assert message in said
-    write_program(stubs / "python3", "#!/bin/sh\nexit 1\n")
-    code, said = call("solver", "true", PATH=f"{stubs}:{os.environ['PATH']}")
-    assert (code, said.count("needs Python 3.12")) == (125, 1)
-    code, said = call("solver", "true", CC="no-such-compiler")
-    assert (code, said.count("and gcc")) == (125, 1)
-    assert not list(tmp_path.glob("wheel-*"))
-
-
 def test_a_failed_build_is_started_afresh(launch, tmp_path):
     switch = tmp_path / "fails"
     switch.touch()
@@ -240,42 +215,3 @@ def test_a_failed_build_is_started_afresh(launch, tmp_path):
     assert launch("true", way="root", STUB_BUILD_FAILS=str(switch)).returncode == 0
     (root,) = (tmp_path / "the cache").glob("debian-trixie-*")
     assert not (root / "remains").exists()
-
-
-@pytest.mark.parametrize("name", ["packages.txt", "requirements.txt"])
-def test_the_lists_make_the_environment(launch, stubs, tmp_path, name):
-    shutil.copytree(TREE / "docker", tmp_path / "a tree/docker")
-    images = []
-    for line in ["# a comment\n", "another\n"]:
-        with open(tmp_path / "a tree/docker" / name, "a") as file:
-            file.write(line)
-        launch("true", way="container", tree=tmp_path / "a tree")
-        images.append(calls(stubs / "docker")[-1][-2])
-    launch("true", way="container")
-    assert calls(stubs / "docker")[-1][-2] == images[0] != images[1]
-    named = name.replace("packages", "${PACKAGES}")
-    assert f"/{named})" in (TREE / "docker/Dockerfile").read_text().replace('"', "")
-
-
-def test_another_list_makes_another_environment(launch, stubs):
-    """Its packages alone, no tools of pip, under a name of its own; even inside an environment."""
-    launch("true", way="root")
-    launch("true", way="root", DOLFINX_CONTACT_PACKAGES="paraview")
-    ours, theirs = calls(stubs / "mmdebstrap")
-    assert ours[-1] != theirs[-1]
-    assert "--include=python3-paraview," in "\n".join(theirs)
-    assert [sum("pip3" in argument for argument in build) for build in (ours, theirs)] == [1, 0]
-    for name in ("nothing", "requirements", "../docker/packages"):
-        result = launch("true", DOLFINX_CONTACT_PACKAGES=name)
-        assert result.returncode == 125
-        assert "no such list" in result.stderr
-
-
-def test_processes_of_a_run_have_their_own_numbers(launch, stubs):
-    """Where a new /proc may be mounted; else the run is as before."""
-    entered = "--unshare-pid --proc /proc --tmpfs /dev/shm"
-    for refuse, expected in [("", True), ("--unshare-pid", False)]:
-        launch("true", way="root", STUB_REFUSES=refuse)
-        enter = " ".join(calls(stubs / "bwrap")[-1])
-        assert (entered in enter) == expected
-        assert ("--bind /proc /proc" in enter) != expected

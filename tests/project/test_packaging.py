@@ -6,7 +6,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 import tomllib
 import warnings
 from importlib import import_module
@@ -15,18 +14,14 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import numpy as np
 import pytest
 from support.blocks import block
 
-import ufl
-
 import dolfinx_contact
-from dolfinx_contact import _forms, _name, meshing
+from dolfinx_contact import _name, meshing
 from dolfinx_contact._launcher import refuse_serial_copies
 from dolfinx_contact._name import require_dolfinx, warn_of_namesake
-from dolfinx_contact._optional import optional
-from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
+from dolfinx_contact.plot import draw_diagram, picture_of_states
 from dolfinx_contact.records import Journal
 
 COMM = MPI.COMM_WORLD
@@ -144,28 +139,6 @@ def test_ranks_of_one_run_are_not_copies():
         refuse_serial_copies({"PMI_SIZE": str(COMM.size)})
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("kind", ["form", "expression"])
-def test_the_compiler_that_is_missing_is_named(folder, monkeypatch, kind):
-    """With what it said, on every rank."""
-    u = block(n=2).u
-    monkeypatch.setattr(_forms, "_folder", lambda _: {"cache_dir": folder})
-    monkeypatch.setenv("CC", "no-such-compiler")
-    number = ufl.as_ufl(COMM.bcast(time.time()))  # no cache has seen it
-    calls = {
-        "form": lambda: _forms.compiled_form(number * ufl.inner(u, u) * ufl.dx),
-        "expression": lambda: _forms.compiled_expression(number * u, np.array([[0.25] * 2])),
-    }
-    said = r"needs a C compiler .* Python \(Python.h\): .*no-such-compiler"
-    with pytest.raises(RuntimeError, match=said):
-        calls[kind]()
-
-
-def test_other_errors_of_forms_pass():
-    with pytest.raises(ValueError, match=r"^of another kind"), _forms._compiler_named(COMM):
-        raise ValueError("of another kind")
-
-
 def missing(monkeypatch, *packages):
     """Let imports of the packages fail as if they were not installed."""
     for name in packages:
@@ -218,23 +191,6 @@ def test_states_without_matplotlib(monkeypatch):
         picture_of_states("x.png", system, [None])
 
 
-def test_what_a_package_lacks_itself(folder, monkeypatch):
-    """An import that fails inside a package that is there is its own error."""
-    if COMM.rank == 0:
-        (folder / "broken_package.py").write_text("import no_such_package\n")
-    COMM.barrier()
-    monkeypatch.syspath_prepend(str(folder))
-    with pytest.raises(ModuleNotFoundError, match="No module named 'no_such_package'"):
-        optional("broken_package", "records")
-
-
-def test_no_picture_without_matplotlib(monkeypatch):
-    """Every rank names the package, although one draws."""
-    missing(monkeypatch, "matplotlib")
-    with pytest.raises(ModuleNotFoundError, match="matplotlib is not installed: python3 -m pip"):
-        picture_of_contact("contact.png", block(n=2))
-
-
 #: Some of what asimov-contact installs, and the part of its head that matters here.
 NAMESAKE = {
     "__init__.py": "from dolfinx_contact.newton_solver import NewtonSolver\n"
@@ -283,20 +239,6 @@ def test_two_packages_of_one_name_in_one_folder(tmp_path, last):
     assert f"mixed in {mixed}: this one (signorini-coulomb) and asimov-contact" in said
     assert "cpp.cpython-313-x86_64-linux-gnu.so and newton_solver.py are there" in said
     assert "pip uninstall signorini-coulomb dolfinx_contact" in said
-
-
-@serial
-def test_package_of_the_same_name_hidden_by_ours(tmp_path):
-    install(tmp_path / "theirs" / "dolfinx_contact")
-    done = imported_by_a_script(tmp_path, TREE, tmp_path / "theirs", tmp_path / "theirs" / ".")
-    assert done.returncode == 0
-    assert done.stdout.strip() == str(TREE / "dolfinx_contact" / "__init__.py")
-    said = [line for line in done.stderr.splitlines() if "Warning" in line]
-    assert len(said) == 1
-    assert said[0].startswith(
-        f"{tmp_path / 'script.py'}:1: UserWarning: dolfinx_contact is imported"
-    )
-    assert f"is in {tmp_path / 'theirs' / 'dolfinx_contact'} and hidden by it" in said[0]
 
 
 def test_dolfinx_that_is_missing_is_named(monkeypatch):

@@ -2,7 +2,6 @@
 
 import errno
 import faulthandler
-import fcntl
 import os
 import resource
 import signal
@@ -22,7 +21,6 @@ from support.recorded_run import moved_block, record
 from dolfinx_contact.continuation import Observer, follow
 from dolfinx_contact.io import write_contact_table, write_fields, write_summary
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.plot import draw_diagram, picture_of_contact, picture_of_states
 from dolfinx_contact.records import BranchRecord, journal_file, read_journal, resume, write_series
 from dolfinx_contact.records.journal import FILE_NAME
 
@@ -125,13 +123,6 @@ def test_something_is_in_the_way_of_fields(folder, format, name, make, number):
 
 
 @pytest.mark.ranks(2)
-def test_what_a_killed_run_left_is_removed(folder):
-    on_root(lambda: (folder / ".write_fields.part/body.bp").mkdir(parents=True))
-    files = write_fields(folder, block(cell="tri"))
-    assert {p.split("/")[0] for p in contents(folder)} == {*(f.name for f in files), "paraview.py"}
-
-
-@pytest.mark.ranks(2)
 @pytest.mark.parametrize("theirs", [b"print(1)\n", b"", None])
 def test_a_script_of_the_users_own_stays(folder, caplog, theirs):
     """It is left with a warning; one of ours is replaced without."""
@@ -173,31 +164,6 @@ def test_table_and_summary(folder):
             write(folder)
         assert contents(folder) == {name: False}
         on_root((folder / name).rmdir)
-
-
-@pytest.mark.ranks(2)
-def test_pictures(folder):
-    system, _ = moved_block(COMM)
-    branch = record(system, {}, folder / "record", max_steps=2)
-    journal = read_journal(folder / "record")
-    states = folder / "states.png"
-    diagram = folder / f"diagram_{COMM.rank}.png"
-    picture_of_states(states, system, branch.points[-1:])
-    before = contents(folder)
-    with full(5000):
-        with fails(states):
-            picture_of_states(states, system, branch.points[-1:])
-        with pytest.raises(OSError, match=os.strerror(errno.EFBIG)) as info:
-            draw_diagram(diagram, journal)  # on this rank alone
-        assert info.value.filename == str(diagram)
-        COMM.barrier()
-        with fails(folder / "contact.png"):
-            picture_of_contact(folder / "contact.png", system.problem)
-    assert contents(folder) == before
-    on_root((folder / "contact.png").mkdir)
-    with fails(folder / "contact.png", errno.EISDIR):
-        picture_of_contact(folder / "contact.png", system.problem)
-    assert set(contents(folder)) == {*before, "contact.png"}
 
 
 # -- records ---------------------------------------------------------------------------------------
@@ -288,25 +254,6 @@ def test_a_record_that_cannot_begin(folder):
 
 
 @pytest.mark.ranks(2)
-def test_a_record_that_nothing_is_in(folder):
-    """What an earlier run left of a journal on a full disk is none, and the next one begins."""
-    system, functionals = moved_block(COMM)
-    on_root((folder / FILE_NAME).touch)
-    with pytest.raises(FileNotFoundError, match=r"there is no journal\.jsonl in") as info:
-        resume(folder, system, functionals)
-    assert len(set(COMM.allgather(str(info.value)))) == 1
-    assert contents(folder) == {FILE_NAME: b""}
-    with BranchRecord(folder, system, functionals):
-        pass
-    with pytest.raises(FileExistsError, match="nothing is overwritten"):
-        BranchRecord(folder, system, functionals)
-    with pytest.raises(ValueError, match=r"follow it from its start, with .*resume=True"):
-        resume(folder, system, functionals)
-    record(system, functionals, folder, max_steps=1, resume=True)
-    assert len(read_journal(folder).branches[0].points) == 2
-
-
-@pytest.mark.ranks(2)
 @pytest.mark.parametrize("format", FORMATS)
 def test_a_series_on_a_full_disk(folder, format):
     system, functionals = moved_block(COMM)
@@ -325,18 +272,6 @@ def test_a_series_on_a_full_disk(folder, format):
 # -- the lock --------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def here(folder):
-    """A folder with a new record, and a way to open it."""
-    system, functionals = moved_block(COMM)
-
-    def opened():
-        return BranchRecord(folder, system, functionals, resume="if_exists")
-
-    opened().close()
-    return folder, opened
-
-
 @pytest.mark.ranks(2)
 def test_the_lock_says_who_holds_it(folder):
     system, functionals = moved_block(COMM)
@@ -351,66 +286,6 @@ def test_the_lock_says_who_holds_it(folder):
         COMM.barrier()
     COMM.barrier()
     assert not (folder / journal_file.NOTE_NAME).exists()
-
-
-@serial
-def test_the_note_of_a_lock(here):
-    """A refused run gets the note; without one, or with an old one, the lock is flock alone."""
-    folder, opened = here
-    note = folder / journal_file.NOTE_NAME
-    with opened():
-        with pytest.raises(BlockingIOError, match=r"\d+ on .*since .*\. Their end frees the lock"):
-            opened()
-        note.unlink()
-        with pytest.raises(BlockingIOError, match="unknown processes"):
-            opened()
-    note.write_text("of a killed run")
-    opened().close()
-    theirs = folder / "theirs.txt"
-    theirs.write_text("mine")
-    note.symlink_to(theirs)
-    opened().close()
-    assert theirs.read_text() == "mine"
-
-
-@pytest.mark.ranks(2)
-@serial
-def test_a_process_that_has_the_journal_open_does_not_hold_it(here):
-    """As one that was forked while it was recorded to."""
-    folder, opened = here
-    with opened():
-        descriptors = Path("/proc/self/fd").iterdir()
-        path = os.path.realpath(folder / FILE_NAME)
-        (number,) = [int(d.name) for d in descriptors if os.path.realpath(d) == path]
-        child = subprocess.Popen(["sleep", "60"], pass_fds=[number])
-    try:
-        opened().close()
-    finally:
-        child.kill()
-        child.wait()
-
-
-@pytest.mark.ranks(2)
-@serial
-def test_a_file_system_without_flock(here, monkeypatch):
-    """The note is the lock then, until it is removed by hand."""
-    folder, opened = here
-
-    def refuse(*_):
-        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
-
-    monkeypatch.setattr(fcntl, "flock", refuse)
-    note = folder / journal_file.NOTE_NAME
-    with opened():
-        with pytest.raises(BlockingIOError, match=f"If they are gone, remove {note}"):
-            opened()
-        assert note.exists()
-    assert not note.exists()
-    note.write_text("left by a killed run")
-    with pytest.raises(BlockingIOError, match=f"left by a killed run. .*remove {note}"):
-        opened()
-    note.unlink()
-    opened().close()
 
 
 def ranks_of(pid):

@@ -7,24 +7,19 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import block, box, facets, same_tables
-from support.killing import killed_and_resumed, launch
+from support.killing import killed_and_resumed
 from support.recorded_evolution import CASES, LONGEST, TIMES, cracked, pair, record
 from test_evolution import dragged, put
 
-import ufl
-from dolfinx import fem, mesh
+from dolfinx import mesh
 
 from dolfinx_contact import (
-    ContactProblem,
-    ContactSurface,
-    Coulomb,
     HalfSpace,
     ParametricContact,
     RigidBody,
 )
 from dolfinx_contact.continuation import Ending
 from dolfinx_contact.evolution import QuasiStatic
-from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
 from dolfinx_contact.records.journal import FILE_NAME
 
@@ -234,18 +229,6 @@ def test_what_is_refused(whole, folder):
         BranchRecord(known, system, resume=True)
 
 
-def test_another_run_from_a_recorded_state(folder):
-    """It comes to the same steps as the recorded run from there."""
-    evolution = pair(COMM)
-    history = record(evolution, folder / "record")
-    with EvolutionRecord(folder / "record", pair(COMM), resume=True) as kept:
-        state = kept.state(4)
-        other = kept.evolution
-        again = other.run([state.time, history.steps[4].time], start=state, progress=False)
-    found, wanted = again.steps[-1].result.tables, history.steps[4].result.tables
-    same_tables(found["contact"], wanted["contact"], 1e-9)
-
-
 @pytest.mark.ranks(2)
 def test_a_submesh_is_refused(folder):
     """Its cells have no numbers by which they could be found again."""
@@ -258,65 +241,6 @@ def test_a_submesh_is_refused(folder):
         EvolutionRecord(folder, QuasiStatic(problem, lambda t: None))
     COMM.barrier()
     assert not (folder / FILE_NAME).exists()
-
-
-def test_a_run_begins_where_the_record_ends(whole, folder):
-    with EvolutionRecord(folder, pair(COMM)) as kept, pytest.raises(ValueError, match="no run is"):
-        kept.go_on()
-    with pytest.raises(Stop):
-        record(pair(COMM), folder / "run", observer=stopping(2))
-    evolution = pair(COMM)
-    with EvolutionRecord(folder / "run", evolution, resume=True) as kept:
-        with pytest.raises(ValueError, match="not at the end of the record"):
-            evolution.run(TIMES, record=kept)
-        with pytest.raises(ValueError, match="steps 0 to 2 are recorded, not 3"):
-            kept.show(3)
-
-
-def klarbring():
-    """The node with kt = kn = 2, k = 1 and friction 3, under (-t, -1): no stick beyond t = 3."""
-    domain = mesh.create_unit_square(COMM, 1, 1, diagonal=mesh.DiagonalType.left)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    pull = fem.Constant(domain, (0.0, 0.0))
-    tags = mesh.meshtags(domain, 1, facets(domain, 0, 0.0), 1)
-    side = ufl.Measure("ds", domain, subdomain_data=tags)(1)
-    energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx - ufl.dot(pull, u) * side
-    held = fem.locate_dofs_geometrical(V, lambda x: x[0] + x[1] > 0.9)
-    floor = HalfSpace((0, 0), (0, 1))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(3.0))
-    bcs = [fem.dirichletbc(np.zeros(2), held, V)]
-
-    def load(t):
-        pull.value[:] = -2.0 * t, -2.0
-
-    return QuasiStatic(ContactProblem(energy, u, [surface], bcs=bcs), load)
-
-
-@pytest.mark.chatty
-@pytest.mark.parametrize("at_jump", ["jump", pytest.param("stop", marks=pytest.mark.long)])
-def test_steps_up_to_a_jump(at_jump, folder):
-    """Ended in the midst of the steps that were found with a jump: they are found once more."""
-
-    times = [0.0, 1.5, 2.5, 3.6, 4.0]
-    given = {"locate_jumps": True, "at_jump": at_jump, "shortest": 0.01}
-    with EvolutionRecord(folder / "whole", klarbring()) as kept:
-        history = kept.evolution.run(times, record=kept, **given)
-    journal = read_journal(folder / "whole")
-    between = [i for i, s in enumerate(journal.states[1:], 1) if not s.run.settled]
-    assert len(between) > 2
-    assert history.steps[between[-1] - 1].time == pytest.approx(3.0, abs=0.02)
-    stop = stopping(between[1])
-    with EvolutionRecord(folder / "parts", klarbring()) as kept, pytest.raises(Stop):
-        kept.evolution.run(times, record=kept, observer=stop, **given)
-    assert len(read_journal(folder / "parts").states) == between[1] + 1
-    seen = []
-    with EvolutionRecord(folder / "parts", klarbring(), resume=True) as kept:
-        again = kept.go_on(observer=lambda step: seen.append(step.number))
-    assert seen[0] == between[0]
-    assert (again.reason, again.complete) == (history.reason, history.complete)
-    assert [r["jump"] for r in journal.rows()].count(True) == (at_jump == "jump")
-    require_same(folder / "parts", folder / "whole")
 
 
 @pytest.mark.verifies(
@@ -397,19 +321,3 @@ def test_killed_at_random_moments(case, kills, whole, folder):
     first = ("--longest", longest)
     killed_and_resumed(script, words, first, folder, known, kills)
     require_same(folder, known)
-
-
-@serial
-@pytest.mark.long
-@pytest.mark.parametrize("ranks", [2, 3])
-def test_errors_reach_every_rank(ranks, whole, folder):
-    """The journal of another problem, on several ranks: one message, no hang."""
-    content = (whole("pair") / FILE_NAME).read_bytes()
-    (folder / FILE_NAME).write_bytes(content)
-    options = ("--resume", "--friction", 0.4)
-    process = launch(ranks, "recorded_evolution.py", folder, *options)
-    assert process.wait(timeout=300) == 3
-    said = {(folder / f"said.{rank}").read_text() for rank in range(ranks)}
-    assert len(said) == 1
-    assert "record of another problem; differs at the time" in said.pop()
-    assert (folder / FILE_NAME).read_bytes() == content

@@ -7,7 +7,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import same_tables
-from support.killing import killed_and_resumed, launch
+from support.killing import killed_and_resumed
 from support.recorded_path import CASES, LONGEST, STARTS, made, record, resume
 from test_evolution_record import Stop, require_same, stopping
 
@@ -187,22 +187,6 @@ def test_killed_between_two_points(after, whole, folder):
     require_same_path(folder, known)
 
 
-@pytest.mark.long
-def test_a_damaged_checkpoint_is_passed_over(whole, folder, caplog):
-    with pytest.raises(Stop):
-        record("pair", folder, observer=stopping(6))
-    if COMM.rank == 0:
-        (folder / "checkpoints/state_000006.npz").write_bytes(b"nothing")
-    COMM.barrier()
-    seen = []
-    with pytest.raises(Stop):
-        resume("pair", folder, observer=lambda s: (seen.append(s.number), stopping(9)(s)))
-    assert seen == [6, 7, 8, 9]
-    assert COMM.rank or "going back to one before" in caplog.text
-    found, wanted = (read_journal(path).gammas for path in (folder, whole("pair")))
-    np.testing.assert_allclose(found, wanted[:10], rtol=0, atol=1e-10)
-
-
 def test_what_is_refused(whole, folder):
     """Records of other problems, loads and ranges, and those that would be overwritten."""
     known = whole("crack")
@@ -276,19 +260,3 @@ def test_killed_at_random_moments(case, kills, whole, folder):
     words = ("--case", case, "--longest", longest)
     killed_and_resumed("recorded_path.py", words, (), folder, known, kills)
     require_same_path(folder, known)
-
-
-@serial
-@pytest.mark.long
-@pytest.mark.parametrize("ranks", [2, 3])
-def test_errors_reach_every_rank(ranks, whole, folder):
-    """The journal of another problem, on several ranks: one message, no hang."""
-    content = (whole("crack") / FILE_NAME).read_bytes()
-    (folder / FILE_NAME).write_bytes(content)
-    options = ("--resume", "--case", "crack", "--friction", 0.4)
-    process = launch(ranks, "recorded_path.py", folder, *options)
-    assert process.wait(timeout=300) == 3
-    said = {(folder / f"said.{rank}").read_text() for rank in range(ranks)}
-    assert len(said) == 1
-    assert "record of another problem; differs at the arc length" in said.pop()
-    assert (folder / FILE_NAME).read_bytes() == content

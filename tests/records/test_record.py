@@ -1,6 +1,5 @@
 """The record of branches: the journal, checkpoints, and runs that are killed and resumed."""
 
-import io
 import json
 import random
 import shutil
@@ -13,26 +12,18 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support import recorded_run
-from support.blocks import box, facets
 from support.killing import kill, launch
 from support.recorded_run import moved_block, record, record_in
 
-import ufl
-from dolfinx import fem
-
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import (
     BranchStep,
     Ending,
     Follower,
     Observer,
-    Observers,
     StepControl,
     Task,
     follow,
 )
-from dolfinx_contact.continuation.walk import BranchProgress
-from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.plot import draw_diagram
 from dolfinx_contact.records import (
     BranchRecord,
@@ -194,17 +185,6 @@ def test_json_and_numpy_are_enough_to_read_a_record(whole):
         assert arrays["x"].shape == (25, 3)
 
 
-def test_numbers_survive(folder):
-    """All digits, and numbers that are not finite."""
-    values = {"pi": np.pi, "tiny": 5e-324, "nan": np.nan, "inf": np.inf, "minus": -np.inf}
-    system, _ = moved_block(COMM)
-    functionals = {name: lambda p, value=value: value for name, value in values.items()}
-    record(system, functionals, folder / "r", max_steps=1)
-    columns = read_journal(folder / "r").columns()
-    for name, value in values.items():
-        np.testing.assert_array_equal(columns[name], [value, value])
-
-
 def parsed(data, folder):
     """The journal in the content of a file, read by this rank alone."""
     own = folder / f"rank_{COMM.rank}"
@@ -280,27 +260,6 @@ def test_a_line_that_is_missing_is_noticed(whole, folder):
         parsed(b"".join(beyond), folder)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param("float", marks=pytest.mark.long),
-        pytest.param("distance", marks=pytest.mark.long),
-        *("series", "</script>\n"),
-    ],
-)
-def test_any_word_is_a_name(name, folder):
-    """Of a functional and of a surface, of finite numbers and of others."""
-    for kind, value in (("number", 42.0), ("nothing", float("nan"))):
-        system, _ = moved_block(COMM, name=name)
-        functionals = {name: lambda p, value=value: value}
-        record(system, functionals, folder / kind, max_steps=2)
-        journal = read_journal(folder / kind)
-        np.testing.assert_array_equal(journal.columns()[name], [value] * 3)
-        assert journal.places[name].shape == (5, 2)
-        resume(folder / kind, system, functionals, max_steps=3)
-        np.testing.assert_array_equal(read_journal(folder / kind).columns()[name], [value] * 4)
-
-
 # -- what is refused -------------------------------------------------------------------------------
 
 
@@ -360,32 +319,6 @@ def test_what_else_is_refused(whole, folder):
         assert r.last_state() is None
     with pytest.raises(ValueError, match="no point of branch 0"):
         resume(folder / "new", system)
-
-
-def test_another_functional_of_the_same_name_is_refused(folder):
-    """A form with other Constants or another integrand, and a function in place of a form."""
-    system, given = moved_block(COMM, obstacle=HalfSpace((0.0, -1e-5), (0.0, 1.0)))
-    u = system.problem.u
-    law = system.problem.surfaces[0].law
-    one, two = law.friction, system.constant
-    dx = ufl.dx(domain=u.function_space.mesh)
-    form = one * ufl.inner(u, u) * dx
-
-    mine = {"form": form, "force": given["force"], "none": lambda p: np.nan}
-    record(system, mine, folder / "r", every=2, max_steps=3)
-    before = (folder / "r" / FILE_NAME).read_bytes()
-    for other in (
-        {"form": two * ufl.inner(u, u) * dx},
-        {"form": 2 * one * ufl.inner(u, u) * dx},
-        {"form": lambda p: 0.0},
-    ):
-        (name,) = other
-        with pytest.raises(ValueError, match=f"differs: the functional '{name}'"):
-            resume(folder / "r", system, mine | other, max_steps=5)
-        assert (folder / "r" / FILE_NAME).read_bytes() == before
-    again = mine | {"form": one * ufl.inner(u, u) * dx}
-    resume(folder / "r", system, again, max_steps=4)
-    assert len(read_journal(folder / "r").entries()) == 5
 
 
 def test_another_task_is_refused(folder):
@@ -459,37 +392,6 @@ def test_a_record_that_may_exist(whole, folder):
         BranchRecord(folder / "r", system, functionals, resume="maybe")
 
 
-def test_a_complex_functional_is_refused(folder):
-    system, _ = moved_block(COMM)
-    words = r"the functional 'z' must be real, got \(1\+2j\): record its real and imaginary parts"
-    with pytest.raises(ValueError, match=words):
-        record(system, {"z": lambda p: 1 + 2j}, folder / "r", max_steps=2)
-    record(system, {"z": lambda p: 3 + 0j}, folder / "real", max_steps=2)
-    np.testing.assert_array_equal(read_journal(folder / "real").columns()["z"], 3.0)
-
-
-@pytest.mark.parametrize("replaced", [True, False])
-def test_a_journal_that_is_removed_during_a_run(replaced, folder):
-    """The run ends with an error at the next point."""
-    system, functionals = moved_block(COMM)
-    seen = []
-
-    def observer(step):
-        seen.append(step.index)
-        if step.index == 2 and COMM.rank == 0:
-            (folder / FILE_NAME).unlink()
-            if replaced:
-                (folder / FILE_NAME).touch()
-
-    with (
-        BranchRecord(folder, system, functionals) as r,
-        pytest.raises(FileNotFoundError, match="the journal was removed or replaced") as info,
-    ):
-        record_in(r, max_steps=5, observer=observer)
-    assert info.value.filename == str(folder / FILE_NAME)
-    assert seen == [0, 1, 2]
-
-
 def test_a_finished_branch_stays_as_it_is(whole):
     folder, branch, journal = whole
     again = resume(folder, *moved_block(COMM))
@@ -497,114 +399,6 @@ def test_a_finished_branch_stays_as_it_is(whole):
     (point,) = again.points
     assert point.gamma == branch.points[-1].gamma
     require_same(read_journal(folder), journal, tolerance=0)
-
-
-@pytest.mark.long
-def test_a_branch_that_was_killed_at_its_last_point(folder):
-    """Its end, by a stop or by the range, is in the line of the point: nothing is added."""
-    system, functionals = moved_block(COMM)
-
-    def stop(step):
-        return "pressed" if step.point.gamma > 0.12 else ""
-
-    for number, way in enumerate([dict(stop=stop), dict(gamma_range=(-0.1, 0.15))]):
-        way = dict(gamma_range=(-0.1, 1.0), control=recorded_run.CONTROL) | way
-        expected = follow(system, recorded_run.start(system), 0.0, **way)
-        last = len(expected.points) - 1
-
-        class Interrupt(Observer):
-            def step(self, step, state, last=last):
-                if step.index == last:
-                    raise KeyboardInterrupt
-
-        where = folder / f"{number}"
-        with BranchRecord(where, system, functionals) as r, pytest.raises(KeyboardInterrupt):
-            follow(system, recorded_run.start(system), 0.0, observer=Interrupt(), record=r, **way)
-        again = resume(where, system, functionals, stop=way.get("stop"))
-        assert (again.ending, again.reason) == (expected.ending, expected.reason)
-        found = read_journal(where).columns()["gamma"]
-        np.testing.assert_allclose(found, [p.gamma for p in expected.points], atol=1e-10)
-
-
-@pytest.mark.long
-def test_a_resumed_run_that_ends_before_the_recorded_end(folder):
-    """Its end is not that of the record, which can go on."""
-    system, functionals = moved_block(COMM)
-    way = dict(gamma_range=(-0.1, 0.3), control=recorded_run.CONTROL)
-    with BranchRecord(folder / "r", system, functionals, every=100) as r:
-        follow(system, recorded_run.start(system), 0.0, max_steps=6, record=r, **way)
-        if COMM.rank == 0:
-            lines = (folder / "r" / FILE_NAME).read_bytes().splitlines(keepends=True)
-    if COMM.rank == 0:  # as if it had been killed: without its end, and the checkpoint there
-        (folder / "r" / FILE_NAME).write_bytes(b"".join(lines[:-1]))
-    COMM.barrier()
-    early = resume(
-        folder / "r", system, functionals, stop=lambda s: "far" if s.point.gamma > 0.02 else ""
-    )
-    assert early.ending is Ending.STOPPED
-    journal = read_journal(folder / "r")
-    assert journal.branches[0].ending is None
-    assert len(journal.branches[0].points) == 7
-    whole = resume(folder / "r", system, functionals, max_steps=1000)
-    assert whole.ending is Ending.REACHED
-    with pytest.raises(ValueError, match="max_steps must be a whole number >= 1, got -5"):
-        resume(folder / "r", system, functionals, max_steps=-5)
-    with pytest.raises(ValueError, match="stop must be a function"):
-        resume(folder / "r", system, functionals, stop=3)
-
-
-def test_a_record_from_rest_by_pivoting(folder):
-    """Unknowns that are round-off under no load are a solution."""
-    domain = box(COMM, 4, "tri")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    top = fem.Function(V)
-    gamma = fem.Constant(domain, 0.0)
-    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-    floor = HalfSpace((0.0, -0.002), (0.01, 1.0))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
-    move = ufl.as_vector([0.03 * gamma, -0.03 * gamma])
-    system = ParametricContact(problem, gamma, driven=[(top, move)])
-    span = dict(gamma_range=(0.0, 1.0))
-    whole = follow(system, recorded_run.start(system), 0.0, route="pivoting", **span)
-    with BranchRecord(folder / "r", system) as r:
-        follow(
-            system, recorded_run.start(system), 0.0, route="pivoting", max_steps=2, record=r, **span
-        )
-    again = resume(folder / "r", system, max_steps=1000)
-    assert again.ending is whole.ending is Ending.REACHED
-    np.testing.assert_allclose(
-        read_journal(folder / "r").columns()["gamma"],
-        [p.gamma for p in whole.points],
-        atol=1e-12,
-    )
-
-
-def test_a_record_through_rest_by_pivoting(folder):
-    """A branch that goes back through no load, where its state is round-off of where it began."""
-    domain = box(COMM, 8, "tri")
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    gamma = fem.Constant(domain, 1.0)
-    sides = np.concatenate([facets(domain, axis, 1.0) for axis in (0, 1)])
-    held = fem.locate_dofs_topological(u.function_space, 1, sides)
-    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(3.0))
-    energy = LinearElastic(100.0, 82.0).energy(u) + gamma * (26.0 * u[0] + 4.0 * u[1])
-    bcs = [fem.dirichletbc(np.zeros(2), held, u.function_space)]
-    problem = ContactProblem(energy * ufl.dx, u, [surface], bcs=bcs)
-    system = ParametricContact(problem, gamma)
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
-    given = dict(gamma_range=(-1.0, 1.0), direction="decreasing")
-    with BranchRecord(folder, system, {}, every=1) as r:
-        branch = follow(system, x, 1.0, record=r, **given)
-        kept = r.points()
-    assert branch.complete
-    assert [p.gamma for p in kept] == [p.gamma for p in branch.points]
-    assert [p.gamma for p in kept] == pytest.approx([1.0, 0.0, -1.0], abs=1e-12)
 
 
 @pytest.mark.verifies(
@@ -717,30 +511,6 @@ def test_several_branches_in_one_record(folder):
                 np.testing.assert_array_equal(np.ravel(gammas), expected)
 
 
-@pytest.mark.ranks(2)
-def test_progress(folder):
-    """Without a terminal a line at first and one at the end; on one, a line that is rewritten."""
-    system, functionals = moved_block(COMM)
-
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
-    plain = io.StringIO()
-    live = Terminal()
-    record(system, functionals, folder, max_steps=6)
-    lines = (BranchProgress(COMM, True, stream=stream) for stream in (plain, live))
-    resume(folder, system, functionals, max_steps=9, observer=Observers(*lines), progress=False)
-    if COMM.rank == 0:
-        first, last = plain.getvalue().splitlines()
-        assert first.startswith("branch 0  point 6  gamma +0.0")
-        assert last == "branch 0: the budget of 9 steps is exhausted"
-        assert live.getvalue().count("\r\x1b[K") == 4
-        assert live.getvalue().count("\n") == 1
-    else:
-        assert plain.getvalue() == live.getvalue() == ""
-
-
 # -- kills -----------------------------------------------------------------------------------------
 
 
@@ -789,21 +559,3 @@ def test_killed_at_random_moments(whole, folder, kills):
         np.testing.assert_array_equal(columns["gamma"], final["gamma"][:n])
         np.testing.assert_array_equal(columns["status"], final["status"][:n])
     assert sorted(set(lengths)) == lengths
-
-
-@serial
-@pytest.mark.parametrize("ranks", [pytest.param(n, marks=pytest.mark.long) for n in (2, 3)])
-def test_errors_reach_every_rank(whole, folder, ranks):
-    """A foreign and a damaged journal on several ranks: one message, no hang."""
-    lines = (whole[0] / FILE_NAME).read_bytes().splitlines(keepends=True)
-    for content, friction, message in [
-        (lines, 0.4, "record of another problem; differs: the friction"),
-        ([*lines[:5], *lines[6:]], 0.3, "line 6 of the journal is damaged"),
-    ]:
-        (folder / FILE_NAME).write_bytes(b"".join(content))
-        process = launch(ranks, "recorded_run.py", folder, "--resume", "--friction", friction)
-        assert process.wait(timeout=300) == 3
-        said = {(folder / f"said.{rank}").read_text() for rank in range(ranks)}
-        assert len(said) == 1
-        assert message in said.pop()
-        assert (folder / FILE_NAME).read_bytes() == b"".join(content)

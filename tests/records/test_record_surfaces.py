@@ -173,38 +173,6 @@ def test_tables_of_contact_points(folder):
 
 
 @pytest.mark.long
-def test_both_faces_of_a_pair(folder):
-    """Of a history; drawn in a process that knows nothing of the problem."""
-    evolution = recorded_evolution.pair(COMM)
-    with EvolutionRecord(folder / "record", evolution, **KEPT) as kept:
-        evolution.run([0.0, 1.0, 3.0], record=kept)
-    journal = read_journal(folder / "record")
-    surface = journal.surface()
-    assert list(surface.contact) == list(surface.opposite)
-    assert surface.obstacles == {}
-    for faces in (surface.contact, surface.opposite):
-        np.testing.assert_allclose(surface.x[faces["contact"], 1], 0, atol=1e-12)
-    slave, master = (set(f["contact"].ravel()) for f in (surface.contact, surface.opposite))
-    assert slave
-    assert master
-    assert not slave & master
-    last = len(journal.states) - 1
-    top = np.isclose(surface.x[:, 1], surface.x[:, 1].max())
-    found = journal.surface_at(last).u[top]
-    wanted = np.broadcast_to(recorded_evolution.motion(3.0), found.shape)
-    np.testing.assert_allclose(found, wanted, rtol=1e-6)
-    if COMM.rank == 0:
-        figure = plot.draw_record(folder / "last.png", journal)
-        assert len(figure.axes) == 2  # the body and the bar of its colours
-        assert (folder / "last.png").stat().st_size > 5000
-        assert plot.draw_record(folder / "two.gif", journal, points=[0, last]) is not None
-        from PIL import Image
-
-        with Image.open(folder / "two.gif") as animation:
-            assert animation.n_frames == 2
-
-
-@pytest.mark.long
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
 @pytest.mark.parametrize("cell", ["tri", pytest.param("hex", marks=pytest.mark.long)])
 @pytest.mark.verifies(
@@ -275,53 +243,4 @@ def test_what_cannot_be_drawn(folder):
         (folder / "all" / "surface.npz").unlink()
         with pytest.raises(ValueError, match="is missing"):
             journal.surface()
-    COMM.barrier()
-
-
-def test_files_that_are_missing_or_exchanged_are_noticed(folder):
-    """On resumption, and where they are read."""
-    record(*moved_block(COMM), folder / "r", max_steps=3, **KEPT)
-    one, two = (folder / "r" / "surface" / f"branch_0000_point_00000{i}.npz" for i in (1, 2))
-    content = COMM.bcast(one.read_bytes() if COMM.rank == 0 else None)
-    for change, message in (
-        (lambda: shutil.copy(two, one), f"{one.name} is damaged or was exchanged"),
-        (one.unlink, f"{one.name} is missing"),
-    ):
-        COMM.barrier()
-        if COMM.rank == 0:
-            change()
-        COMM.barrier()
-        with pytest.raises(ValueError, match=message):
-            resume(folder / "r", *moved_block(COMM), max_steps=4)
-        with pytest.raises(ValueError, match=message):
-            read_journal(folder / "r").surface_at(1)
-    COMM.barrier()
-    if COMM.rank == 0:
-        one.write_bytes(content)
-        (folder / "r" / "surface.npz").unlink()
-    COMM.barrier()
-    with pytest.raises(ValueError, match=r"surface\.npz is missing"):
-        resume(folder / "r", *moved_block(COMM), max_steps=4)
-
-
-def test_a_disk_that_cannot_be_written_to(folder):
-    """The record ends with the point before, and goes on when there is room."""
-    system, functionals = moved_block(COMM)
-    record(system, functionals, folder / "known", max_steps=2, **KEPT)
-    with BranchRecord(folder / "known", system, functionals, resume=True) as kept:
-        if COMM.rank == 0:
-            shutil.move(folder / "known" / "surface", folder / "states")
-            (folder / "known" / "surface").write_text("in the way")
-        COMM.barrier()
-        with pytest.raises(OSError, match="surface"):
-            kept.go_on(max_steps=4)
-    assert len(read_journal(folder / "known").entries()) == 3
-    COMM.barrier()
-    if COMM.rank == 0:
-        (folder / "known" / "surface").unlink()
-        shutil.move(folder / "states", folder / "known" / "surface")
-    COMM.barrier()
-    resume(folder / "known", *moved_block(COMM), max_steps=4)
-    journal = read_journal(folder / "known")
-    assert [entry.surface is not None for entry in journal.entries()] == [True] * 5
     COMM.barrier()

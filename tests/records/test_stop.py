@@ -104,28 +104,6 @@ def test_what_is_in_the_problem_when_it_is_asked():
 
 
 @pytest.mark.ranks(2)
-@pytest.mark.each_value
-@pytest.mark.parametrize("case", ["pair", "motion"])
-@pytest.mark.parametrize(
-    ("stop", "message"),
-    [
-        (3, "stop must be a function of a step, got 3"),
-        (lambda _: None, "stop must answer with the reason to end the evolution"),
-        (lambda _: str(COMM.rank), "the answer of stop differs between ranks"),
-    ],
-)
-def test_what_cannot_stop(case, stop, message):
-    evolution, times, steps = made(case)
-    if "ranks" in message and COMM.size == 1:
-        pytest.skip("there are several ranks in this")
-    with pytest.raises(ValueError, match=message):
-        evolution.run(times, stop=stop, **steps)
-    # It is at its start, or at the step that it was asked of.
-    start = times[0] if evolution._accepted is None else evolution._accepted.time
-    assert evolution.run(later(times, start), **steps).complete
-
-
-@pytest.mark.ranks(2)
 def test_one_rank_alone_stops():
     """Refused before anything is computed."""
     if COMM.size == 1:

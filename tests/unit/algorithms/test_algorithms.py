@@ -13,7 +13,6 @@ from dolfinx_contact.algorithms import (
     Penalty,
     PointProblem,
     ProjectedGradient,
-    Trend,
     TrescaFixedPoint,
     Uzawa,
     lemke,
@@ -91,17 +90,6 @@ def test_random_problems(algorithm, dim):
         assert outcome.converged, outcome.reason
         assert violation(contact, outcome.a, outcome.r) < 1e-8
         assert outcome.residuals[-1] <= 1e-10
-
-
-@pytest.mark.parametrize("algorithm", EVERY, ids=lambda a: a.described())
-def test_units_do_not_matter(algorithm):
-    rng = np.random.default_rng(5)
-    contact = random_contact(rng, 2, 3)
-    other = PointProblem(1e9 * contact.S, 1e6 * contact.p, contact.friction)
-    one = algorithm.run(contact)
-    two = algorithm.run(other)
-    assert abs(one.iterations - two.iterations) <= 1
-    np.testing.assert_allclose(two.r, 1e6 * one.r, atol=1e6 * 1e-9 * np.abs(one.r).max())
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -309,27 +297,6 @@ def test_lemke_solves_everything(number):
         assert violation(contact, outcome.a, outcome.r) < 1e-10
 
 
-def test_friction_polygons():
-    """Inside the disc, and off it by the order of the directions, 1 over the number of facets."""
-    facets = (4, 8, 16, 32, 64)
-    off = []
-    for seed in (0, 2, 4, 5, 6, 7, 9, 10):  # something slips
-        contact = random_contact(np.random.default_rng(seed), 3, 5)
-        exact = InteriorPoint().run(contact)
-        size = np.abs(exact.r).max()
-        errors = []
-        for k in facets:
-            outcome = Lemke(facets=k).run(contact)
-            shear = np.linalg.norm(outcome.r[:, :-1], axis=1)
-            rn = outcome.r[:, -1]
-            assert np.all(shear <= contact.friction * rn + 1e-12)
-            errors.append(np.abs(outcome.r - exact.r).max() / size)
-        assert np.all(errors < np.pi / np.array(facets))
-        off.append(errors)
-    slope, _ = np.polyfit(np.log(facets), np.log(off).mean(axis=0), 1)
-    assert 0.8 < -slope < 1.3
-
-
 # -- parts ---------------------------------------------------------------------------------------
 
 
@@ -360,39 +327,6 @@ def half_plane(n, friction):
     p[:, 0] = -0.6 * np.sin(np.pi * x)
     p[:, 1] = np.where(np.abs(x - 0.5) < 0.4, -2.0, 2.0) + np.cos(3 * np.pi * x)
     return PointProblem(S, p.reshape(-1), np.full(n, friction), positions=x[:, None])
-
-
-def test_derivative_of_the_projection():
-    rng = np.random.default_rng(1)
-    for dim in (2, 3):
-        contact = random_contact(rng, dim, 6, bound=0.2)
-        s = rng.standard_normal((6, dim)) + 0.5
-        D = contact.derivative(s)
-        h = 1e-6
-        for j in range(dim):
-            e = h * np.eye(dim)[j]
-            change = (contact.allowed(s + e) - contact.allowed(s - e)) / (2 * h)
-            np.testing.assert_allclose(D[:, :, j], change, atol=1e-8)
-
-
-def test_what_a_trend_sees():
-    trend = Trend(100, 1e-10)
-    points = itertools.cycle([np.array([0.0, 1.0]), np.array([1.0, 0.0]), np.array([1.0, 1.0])])
-    assert any(trend.stops(next(points), 1.0) for _ in range(20))
-    assert "a cycle of 3" in trend.reason
-    trend = Trend(100, 1e-10)
-    assert any(trend.stops(np.array([2.0**i]), 2.0**i) for i in range(60))
-    assert "diverges" in trend.reason
-    trend = Trend(100, 1e-10)
-    assert any(trend.stops(np.array([1.0 + 0.5**i]), 1.0) for i in range(80))
-    assert "stands still" in trend.reason
-    trend = Trend(7, 1e-10)
-    assert sum(not trend.stops(np.array([float(i)]), 1.0) for i in range(7)) == 7
-    assert trend.stops(np.array([9.0]), 1.0)
-    assert "no convergence in 7" in trend.reason
-    trend = Trend(7, 1e-10)
-    assert trend.stops(np.array([0.0]), np.nan)
-    assert "not finite" in trend.reason
 
 
 def test_options_are_checked():

@@ -10,14 +10,8 @@ import demo_greco_block
 import numpy as np
 import pytest
 from support.blocks import block, half_block
-from test_pair import MATERIAL, displacement, held, largest, stacked
-
-import ufl
-from dolfinx import fem
 
 from dolfinx_contact import (
-    ContactPair,
-    ContactProblem,
     ConvergenceError,
     Coulomb,
     Frictionless,
@@ -27,7 +21,6 @@ from dolfinx_contact import (
 from dolfinx_contact._petsc import has_package
 from dolfinx_contact.algorithms import (
     GaussSeidel,
-    InteriorPoint,
     Lemke,
     Penalty,
     TrescaFixedPoint,
@@ -232,33 +225,6 @@ def test_a_symmetry_plane():
         check(half_block(), algorithm)
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("algorithm", [Uzawa(augmented=True), Penalty(), "tresca"], ids=named)
-def test_a_body_that_slides_away(algorithm):
-    """Sheared by more than friction holds a block on another has no equilibrium.
-
-    Residuals relative to its nodal forces vanish all the same, after displacements of 1e11. The
-    fixed point meets it free in its first problem, that of no friction.
-    """
-    both = stacked(3, "hex", 2)
-    u = displacement(both.mesh)
-    shear = fem.Constant(both.mesh, 1.0)
-    top = ufl.Measure("ds", subdomain_data=both.facet_tags)
-    load = ufl.as_vector((-0.8 * shear, -0.6 * shear, -5.0))
-    bulk = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * top(4, domain=both.mesh)
-    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
-    problem = ContactProblem(bulk, u, [pair], bcs=[held(u, both.facet_tags, 1, np.zeros(3))])
-    if algorithm != "tresca":
-        check(problem, algorithm, 1e-4 if isinstance(algorithm, Penalty) else 1e-8)
-        problem.read(problem.create_vector())
-    shear.value = 2.1
-    said = "a rigid motion of the body is free" if algorithm == "tresca" else "the body goes away"
-    with pytest.raises(ConvergenceError, match=said) as caught:
-        problem.solve(algorithm=algorithm)
-    assert [a.strategy for a in caught.value.attempts] == [named(algorithm)]
-    assert largest(u.x.array) == 0.0
-
-
 @pytest.mark.verifies(
     "mixed contact",
     "SOR",
@@ -272,16 +238,6 @@ def test_a_tilted_plane_and_mixed_contact():
     problem = block(n=4, cell="tri", obstacle=tilted, method="mixed")
     for algorithm in ("sor", "tresca", Uzawa(augmented=True)):
         assert check(problem, algorithm).counts["open"] > 0
-
-
-@pytest.mark.parametrize("on", ["body", "points"])
-def test_a_fixed_point_that_seems_to_stand_still(on):
-    """Two bounds in a row let all points stick, in the same state; the third opens some."""
-    problem = block(n=8, cell="quad", law=Coulomb(3.0), top=(0.03, -0.01))
-    found = check(problem, TrescaFixedPoint(aitken=True, on=on))
-    assert found.tables["contact"].status == "oookkkkkk"
-    residuals = [step.measures.worst for step in found.history]
-    assert residuals[2] == pytest.approx(residuals[3], rel=1e-9)
 
 
 @pytest.mark.ranks(2)
@@ -301,17 +257,6 @@ def test_what_fails_is_told_and_leaves_the_functions():
     with pytest.raises(ConvergenceError, match=r"cycle|diverge|no convergence|not solved"):
         problem.solve(algorithm=TrescaFixedPoint(on="points", max_iterations=60))
     np.testing.assert_array_equal(problem.u.x.array, before)
-
-
-@pytest.mark.ranks(2)
-def test_monitor_and_history():
-    seen = []
-    problem = block(n=3, cell="quad")
-    result = problem.solve(algorithm="gauss-seidel", monitor=seen.append)
-    assert [s.iteration for s in seen] == list(range(len(seen)))
-    assert seen == result.history
-    assert result.iterations == len(seen) - 1
-    assert result.reason == "gauss-seidel"
 
 
 @pytest.mark.ranks(2)
@@ -364,17 +309,3 @@ def test_acceptance(algorithm, case):
         found = check(greco(32), algorithm, accuracy)
     if isinstance(algorithm, Penalty):
         assert abs(found.attempts[0].series["order"][-1] - 1) < 0.1
-
-
-@pytest.mark.long
-def test_two_levels_on_greco():
-    """Ten times fewer sweeps at 128 contact nodes, and counts that do not grow with them."""
-    two = GaussSeidel(two_level=True)
-    counts = {n: greco(n).solve(algorithm=two).iterations for n in (32, 64, 128, 256)}
-    alone = greco(128).solve(algorithm="gauss-seidel").iterations
-    assert alone >= 10 * counts[128]
-    assert max(counts.values()) < 1.5 * min(counts.values())
-
-
-def test_interior_point_takes_few_steps():
-    assert check(greco(8), InteriorPoint()).iterations < 30

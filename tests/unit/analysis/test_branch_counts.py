@@ -5,7 +5,6 @@ import re
 
 from mpi4py import MPI
 
-import demo_proofs_3d
 import numpy as np
 import pytest
 from _triangle import linear_triangle
@@ -25,7 +24,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.analysis import Certificate, check, prove_counts
 from dolfinx_contact.analysis.branch_counts import default_gammas
-from dolfinx_contact.continuation import Branch, Diagram, explore, find_solutions
+from dolfinx_contact.continuation import Diagram, explore
 from dolfinx_contact.explorer import explorer
 from dolfinx_contact.materials import LinearElastic
 
@@ -114,22 +113,6 @@ def test_what_is_on_no_branch():
     assert "1 on no branch" in str(counts)
 
 
-@pytest.mark.verifies(
-    "all solutions",
-    "branches",
-    "units",
-    reference="enumeration: a branch that was left out, gamma beyond all displacements",
-    aspects=("2D", "proofs", "branches"),
-)
-def test_the_unit_of_gamma():
-    """Distances are of states: beside a gamma of 1e6 displacements are not the same."""
-    system, diagram = explored(2, 3.0, unit=1e6)
-    (whole,) = prove_counts(system, diagram, gammas=[5e5])
-    assert len(set(whole.branches)) == whole.number == 3
-    counts = prove_counts(system, Diagram(edges=diagram.edges[:-1]), gammas=[5e5])
-    assert counts.missed == 1
-
-
 @pytest.mark.ranks(2)
 def test_where_branches_meet():
     """Unloaded: all branches begin in the one solution, whose size is no measure of it."""
@@ -139,20 +122,6 @@ def test_where_branches_meet():
     assert count.proved
     assert count.unfound == ()
     assert count.branches[0] >= 0
-
-
-def test_a_branch_that_is_no_solution():
-    system, diagram = explored(2, 3.0)
-    branch = diagram.branches[0]
-    other = Branch(points=[p for p in branch.points])
-    moved = other.points[-1].y.copy()
-    moved.shift(1.0)
-    other.points[-1] = type(other.points[-1])(
-        moved, other.points[-1].tangent, other.points[-1].piece, other.points[-1].gamma, 0.0, 0
-    )
-    edge = type(diagram.edges[0])(**{**vars(diagram.edges[0]), "branch": other})
-    (count,) = prove_counts(system, Diagram(edges=[edge]), gammas=[branch.points[-1].gamma])
-    assert count.unfound == (0,)
 
 
 @pytest.mark.verifies(
@@ -198,27 +167,6 @@ def test_in_space(n, aside, events, letters):
         assert len(counts) == 5
     if MPI.COMM_WORLD.rank == 0:
         assert all(check(c.certificate).verdict == "complete" for c in counts)
-
-
-@pytest.mark.long
-@pytest.mark.verifies(
-    "all solutions",
-    "branches",
-    reference="independent code: three solutions of a body in space, of the table of proofs",
-    aspects=("3D", "proofs", "branches"),
-)
-def test_several_in_space():
-    """Three branches with the friction disc; of one alone the other two are counted as missed."""
-    system = demo_proofs_3d.body(demo_proofs_3d.arguments([]), MPI.COMM_WORLD)
-    found = find_solutions(system, [system.create_vector()], 1.0).found
-    missed = []
-    for starts in (found, found[:1]):
-        diagram = explore(system, [(s.x, 1.0) for s in starts], gamma_range=(0.25, 1.0))
-        (count,) = prove_counts(system, diagram, gammas=[0.5])
-        assert diagram.complete
-        assert (count.number, count.proved, count.unfound) == (3, True, ())
-        missed.append(count.branches.count(-1))
-    assert missed == [0, 2]
 
 
 @pytest.mark.ranks(2)

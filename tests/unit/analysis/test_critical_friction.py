@@ -1,10 +1,6 @@
 """Critical friction: known coefficients, an independent condensation, exact continua."""
 
-import importlib
-import sys
-
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import demo_two_blocks
 import numpy as np
@@ -23,10 +19,8 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
-    Frictionless,
     HalfSpace,
     Sphere,
-    Tresca,
 )
 from dolfinx_contact.analysis import critical_friction
 from dolfinx_contact.grids import create_grid
@@ -35,7 +29,6 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 
 COMM = MPI.COMM_WORLD
-SOLVERS = ("direct", "amg")
 QUADRILATERAL = mesh.CellType.quadrilateral
 LAME = {(1.0, 1.0): (2.0, 1.83333333, 1.78580249, 1.7666602)}
 LAME[(100.0, 82.0)] = (1.9010989, 1.73663256, 1.68791278, 1.66953114)
@@ -147,14 +140,6 @@ def test_against_a_condensation_by_hand(cell, offset):
     np.testing.assert_allclose(every, np.sort_complex(values.round(6)), atol=3e-6)
 
 
-def test_mirrored():
-    """The mirrored body slips the other way: the sign changes."""
-    right, left = (critical_friction(leaning(4, offset=o)) for o in (1.0, -1.0))
-    assert right.friction > 0 > left.friction
-    assert right.friction == pytest.approx(-left.friction, rel=1e-10)
-    np.testing.assert_allclose(right.slips, left.slips[::-1], atol=1e-9)
-
-
 @pytest.mark.chatty
 def test_falls_with_the_height(folder):
     """A leaning body: F goes to zero like 2 W/H; an upright one: it does not."""
@@ -257,39 +242,6 @@ def test_of_a_solution():
     assert critical_friction(problem, "solution").friction == pytest.approx(-uniform.friction)
 
 
-def test_stuck_and_open_points_of_a_solution():
-    """Points that stick do not slip, open ones are free: a condensation of fewer points."""
-    problem = leaning(4)
-    s = problem.surfaces[0]
-    x = s.positions[:, 0]
-    restore_statuses(problem, np.where(x < 0.1, 0, np.where(x > 0.9, 1, 2)))
-    found = critical_friction(problem, "solution")
-    np.testing.assert_allclose(found.positions[:, 0], [0.25, 0.5, 0.75])
-    if COMM.size == 1:
-        assert found.friction == pytest.approx(some_slip(problem, x), rel=1e-9)
-
-
-def some_slip(problem, x):
-    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
-    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
-    nodes = problem.surfaces[0].points.trace_dofs
-    free = ~problem.equations.fixed
-    stuck = nodes[x > 0.9]
-    free[[2 * stuck, 2 * stuck + 1]] = False
-    slips = nodes[(x > 0.1) & (x < 0.9)]
-    t = 2 * slips
-    n = 2 * slips + 1
-    inside = np.setdiff1d(np.flatnonzero(free), np.concatenate([t, n]))
-    on = np.concatenate([t, n])
-    S = K[np.ix_(on, on)] - K[np.ix_(on, inside)] @ np.linalg.solve(
-        K[np.ix_(inside, inside)], K[np.ix_(inside, on)]
-    )
-    m = len(slips)
-    values, vectors = scipy.linalg.eig(S[:m, :m], S[m:, :m])
-    one = (np.abs(values.imag) < 1e-9) & (np.abs(np.sign(vectors.real).sum(axis=0)) == m)
-    return min(values[one].real, key=abs)
-
-
 def beside(where, law, comm=COMM):
     """An upright body on a floor with friction, and beside it another surface: wall or floor."""
     V = leaning(6, offset=0.0, comm=comm).V
@@ -314,43 +266,6 @@ def beside(where, law, comm=COMM):
     young.interpolate(lambda x: 1.0 + 3.0 * x[0])  # no symmetry
     energy = LinearElastic.from_young(young, 0.3).energy(u) * ufl.dx
     return ContactProblem(energy, u, surfaces, bcs=[clamped])
-
-
-def beside_by_hand(where):
-    """All its coefficients: normals held, and the tangents of the other surface left free."""
-    problem = beside(where, Frictionless(), MPI.COMM_SELF)
-    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
-    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
-    x = problem.V.tabulate_dof_coordinates()
-    below = np.isclose(x[:, 1], 0.0)
-    rough = np.flatnonzero(below & (x[:, 0] < (0.4 if where == "floor" else 2.0)))
-    smooth = 2 * np.flatnonzero(below & (x[:, 0] > 0.6)) + 1
-    if where == "wall":
-        smooth = 2 * np.flatnonzero(np.isclose(x[:, 0], 1.0) & (x[:, 1] > 0.3) & (x[:, 1] < 1.99))
-    t, n = 2 * rough, 2 * rough + 1
-    free = np.setdiff1d(np.flatnonzero(~problem.equations.fixed), [*t, *n, *smooth])
-    within = np.linalg.solve(K[np.ix_(free, free)], K[np.ix_(free, t)])
-    S_tt, S_nt = (K[np.ix_(rows, t)] - K[np.ix_(rows, free)] @ within for rows in (t, n))
-    return scipy.linalg.eig(S_tt, S_nt)[0]
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    ("where", "law"), [("wall", Frictionless()), ("floor", Frictionless()), ("floor", Tresca(0.1))]
-)
-@pytest.mark.verifies(
-    "critical friction",
-    reference="independent code: a dense condensation in numpy",
-    aspects=("2D", "multigrid"),
-)
-def test_what_does_not_rub(where, law):
-    """Points without friction, or with a bound given in advance, stay closed and slip freely."""
-    expected = beside_by_hand(where)
-    for solver, dense in (("direct", True), ("amg", False)):
-        found = critical_friction(beside(where, law), (1.0, 0.0), solver=solver, dense=dense)
-        nearest = min([*found.one_signed, *found.others], key=abs)
-        assert np.abs(nearest - expected).min() < 1e-8 * abs(nearest)
-        assert abs(nearest) == pytest.approx(np.abs(expected).min(), rel=1e-8)
 
 
 def corner(*laws):
@@ -382,18 +297,6 @@ def corner(*laws):
     clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
     energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
     return ContactProblem(energy, u, surfaces, bcs=[clamped])
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("solver", ["direct", "amg"])
-def test_nodes_that_two_surfaces_hold(solver):
-    """A corner that one of two obstacles rubs at is refused, and one that both let slip is not."""
-    for laws in ((Coulomb(0.3), Coulomb(0.3)), (Coulomb(0.3), Frictionless())):
-        with pytest.raises(ValueError, match="floor and wall hold nodes in common"):
-            critical_friction(corner(*laws), solver=solver)
-    found = critical_friction(corner(Frictionless(), Frictionless()), solver=solver)
-    np.testing.assert_array_equal(found.positions[:, 0], 0.0)  # the corner does not rub
-    assert len(found.others) + len(found.one_signed) == len(found.positions)
 
 
 @pytest.mark.ranks(2)
@@ -447,25 +350,6 @@ def two_blocks(options):
     return demo_two_blocks.problem(demo_two_blocks.arguments(options), COMM)[0]
 
 
-def test_two_similar_bodies():
-    """What a shear presses below and lifts above nearly cancels: no slip of one sign is left."""
-    given = ["--n=4", "--upper", "1.0", "0.3", "--lower", "1.0", "0.3"]
-    found = critical_friction(two_blocks(given))
-    assert (found.friction, found.one_signed, len(found.slips)) == (None, [], 0)
-    alone = critical_friction(two_blocks([*given, "--rigid-floor"]))
-    assert min(map(abs, found.others)) > 1.5 * abs(alone.friction)
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
-def test_without_slepc(monkeypatch):
-    """Small problems do not need it; others say what is missing."""
-    monkeypatch.setitem(sys.modules, "slepc4py", None)
-    problem = leaning(3)
-    assert critical_friction(problem).friction > 0
-    with pytest.raises(ModuleNotFoundError, match="slepc4py is not installed"):
-        critical_friction(problem, dense=False)
-
-
 # -- how far they are known, and what slips of both signs bring ------------------------------------
 
 
@@ -488,90 +372,6 @@ def test_how_far_they_are_known():
     problem = linear_triangle(n, 0.3, lame=(0.0, 1.0)).problem
     more = critical_friction(problem, dense=False, count=40)
     assert more.known_up_to > more.mixed[0] == pytest.approx(friction, abs=1e-7)
-
-
-def side_by_side(number):
-    """Bodies that do not touch one another, all alike."""
-    box = [[0.0, 0.0], [2.0 * number - 1.0, 2.0]]
-    cells = [3 * (2 * number - 1), 6]
-    domain = mesh.create_rectangle(COMM, box, cells, mesh.CellType.quadrilateral)
-    kept = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
-    x = mesh.compute_midpoints(domain, 2, kept)[:, 0]
-    domain = mesh.create_submesh(domain, 2, kept[np.floor(x) % 2 == 0])[0]
-    domain.geometry.x[:, 0] += 0.5 * domain.geometry.x[:, 1]
-    return on_box(domain)
-
-
-@pytest.mark.ranks(2)
-def test_double_coefficients():
-    """Two like bodies side by side have every coefficient twice, and a search may see one alone."""
-    problem = side_by_side(2)
-    whole = critical_friction(problem)
-    every = np.abs([*whole.one_signed, *whole.others])
-    for count in (1, 2, 3):
-        found = critical_friction(problem, dense=False, count=count)
-        listed = np.abs([*found.one_signed, *found.others])
-        assert (listed < found.known_up_to).sum() == (every < found.known_up_to).sum()
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("solver", ["direct", "amg"])
-@pytest.mark.verifies("critical friction", reference="itself: one of four like bodies")
-def test_slips_of_one_sign_among_equal_coefficients(solver):
-    """Of four bodies none of the vectors that SLEPc takes has one sign, and combinations have."""
-    alone = critical_friction(side_by_side(1))
-    found = critical_friction(side_by_side(4), dense=False, solver=solver)
-    assert found.friction == pytest.approx(alone.friction, rel=1e-9)
-    assert found.slips.min() >= -1e-8
-    assert abs(found.friction) < found.known_up_to
-
-
-def unlike(leaning, young):
-    """The bodies of `side_by_side` with leanings and stiffnesses of their own."""
-    number = len(young)
-    domain = side_by_side(number).V.mesh
-    x = domain.geometry.x
-    x[:, 0] -= 0.5 * x[:, 1]
-    body = np.clip(np.floor(x[:, 0] / 2 + 1e-9).astype(int), 0, number - 1)
-    moduli = fem.Function(fem.functionspace(domain, ("DG", 0)))
-    moduli.interpolate(lambda x: np.array(young)[(x[0] / 2).astype(int)])
-    x[:, 0] += np.array(leaning)[body] * x[:, 1]
-    return on_box(domain, material=LinearElastic.from_young(moduli, 0.3))
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    ("solver", "young"),
-    [
-        ("direct", (1.0, 1e11)),
-        ("direct", (1e11, 1.0)),
-        # Whether multigrid takes such bodies at all depends on how they are shared out.
-        pytest.param("amg", (1.0, 1e8), marks=pytest.mark.skipif(COMM.size > 1, reason="refused")),
-    ],
-)
-@pytest.mark.verifies(
-    "critical friction", reference="itself: one of two bodies, 10^8 and 10^11 times as stiff"
-)
-def test_slips_of_a_stiff_body_beside_a_soft_one(solver, young):
-    """What round-off moves the soft body by is no slip, also where the stiff one slips by less."""
-    leaning = (0.7, 0.0) if young[0] > 1.0 else (0.0, 0.7)
-    alone = [critical_friction(unlike([lean], [1.0])) for lean in sorted(leaning)]
-    found = critical_friction(unlike(leaning, young), dense=False, solver=solver, count=4)
-    expected = sorted((F for a in alone for F in a.one_signed), key=abs)
-    np.testing.assert_allclose(np.abs(found.one_signed), np.abs(expected), rtol=1e-9)
-    assert found.friction == pytest.approx(alone[1].friction, rel=1e-9)
-    slips = found.slips if young[1] > 1.0 else found.slips[::-1]
-    np.testing.assert_array_equal(slips[:4], 0.0)
-    assert slips.max() == 1.0
-
-
-@pytest.mark.verifies("critical friction", reference="itself: one of three bodies nearly alike")
-def test_coefficients_that_are_nearly_equal():
-    """Vectors are as good as the distance to the next coefficient lets them be."""
-    leaning = 0.5 + 1e-6 * np.arange(3)
-    expected = sorted(critical_friction(unlike([lean], [1.0])).friction for lean in leaning)
-    found = critical_friction(unlike(leaning, [1.0] * 3), dense=False, count=3)
-    np.testing.assert_allclose(found.one_signed[:3], expected, rtol=1e-10)
 
 
 # -- large bodies ----------------------------------------------------------------------------------
@@ -663,99 +463,6 @@ def test_by_multigrid(body):
         assert (found.solver, found.complete) == ("amg", dense)
         assert 0 < found.solves < found.iterations
         assert found.residual < 1e-7
-
-
-def twelve():
-    """Their coefficients are up to 4 % apart, and a search may meet a larger one first."""
-    random = np.random.default_rng(1)
-    leaning = 0.5 + 0.01 * random.permutation(12)
-    return unlike(leaning, 10 ** random.uniform(-4, 4, 12))
-
-
-CLOSE = {
-    "nearly equal": lambda: unlike(0.5 + 1e-3 * np.arange(3), [1.0] * 3),
-    "one in a million": lambda: unlike(0.5 + 1e-6 * np.arange(3), [1.0] * 3),
-    "twelve of all stiffnesses": twelve,
-    "soft beside stiff": lambda: unlike((0.0, 0.7), (1.0, 1e-4)),
-    "mirrored pairs": lambda: leaning(8, offset=0.0),
-    "complex first": lambda: linear_triangle(32, 0.3, lame=(0.0, 1.0)).problem,
-}
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("body", CLOSE)
-@pytest.mark.verifies(
-    "critical friction",
-    reference="itself: all eigenvalues, by a factorisation",
-    aspects=("2D", "multigrid"),
-)
-def test_how_far_multigrid_knows_them(body):
-    """What is listed is right, and nothing below `known_up_to` is missing."""
-    whole = critical_friction(CLOSE[body](), dense=True, solver="direct")
-    every = np.sort(np.abs([*whole.one_signed, *whole.others]))
-    found = critical_friction(CLOSE[body](), dense=False, solver="amg")
-    listed = np.sort(np.abs([*found.one_signed, *found.others]))
-    np.testing.assert_allclose(listed, every[: len(listed)], rtol=1e-8)
-    assert (listed < found.known_up_to).sum() == (every < found.known_up_to).sum() > 0
-    assert found.friction == (whole.friction and pytest.approx(whole.friction, rel=1e-8))
-    assert found.known_up_to > 0.9 * every[len(listed)]
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
-def test_a_body_smaller_than_the_search():
-    """What a full basis leaves of a vector is round-off, no instability."""
-    domain = mesh.create_rectangle(COMM, [[0.0, 0.0], [1.0, 1.0]], [1, 2])
-    whole, found = (critical_friction(on_box(domain), solver=s, dense=False) for s in SOLVERS)
-    assert found.friction == pytest.approx(whole.friction, rel=1e-10)
-
-
-def without_coupling():
-    """Components that do not see one another: no pressure by any shear."""
-    V = leaning(4).V
-    u = fem.Function(V)
-    bottom, top = (
-        mesh.locate_entities_boundary(V.mesh, 1, lambda x, y=y: np.isclose(x[1], y))
-        for y in (0.0, 2.0)
-    )
-    floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(1.0))
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
-    energy = 0.5 * ufl.inner(ufl.grad(u), ufl.grad(u)) * ufl.dx
-    return ContactProblem(energy, u, [floor], bcs=[clamped])
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
-def test_no_pressure_by_shear():
-    """T is 0, and what the search sees of it, by vectors that are not exact, is taken for that."""
-    found = critical_friction(without_coupling(), dense=False, solver="amg")
-    assert (found.friction, found.one_signed, found.others) == (None, [], [])
-    assert found.known_up_to > 1e4
-
-
-def test_multigrid_without_an_energy():
-    """A residual need not be symmetric: SLEPc and GMRES take the place of Davidson and CG."""
-    problem = leaning(6)
-    bulk = LinearElastic.from_young(1.0, 0.3).energy(problem.u) * ufl.dx
-    given = ufl.derivative(bulk, problem.u)
-    other = ContactProblem(given, problem.u, problem.contacts, bcs=problem.bcs)
-    found, whole = (critical_friction(p, dense=False, solver="amg") for p in (other, problem))
-    assert found.friction == pytest.approx(whole.friction, rel=1e-8)
-    assert found.solves > 10 > whole.solves
-
-
-def test_which_solver(monkeypatch):
-    """By size; an argument, and before it PETSc's options."""
-    problem = leaning(3)
-    module = importlib.import_module("dolfinx_contact.analysis.critical_friction")
-    assert critical_friction(problem).solver == "direct"
-    options = PETSc.Options()
-    options["analysis_linear_solver"] = "amg"
-    assert critical_friction(problem, solver="direct").solver == "amg"
-    options["analysis_linear_solver"] = "lu"
-    with pytest.raises(ValueError, match="unknown solver of the body 'lu'"):
-        critical_friction(problem)
-    options.delValue("analysis_linear_solver")
-    monkeypatch.setitem(module._LARGEST_DIRECT, 2, 10)
-    assert critical_friction(problem).solver == "amg"
 
 
 @pytest.mark.parametrize("which", [0, 1])

@@ -9,12 +9,9 @@ from _triangle import linear_triangle
 from demo_own_law import SlipWeakening
 from test_critical_friction import block, in_plane, on_box
 
-import ufl
-from dolfinx import fem, mesh
+from dolfinx import mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace, Tresca
 from dolfinx_contact.analysis import renard_criterion
-from dolfinx_contact.materials import LinearElastic
 
 COMM = MPI.COMM_WORLD
 
@@ -111,14 +108,6 @@ def test_of_a_solution():
     assert found.friction == pytest.approx(0.5 * found.factor)
 
 
-def test_units():
-    plain = renard_criterion(linear_triangle(4, 0.3).problem, to_the(1)).factor
-    other = linear_triangle(4, 0.3, lame=(1e11, 1e11), length=1e-3).problem
-    expected = renard_criterion(linear_triangle(4, 0.3, lame=(1.0, 1.0)).problem, to_the(1)).factor
-    assert renard_criterion(other, to_the(1)).factor == pytest.approx(expected, rel=1e-9)
-    assert plain != pytest.approx(expected, rel=1e-3)
-
-
 @pytest.mark.verifies(
     "Renard's criterion", reference="itself: the body in plane strain", aspects=("3D",)
 )
@@ -133,27 +122,6 @@ def test_guided_points():
     plane = on_box(flat)
     expected = renard_criterion(plane, to_the(1)).factor
     assert renard_criterion(slices, to_the(1)).factor == pytest.approx(expected, rel=1e-9)
-
-
-def loose(law):
-    domain = mesh.create_unit_square(COMM, 2, 2)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
-    s = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
-    energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx
-    return ContactProblem(energy, u, [s])
-
-
-def test_always_or_never():
-    """Without friction that depends on the pressure always; of a body that nothing holds never."""
-    domain = mesh.create_unit_square(COMM, 2, 2)
-    for law in (Tresca(0.3), Frictionless()):
-        problem = on_box(domain, law=law)
-        found = renard_criterion(problem)
-        assert (found.factor, found.unique) == (np.inf, True)
-    found = renard_criterion(loose(Coulomb(0.1)))
-    assert (found.factor, found.unique) == (0.0, False)
 
 
 @pytest.mark.ranks(2)

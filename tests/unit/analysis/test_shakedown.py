@@ -11,7 +11,6 @@ from scipy.linalg import block_diag
 from scipy.optimize import linprog
 from support.blocks import block
 from support.space_problems import random_stiffness
-from test_certificates import enumerated
 
 from dolfinx_contact import Coulomb
 from dolfinx_contact.algorithms import PointProblem
@@ -195,27 +194,6 @@ def test_points_without_friction_slide_freely():
     assert {c.ending for c in free.cycles} == {"rest"}
 
 
-@serial
-@pytest.mark.verifies(
-    "shakedown",
-    reference="closed form: shears that grow between a disc and the polygon of its first tangents",
-    aspects=("3D",),
-    alone=True,
-)
-@pytest.mark.parametrize("part", [0.95, 1.02, 1.05])
-def test_discs_are_no_polygons(part):
-    """Shears +-part F f along a corner of the octagon under a force 1 + f."""
-    F = 0.3
-    e = np.array([np.cos(np.pi / 8), np.sin(np.pi / 8), 0.0])
-    steady = np.array([0.0, 0.0, -1.0])
-    loads = 2 * steady + part * F * np.array([e, -e])
-    found = shakedown_of(points(np.diag([2.0, 2.0, 3.0]), [F]), loads, steady, starts=0)
-    exact = 1 / (part - 1) if part > 1 else np.inf
-    np.testing.assert_allclose([found.factor, found.upper], exact, rtol=1e-6)
-    assert found.factor <= exact * (1 + 1e-9)
-    assert found.upper >= exact * (1 - 1e-9)
-
-
 def by_displacements(given, loads, steady):
     """The factor by another program: all displacements at all corners are unknowns."""
     S, F = given.S, given.friction
@@ -301,70 +279,6 @@ def test_rest_below_the_bound_alone(number):
     assert (True, "alternating slip") in kinds
 
 
-def check_enumerated(cycle, given):
-    """Every step of the last cycle is the only solution of its problem, by all statuses."""
-    before = cycle.before
-    for p, a, r in zip(cycle.loads, cycle.displacements, cycle.forces, strict=True):
-        slips = before * [1.0, 0.0]
-        codes, _ = enumerated(given.S, p - given.S @ slips.reshape(-1), given.friction)
-        states = {tuple(np.round(state_of(given, p, slips, c).reshape(-1), 7) + 0.0) for c in codes}
-        assert states == {tuple(np.round(a.reshape(-1), 7) + 0.0)}
-        np.testing.assert_allclose(given.S @ a.reshape(-1) - p, r.reshape(-1), atol=1e-9)
-        before = a
-    np.testing.assert_allclose(before, cycle.before, atol=1e-7)
-
-
-def state_of(given, p, slips, codes):
-    """Displacements with statuses open, stuck, and slipping either way."""
-    S, F = given.S, given.friction
-    rows, load = S.copy(), p.copy()
-    for i, code in enumerate(codes):
-        t, o = 2 * i, 2 * i + 1
-        if code == 0:
-            continue
-        rows[o], load[o] = np.eye(len(S))[o], 0.0
-        if code == 1:
-            rows[t], load[t] = np.eye(len(S))[t], slips[i, 0]
-        else:
-            sign = 1.0 if code == 2 else -1.0  # rt = -sign F rn
-            rows[t] = S[t] + sign * F[i] * S[o]
-            load[t] = p[t] + sign * F[i] * p[o]
-    return np.linalg.solve(rows, load).reshape(-1, 2)
-
-
-@serial
-@pytest.mark.verifies(
-    "shakedown",
-    reference="enumeration: all statuses in every step of cycles that never come to rest",
-    aspects=("2D",),
-    alone=True,
-)
-@pytest.mark.parametrize("number", [8, pytest.param(300, marks=pytest.mark.long)])
-def test_bound_promises_rest_that_does_not_come(number):
-    """Coupled points below the bound: rest from one start, slip for ever from another."""
-    rng = np.random.default_rng(4)
-    broken, both = 0, 0
-    for case in range(number):
-        given, loads, steady = random_case(rng, most=2)
-        found = shakedown_of(given, loads, steady, cycles=200)
-        if found.factor == np.inf:
-            continue
-        finer = shakedown_of(given, loads, steady, cycles=200, steps=8)
-        if not found.broken or len(found.broken) != len(finer.broken):
-            continue
-        for cycle, fine in zip(found.broken, finer.broken, strict=True):
-            for one in (cycle, fine):
-                check_enumerated(one, given)
-                # It is no round-off beside the largest force along the largest slip.
-                most = np.abs(one.forces).max() * one.slid
-                assert 1e-3 * most < one.dissipation[-1]
-        broken += 1
-        both += any(c.ending == "rest" for c in found.cycles)
-        print(f"case {case}: S = {given.S.tolist()}, F = {given.friction[0]}, {loads=}\n{found}")
-    assert broken >= 0.05 * number
-    assert both > 0
-
-
 @serial
 @pytest.mark.verifies(
     "shakedown",
@@ -401,29 +315,6 @@ def test_parts_of_a_body():
         over = np.where(np.arange(m) == case % m, 1.05 * k_t / k, F)
         assert not shakedown_of(points(S, over), loads, steady, cycles=1, starts=0).theorem_holds
     assert compared > 3
-
-
-@serial
-def test_less_than_the_critical_friction_is_not_enough():
-    """Two points of which shears are joined, 0.12 and 0.15 of k_t/|k|: rest, or slip for ever."""
-    S = planar([[1.0, 0.4], [0.4, 1.0]], np.diag([0.4, 0.5]), np.eye(2))
-    steady = np.array([-0.3, -0.7, -0.1, -1.1])
-    loads = np.array([[-0.2, -0.7, -0.6, -0.9], [0.7, -0.8, -0.2, -1.6]])
-    found = shakedown_of(points(S, [0.3, 0.3]), loads, steady)
-    assert not found.theorem_holds
-    assert {c.ending for c in found.cycles} == {"rest", "alternating slip"}
-    for cycle in found.broken:
-        check_enumerated(cycle, points(S, [0.3, 0.3]))
-    # Nor is coupling none because another point is far stiffer.
-    other = np.array([0.0, -1.0])
-    beside = shakedown_of(
-        points(block_diag(S, 1e12 * np.eye(2)), [0.3, 0.3, 0.3]),
-        np.hstack([loads, [other, other]]),
-        np.append(steady, other),
-        cycles=1,
-        starts=0,
-    )
-    assert not beside.theorem_holds
 
 
 def pressed(friction, shear=0.002):
@@ -466,37 +357,6 @@ def test_a_body():
     np.testing.assert_allclose(cycle.dissipation[-1], last, rtol=1e-7, atol=1e-12)
 
 
-@serial
-@pytest.mark.verifies(
-    "shakedown", "units", reference="theorem: units and directions do not matter", alone=True,
-    aspects=("2D", "3D"),
-)  # fmt: skip
-def test_units_and_directions():
-    rng = np.random.default_rng(5)
-    given, loads, steady = random_case(rng)
-    first = shakedown_of(given, loads, steady, cycles=20)
-    k, f = 2.1e11, 3e-4
-    scaled = PointProblem(k * given.S, f * given.p, given.friction)
-    other = shakedown_of(scaled, f * loads, f * steady, cycles=20)
-    np.testing.assert_allclose(other.factor, first.factor, rtol=1e-8)
-    np.testing.assert_allclose(other.slip, first.slip * f / k, atol=1e-7 * f / k)
-    assert [c.ending for c in other.cycles] == [c.ending for c in first.cycles]
-    S = random_stiffness(2, rng, 5.0)
-    steady = np.tile([0.0, 0.0, -1.0], 2)
-    loads = steady + 0.3 * rng.normal(size=(3, 6))
-    plain = shakedown_of(points(S, [0.3, 0.3]), loads, steady, cycles=5, starts=0)
-    angle = 0.7
-    turn = np.eye(3)
-    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    T = np.kron(np.eye(2), turn)
-    turned = shakedown_of(
-        points(T @ S @ T.T, [0.3, 0.3]), loads @ T.T, T @ steady, cycles=5, starts=0
-    )
-    np.testing.assert_allclose(turned.factor, plain.factor, rtol=1e-6)
-    assert plain.factor <= plain.upper * (1 + 1e-9)
-    np.testing.assert_allclose(plain.factor, plain.upper, rtol=1e-6)
-
-
 @pytest.mark.ranks(2)
 def test_bad_input():
     problem, loads, _ = pressed(0.3)
@@ -523,14 +383,6 @@ def test_bad_input():
     with pytest.raises(ZeroDivisionError, match="no load"):
         shakedown(problem, [loads[0], failing])
     np.testing.assert_array_equal(shear, before)
-
-
-@serial
-def test_loads_that_differ_by_round_off():
-    steady = np.array([0.0, -1.0])
-    near = steady * (1 - 1e-15)
-    with pytest.raises(ValueError, match="do not differ"):
-        shakedown_of(points(np.eye(2), [0.3]), np.array([steady, near]))
 
 
 @pytest.mark.long

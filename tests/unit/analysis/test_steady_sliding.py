@@ -15,10 +15,8 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import plot
 from dolfinx_contact.analysis import SteadySliding
 from dolfinx_contact.laws import PLUS
-from dolfinx_contact.materials import LinearElastic
 
 COMM = MPI.COMM_WORLD
 QUADS = mesh.CellType.quadrilateral
@@ -199,35 +197,6 @@ def test_against_the_quadratic_problem_in_3d(quadratic):
     assert np.abs(near[:, None] - expected).min(axis=1).max() < 1e-7 * size
 
 
-def test_a_form_of_damping_is_the_same():
-    """eta K as a form makes the problem quadratic, with the same eigenvalues."""
-    problem = pad(2)
-    v = ufl.TrialFunction(problem.V)
-    w = ufl.TestFunction(problem.V)
-    e = ufl.sym(ufl.grad(v)), ufl.sym(ufl.grad(w))
-    mu = 1 / 2.6
-    lmbda = 0.3 / (1.3 * 0.4)
-    K = (2 * mu * ufl.inner(*e) + lmbda * ufl.tr(e[0]) * ufl.tr(e[1])) * ufl.dx
-    form, number = (
-        SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=c) for c in (0.02 * K, 0.02)
-    )
-    assert form.onset().friction == pytest.approx(number.onset().friction, abs=1e-9)
-    assert form.modes(1.0).eigenvalues[0] == pytest.approx(number.modes(1.0).eigenvalues[0])
-
-
-@pytest.mark.ranks(2)
-def test_mode_shape():
-    """Both parts of a mode have v_n = 0."""
-    problem = pad(4)
-    modes = SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
-    for part in (modes.real, modes.imaginary):
-        problem.u.x.array[:] = part.x.array
-        jump = problem.evaluate().surfaces[0].jump
-        assert np.abs(jump[:, 1]).max(initial=0.0) < 1e-12
-        size = COMM.allreduce(np.abs(part.x.array).max(initial=0.0), op=MPI.MAX)
-        assert size > 1e-3
-
-
 def test_of_a_solution():
     """All points slipping to the right in the solution is the uniform direction."""
     problem = pad(4, friction=0.7)
@@ -235,19 +204,6 @@ def test_of_a_solution():
     restore_statuses(problem, PLUS)
     found = SteadySliding(problem, "solution", density=1.0, damping=0.02).modes()
     np.testing.assert_allclose(found.eigenvalues[:5], uniform.eigenvalues[:5], atol=1e-9)
-
-
-def test_units():
-    """Times go with sqrt(rho L^2/E), whatever the units."""
-    plain = SteadySliding(pad(4), (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
-    E = 2e11
-    rho = 7800.0
-    length = 1e-3
-    time = np.sqrt(rho / E) * length
-    domain = mesh.create_rectangle(COMM, [[0.0, 0.0], [length, length]], [4, 4], QUADS)
-    stiff = on_box(domain, material=LinearElastic.from_young(E, 0.3))
-    other = SteadySliding(stiff, (-1.0, 0.0), density=rho, damping=0.02 * time).modes(1.0)
-    assert other.eigenvalues[0] * time == pytest.approx(plain.eigenvalues[0], rel=1e-9)
 
 
 @pytest.mark.ranks(2)
@@ -282,71 +238,3 @@ def test_demo(folder):
     assert found["onset_frequency"] == pytest.approx(expected[2], abs=1e-6)
     regularised = found["regularised"]
     assert found["growth"] > regularised["0.1"] > 0 > regularised["2"]
-
-
-@pytest.mark.ranks(2)
-def test_animation(folder):
-    """One period: the frames of the two parts are a quarter of it apart, of the size asked for."""
-    problem = pad(2)
-    modes = SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
-    frames = [problem.u.x.array.copy() for _ in demo_squeal.period(problem, modes, 0.2, frames=8)]
-    largest = [COMM.allreduce(np.abs(f).max(initial=0.0), op=MPI.MAX) for f in frames]
-    assert 0.1 < max(largest) <= 0.2 + 1e-12
-    np.testing.assert_allclose(frames[4], -frames[0], atol=1e-12)
-    parts = (modes.real.x.array, modes.imaginary.x.array)
-    real, imaginary = (COMM.allreduce(np.abs(p).max(initial=0.0), op=MPI.MAX) for p in parts)
-    assert largest[2] / largest[0] == pytest.approx(imaginary / real)
-
-
-def one_rank_fails(problem):
-    problem.u.x.array[:] = 1.0
-    if COMM.rank == COMM.size - 1:
-        raise ValueError("on the last rank")
-    yield "rest"
-
-
-@pytest.mark.long
-def test_animated_picture(folder):
-    pytest.importorskip("pyvista")
-    pytest.importorskip("imageio")
-    image = pytest.importorskip("PIL.Image")
-    problem = pad(2)
-    modes = SteadySliding(problem, (-1.0, 0.0), density=1.0, damping=0.02).modes(1.0)
-    problem.u.x.array[:] = 0.25
-    file = plot.film(folder / "mode.gif", problem, demo_squeal.period(problem, modes, 0.2, 4))
-    assert file == folder / "mode.gif"
-    assert (problem.u.x.array == 0.25).all()
-    if COMM.rank == 0:
-        with image.open(file) as picture:
-            assert picture.n_frames == 4
-            frames = []
-            for i in range(4):
-                picture.seek(i)
-                frames.append(np.asarray(picture.convert("RGB"), dtype=float))
-        # Half a period apart the body is on the other side.
-        assert np.abs(frames[0] - frames[2]).max() > 50
-
-
-def test_what_is_no_film(folder):
-    pytest.importorskip("pyvista")
-    pytest.importorskip("imageio")
-    problem = pad(2)
-    problem.u.x.array[:] = 0.25
-    with pytest.raises(ValueError, match=r"\.gif or \.mp4, not mode.png"):
-        plot.film(folder / "mode.png", problem, iter(["rest"]))
-    with pytest.raises(ValueError, match="no states"):
-        plot.film(folder / "mode.gif", problem, iter([]))
-    with pytest.raises(TypeError, match="expected str instance, int found"):
-        plot.film(folder / "mode.gif", problem, iter([1]))
-
-    def wild():
-        problem.u.x.array[:] = np.nan
-        yield "lost"
-
-    before = problem.u.x.array.copy()
-    with pytest.raises(ValueError, match="displacement of state 0 has an entry that is not finite"):
-        plot.film(folder / "mode.gif", problem, wild())
-    np.testing.assert_array_equal(problem.u.x.array, before)
-    with pytest.raises(ValueError, match=r"last rank|what_is_written"):
-        plot.film(folder / "mode.gif", problem, one_rank_fails(problem))
-    assert (problem.u.x.array == 0.25).all()

@@ -1,8 +1,6 @@
 """Curves of folds and events in two parameters, against closed forms, branches and enumeration."""
 
 import itertools
-import json
-import zlib
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -234,21 +232,6 @@ def test_random_families(seed):
             assert kinds[key] == ("fold" if sides[0] == sides[1] else "event")
 
 
-def test_curves_of_folds_that_cross():
-    """Where they do two borders of all that enumeration finds have one gamma."""
-    family = random_family(20)
-    span = (3.0, 4.0)
-    gammas = (-20.0, 20.0)
-    starts = [(np.frombuffer(key, np.int8), 3.9) for key in enumerated(family, 3.9, gammas)]
-    curves = follow_events(family, starts, span, gammas)
-    ((mu, gamma),) = curves.crossings
-    there = enumerated(family, mu, gammas).values()
-    folds = [f for f in there if f.kind(mu) == "fold" and abs(f.gamma(mu) - gamma) < 1e-10]
-    assert len(folds) == 2
-    before, after = (np.subtract(*(f.gamma(mu + h) for f in folds)) for h in (-1e-3, 1e-3))
-    assert before * after < 0
-
-
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.verifies(
     "charts",
@@ -357,80 +340,3 @@ def test_a_chart_in_a_file(folder):
         assert [type(c.proved) for c in again.cells] == [bool] * len(chart.cells)
         assert again.proved == chart.proved
         COMM.barrier()
-
-
-def test_charts_that_cannot_be_read_or_written(folder):
-    if COMM.rank == 0:
-        file = folder / "chart.json"
-        chart = chart_of_few()
-        chart.save(file)
-        whole = file.read_text()
-        other = chart.cells[:1]
-        with pytest.raises(FileExistsError, match="save with overwrite=True"):
-            Chart(other).save(file)
-        assert file.read_text() == whole
-        Chart(other).save(file, overwrite=True)
-        assert Chart.load(file).cells == other
-        with pytest.raises(OSError, match="nowhere"):
-            chart.save(folder / "nowhere" / "chart.json")
-        with pytest.raises(FileNotFoundError):
-            Chart.load(folder / "none.json")
-        words = json.loads(whole)
-        cells = words["cells"]
-        damaged = [cells[0] | {"gamma": [-np.pi, 0.5]}, *cells[1:]]
-        for content, message in [
-            (whole[:-20], "is no chart, or is damaged"),
-            (b"\xff\xfe\x00", "is no chart, or is damaged"),
-            ("[1, 2]", "is no chart$"),
-            (json.dumps(words | {"of": "something"}), "is no chart$"),
-            (json.dumps(words | {"format": 1}), "has the format 1, known is 2"),
-            (json.dumps(words | {"cells": damaged}), "its check sum is wrong"),
-            (json.dumps({k: v for k, v in words.items() if k != "cells"}), "check sum is wrong"),
-        ]:
-            file.write_bytes(content if isinstance(content, bytes) else content.encode())
-            with pytest.raises(ValueError, match=message):
-                Chart.load(file)
-        assert [p.name for p in folder.iterdir()] == ["chart.json"]
-    COMM.barrier()
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"mu": [1.0]}, "mu must be two numbers"),
-        ({"mu": ["a", "b"]}, "mu must be two numbers"),
-        ({"gamma": [1.0, float("nan")]}, "gamma must be finite and in order"),
-        ({"gamma": [2.0, 1.0]}, "gamma must be finite and in order"),
-        ({"solutions": "ok"}, "a sequence of str"),
-        ({"solutions": ["ok", "o"]}, "a point each"),
-        ({"solutions": ["ox"]}, "a point each"),
-        ({"solutions": 3}, "is no chart"),
-        ({"proved": 1}, "proved must be True or False"),
-        ({"other": 1}, "a cell has mu, gamma, solutions, proved"),
-    ],
-)
-def test_cells_that_are_none(folder, changed, message):
-    """They are refused by name, though the check sum fits."""
-    if COMM.rank == 0:
-        file = folder / "chart.json"
-        chart_of_few().save(file)
-        words = json.loads(file.read_text())
-        words["cells"][1] |= changed
-        content = {name: words[name] for name in ("cells", "curves")}
-        text = json.dumps(content, sort_keys=True)
-        words["crc"] = f"{zlib.crc32(text.encode()):08x}"
-        file.write_text(json.dumps(words))
-        with pytest.raises(ValueError, match=message):
-            Chart.load(file)
-    COMM.barrier()
-
-
-def test_a_chart_of_numpy_values(folder):
-    """A truth value and numbers of numpy are saved as Python's."""
-    if COMM.rank == 0:
-        cell = ChartCell((np.float64(0.5), 1), (np.float32(0.25), 2.0), ["ok"], np.bool_(True))
-        Chart((cell,)).save(folder / "chart.json")
-        assert Chart.load(folder / "chart.json").cells == (
-            ChartCell((0.5, 1.0), (0.25, 2.0), ("ok",), True),
-        )
-    COMM.barrier()

@@ -20,13 +20,10 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     ParametricContact,
-    Sphere,
     Tresca,
 )
 from dolfinx_contact.analysis import renard_criterion
-from dolfinx_contact.analysis.theory import theory_of
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 
 COMM = MPI.COMM_WORLD
@@ -160,21 +157,6 @@ def test_theory(kind, law, exists, unique, words):
     assert words in theory.reason
 
 
-@pytest.mark.parametrize(
-    ("sliding", "unique", "words"),
-    [("small", True, "least energy"), ("large", False, "follow the displacement")],
-)
-def test_theory_on_a_curved_obstacle(sliding, unique, words):
-    """In large sliding the displacements without penetration are no convex set."""
-    disc = Sphere((0.5, -3.0), 3.0)
-    problem = block(law=Frictionless(), obstacle=disc, sliding=sliding)
-    theory = problem.theory()
-    assert (theory.exists, theory.unique) == (unique, unique)
-    assert words in theory.reason
-    problem.solve()
-    assert (problem.uniqueness().verdict == "proved") == unique
-
-
 @pytest.mark.parametrize("law", [Frictionless(), Tresca(2.0)])
 @pytest.mark.verifies(
     "uniqueness",
@@ -195,18 +177,6 @@ def test_theory_proves_in_space(law):
     assert "least energy" in found.reason
 
 
-@pytest.mark.parametrize(("soft", "unique"), [(0.0, True), (2e4, False)])
-def test_theory_looks_at_the_stiffness(soft, unique):
-    """On an anti-elastic bedding the energy is not convex any more."""
-    held = block(law=Frictionless())
-    u = held.u
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) - soft * ufl.dot(u, u)
-    problem = ContactProblem(energy * ufl.dx, u, held.contacts, bcs=held.bcs)
-    theory = theory_of(problem.equations)
-    assert theory.unique == unique
-    assert unique or "positive definite" in theory.reason
-
-
 @pytest.mark.ranks(2)
 def test_of_a_point_of_a_branch():
     system = linear_triangle(4, 1.7)
@@ -220,80 +190,3 @@ def test_of_a_point_of_a_branch():
         assert (verdict == "proved") == (len(found.found) == 1)
     for f, values in zip(system.problem.fields, before, strict=True):
         np.testing.assert_array_equal(f.x.array, values)
-
-
-@pytest.mark.parametrize("value", [np.nan, -1.0])
-def test_nothing_is_proved_of_bad_friction(value):
-    friction = []
-
-    def law(domain):
-        friction.append(fem.Constant(domain, 0.3))
-        return Coulomb(friction[0])
-
-    problem = linear_triangle(2, 0.3, law=law).problem
-    problem.solve()
-    friction[0].value = value
-    for ask in (problem.theory, problem.uniqueness):
-        with pytest.raises(ValueError, match="friction"):
-            ask()
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.verifies(
-    "uniqueness",
-    reference="itself: a proof of all solutions",
-    aspects=("2D", "proofs"),
-)
-def test_other_friction_under_open_points():
-    """Where nothing touches, the state solves the problem of any friction; the answer is for it."""
-    friction = []
-
-    def law(domain):
-        friction.append(fem.Constant(domain, 2.5))
-        return Coulomb(friction[0])
-
-    system = linear_triangle(8, 2.5, law=law)
-    found = find_solutions(system, [system.create_vector()], 1.0)
-    assert found.complete
-    assert len(found.found) == 3
-    (apart,) = [s for s in found.found if not set(system.letters(s.piece)) & set("k+-")]
-    system.set_parameter(1.0)
-    system.problem.read(apart.x)
-    result = system.problem.solve()
-    assert result.counts["stick"] == result.counts["slip"] == 0
-    assert system.problem.uniqueness().verdict == "others exist"
-    friction[0].value = 0.1
-    assert system.problem.uniqueness().verdict == "proved"
-
-
-@pytest.mark.ranks(2)
-def test_seconds_that_are_none():
-    problem = block(n=2)
-    problem.solve()
-    assert problem.uniqueness(proof_seconds=1.0).verdict == "proved"
-    ranks = [1.0 + COMM.rank] if COMM.size > 1 else []
-    for seconds in (np.nan, -1.0, True, "a", None, *ranks):
-        with pytest.raises(ValueError, match="seconds"):
-            problem.uniqueness(proof_seconds=seconds)
-
-
-@pytest.mark.each_value
-@pytest.mark.parametrize("start", [0.0, 0.01, 100.0])
-@pytest.mark.parametrize("cell", ["tri", "hex"])
-def test_nothing_but_round_off(cell, start, caplog):
-    """Without load a state is zero, wherever the solve begins: no data have changed."""
-    dim = 2 if cell == "tri" else 3
-    problem = block(cell=cell, top=[0.0] * dim)
-    for f, size in zip(problem.fields, (start, 1000.0 * start), strict=True):
-        f.x.array[:] = size * np.sin(np.arange(1, len(f.x.array) + 1))
-        f.x.scatter_forward()
-    result = problem.solve()
-    assert result.kkt_violation <= 1e-9
-    assert result.imbalance <= 1e-9
-    assert not caplog.records
-    found = problem.uniqueness(proof_seconds=1.0)
-    if cell == "hex":
-        assert found.verdict == "proved"
-    if start == 0.01:
-        QuasiStatic(problem, lambda t: None).run([0.0, 1.0])
-    assert not [r for r in caplog.records if "is no solution under the load" in r.message]

@@ -202,14 +202,6 @@ def test_a_body_in_space():
 
 
 @pytest.mark.ranks(2)
-def test_time_that_is_over():
-    found = wedging_friction(linear_triangle(8, 1.0).problem, seconds=0.0)
-    assert not found.complete
-    assert found.lower == 0.0
-    assert "not excluded" in str(found) or "not decided" in str(found)
-
-
-@pytest.mark.ranks(2)
 def test_bad_input():
     problem = linear_triangle(1, 1.0).problem
     for wrong in (dict(seconds=-1), dict(seconds="a"), dict(sides=3), dict(sides=4.5)):

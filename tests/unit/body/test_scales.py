@@ -4,19 +4,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-from support.blocks import CELLS, block, box, facets, same_tables
+from support.blocks import block, box, facets, same_tables
 
-import basix.ufl
 import ufl
-from dolfinx import fem, mesh
-from dolfinx.graph import adjacencylist
+from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, LevelSet, Sphere
-from dolfinx_contact.body.rigid import extents, parts
-from dolfinx_contact.grids import create_grid
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere
 from dolfinx_contact.materials import LinearElastic, NeoHookean
-from dolfinx_contact.meshing import join
 from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
@@ -162,96 +156,3 @@ def test_springs_that_come_and_go():
     k.value = 0.0
     with pytest.raises(FloatingBodyError):
         problem.solve()
-
-
-@pytest.mark.parametrize(
-    ("cell", "sides"), [("tri", (3, 1)), ("quad", (3, 1)), ("tet", (3, 1, 2)), ("hex", (3, 1, 2))]
-)
-@pytest.mark.parametrize("degree", [1, 2])
-def test_the_size_of_a_box(cell, sides, degree):
-    """Its diagonal, wherever it is, however it is turned and graded, and what else there is."""
-    edges = [a * np.linspace(0.0, 1.0, n) ** 2 for a, n in zip(sides, (3, 5, 2), strict=False)]
-    dim = len(sides)
-    domain = create_grid(COMM, edges, CELLS[cell])
-    far = create_grid(COMM, [2.0 * e + 50.0 for e in edges], CELLS[cell])
-    turn = Rotation.from_rotvec([0.0, 0.0, 0.7] if dim == 2 else [0.4, -0.3, 0.7]).as_matrix()
-    domain.geometry.x[:] = domain.geometry.x @ turn.T + [100.0, -30.0, 7.0 * (dim - 2)]
-    both = join([domain, far]).mesh
-    V = fem.functionspace(both, ("Lagrange", degree, (dim,)))
-    expected = np.linalg.norm(sides) * np.array([1.0, 2.0])
-    np.testing.assert_allclose(np.sort(extents(V, parts(V))), expected, rtol=1e-11)
-
-
-@pytest.mark.ranks(2, 3)
-def test_the_size_of_a_body_with_ranks_that_have_no_cell():
-    """A strip of cells on all ranks but the first."""
-    n = 6
-    x = np.array([[i, j] for i in range(n + 1) for j in (0, 1)], dtype=float)
-    cells = np.array([[2 * i, 2 * i + 1, 2 * i + 2, 2 * i + 3] for i in range(n)])
-    if COMM.rank > 0:
-        x, cells = x[:0], cells[:0]
-
-    def on_others(comm, _parts, _types, topology):
-        mine = len(topology[0]) // 4
-        ranks = 1 + np.arange(mine) % (comm.size - 1) if comm.size > 1 else np.zeros(mine)
-        found = adjacencylist(ranks.astype(np.int32).reshape(-1, 1))
-        return getattr(found, "_cpp_object", found)  # a wrapper since DOLFINx 0.10
-
-    element = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
-    domain = mesh.create_mesh(COMM, cells, x=x, e=ufl.Mesh(element), partitioner=on_others)
-    here = domain.topology.index_map(2).size_local
-    assert COMM.size == 1 or (here == 0) == (COMM.rank == 0)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    np.testing.assert_allclose(extents(V, parts(V)), np.hypot(n, 1), rtol=1e-13)
-
-
-def on_a_wavy_tool(angle=0.0, far=None, poisson=0.3, shift=0.0, other=0.3):
-    """Contact forces by the integral method on a block that is turned by an angle with its tool.
-
-    Both are shifted along the tool. Another body, of another Poisson ratio, may be far away.
-    """
-    n = 4
-    domain = create_grid(COMM, [np.linspace(0.0, 1.0, n + 1)] * 2, CELLS["quad"])
-    if far is not None:
-        beside = create_grid(COMM, [np.array([far, far + 1.0])] * 2, CELLS["quad"])
-        domain = join([domain, beside]).mesh
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, -s], [s, c]])
-    bottom, top = facets(domain, 1, 0.0), facets(domain, 1, 1.0)
-    domain.geometry.x[:, :2] = domain.geometry.x[:, :2] @ turn.T + shift * turn[:, 0]
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    bcs = [fem.dirichletbc(turn @ [0.02, -0.05], fem.locate_dofs_topological(V, 1, top), V)]
-    if far is not None:
-        edge = fem.locate_dofs_geometrical(V, lambda x: c * x[0] + s * x[1] - shift > 0.5 * far)
-        bcs.append(fem.dirichletbc(np.zeros(2), edge, V))
-
-    def tool(x):
-        return -s * x[0] + c * x[1] - 0.03 * ufl.cos(5.0 * (c * x[0] + s * x[1] - shift))
-
-    surface = ContactSurface(
-        u, bottom, obstacle=LevelSet(tool), law=Coulomb(0.4), method="integral"
-    )
-    ratio = fem.Function(fem.functionspace(domain, ("DG", 0)))
-    ratio.interpolate(lambda x: np.where(c * x[0] + s * x[1] - shift < 2.0, poisson, other))
-    energy = LinearElastic.from_young(1.0, ratio).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface], bcs=bcs, petsc_options={"snes_rtol": 1e-12})
-    problem.solve()
-    table = problem.table(surface)
-    return (table.force @ turn)[np.argsort(table.x @ turn[:, 0])]
-
-
-@pytest.mark.parametrize(
-    "given",
-    [{"angle": 0.7}, {"far": 30.0}, {"far": 30.0, "other": 0.4999}],
-    ids=["turned", "another body", "another nearly incompressible body"],
-)
-def test_the_integral_method_depends_on_no_axes(given):
-    """Nor on other bodies: its solution depends on r, and that on the size of the body."""
-    np.testing.assert_allclose(on_a_wavy_tool(**given), on_a_wavy_tool(), atol=1e-10)
-
-
-def test_the_softness_of_a_body_far_from_the_origin():
-    """Of a nearly incompressible one the integral method depends on it."""
-    near, far = (on_a_wavy_tool(poisson=0.4999, shift=shift) for shift in (0.0, 1e6))
-    np.testing.assert_allclose(far, near, atol=1e-7)

@@ -15,7 +15,6 @@ from dolfinx_contact.continuation import (
     System,
     explore,
     follow,
-    points_at,
 )
 from dolfinx_contact.continuation.corrector import Corrector
 
@@ -74,20 +73,6 @@ def test_an_end_of_the_range_that_cannot_be_solved_for():
     assert max(p.gamma for p in branch.points) < 1
 
 
-@pytest.mark.parametrize("end", [0.3, 1e-20, 0.0, -1 / 3])
-def test_the_end_of_the_range_to_the_last_bit(end):
-    system = smooth(
-        1,
-        lambda x, g: x**3 + x - g,
-        lambda x, g: [[3 * x[0] ** 2 + 1]],
-        lambda x, g: [-1.0],
-    )
-    branch = follow(
-        system, start(system, [1.0]), 2.0, gamma_range=(end, 3.0), direction="decreasing"
-    )
-    assert branch.points[-1].gamma == values(system, branch.points[-1])[1] == end
-
-
 @pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("route", ["auto", "steps"])
@@ -108,16 +93,6 @@ def test_a_start_at_an_end_of_the_range(route, gamma):
         assert [followed.points[k].gamma for k in (0, -1)] == [gamma, -np.sign(gamma)]
     assert len(diagram.branches) == 1
     assert diagram.complete
-
-
-@pytest.mark.parametrize("route", ["auto", "steps"])
-def test_a_start_next_to_an_end_of_the_range(route):
-    """The branch to the near end is too short to hide that to the far one."""
-    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
-    gamma = 1.0 - 1e-7
-    x = start(system, [gamma / 2, 0, gamma, 1.0])
-    diagram = explore(system, [(x, gamma)], gamma_range=(-1.0, 1.0), route=route)
-    assert sorted(b.points[-1].gamma for b in diagram.branches) == [-1.0, 1.0]
 
 
 @pytest.mark.ranks(2, 3)
@@ -205,48 +180,6 @@ def test_corner_that_is_a_fold():
     assert x[0] == pytest.approx(-2.0, abs=1e-10)
 
 
-def moment(low, high):
-    """x = g, in another piece from ``low`` to ``high``."""
-    d = lambda g: max(low - g, g - high)  # noqa: E731
-    return Textbook(
-        1,
-        lambda x, g, s: np.array([x[0] - g]),
-        lambda x, g, s: [[1.0]],
-        lambda x, g, s: [-1.0],
-        lambda x, g, s: [[(-d(g) if s[0] else d(g), 1 - s[0])]],
-        lambda x, g: [int(d(g) < 0)],
-        (0, 1),
-    )
-
-
-@pytest.mark.parametrize("low", [0.3, 0.4375, 0.45])
-def test_a_piece_that_is_shorter_than_a_step(low, algebra):
-    """The border by which a piece is entered and left is met twice, and the branch goes on."""
-    met = 0
-    for first in (0.06, 0.07, 0.1):
-        system = moment(low, low + 0.0625)
-        control = StepControl(initial=first, kinks="exact")
-        branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0), control=control)
-        assert branch.reason == "gamma reached the end of its range"
-        assert branch.points[-1].gamma == 1.0
-        found = [s.gamma for s in branch.special]
-        met += len(found) > 0  # else a step led from one side of the piece to the other
-        if found:
-            assert [(s.kind, s.parity) for s in branch.special] == [("event", 1)] * 2
-            np.testing.assert_allclose(found, [low, low + 0.0625], rtol=0, atol=1e-12)
-    assert met
-
-
-def test_a_branch_does_not_go_back_where_it_came():
-    """Where no step may be as short as a piece the branch ends, and says so."""
-    system = moment(0.4375, 0.5)
-    control = StepControl(0.07, minimum=0.055, kinks="exact")
-    branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0), control=control)
-    assert branch.reason == "no step of at least 0.055 succeeds"
-    assert branch.ending is Ending.NOT_SOLVED
-    assert branch.points[-1].gamma == pytest.approx(0.4375, abs=1e-12)
-
-
 def test_three_pieces_meet():
     """H = |x| - |g| ... four rays meet at the origin: x = g and x = -g, each twice."""
 
@@ -278,24 +211,6 @@ def test_three_pieces_meet():
         whole = np.concatenate(system.comm.allgather(t.array_r.copy()))
         ends.add(tuple(int(v) for v in np.sign(whole)))
     assert ends == {(1, 1), (-1, 1), (-1, -1)}
-
-
-@pytest.mark.each_value
-@pytest.mark.parametrize("kinks", ["exact", "batched", "stepping"])
-def test_points_beside_smooth_folds(kinks):
-    """All roots of x^3 - x + g = 0, also where the fold alone is further than g."""
-    system = smooth(
-        1, lambda x, g: x**3 - x + g, lambda x, g: [[3 * x[0] ** 2 - 1]], lambda x, g: [1.0]
-    )
-    given = dict(gamma_range=(-1.0, 1.0), control=StepControl(kinks=kinks), route="steps")
-    branch = follow(system, start(system, [1.3]), 1.3 - 1.3**3, **given)
-    assert [special.kind for special in branch.special] == ["fold", "fold"]
-    fold = 2 / (3 * np.sqrt(3))
-    for gamma in (0.2, fold - 1e-3, fold - 1e-5, fold - 1e-7, -fold + 1e-5, fold + 1e-3):
-        found = sorted(values(system, p)[0][0] for p in points_at(system, branch, gamma, **given))
-        roots = np.roots([1.0, 0.0, -1.0, gamma])
-        real = np.sort(roots[np.abs(roots.imag) < 1e-9].real)
-        np.testing.assert_allclose(found, real, atol=1e-7)
 
 
 @pytest.mark.ranks(2)
@@ -378,19 +293,6 @@ def test_smooth_bifurcations(name, H, J, c, other):
             ends.append(np.sign(x[0]))
         assert sorted(ends) == [-1, 1]
     assert name
-
-
-def test_a_bifurcation_in_the_last_step_is_kept():
-    """One long step leads past the bifurcation and out of the range."""
-    system = smooth(
-        1, lambda x, g: g * x - x**3, lambda x, g: [[g - 3 * x[0] ** 2]], lambda x, g: [x[0]]
-    )
-    control = StepControl(initial=1.0, maximum=1.0)
-    branch = follow(system, start(system, [0.0]), -0.1, gamma_range=(-0.1, 0.05), control=control)
-    (special,) = branch.special
-    assert special.kind == "bifurcation"
-    assert abs(special.gamma) < 1e-8
-    assert len(branch.points) == 2
 
 
 @pytest.mark.verifies(
@@ -564,43 +466,6 @@ def test_an_exhausted_budget_keeps_what_was_found():
     assert branch.ending is Ending.BUDGET
 
 
-def test_a_point_with_too_many_kinks_is_said():
-    """x_i = |g| for twelve i: 2^12 pieces meet at g = 0, and the natural one leads on."""
-    n = 12
-    system = Textbook(
-        n,
-        lambda x, g, s: x - np.where(s, g, -g),
-        lambda x, g, s: np.eye(n),
-        lambda x, g, s: np.where(s, -1.0, 1.0),
-        lambda x, g, s: [[(g if c else -g, 1 - c)] for c in s],
-        lambda x, g: np.full(n, int(g > 0)),
-        (0, 1),
-    )
-    branch = follow(system, start(system, np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
-    (special,) = branch.special
-    assert special.kind == "event"
-    assert len(special.changes) == n
-    assert not special.complete
-    x, _ = values(system, branch.points[-1])
-    np.testing.assert_allclose(x, 1.0, atol=1e-9)
-    # Where the natural piece is none, H itself leads on, and the record says so.
-    other = Textbook(
-        n,
-        lambda x, g, s: x - np.where(s, g, -g),
-        lambda x, g, s: np.eye(n),
-        lambda x, g, s: np.where(s, -1.0, 1.0),
-        lambda x, g, s: [[(g if c else -g, c)] for c in s],
-        lambda x, g: np.full(n, int(g > 0)),
-        (0, 1),
-    )
-    branch = follow(other, start(other, np.ones(n)), -1.0, gamma_range=(-1.0, 1.0))
-    (special,) = branch.special
-    assert "Newton's method on H" in special.method
-    assert not special.complete
-    x, _ = values(other, branch.points[-1])
-    np.testing.assert_allclose(x, 1.0, atol=1e-9)
-
-
 @pytest.mark.ranks(2)
 def test_a_branch_that_ends(algebra):
     """x - g = 0 for g < 0, and twelve more rows that have no solution beyond: said, and kept."""
@@ -620,17 +485,3 @@ def test_a_branch_that_ends(algebra):
     assert "12 points are at a kink at once (too many pieces to try)" in branch.reason
     assert branch.ending is Ending.NOT_FOUND
     assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-9)
-
-
-@pytest.mark.parametrize("off", [0.0, 1e-3, -0.02])
-def test_the_correction_of_a_start_is_reported(off):
-    """A start is corrected at fixed gamma, and the result tells by how much."""
-    circle = smooth(
-        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
-    )
-    x = start(circle, [1.0 + off])
-    branch = follow(circle, x, 0.0, gamma_range=(-0.5, 0.5))
-    assert branch.start_correction == pytest.approx(abs(off), abs=1e-9)
-    assert values(circle, branch.points[0])[0] == pytest.approx(1.0, abs=1e-9)
-    diagram = explore(circle, [(start(circle, [1.0]), 0.0), (x, 0.0)], gamma_range=(-0.5, 0.5))
-    assert diagram.start_correction == pytest.approx(abs(off), abs=1e-9)

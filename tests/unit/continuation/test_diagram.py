@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.textbook import Textbook, one_node, smooth
 
-from dolfinx_contact.continuation import Ending, Observer, StepControl, explore, follow
+from dolfinx_contact.continuation import Ending, Observer, explore, follow
 
 
 def start(system, values):
@@ -32,85 +32,6 @@ def test_closed_branch():
     assert branch.points[-1].y.equal(branch.points[0].y)
 
 
-@pytest.mark.parametrize(
-    ("longest", "apart"),
-    [*(pytest.param(ds, 0.55, marks=pytest.mark.long) for ds in (0.01, 0.1, 0.5)), (0.5, 1.1)],
-)
-def test_a_branch_closes_wherever_it_begins(longest, apart):
-    """The circle from all around it, both ways, with steps that turn by up to 26 degrees."""
-    system = smooth(
-        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
-    )
-    control = StepControl(initial=min(longest, 0.02), maximum=longest)
-    for angle in np.arange(0.2, 6.2, apart):
-        for direction in ("increasing", "decreasing"):
-            branch = follow(
-                system,
-                start(system, [np.cos(angle)]),
-                np.sin(angle),
-                gamma_range=(-2.0, 2.0),
-                direction=direction,
-                control=control,
-            )
-            assert branch.ending is Ending.CLOSED, angle
-            assert len(branch.folds) == 2, angle
-
-
-def test_a_diagram_whose_branches_are_stopped():
-    """They end where they are stopped, not at the end of the range, and the rest is unknown."""
-    system = smooth(
-        1,
-        lambda x, g: x * (g - x**2),
-        lambda x, g: [[g - 3 * x[0] ** 2]],
-        lambda x, g: [x[0]],
-    )
-
-    def stop(step):
-        return "far enough" if step.point.gamma > 0.5 else ""
-
-    diagram = explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0), stop=stop)
-    assert len(diagram.nodes) == 1
-    first, *away = diagram.branches
-    assert first.points[-1].gamma == pytest.approx(0.0, abs=1e-10)
-    assert len(away) == 3
-    for branch in away:
-        assert branch.reason == "far enough"
-        assert 0.5 < branch.points[-1].gamma < 1.0
-    assert diagram.ending is Ending.STOPPED
-    assert not diagram.complete
-    with pytest.raises(ValueError, match="stop must be a function of a step"):
-        explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0), stop=3)
-
-
-def test_the_last_point_tells_how_the_branch_ends():
-    """An observer of points knows it, and is not called with a point that was stopped at before."""
-    system = smooth(
-        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
-    )
-
-    class Looks(Observer):
-        def __init__(self):
-            self.endings = []
-
-        def step(self, step, state):
-            self.endings.append((state.ending, state.reason))
-
-    def stop(step):
-        return "enough" if step.point.gamma > 0.5 else ""
-
-    for way, ending, reason in (
-        (dict(gamma_range=(-2.0, 2.0)), Ending.CLOSED, "the branch is closed"),
-        (dict(gamma_range=(-0.5, 0.5)), Ending.REACHED, "gamma reached the end of its range"),
-        (dict(gamma_range=(-2.0, 2.0), stop=stop), Ending.STOPPED, "enough"),
-    ):
-        looks = Looks()
-        branch = follow(system, start(system, [1.0]), 0.0, observer=looks, **way)
-        *before, last = looks.endings
-        assert last == (ending, reason) == (branch.ending, branch.reason)
-        assert set(before) == {(None, "")}
-        assert len(looks.endings) == len(branch.points)
-
-
 def test_a_diagram_with_a_branch_that_was_cut_off():
     """It is not complete, and says which branch, and by what."""
     system = smooth(
@@ -125,18 +46,6 @@ def test_a_diagram_with_a_branch_that_was_cut_off():
     assert part.ending is Ending.BUDGET
     assert part.reason.startswith("branch 0 was cut off (and 1 more): the budget of 3 steps")
     assert not part.summary()["converged"]
-
-
-@pytest.mark.parametrize("end", [1e-6, 0.01, 0.05, 0.1])
-def test_a_node_in_the_step_that_reaches_the_end(end):
-    """A bifurcation before the end of the range is a node, however close the end is."""
-    system = smooth(
-        1, lambda x, g: x * (g - x**2), lambda x, g: [[g - 3 * x[0] ** 2]], lambda x, g: [x[0]]
-    )
-    diagram = explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, end))
-    assert len(diagram.nodes) == 1
-    assert len(diagram.nodes[0].rays) == 4
-    assert len(diagram.edges) > 1
 
 
 @pytest.mark.ranks(2)

@@ -3,18 +3,14 @@
 So the statuses have fewer borders at 0 than beside it, and a piece there is one of several.
 """
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from support.blocks import block
 
 from dolfinx_contact import RCCM, Coulomb, NormalCompliance, ParametricContact, records
-from dolfinx_contact.continuation import Events, StepControl, follow
-from dolfinx_contact.continuation.system import fractions_to_borders
+from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.points.memory import Memory
 
-COMM = MPI.COMM_WORLD
 END = 0.3
 LAWS = {
     "coulomb": Coulomb,
@@ -81,33 +77,6 @@ def test_from_zero_and_back(law, push, cell, kinks):
         np.testing.assert_allclose(events[0], events[1][::-1], rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("law", "push", "span", "length"),
-    [("coulomb", -0.004, (0.075, 0.085), 0.19), ("soft bonds", 0.004, (0.17, 0.1995), 0.48)],
-)
-def test_a_point_that_sticks_for_a_moment(law, push, span, length):
-    """Its slip comes to zero and begins again within one step: the branch does not turn back."""
-    low, high = span
-    problem = pushed(law, push, "tet", high, 4)
-    system = ParametricContact(problem, problem.surfaces[0].law.friction)
-    x = system.create_vector()
-    problem.write(x)
-    control = StepControl(initial=length, maximum=length, kinks="exact")
-    branch = follow(system, x, high, gamma_range=span, direction="decreasing", control=control)
-    assert branch.reason == "gamma reached the end of its range"
-    assert branch.points[-1].gamma == low
-    assert [(s.kind, s.parity) for s in branch.special] == [("event", 1)] * 2
-    (first,), (second,) = (s.changes for s in branch.special)
-    assert (first.rank, first.point) == (second.rank, second.point)
-    assert (first.before, first.after) == (second.after, second.before) == (2, 1)
-    there = problem.u.x.array.copy()
-    wanted = pushed(law, push, "tet", low, 4)
-    np.testing.assert_allclose(there, wanted.u.x.array, rtol=0, atol=1e-9)
-    middle = float(np.mean([s.gamma for s in branch.special]))
-    stuck = branch.points[branch.special[0].index].piece
-    assert system.letters(stuck) == statuses_of(pushed(law, push, "tet", middle, 4))
-
-
 def statuses_of(problem):
     """The statuses of a solution as a journal writes them."""
     system = ParametricContact(problem, problem.surfaces[0].law.friction)
@@ -115,12 +84,3 @@ def statuses_of(problem):
     problem.write(x)
     piece = system.piece_at(x, float(problem.surfaces[0].law.friction.value))
     return system.letters(piece)
-
-
-def test_borders_that_begin_and_end():
-    low = Events(np.array([2.0, 3.0]), np.array([0, 2]), np.array([1, 1]))
-    high = Events(np.array([-2.0, -1.0, 5.0]), np.array([0, 1, 1]), np.array([1, 2, 1]))
-    np.testing.assert_array_equal(fractions_to_borders(low, high), [0.5, 0.5, np.inf])
-    np.testing.assert_array_equal(fractions_to_borders(low, high, (1.0, 3.0)), [0.25, 0.5, np.inf])
-    same = Events(np.array([-6.0, 1.0]), np.array([0, 2]), np.array([3, 3]))
-    np.testing.assert_array_equal(fractions_to_borders(low, same), [0.25, np.inf])

@@ -1,12 +1,9 @@
 """Branches and diagrams that begin, or reach the end of their range, where pieces meet."""
 
-from dataclasses import replace
-
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from _triangle import linear_triangle
 from support.textbook import Textbook
 
 import ufl
@@ -14,16 +11,12 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import (
-    Branch,
     Ending,
-    StepControl,
     explore,
     find_solutions,
     follow,
-    points_at,
 )
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.records import BranchRecord, read_journal
 
 COMM = MPI.COMM_WORLD
 END = 1.0
@@ -111,41 +104,6 @@ def test_many_rays_leave_a_state_without_load(route):
     assert diagram.nodes[0].point.incoming is None
     assert [len(ends(system, diagram, gamma)) for gamma in (END, -END)] == numbers
     assert [edge.start for edge in diagram.edges] == [0] * 4
-
-
-class Halt(Exception):
-    pass
-
-
-def test_a_record_of_a_diagram_from_such_a_state(folder):
-    """It has the node at the start, at which nothing comes in, and is continued from any point."""
-
-    def recorded(place, most=None, **options):
-        calls = []
-
-        def observer(step):
-            calls.append(step)
-            if len(calls) == most:
-                raise Halt
-
-        system = sheared()
-        start = [(system.create_vector(), 0.0)]
-        with BranchRecord(folder / place, system, **options) as record:
-            explore(system, start, gamma_range=(-END, END), observer=observer, record=record)
-        return read_journal(folder / place)
-
-    whole = recorded("whole")
-    assert [len(node.rays) for node in whole.nodes] == [4]
-    assert whole.explored.complete
-    for most in (1, 4, 7):
-        with pytest.raises(Halt):
-            recorded(f"cut {most}", most)
-        again = recorded(f"cut {most}", resume=True)
-        assert again.edges == whole.edges
-        assert again.explored == whole.explored
-        for number in whole.branches:
-            gammas = [journal.columns(number)["gamma"] for journal in (again, whole)]
-            np.testing.assert_allclose(*gammas, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
@@ -242,74 +200,3 @@ def test_the_range_ends_at_a_fold_at_a_kink(x, gamma, beyond):
     lowest = [p for b in diagram.branches for p in b.points if p.gamma == -0.5]
     left = at(system, -0.5)
     assert sorted(round((state(system, p) - left).norm(), 9) for p in lowest) == [0.0, 1.0]
-
-
-def test_points_are_found_whatever_tangents_are_kept():
-    """Those of a branch may be of another metric, and so of another length."""
-    system = linear_triangle(4, 1.7, preload=(3.0, -6.0))
-    system.set_parameter(-1.0)
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
-    given = dict(gamma_range=(-1.0, 1.5), control=StepControl(kinks="exact"), route="steps")
-    branch = follow(system, x, -1.0, **given)
-    assert len({system.letters(p.piece) for p in branch.points}) > 5
-    longer = []
-    for point in branch.points:
-        tangent = point.tangent.copy()
-        tangent.scale(3.0)
-        longer.append(replace(point, tangent=tangent))
-    for gamma in np.linspace(-0.95, 1.45, 25):
-        (found,) = points_at(system, Branch(longer), gamma, **given)
-        (known,) = points_at(system, branch, gamma, gamma_range=(-1.0, 1.5))
-        assert found.gamma == known.gamma == gamma
-        assert (state(system, found) - state(system, known)).norm() < 1e-9
-
-
-@pytest.mark.long
-def test_steps_that_meet_a_bifurcation_again():
-    """Steps over kinks cross it without its rays: the diagram is not complete, and no error."""
-    h = 0.25
-    domain = mesh.create_rectangle(MPI.COMM_SELF, [[0.0, 0.0], [3 * h, h]], [3, 1])
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    below, above = (
-        mesh.locate_entities_boundary(domain, 1, lambda x, at=at: np.isclose(x[1], at))
-        for at in (0.0, h)
-    )
-    # Forces at the four contact points from left to right, as tractions on the bottom.
-    constant = [
-        *(2.1384288067472355, 3.036612413541159, -1.574641755337038, 2.9703423888517753),
-        *(-25.735853533581327, 7.924126765824298, 45.554404217863855, -12.70147273689615),
-    ]
-    rate = [
-        *(2.028824405086084, -17.321348424395847, -0.836961928170258, -11.632259734447485),
-        *(-6.292880940615545, -4.880058232768574, -7.133133716322436, 5.533784703532895),
-    ]
-    mass = h / 6 * (np.diag([2.0, 4, 4, 2]) + np.eye(4, k=1) + np.eye(4, k=-1))
-    x = V.tabulate_dof_coordinates()
-    nodes = np.flatnonzero(np.isclose(x[:, 1], 0.0))
-    nodes = nodes[np.argsort(x[nodes, 0])]
-    tractions = []
-    for forces in (constant, rate):
-        traction = fem.Function(V)
-        traction.x.array.reshape(-1, 2)[nodes] = np.linalg.solve(mass, np.reshape(forces, (4, 2)))
-        tractions.append(traction)
-    gamma = fem.Constant(domain, 0.3)
-    tags = mesh.meshtags(domain, 1, np.sort(below), np.ones(len(below), dtype=np.int32))
-    ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
-    load = ufl.dot(tractions[0] + gamma * tractions[1], u) * ds
-    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx - load
-    floor = ContactSurface(u, below, obstacle=HalfSpace((0.0, 0.0), (0.0, 1.0)), law=Coulomb(5.0))
-    bc = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, above), V)
-    system = ParametricContact(ContactProblem(energy, u, [floor], bcs=[bc]), gamma)
-    kink = [-0.024314, -0.052678, -0.099934, 0.0]  # the tangential displacement where it starts
-    near = [
-        solution.x
-        for solution in find_solutions(system, [system.create_vector()], 0.3).found
-        if np.abs(solution.x.array.reshape(-1, 2)[nodes, 0] - kink).max() < 1e-4
-    ]
-    given = dict(gamma_range=(-1.0, 1.0), control=StepControl(kinks="stepping"), route="steps")
-    diagram = explore(system, [(near[0], 0.3)], **given)
-    assert len(diagram.edges) >= 4
-    assert not diagram.complete

@@ -1,7 +1,5 @@
 """Kinks passed exactly, in batches and by stepping over them: the same branch."""
 
-from functools import partial
-
 from mpi4py import MPI
 
 import demo_3d_branch
@@ -11,8 +9,6 @@ import pytest
 from support.textbook import Textbook, one_node
 
 from dolfinx_contact.continuation import Follower, StepControl, follow
-from dolfinx_contact.continuation.factorised import Factorised
-from dolfinx_contact.continuation.system import Events, matched_distances
 
 COMM = MPI.COMM_WORLD
 
@@ -148,65 +144,6 @@ def test_events_that_are_asked_for_are_located():
         assert abs(gamma - (point + 1) / n) < 1e-12
 
 
-def test_a_change_of_parity_in_a_batch_is_located():
-    """x_1 = max(0, ...) beside H = |x_0| - |g|, where four rays meet: no step leads over them."""
-    n = 9
-    at = np.linspace(-0.9, 0.9, n - 1)
-
-    def rest(g, s):
-        return np.where(s[2:], 0.02 * (g - at), 0.0)
-
-    def H(x, g, s):
-        first = (x[0] if s[0] else -x[0]) - (g if s[1] else -g)
-        return np.concatenate([[first], x[1:] - rest(g, s)])
-
-    def J(x, g, s):
-        J = np.eye(n)
-        J[0, 0] = 1.0 if s[0] else -1.0
-        return J
-
-    def c(x, g, s):
-        return np.concatenate([[-1.0 if s[1] else 1.0], -np.where(s[2:], 0.02, 0.0)])
-
-    def distances(x, g, s):
-        corners = [[((g - a) if c else (a - g), 1 - c)] for a, c in zip(at, s[2:], strict=True)]
-        first = [[(x[0] if s[0] else -x[0], 1 - s[0])], [(g if s[1] else -g, 1 - s[1])]]
-        return [*first, *corners]
-
-    system = Textbook(
-        n, H, J, c, distances, lambda x, g: [int(x[0] > 0), int(g > 0), *(g > at)], (0, 1)
-    )
-    control = StepControl(kinks="batched", initial=0.1)
-    x = start(system, [1.0, *np.zeros(n - 1)])
-    branch = follow(system, x, -1.0, gamma_range=(-1.0, 1.0), control=control)
-    (special,) = branch.bifurcations
-    assert special.located
-    assert abs(special.gamma) < 1e-12
-    assert len(special.others) == 2
-
-
-@pytest.mark.chatty
-def test_reuse_of_a_factorisation_changes_nothing():
-    """The vee with one factorisation for many matrices, and with one for each."""
-    branches = []
-    for reuse in (False, True):
-        body = demo_followed_mesh.system(demo_followed_mesh.arguments(["--size", "0.2"]), COMM)
-        body.problem.solve()
-        x = body.create_vector()
-        body.problem.write(x)
-        with Follower(body, StepControl(), gamma_scale=1.0) as follower:
-            follower.bordered.solver.reuse = reuse
-            branches.append(follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0)))
-    each, reused = branches
-    assert [s.kind for s in reused.special] == [s.kind for s in each.special]
-    for values in ([s.gamma for s in b.special] for b in branches):
-        np.testing.assert_allclose(values, [s.gamma for s in each.special], atol=1e-10)
-    gammas = [[p.gamma for p in b.points] for b in branches]
-    np.testing.assert_allclose(*gammas, atol=1e-8)
-    assert reused.factorisations < each.factorisations / 3
-    assert Factorised.__init__.__kwdefaults__["reuse"] is None
-
-
 @pytest.mark.long
 @pytest.mark.verifies(
     "branches",
@@ -262,15 +199,6 @@ def test_3d_branch(folder):
         assert branch.reason == "gamma reached the end of its range"
 
 
-def test_which_way_is_the_default():
-    for n, kinks in ((3, "ExactSteps"), (8, "BatchedSteps")):
-        args = demo_3d_branch.arguments(["--n", str(n)])
-        system, _ = demo_3d_branch.foot(args, COMM)
-        assert system.has_many_pieces == (n == 8)
-        with Follower(system, StepControl(), gamma_scale=1.0) as follower:
-            assert type(follower._steps).__name__ == kinks
-
-
 @pytest.mark.ranks(2)
 def test_bad_input():
     with pytest.raises(ValueError, match="kinks are passed"):
@@ -278,11 +206,3 @@ def test_bad_input():
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
     with pytest.raises(ValueError, match="nothing to locate"):
         Follower(system, StepControl(), gamma_scale=1.0, locate=lambda change: True)
-
-
-def test_events_that_end():
-    """Borders that exist in one of two states alone: the others are told by point and status."""
-    of = partial(np.array, dtype=np.int32)
-    here = Events(np.array([1.0, 2.0, 3.0, 4.0]), of([0, 1, 1, 1]), of([2, 0, 3, 3]))
-    there = Events(np.array([7.0, 1.5, 3.5, 4.5]), of([2, 0, 1, 1]), of([0, 2, 3, 3]))
-    np.testing.assert_array_equal(matched_distances(here, there), [1.5, 2.0, 3.5, 4.5])

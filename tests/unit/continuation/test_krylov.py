@@ -1,8 +1,5 @@
 """Branches followed with a Krylov method, beside those with an assembled matrix."""
 
-import itertools
-from unittest.mock import Mock
-
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -12,14 +9,10 @@ import numpy as np
 import pytest
 from support.textbook import SymmetricGuess, Textbook
 
-from dolfinx_contact import ParametricContact
-from dolfinx_contact._forcing import Forcing
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.factorised import Factorised
 from dolfinx_contact.continuation.krylov import Krylov
-from dolfinx_contact.equations.rates import Driven
-from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 
 COMM = MPI.COMM_WORLD
 
@@ -203,79 +196,6 @@ def test_3d_branch():
     assert len(mine.special) > 5
     assert mine.factorisations == 0
     assert 1 <= builds < len(mine.points)
-
-
-@pytest.mark.long
-@pytest.mark.verifies(
-    "branches", reference="itself: steps on H, which hold no piece", aspects=("3D", "branches")
-)
-def test_a_jump_to_another_solution_of_the_piece_is_no_event():
-    """Much friction: a step leaves the branch for another solution of its piece, beyond a border.
-
-    The distance to it jumps over zero between the two, where there is no event.
-    """
-    PETSc.Options()["contact_linear_solver"] = "direct"
-    ends = []
-    for kinks in ("exact", "batched"):
-        args = demo_3d_branch.arguments(["--n", "4", "--friction", "3"])
-        system, _ = demo_3d_branch.foot(args, COMM)
-        x = system.create_vector()
-        with Follower(system, StepControl(kinks=kinks), gamma_scale=1.0) as follower:
-            branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 0.46))
-        assert branch.complete, branch.reason
-        ends.append(branch.points[-1].y)
-    size = ends[0].norm()
-    ends[0].axpy(-1.0, ends[1])
-    assert ends[0].norm() < 1e-8 * size
-
-
-def steps_of_the_foot():
-    """Four steps over several kinks each, by multigrid."""
-    PETSc.Options()["contact_linear_solver"] = "amg"
-    system, _ = demo_3d_branch.foot(demo_3d_branch.arguments(["--n", "8"]), COMM)
-    x = system.create_vector()
-    x.set(0.0)
-    with Follower(system, StepControl(kinks="batched", initial=0.1), gamma_scale=1.0) as follower:
-        return follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0), max_steps=4)
-
-
-@pytest.mark.ranks(2)
-def test_work_of_a_step(monkeypatch):
-    """Nothing is evaluated twice, and no linear solve goes below what its model misses.
-
-    Eliminations leave no residual on the surface, where the next application then solves once.
-    """
-    residuals, interpolated = [], []
-    residual, put = ParametricContact.residual, Driven.set
-    applied, solved = Mock(wraps=SurfaceFilter.apply), Mock(wraps=SurfaceFilter.solve)
-    monkeypatch.setattr(SurfaceFilter, "apply", lambda *given: applied(*given))
-    monkeypatch.setattr(SurfaceFilter, "solve", lambda *given: solved(*given))
-
-    def counted_residual(self, x, gamma, b, piece):
-        residuals.append((x.array_r.tobytes(), gamma))
-        return residual(self, x, gamma, b, piece)
-
-    def counted_set(self):
-        interpolated.append(len(residuals))
-        put(self)
-
-    monkeypatch.setattr(ParametricContact, "residual", counted_residual)
-    monkeypatch.setattr(Driven, "set", counted_set)
-    branch = steps_of_the_foot()
-    corrections = sum(p.corrections for p in branch.points)
-    assert sum(len(s.changes) for s in branch.special) > 10
-    again = [a == b for a, b in itertools.pairwise(residuals)]
-    # The part of one rank may be the same where that of another has changed.
-    assert not np.logical_and.reduce(COMM.allgather(again)).any()
-    assert len(interpolated) < 5 * corrections
-    assert solved.call_count < 1.5 * applied.call_count
-
-    monkeypatch.setattr(Forcing, "suffices", lambda *_: False)
-    longer = steps_of_the_foot()
-    assert branch.solves < longer.solves
-    assert [p.corrections for p in longer.points] == [p.corrections for p in branch.points]
-    gammas = ([p.gamma for p in b.points] for b in (branch, longer))
-    np.testing.assert_allclose(*gammas, rtol=1e-5)
 
 
 @pytest.mark.parametrize("n", [3, 5])

@@ -4,10 +4,7 @@ The reference solves every combination of statuses with the rows of Coulomb's la
 w = (ut, un, rt, rn) at every point, S a - r = p + gamma q.
 """
 
-import importlib
 import itertools
-import pkgutil
-from dataclasses import is_dataclass, replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -18,15 +15,12 @@ from support.textbook import coulomb_system
 
 from dolfinx_contact.continuation import Piece, System
 from dolfinx_contact.continuation import rays as rays_module
-from dolfinx_contact.continuation.affine import AffineSystem, largest
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.rays import (
     AffineRay,
-    distinct,
     outgoing,
-    same_direction,
 )
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 
@@ -437,82 +431,6 @@ def test_branches_meet_where_two_points_change_at_once(F, load, rate, kinds, dir
     assert seen == kinds
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_starts_at_which_pieces_meet(sign):
-    """All rays are found; a branch starts on the piece of the state or the straightest ray."""
-    direction = "increasing" if sign > 0 else "decreasing"
-    seen = set()
-    for seed in range(25):
-        oracle, w = meeting(seed, 2, (0.4, 2.5)[seed % 2])
-        points = FewPoints(oracle)
-        x = points.vector(w, 0.0)
-        rays = oracle.rays(w)
-        pivoting = points.pivoting(0.5)
-        found = pivoting.departures(x, 0.0)
-        assert (found.complete, found.method[:11]) == (True, "enumeration")
-        np.testing.assert_allclose(
-            directions(out_of(pivoting, p) for p in found.rays),
-            directions((dw, g) for _, dw, g in rays),
-            atol=1e-6,
-        )
-        for p in found.rays:
-            np.testing.assert_allclose(numbers(points, p.y)[0], w, atol=1e-12)
-            assert (p.gamma, p.step) == (0.0, 0.0)
-        # The tangent of the piece of the state, and what of the rays is closest to it.
-        codes = points.system.classify(w)
-        tangent = oracle.state(codes, sign * oracle.rate)
-        ahead = [dw for _, dw, g in rays if g == sign]
-        pivoting = points.pivoting(0.5)
-        if not ahead:
-            with pytest.raises(ValueError, match=f"on none of the {len(found.rays)} rays"):
-                pivoting.start(x, 0.0, direction=direction)
-            seen.add("none")
-            continue
-        inside = any(np.abs(dw - tangent).max() < 1e-9 for dw in ahead)
-        along = np.append(tangent, 3.0 * sign)
-        scale = along @ along * 0.25
-
-        def closeness(dw, along=along, scale=scale):
-            v = np.append(dw, 3.0 * sign)
-            return (v @ along / scale + 4.0) / np.sqrt(v @ v / scale + 4.0)
-
-        best = tangent if inside else max(ahead, key=closeness)
-        start = pivoting.start(x, 0.0, direction=direction)
-        np.testing.assert_allclose(out_of(pivoting, start)[0], best, atol=1e-8)
-        seen.add((inside, len(ahead) > 1))
-    assert seen == {(True, False), (True, True), (False, False), "none"}
-
-
-def test_a_state_inside_a_piece_has_two_ways():
-    oracle, points, pivoting, start = started("two points", 3)
-    w, gamma = numbers(points, start.y)
-    found = pivoting.departures(points.vector(w, gamma), gamma)
-    assert (found.complete, found.method, len(found.rays)) == (True, "", 2)
-    up, down = (out_of(pivoting, p) for p in found.rays)
-    (expected,) = (dw for _, dw, g in oracle.rays(w) if g == 1)
-    assert (up[1], down[1]) == (1.0, -1.0)
-    np.testing.assert_allclose(up[0], expected, atol=1e-12)
-    np.testing.assert_allclose(down[0], -expected, atol=1e-12)
-    assert pivoting.rays_at(start) is None
-
-
-def test_states_from_which_nothing_is_followed():
-    for rate, load, words in (
-        ((0.0, 0.0), (0.0, -1.0), "gamma does not appear in H"),
-        ((1.0, 0.0), (np.nan, -1.0), "not finite"),
-        ((np.inf, 0.0), (0.0, -1.0), "not finite"),
-    ):
-        points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], load, rate, 0.5))
-        with pytest.raises(ValueError, match=words):
-            points.pivoting().start(points.vector(np.zeros((1, 4)), 0.0), 0.0)
-    singular = FewPoints(Oracle(np.zeros((2, 2)), (0.0, 0.0), (1.0, 0.0), 0.5))
-    with pytest.raises(ValueError, match="no solution near the given state"):
-        singular.pivoting().start(singular.vector(np.array([[0.0, 1.0, 0, 0]]), 0.0), 0.0)
-    known = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
-    with pytest.raises(ValueError, match="direction must be"):
-        known.pivoting().start(known.vector(np.zeros((1, 4)), 0.0), 0.0, direction="up")
-
-
 @pytest.mark.parametrize(
     ("load", "rate", "vertices"),
     [
@@ -542,272 +460,13 @@ def test_slip_under_a_constant_load(load, rate, vertices):
         assert (s.others, s.incoming, s.onwards) == ((), None, None)
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e4])
-def test_slip_that_never_ends(unit):
-    """For a stiffness with which slip needs no further load and increases the pressure."""
-    S = np.array([[-2.0, 0.0], [1.0, 1.0]])
-    points = FewPoints(Oracle(S, (0.0, -unit), (unit, 0.0), 2.0))
-    pivoting = points.pivoting()
-    start = pivoting.start(points.vector(np.zeros((1, 4)), 0.0), 0.0)
-    branch = pivoting.run(start, gamma_range=(-8.0, 8.0))
-    assert branch.ending is Ending.UNBOUNDED
-    assert branch.reason == "the branch goes to infinity at gamma = 2"
-    assert [p.gamma for p in branch.points] == pytest.approx([0.0, 2.0])
-    direction, rate = out_of(pivoting, branch.points[-1])
-    assert rate == 0.0
-    np.testing.assert_allclose(direction / direction[0, 0], [[1.0, 0.0, -2.0, 1.0]], atol=1e-9)
-
-
-def test_rays_that_are_one():
-    """Rays coincide if dgamma agrees and dw differs by at most 1e-7 of its largest entry."""
-    w = np.array([[1.0, -4.0], [0.0, 2.0]])
-    codes = np.zeros(2, dtype=np.int8)
-    a = AffineRay(codes, w, 1.0)
-    assert not same_direction(a, AffineRay(codes, w, -1.0))
-    for off, same in ((3.9e-7, True), (4.1e-7, False)):
-        for at in ((0, 0), (1, 0)):
-            other = w.copy()
-            other[at] += off
-            assert same_direction(a, AffineRay(codes + 1, other, 1.0)) is same
-    none = AffineRay(codes, 0.0 * w, 0.0)
-    assert same_direction(none, AffineRay(codes, 0.0 * w, 0.0))
-    assert not same_direction(none, AffineRay(codes, 1e-9 * w, 0.0))
-    assert distinct([1, 5, 2, 11, 7], lambda x, y: x % 5 == y % 5) == [1, 5, 2]
-
-
-def test_how_far_a_state_may_go():
-    """The distance to the first border; zero from beyond a border, infinite along one."""
-    system = Oracle(np.eye(4), np.zeros(4), np.zeros(4), 0.5).system
-    codes = np.array([STICK, OPEN], dtype=np.int8)
-    w = np.array([[0.0, 0.0, 0.1, 1.0], [0.0, 0.3, 0.0, 0.0]])
-
-    def along(*numbers):
-        return system.step(codes, w, np.array(numbers, dtype=float).reshape(2, 4))
-
-    assert along(0, 0, 1, 0, 0, 0, 0, 0) == pytest.approx(0.4)
-    assert along(0, 0, -1, 0, 0, 0, 0, 0) == pytest.approx(0.6)
-    assert along(0, 0, 0, -1, 0, 0, 0, 0) == pytest.approx(0.8)
-    assert along(0, 0, 0, -1, 0, -1, 0, 0) == pytest.approx(0.3)
-    assert along(0, 0, 0, 1, 7, 0, 0, 0) == np.inf
-    assert along(0, 0, 0, 0, 5, -0.9e-10 * 5, 0, 0) == np.inf
-    assert along(0, 0, 0, 0, 5, -1.1e-10 * 5, 0, 0) == pytest.approx(0.3 / 5.5e-10)
-    w[1, 1] = -0.2
-    assert along(0, 0, 1, 0, 0, -1, 0, 0) == 0.0
-
-
 # -- cones ----------------------------------------------------------------------------------------
-
-
-def test_a_status_that_is_not_allowed_has_no_rays():
-    """A point that may only be open has only the rays on which it is open."""
-    oracle = random_oracle(2, 3, 0.5)
-    w = np.zeros((3, 4))
-    cone = oracle.system.tangent_cone(w, 1e-10)
-    for forbidden in (1, 2):
-        allowed = cone.allowed.copy()
-        allowed[:forbidden, [STICK, PLUS, MINUS]] = False
-        found = outgoing(replace(cone, allowed=allowed))
-        expected = [r for r in oracle.rays(w) if (r[0][:forbidden] == OPEN).all()]
-        assert len(found.rays) == len(expected)
-        for r in found.rays:
-            assert any(
-                g == r.rate and np.abs(dw - r.direction).max() < 1e-6 for _, dw, g in expected
-            )
-        assert found.complete
-    nothing = replace(cone, allowed=np.zeros_like(cone.allowed))
-    found = outgoing(nothing)
-    assert (found.complete, found.rays) == (False, ())
-    assert "a point is in no cone" in found.method
-
-
-def test_the_only_piece_of_a_state_has_two_rays():
-    """A state inside a regular piece has the two rays of its tangent."""
-    oracle = random_oracle(1, 2, 0.5)
-    w = np.array([[0.3, 0.0, -0.35, 0.7], [-0.1, 0.4, 0.0, 0.0]])
-    found = outgoing(oracle.system.tangent_cone(w, 1e-10))
-    assert (found.complete, found.method) == (True, "enumeration of 1 pieces")
-    (up, down) = sorted(found.rays, key=lambda r: -r.rate)
-    dw = oracle.state(np.array([PLUS, OPEN]), oracle.rate)
-    np.testing.assert_allclose(up.direction, dw, atol=1e-12)
-    np.testing.assert_allclose(down.direction, -dw, atol=1e-12)
-
-
-def test_pieces_that_hold_more_than_rays():
-    """A point without tangential stiffness and load may be anywhere along its floor."""
-    oracle = Oracle(np.diag([0.0, 1.0]), np.zeros(2), (0.0, 1.0), 0.5)
-    cone = oracle.system.tangent_cone(np.zeros((1, 4)), 1e-10)
-    found = outgoing(cone)
-    assert not found.complete
-    assert found.method == "enumeration of 4 pieces, with continua between these"
-    assert [c.tolist() for c, _ in found.continua] == [[OPEN]]
-    for (code,), ends in found.continua:
-        assert len(ends) > 1
-        for ray in found.rays:
-            inside = oracle.holds([code], ray.direction, 1e-9)
-            assert any(ray is end for end in ends) == inside
-    # What is known is kept, though it lies in a continuum.
-    known = AffineRay(np.array([OPEN], dtype=np.int8), np.array([[0.0, 1.0, 0.0, 0.0]]), 1.0)
-    again = outgoing(cone, [known])
-    assert any(r is known for r in again.rays)
-    assert len(again.rays) == len(found.rays) + 1  # it is no edge
-
-
-def test_pieces_that_round_off_hides():
-    """Pieces that are too badly conditioned or overflow leave the set incomplete."""
-    for small, words in ((1e-11, "too badly conditioned"), (1.5e-10, ""), (1e-3, "")):
-        oracle = Oracle(np.diag([1.0, small]), np.zeros(2), (1.0, small), 0.5)
-        cone = oracle.system.tangent_cone(np.zeros((1, 4)), 1e-10)
-        allowed = cone.allowed & (np.arange(4) == OPEN)
-        found = outgoing(replace(cone, allowed=allowed))
-        assert words in found.method
-        assert found.complete is (words == "")
-        if not words:
-            (ray,) = found.rays
-            assert ray.rate == 1.0
-            np.testing.assert_allclose(ray.direction, [[1.0, 1.0, 0.0, 0.0]], rtol=1e-5)
-    huge = Oracle(np.diag([1e-200, 1e-200]), np.zeros(2), (1e200, 1e200), 0.5)
-    found = outgoing(huge.system.tangent_cone(np.zeros((1, 4)), 1e-10))
-    assert not found.complete
-    assert found.method == "enumeration of 4 pieces, which overflowed"
 
 
 # -- pieces ---------------------------------------------------------------------------------------
 
 
-def test_singular_pieces_have_none_next_to_them():
-    """A singular neighbour is none; a nearly singular one is inverted again instead of updated."""
-    S = np.array([[2.0, 1.0], [1.0, 2.0]])
-    critical = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0)
-    stick, slip = (np.array([c], dtype=np.int8) for c in (STICK, MINUS))
-    piece = critical.system.piece(stick)
-    assert critical.system.piece(slip) is None
-    assert piece.neighbour(0, MINUS) is None
-    for off in (1e-3, 1e-6, 1e-9):
-        near = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0 + off)
-        found = near.system.piece(stick).neighbour(0, MINUS)
-        exact = near.system.piece(slip)
-        assert found.sign == exact.sign == near.sign(slip)
-        np.testing.assert_allclose(found.inverse, exact.inverse, rtol=1e-3)
-    far = Oracle(S, (0.0, -1.0), (1.0, 0.0), 2.0 + 1e-13)
-    assert far.system.piece(slip) is None
-    scaled = replace(critical.system, matrix=np.zeros_like(critical.system.matrix))
-    assert scaled.piece(stick) is None
-
-
-def test_slacks_of_a_piece():
-    """Slacks as functions of gamma agree with those of a state; infinite without an inequality."""
-    oracle = random_oracle(6, 2, 0.8)
-    codes = np.array([OPEN, STICK], dtype=np.int8)
-    piece = oracle.system.piece(codes)
-    s_0, s_1 = piece.slack_coefficients
-    for gamma in (0.0, 1.5):
-        w = piece.at(gamma)
-        found = oracle.system.slacks(codes, w)
-        there = np.isfinite(found)
-        np.testing.assert_array_equal(np.isfinite(s_0), there)
-        np.testing.assert_allclose((s_0 + gamma * s_1)[there], found[there], atol=1e-12)
-        assert np.isinf(found[~there]).all()
-        assert (found[~there] > 0).all()
-        for row, exact in zip(found, oracle.slacks(codes, w), strict=True):
-            signs = np.sign(np.sort(row[np.isfinite(row)]))
-            np.testing.assert_array_equal(signs, np.sign(np.sort(exact))[-len(signs) :])
-    assert there.sum(axis=1).tolist() == [1, 2]
-
-
-def test_newtons_method_of_pieces():
-    """Newton's method finds a solution, or returns None in a cycle or on a singular piece.
-
-    With a stiffness that is not positive definite there may be no solution at all.
-    """
-    for seed in range(8):
-        oracle = random_oracle(seed, 2, 0.4)
-        codes = oracle.system.solve(1.3, np.zeros(2, dtype=np.int8))
-        (expected,) = (c for c, _ in oracle.solutions(1.3))
-        assert codes.tolist() == expected.tolist()
-        assert codes.dtype == np.int8
-        assert oracle.system.solve(1.3, codes, max_iterations=1) is codes
-        other = (codes + 1) % 4
-        assert oracle.system.solve(1.3, other.astype(np.int8), max_iterations=1) is None
-    none = Oracle(np.diag([1.0, -1.0]), (0.0, 1.0), (0.0, 1.0), 0.5)
-    assert none.solutions(1.0) == []
-    for code in (OPEN, STICK, PLUS, MINUS):
-        assert none.system.solve(1.0, np.array([code], dtype=np.int8)) is None
-    singular = Oracle(np.zeros((2, 2)), (0.0, -1.0), (0.0, 1.0), 0.5).system
-    assert singular.solve(0.0, np.array([OPEN], dtype=np.int8)) is None
-    # a status that is not allowed is not taken
-    oracle = Oracle(np.eye(2), (0.0, 1.0), (0.0, 0.0), 0.5)
-    held = replace(oracle.system, allowed=np.array([[False, True, True, True]]))
-    assert held.solve(0.0, np.array([STICK], dtype=np.int8)) is None
-
-
-def test_the_largest_of_numbers():
-    assert largest(np.array([[0.25, -0.5], [0.0, 0.3]])) == 0.5
-    assert largest(np.zeros((0, 2))) == 0.0
-    assert np.isnan(largest(np.array([1.0, np.nan])))
-
-
 # -- vertices -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("gamma_scale", [1e-6, 1.0, 1e6])
-def test_tangents_in_any_scale_of_gamma(gamma_scale):
-    """The direction of a tangent is recovered from the point."""
-    points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
-    x = points.vector(np.zeros((1, 4)), 0.0)
-    for direction, sense in (("increasing", 1.0), ("decreasing", -1.0)):
-        pivoting = points.pivoting(gamma_scale)
-        start = pivoting.start(x, 0.0, direction=direction)
-        assert start.tangent.array_r[-1] == pytest.approx(sense * gamma_scale, rel=1e-9)
-        found, rate = out_of(pivoting, start)
-        assert rate == sense
-        np.testing.assert_allclose(found, sense * np.array([[0.0, 0.0, -1.0, 0.0]]), atol=1e-12)
-
-
-class Moved(FewPoints):
-    """Tangents have unit length in the metric of displacements."""
-
-    def metric(self, x, out):
-        out.set(0.0)
-        out.array[:-1].reshape(-1, 4)[:, :2] = x.array_r[:-1].reshape(-1, 4)[:, :2]
-
-
-@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
-def test_pieces_are_regular_in_any_unit(unit):
-    """Regularity of a piece does not depend on units."""
-
-    def piece(least):
-        bases = np.zeros((2, 1, 2, 1))
-        bases[:, 0, 0, 0] = 1.0
-        matrix = np.zeros((2, 2, 2))
-        matrix[:, :, 0] = unit * np.diag([1.0, least])
-        system = AffineSystem(
-            matrix, np.zeros(2), np.ones(2), bases, np.zeros((2, 1, 1, 2)), None, None
-        )
-        return system.piece(np.zeros(2, dtype=np.int8))
-
-    found = piece(1e-11)
-    np.testing.assert_allclose(found.inverse, np.diag([1.0, 1e11]) / unit)
-    assert found.sign == 1.0
-    assert piece(-1e-11).sign == -1.0
-    assert piece(1e-13) is None
-    assert piece(0.0) is None
-
-
-def test_the_first_motion_of_a_body_that_sticks():
-    """A motion under constant load sets no scale of x."""
-    points = Moved(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 2.0))
-    pivoting = points.pivoting(3.0)
-    x = points.vector(np.zeros((1, 4)), 0.0)
-    start = pivoting.start(x, 0.0, direction="decreasing")
-    assert pivoting.bordered.x_scale == 0.0
-    known = Known()
-    branch = pivoting.run(start, gamma_range=(-8.0, 8.0), record=known)
-    assert [s.x_scale for s in known.states] == [0.0, 1.0, 1.0, 1.0]
-    t = branch.points[1].tangent.array_r
-    np.testing.assert_allclose(t[:2], [-np.sqrt(2.0), 0.0], atol=1e-12)
-    direction, rate = out_of(pivoting, branch.points[1])
-    assert rate == 0.0
-    np.testing.assert_allclose(direction, t[None, :4], atol=1e-12)
 
 
 def test_a_branch_ends_where_its_range_does():
@@ -823,19 +482,3 @@ def test_a_branch_ends_where_its_range_does():
 
 
 # -- what is found --------------------------------------------------------------------------------
-
-GROWS = {"Branch", "Diagram", "Node", "History", "PathHistory"}
-CORE = "continuation", "equations", "evolution", "laws", "points", "reduced"
-
-
-@pytest.mark.parametrize("layer", CORE)
-def test_results_are_frozen(layer):
-    """Branches and histories grow while they are traced; all other results can be shared."""
-    package = importlib.import_module(f"dolfinx_contact.{layer}")
-    found = {}
-    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-        for name, kind in vars(importlib.import_module(module.name)).items():
-            if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.name:
-                found[name] = kind.__dataclass_params__.frozen
-    assert found
-    assert {name for name, frozen in found.items() if not frozen} <= GROWS

@@ -5,7 +5,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from _triangle import element
-from test_adhesion import drawn_node, gap_of_node
 from test_evolution import cycle, dragged
 
 import ufl
@@ -20,7 +19,6 @@ from dolfinx_contact import (
     NormalCompliance,
     ParametricContact,
     Regularised,
-    io,
 )
 from dolfinx_contact.continuation import Ending, StepControl
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
@@ -105,29 +103,6 @@ def test_bar_in_series(k, n):
 
 @pytest.mark.long
 @pytest.mark.chatty
-@pytest.mark.parametrize(
-    "off",
-    [
-        pytest.param(-1e-14, marks=pytest.mark.long),
-        pytest.param(0.0, marks=pytest.mark.long),
-        1e-14,
-    ],
-)
-def test_a_range_that_ends_at_a_fold(off):
-    """To round-off on either side of a fold, smooth or not, the path ends there."""
-    highest = 2 * U0
-    lowest = 4 / 3 * 3**0.25 * U0
-    path = ArcLength(bar(1.0, 2))
-    for ends, last in [((0.0, highest * (1 + off)), highest), ((lowest * (1 + off), 1.0), lowest)]:
-        history = path.run(gamma_range=ends)
-        assert history.complete
-        assert not history.folds
-        assert history.steps[-1].gamma == pytest.approx(last, rel=1e-12)
-    assert path.run(gamma_range=(0.0, 1.0), max_steps=3).steps[-1].gamma > lowest
-
-
-@pytest.mark.long
-@pytest.mark.chatty
 def test_energy():
     """What the account lacks falls with the steps."""
     residues = []
@@ -173,30 +148,6 @@ def test_going_back_unloads():
 
 
 @pytest.mark.long
-@pytest.mark.chatty
-@pytest.mark.parametrize(
-    ("k", "n", "event"),
-    [(0.3, 8, "nonsmooth fold"), pytest.param(2.0, 8, "kink", marks=pytest.mark.long)],
-)
-def test_back_to_nothing(k, n, event):
-    """The path ends at gamma = 0, where all bonds close at once, and begins there again."""
-    path = ArcLength(bar(k, n))
-    there = path.run(gamma_range=ENDS, stop=broken_by_half)
-    r = opening(there.steps[-1])[0]
-    back = path.run(gamma_range=ENDS, direction="back")
-    assert back.reason == "gamma reached the end of its range"
-    assert back.ending is Ending.REACHED
-    assert back.steps[-1].gamma == 0.0
-    assert [s.event for s in back.steps if s.event] == []
-    np.testing.assert_allclose(opening(back.steps[-1]), 0.0, atol=1e-12)
-    with pytest.raises(ValueError, match="leaves its range"):
-        path.run(gamma_range=ENDS, direction="onwards")
-    again = path.run(gamma_range=ENDS, direction="back", stop=lambda s: s.event)
-    assert again.reason == event
-    np.testing.assert_allclose(opening(again.steps[-1]), r, rtol=1e-8)
-
-
-@pytest.mark.long
 @pytest.mark.parametrize(("k", "n"), [(1.0, 2), pytest.param(2.0, 8, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "arc length paths", reference="closed form: the stiffness of the pressed bar", aspects=("2D",)
@@ -214,62 +165,6 @@ def test_back_through_nothing(k, n):
     table = back.steps[-1].result.tables["contact"]
     np.testing.assert_allclose(table.un, 0.0, atol=1e-12)
     np.testing.assert_allclose(table.pressure, k * C * 0.5 * U0, rtol=1e-9)
-
-
-@pytest.mark.long
-@pytest.mark.chatty
-@pytest.mark.verifies(
-    "arc length paths",
-    reference="closed form: folds at 1 + 1/k and 4/3 (3/k)^(1/4) of the opening at the peak",
-    aspects=("2D",),
-)
-def test_one_node():
-    """The same folds by a load, of one element; in other units of gamma too."""
-    k = 0.3
-    gaps = []
-    for stiffness in (0.0, 1.0):
-        system = drawn_node(stiffness)
-        system.set_parameter(1e-3)
-        gaps.append(gap_of_node(system))
-    free = gaps[0] / 1e-3
-    spring = gaps[1] / (gaps[0] - gaps[1])
-    u0 = np.sqrt(W * k / spring)
-    system = drawn_node(spring / k)
-    system.set_parameter(0.0)
-    system.problem.solve()
-    folds = ArcLength(system).run(gamma_range=(0.0, 8 * u0 / free)).folds
-    wanted = [1 + 1 / k, 4 / 3 * (3 / k) ** 0.25]
-    np.testing.assert_allclose([s.gamma * free / u0 for s in folds], wanted, rtol=1e-8)
-    assert [s.event for s in folds] == ["nonsmooth fold", "smooth fold"]
-
-
-@pytest.mark.parametrize(("free", "ways"), [(False, 1), (True, 3)])
-def test_ways_on(free, ways):
-    """Where both corners of a slender bar come to the border at once, each may damage alone.
-
-    A bar of width b resists rotation by E b^3/12 over its length, E = C, far below the 3 C b^3/4 by
-    which the corners soften: it bends to either side. Held aside it shears, which is far stiffer.
-    """
-    history = ArcLength(bar(1.0, 16, free=free)).run(
-        gamma_range=ENDS, rays=True, max_steps=8, control=StepControl(kinks="exact")
-    )
-    (fold,) = history.folds
-    assert (fold.before, fold.directions) == ("oo", ways)
-    # That on which both damage is unstable to bending: its determinant has the other sign.
-    assert fold.after in (("ao", "oa") if free else ("aa",))
-    assert fold.method == "all statuses that meet"
-
-
-@pytest.mark.ranks(2)
-def test_of_two_that_are_alike():
-    """Where the corners would take turns one of them damages: the left one, whatever the ranks."""
-    history = ArcLength(bar(1.0, 16, free=True)).run(
-        gamma_range=ENDS, max_steps=8, control=StepControl(kinks="exact")
-    )
-    (fold,) = history.folds
-    assert (fold.before, fold.after) == ("oo", "ao")
-    assert fold.gamma / U0 == pytest.approx(2.0, rel=1e-9)
-    assert fold.method == "Newton's method for the rate problem"
 
 
 @pytest.mark.verifies(
@@ -338,40 +233,6 @@ def test_friction_as_quasi_static(cell, tolerance):
         force = np.abs(other.force).max()
         assert table.status == other.status
         np.testing.assert_allclose(table.force, other.force, rtol=0, atol=tolerance * force)
-
-
-def test_a_wider_range_later():
-    """A later run has its own unit of gamma, and finds the fold where it is."""
-    path = ArcLength(bar(1.0, 2))
-    path.run(gamma_range=ENDS, max_steps=30)
-    folds = path.run(gamma_range=(0.0, 3 * ENDS[1]), stop=broken_by_half).folds
-    assert [s.event for s in folds] == ["nonsmooth fold", "smooth fold"]
-    np.testing.assert_allclose(folds[1].gamma / U0, 4 / 3 * 3**0.25, rtol=1e-8)
-
-
-@pytest.mark.long
-@pytest.mark.chatty
-def test_what_is_written(folder):
-    system = bar(1.0, 2)
-    seen = []
-    path = ArcLength(system)
-    with io.EvolutionSeries(folder, system.problem, format="vtk") as series:
-
-        def observer(step):
-            series(step)
-            seen.append((step.number, float(system.constant.value)))
-
-        history = path.run(gamma_range=ENDS, observer=observer, max_steps=3)
-    assert history.reason == "the budget of 3 steps is exhausted"
-    assert history.ending is Ending.BUDGET
-    assert seen == [(s.number, s.gamma) for s in history.steps]
-    rows = (folder / "steps.csv").read_text().splitlines()
-    assert len(rows) == 4
-    assert {"gamma", "event", "directions", "damage", "beta_contact"} <= set(rows[0].split(","))
-    onwards = path.run(gamma_range=ENDS)
-    assert onwards.steps[0].number == 4
-    assert onwards.steps[0].start == history.steps[-1].time
-    assert [s.event for s in onwards.folds] == ["nonsmooth fold", "smooth fold"]
 
 
 @pytest.mark.ranks(2)
@@ -456,101 +317,3 @@ def test_two_bonds_one_after_the_other():
     ]
     np.testing.assert_allclose(at[0][0], 0.20047856846, rtol=1e-9)
     np.testing.assert_allclose([at[3][0], at[4][0]], [0.17855839, 0.249938], rtol=2e-6)
-
-
-def tilted_lid(young, cells, cell, seed):
-    """A body on bonds, its inner nodes moved at random, whose lid tilts as it rises."""
-    kind = getattr(mesh.CellType, cell)
-    domain = mesh.create_rectangle(COMM, [[0, 0], [1, 0.5]], [cells, 2], kind)
-    x = domain.geometry.x
-    table = np.random.default_rng(seed).uniform(-0.2, 0.2, (cells + 1, 3, 2))
-    i = np.rint(x[:, 0] * cells).astype(int)
-    j = np.rint(x[:, 1] * 4).astype(int)
-    aside, up = table[i, j].T
-    beside = (i > 0) & (i < cells)
-    x[:, 0] += np.where(beside & (j < 2), aside / cells, 0)
-    x[:, 1] += np.where(beside & (j == 1), up / 4, 0)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    lid = fem.Function(V)
-    gamma = fem.Constant(domain, 0.0)
-    low = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
-    top = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 0.5))
-    law = RCCM(100.0, 0.0, 0.01)
-    floor = HalfSpace((0, 0), (0, 1))
-    surface = ContactSurface(u, low, obstacle=floor, law=law)
-    energy = LinearElastic.from_young(young, 0.3).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(lid, top)])
-    rise = ufl.as_vector((0.0, gamma * (1 + 0.6 * ufl.SpatialCoordinate(domain)[0])))
-    return ParametricContact(problem, gamma, driven=[(lid, rise)])
-
-
-#: Loads of kinks (k), nonsmooth (N) and smooth folds (S), of a code that traces the condensed
-#: problem of the contact nodes from event to event.
-TRACED = {
-    (32.25, 5, "quadrilateral", 1): (
-        "NSNkSNS",
-        (
-            0.0155326907,
-            0.0139205004,
-            0.0145706661,
-            0.0127005825,
-            0.0126415435,
-            0.0157892093,
-            0.0141113122,
-        ),
-    ),
-    (30.43, 5, "triangle", 0): (
-        "NSNkSNS",
-        (
-            0.0162195932,
-            0.0145462059,
-            0.0149333237,
-            0.0142125316,
-            0.0135522371,
-            0.0148708491,
-            0.0141407182,
-        ),
-    ),
-    (23.76, 4, "quadrilateral", 3): (
-        "NSNSkNS",
-        (
-            0.0187105154,
-            0.0143145263,
-            0.0175778219,
-            0.013840605,
-            0.0149716415,
-            0.019388606,
-            0.015659635,
-        ),
-    ),
-}
-
-
-@pytest.mark.parametrize(
-    ("body", "longest"),
-    [
-        *[pytest.param(body, 0.002, marks=pytest.mark.long) for body in TRACED],
-        *[
-            pytest.param(*given, marks=pytest.mark.long)
-            for given in zip(TRACED, (0.005, 0.003, 0.005), strict=True)
-        ],
-    ],
-)
-def test_every_longest_step_gives_the_same_folds(body, longest):
-    """A corrector may end far from where a step leads, or behind it, with a tangent alike."""
-    letters = {"kink": "k", "nonsmooth fold": "N", "smooth fold": "S"}
-    kinds, loads = TRACED[body]
-    seen = []
-
-    def enough(step):
-        seen.extend([step] if step.event else [])
-        return "enough was seen" if len(seen) == len(loads) else ""
-
-    control = StepControl(initial=longest, maximum=longest)
-    history = ArcLength(tilted_lid(*body)).run(gamma_range=(0, 0.3), control=control, stop=enough)
-    assert history.reason == "enough was seen"
-    assert "".join(letters[s.event] for s in seen) == kinds
-    np.testing.assert_allclose([s.gamma for s in seen], loads, rtol=1e-6)
-    assert all(s.time > s.start for s in history.steps)
-    assert max(s.result.kkt_violation for s in history.steps) < 1e-6

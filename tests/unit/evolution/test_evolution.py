@@ -1,13 +1,11 @@
 """Quasi-static evolutions: friction with a memory."""
 
-import itertools
 import json
 import logging
 import math
 from pathlib import Path
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import demo_two_blocks
 import numpy as np
@@ -16,19 +14,16 @@ from _triangle import element
 from support.blocks import box, facets, same_tables
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
-    Frictionless,
     HalfSpace,
-    LevelSet,
     NormalCompliance,
     ParametricContact,
     RigidBody,
-    Sphere,
     io,
 )
 from dolfinx_contact.continuation import follow
@@ -211,35 +206,6 @@ def test_a_branch_within_a_step():
     assert found.status != history.steps[-1].status
 
 
-@pytest.mark.parametrize("method", ["nodal", "mixed"])
-def test_rate_of_a_step_while_the_floor_turns(method):
-    """The derivative of H by a parameter that turns normals, by differences."""
-    angles = []
-
-    def floor(domain):
-        angle = fem.Constant(domain, 0.0)
-        angles.append(angle)
-        return LevelSet(lambda x: x[1] * ufl.cos(angle) + x[0] * ufl.sin(angle))
-
-    problem, top = dragged(method=method, obstacle=floor)
-    moved = np.random.default_rng(1).normal(size=(problem.surfaces[0].points.number, 2))
-    problem = problem.with_memory([Memory(0.01 * moved)])
-    system = ParametricContact(problem, angles[0])
-    put(top, (0.01, -0.01))
-    problem.solve()
-    x, c, low, high = (system.create_vector() for _ in range(4))
-    problem.write(x)
-    piece = system.piece_at(x, 0.0)
-    step = 1e-6
-    system.parameter_derivative(x, 0.0, c, piece)
-    system.residual(x, -step, low, piece)
-    system.residual(x, step, high, piece)
-    high.axpy(-1.0, low)
-    high.scale(0.5 / step)
-    high.axpy(-1.0, c)
-    assert 0 < high.norm() < 1e-7 * c.norm()
-
-
 @pytest.mark.chatty
 def test_rejected_steps_leave_nothing():
     """As the run that takes the accepted times at once, bit by bit."""
@@ -285,42 +251,6 @@ def test_energy():
     assert residues[2] < 0.6 * residues[1] < 0.6 * 0.6 * residues[0] < 0.05
 
 
-@pytest.mark.chatty
-@pytest.mark.parametrize("sliding", [pytest.param("small", marks=pytest.mark.long), "large"])
-@pytest.mark.verifies(
-    "energies of histories",
-    "moving obstacles",
-    "spheres",
-    reference="closed form: without friction all work is stored",
-    aspects=(
-        "2D",
-        "large sliding",
-    ),
-)
-def test_work_of_a_disc_that_moves(sliding):
-    """Along and into the face of a strip: all of its work is stored but what steps leave."""
-    residues = []
-    for n in (5, 40):
-        domain = mesh.create_rectangle(MPI.COMM_SELF, [(0, -0.5), (2, 0)], [12, 3])
-        u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-        centre = fem.Constant(domain, (0.7, 0.75))
-        disc = Sphere(centre, 0.8)
-        top = facets(domain, 1, 0.0)
-        surface = ContactSurface(u, top, obstacle=disc, law=Frictionless(), sliding=sliding)
-        dofs = fem.locate_dofs_topological(u.function_space, 1, facets(domain, 1, -0.5))
-        bcs = [fem.dirichletbc(np.zeros(2), dofs, u.function_space)]
-        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-        problem = ContactProblem(energy, u, [surface], bcs=bcs)
-
-        def load(t, centre=centre):
-            centre.value[:] = 0.7 + 0.5 * t, 0.75 - 0.05 * np.sin(3 * t)
-
-        problem.solve()
-        history = QuasiStatic(problem, load).run(np.linspace(0.0, 1.0, n + 1))
-        residues.append(abs(history.energies.residue) / history.energies.stored)
-    assert residues[1] < 0.005 < 0.1 < residues[0]
-
-
 @pytest.mark.ranks(2)
 def test_a_start_that_is_no_solution(caplog):
     problem, top = dragged(n=2)
@@ -329,80 +259,6 @@ def test_a_start_that_is_no_solution(caplog):
         QuasiStatic(problem, cycle(top)).run([0.5, 1.0])
     if COMM.rank == 0:
         assert "the start of the evolution is not a solution" in caplog.text
-
-
-@pytest.mark.chatty
-def test_several_runs_are_as_one():
-    """Each knows how fast the state changed before, and takes data that were changed between."""
-    problem, g = klarbring()
-
-    def load(t):
-        g.value = t
-
-    evolution = QuasiStatic(problem, load)
-    times = [0.0, 0.5, 1.0, 1.5, 2.5, 3.5]
-    for ends in itertools.pairwise(times[:-1]):
-        evolution.run(ends)
-    with pytest.raises(NoContinuation, match="no solution continues"):
-        evolution.run(times[-2:], locate_jumps=True)
-    friction = []
-
-    def law(domain):
-        friction.append(fem.Constant(domain, 0.3))
-        return Coulomb(friction[0])
-
-    problem, top = dragged(law=law)
-    evolution = QuasiStatic(problem, cycle(top))
-    evolution.run([0.0, 1.0, 2.0])
-    friction[0].value = 0.1
-    last = evolution.run([2.0, 2.5]).steps[-1].result
-    assert friction[0].value == 0.1
-    (table,) = last.tables.values()
-    slips = np.isin(table.letters, ["+", "-"])
-    assert slips.any()
-    np.testing.assert_allclose(np.abs(table.along(table.rt))[slips], 0.1 * table.rn[slips])
-
-
-@pytest.mark.parametrize("way", ["adds", "counts"])
-def test_a_load_that_depends_on_earlier_calls_is_refused(way):
-    """Steps that are tried again would have other data."""
-    problem, top = dragged()
-    put(top, (0.0, -0.01))
-    problem.solve()
-    calls = []
-
-    def load(t):
-        calls.append(t)
-        if way == "adds":
-            top.x.array[0::2] += 0.001
-        else:
-            put(top, (0.001 * len(calls), -0.01))
-
-    evolution = QuasiStatic(problem, load)
-    with pytest.raises(
-        ValueError, match=r"the load at the time 0 depends on earlier calls: the value of the Diri"
-    ):
-        evolution.run([0.0, 0.1, 0.2])
-
-
-@pytest.mark.ranks(2)
-def test_a_proof_is_of_the_step_that_was_taken():
-    """A state knows the memory of its step; under the data of another one it is not a solution."""
-    problem, top = dragged()
-    load = cycle(top)
-    states = [problem.snapshot()]
-    for time in (1.0, 2.0):
-        load(time)
-        step = problem.step_from(states[-1])
-        step.solve()
-        states.append(step.snapshot())
-    assert problem.uniqueness(state=states[2]).verdict == "proved"
-    assert step.uniqueness().verdict == "proved"
-    for ask in (problem.uniqueness, lambda: problem.uniqueness(state=states[1])):
-        with pytest.raises(
-            ValueError, match="not a solution of the problem as it is now: residual"
-        ):
-            ask()
 
 
 @pytest.mark.verifies(
@@ -442,34 +298,6 @@ def test_a_floor_that_moves():
             found = getattr(b.energies, name)
             assert found == pytest.approx(getattr(a.energies, name), rel=1e-8, abs=1e-12)
     assert histories[0].energies.dissipated > 0
-
-
-@pytest.mark.chatty
-@pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=pytest.mark.long)])
-@pytest.mark.verifies(
-    "quasi-static",
-    "Coulomb",
-    reference="itself: factorised",
-    aspects=(
-        "2D",
-        "3D",
-        "multigrid",
-    ),
-)
-def test_multigrid(cell):
-    """The same steps as by factorising."""
-    options = PETSc.Options()
-    histories = []
-    for solver in ("direct", "amg"):
-        options["contact_linear_solver"] = solver
-        options["contact_snes_rtol"] = 1e-11
-        problem, top = dragged(cell, 8 if cell == "quad" else 4)
-        assert problem.linear_solver.name == solver
-        histories.append(QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 3.0, 4.0, 5.0]))
-    for a, b in zip(histories[0].steps, histories[1].steps, strict=True):
-        same_tables(*(s.result.tables["contact"] for s in (a, b)), 1e-8)
-        assert a.status == b.status
-    assert histories[0].steps[-1].result.counts["slip"] > 0
 
 
 def klarbring():
@@ -526,104 +354,6 @@ def test_where_nothing_continues(folder, at_jump):
     np.testing.assert_allclose(found, (-5 / 3, 1 / 3), atol=1e-4)
     # The energy that is left over would be that of a motion.
     assert jump.energies.residue > 0.1
-
-
-@pytest.mark.chatty
-def test_a_jump_after_other_data():
-    """Data that were changed between two runs leave a solution: the next step is looked at."""
-    problem, g = klarbring()
-
-    def load(t):
-        g.value = t
-
-    load(0.0)
-    problem.solve()
-    evolution = QuasiStatic(problem, load)
-    evolution.run([0.0, 0.5])
-    g.value = 0.6  # which the load overwrites
-    history = evolution.run([0.5, 4.0], shortest=1e-3, locate_jumps=True, at_jump="jump")
-    assert [s.jump for s in history.steps].count(True) == 1
-
-
-@pytest.mark.chatty
-@pytest.mark.parametrize(
-    "times", [pytest.param((0.0, 4.0), marks=pytest.mark.long), (0.0, 0.5, 4.0)]
-)
-def test_a_jump_in_a_long_step(times):
-    """It is seen in the first step, and where the state then changes little faster than the load.
-
-    Solvers take the second half of a step to states that do not follow from those of the first.
-    """
-    problem, g = klarbring()
-
-    def load(t):
-        g.value = t
-
-    load(0.0)
-    problem.solve()
-    history = QuasiStatic(problem, load).run(
-        times, shortest=1e-3, locate_jumps=True, at_jump="jump"
-    )
-    (jump,) = (s for s in history.steps if s.jump)
-    assert jump.start <= 3.0 <= jump.time < jump.start + 2e-3
-    assert all(s.result.counts["stick"] == 1 for s in history.steps if s.time < 3)
-
-
-def test_sudden_but_no_jump():
-    """What comes fast but with the load is no jump, and takes no other steps."""
-    problem, top = dragged()
-    problem.surfaces[0].law.friction.value = 0.02  # little holds, and then nothing
-    sticky = QuasiStatic(problem, cycle(top)).run(
-        [0.0, 1.0, 1.001, 1.5, 3.0], locate_jumps=True, sudden=1.0
-    )
-    assert [s.time for s in sticky.steps] == [1.0, 1.001, 1.5, 3.0]
-
-
-def pulled():
-    """A block that forces press on a floor and pull along it; the force that pulls."""
-    domain = box(COMM, 2, "quad")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    pull = fem.Constant(domain, 0.0)
-    floor = HalfSpace((0, 0), (0, 1))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-    above = np.sort(facets(domain, 1, 1.0))
-    top = mesh.meshtags(domain, 1, above, np.full(len(above), 1, dtype=np.int32))
-    load = ufl.dot(ufl.as_vector([pull, -10.0]), u) * ufl.ds(subdomain_data=top)(1)
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx - load
-    return ContactProblem(energy, u, [surface]), pull
-
-
-@pytest.mark.chatty
-def test_where_no_step_is_solved():
-    """A block that forces pull: at the bound of friction it goes away, which is said in time."""
-    problem, pull = pulled()
-
-    def loaded(t):
-        pull.value = 10 * t
-
-    with pytest.raises(NoContinuation, match=r"no solution was found beyond the time 0.2[57]"):
-        QuasiStatic(problem, loaded).run([0.0, 0.275, 0.325], shortest=0.05)
-    (table,) = problem.solve().tables.values()
-    assert abs(table.rt.sum()) == pytest.approx(pull.value)
-
-
-@pytest.mark.chatty
-@pytest.mark.parametrize("at_jump", ["jump", "raise"])
-def test_a_step_that_is_not_solved_proves_no_jump(at_jump):
-    """The load changes faster, and at one time in between nothing holds: it goes on around that."""
-    problem, pull = pulled()
-
-    def loaded(t):
-        pull.value = 100.0 if t == 0.375 else 0.5 * t + 4 * max(t - 0.25, 0.0)
-
-    loaded(0.0)
-    problem.solve()
-    history = QuasiStatic(problem, loaded).run([0.0, 0.25, 0.5], locate_jumps=True, at_jump=at_jump)
-    assert history.complete
-    assert not any(s.jump for s in history.steps)
-    (table,) = history.steps[-1].result.tables.values()
-    assert abs(table.rt.sum()) == pytest.approx(1.25)
 
 
 @pytest.mark.verifies(
@@ -716,28 +446,6 @@ def test_lengths_of_steps():
     np.testing.assert_allclose([s.time for s in history.steps], [1.625, 1.84375, 2.171875, 2.5])
     assert [s.inserted for s in history.steps] == [True, True, True, False]
     assert [s.rejected for s in history.steps] == [3, 0, 0, 0]
-
-
-@pytest.mark.ranks(2, 3)
-def test_a_load_that_fails_on_one_rank():
-    """Its error is raised on all, and the evolution is where it was."""
-    problem, top = dragged(n=2)
-    load = cycle(top)
-
-    def failing(t):
-        load(t)
-        if t > 1 and COMM.rank == COMM.size - 1:
-            raise RuntimeError("no load")
-
-    evolution = QuasiStatic(problem, failing)
-    evolution.run([0.0, 1.0])
-    before = [f.x.array.copy() for f in (*problem.fields, top)]
-    memory = evolution.memory
-    with pytest.raises(RuntimeError, match="no load"):
-        evolution.run([1.0, 2.0])
-    for values, f in zip(before, (*problem.fields, top), strict=True):
-        np.testing.assert_array_equal(values, f.x.array)
-    assert evolution.memory == memory
 
 
 @pytest.mark.parametrize("follow_rays", [False, True])

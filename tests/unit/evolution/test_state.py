@@ -1,6 +1,5 @@
 """States of a problem as values: snapshots, statuses and evaluators at a state."""
 
-import pickle
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -10,13 +9,7 @@ import pytest
 from support.blocks import block
 from test_evolution import dragged, put
 
-from dolfinx_contact import RCCM, ContactProblem, Coulomb, State
-from dolfinx_contact.analysis import (
-    SteadySliding,
-    critical_friction,
-    renard_criterion,
-    stability_at_rest,
-)
+from dolfinx_contact import RCCM, ContactProblem, Coulomb
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.io import write_fields
 
@@ -59,23 +52,6 @@ def test_restore_is_exact():
     assert problem.solve().iterations == 0
 
 
-def test_a_state_can_be_pickled_and_cannot_be_changed():
-    problem, move = moved_block()
-    move(0.01, -0.02)
-    problem.solve()
-    state = problem.snapshot()
-    copy = pickle.loads(pickle.dumps(state))
-    assert isinstance(copy, State)
-    for s in (state, copy):
-        for values in (s.displacement, *s.multipliers, *s.statuses, s.memory[0].jump):
-            assert not values.flags.writeable
-    assert same((copy.displacement, *copy.multipliers), (state.displacement, *state.multipliers))
-    assert same(copy.statuses, state.statuses)
-    problem.restore(copy)
-    assert same(problem.snapshot().multipliers, state.multipliers)
-    assert state.previous == (None,)
-
-
 def test_statuses_are_those_of_the_last_write():
     """On a border the unknowns do not determine them; other unknowns do determine theirs."""
     problem, _ = moved_block()
@@ -89,16 +65,6 @@ def test_statuses_are_those_of_the_last_write():
     assert np.all(problem.snapshot().statuses[0] == 0)
     f.x.array.reshape(-1, 2)[:, 1] = 1.0  # presses
     assert np.all(problem.snapshot().statuses[0] == 1)
-
-
-@pytest.mark.ranks(2)
-def test_a_state_of_another_problem():
-    problem, _ = moved_block()
-    other = block(n=3)
-    with pytest.raises(ValueError, match="State of this problem"):
-        problem.restore(other.snapshot())
-    with pytest.raises(ValueError, match="State of this problem"):
-        problem.table(problem.surfaces[0], state=42)
 
 
 @pytest.mark.ranks(2)
@@ -127,31 +93,6 @@ def test_evaluators_at_a_state():
     assert same(before, after)
     assert status == other
     assert same(functions(problem), values)
-
-
-def test_evaluators_use_the_law_of_the_step_that_ended_in_the_state():
-    """Increments are those of that step; the static law has the total displacement."""
-    problem, move = moved_block()
-    (s,) = problem.surfaces
-
-    def load(t):
-        move(0.01 * t, -0.02)
-
-    evolution = QuasiStatic(problem, load)
-    evolution.run([0.0, 1.0])
-    load(2.0)
-    step = problem.with_memory(evolution.memory)
-    step.solve()
-    state = step.snapshot()
-    assert state.previous[0] is not None
-    table = step.table(s)
-    again = problem.table(s, state=state)
-    np.testing.assert_array_equal(again.increment, table.increment)
-    # The Functions are as the step has written them, so that its law holds in them.
-    np.testing.assert_array_equal(problem.table(s).increment, table.increment)
-    problem.u.x.array[:] *= 1.0 + 1e-15
-    static = problem.table(s)
-    np.testing.assert_array_equal(static.increment, static.ut)
 
 
 def test_a_table_in_an_observer_has_the_law_of_the_step():
@@ -211,47 +152,6 @@ def test_the_duration_of_a_step_is_a_nonnegative_number(step):
     problem = block()
     with pytest.raises(ValueError, match="the duration of a step must be a nonnegative number"):
         problem.step_from(problem.snapshot(), step=step)
-
-
-def test_results_can_be_pickled():
-    problem, move = moved_block()
-    move(0.01, -0.02)
-    result = problem.solve()
-    copy = pickle.loads(pickle.dumps(result))
-    assert copy.summary() == result.summary()
-    assert str(copy) == str(result)
-    (table,) = copy.tables.values()
-    np.testing.assert_array_equal(table.force, result.tables["contact"].force)
-
-
-def test_questions_about_a_state_are_about_the_problem_as_it_is_now():
-    problem, move = moved_block()
-    move(0.01, -0.02)
-    problem.solve()
-    state = problem.snapshot()
-    assert problem.uniqueness().verdict == "proved"
-    move(0.02, -0.02)
-    words = r"not a solution of the problem as it is now: residual \d\.\de[+-]\d+ \(allowed 1e-06\)"
-    ask = (
-        problem.uniqueness,
-        lambda: problem.uniqueness(state=state),
-        lambda: stability_at_rest(problem, density=1.0),
-        lambda: renard_criterion(problem),
-        lambda: critical_friction(problem, "solution"),
-        lambda: SteadySliding(problem, "solution", density=1.0),
-    )
-    for question in ask:
-        with pytest.raises(ValueError, match=words):
-            question()
-    assert critical_friction(problem).friction is not None
-    assert problem.theory().exists
-    # Another friction is another problem: the answer is for that one.
-    problem.solve()
-    problem.surfaces[0].law.friction.value = 0.0
-    with pytest.raises(ValueError, match=words):
-        problem.uniqueness()
-    problem.solve()
-    assert problem.uniqueness().verdict == "proved"
 
 
 @pytest.mark.ranks(2)

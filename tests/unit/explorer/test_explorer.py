@@ -6,7 +6,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import zlib
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +14,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
 from support import recorded_evolution, recorded_path
 from support.blocks import box, facets
 from support.record_bodies import globe, polygon
@@ -31,15 +29,12 @@ from dolfinx_contact import (
     HalfSpace,
     ParametricContact,
     RigidSurface,
-    Sphere,
-    plot,
 )
 from dolfinx_contact.__main__ import main
 from dolfinx_contact.analysis import Chart, ChartCell, ChartCurve
 from dolfinx_contact.continuation import Ending, StepControl, follow
-from dolfinx_contact.explorer import SolutionCount, explorer, watch
+from dolfinx_contact.explorer import SolutionCount, explorer
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.plot.figures import FILLS
 from dolfinx_contact.records import (
     BranchRecord,
     EvolutionRecord,
@@ -217,45 +212,6 @@ def test_a_branch(cell, folder):
     COMM.barrier()
 
 
-def test_functionals_with_names_of_the_page(folder):
-    """What the user has named is shown under that name; what the page adds takes another."""
-    system, _ = moved_block(COMM)
-    functionals = {"distance": lambda p: 42.0, "series": lambda p: 43.0}
-    record(system, functionals, folder / "branch", max_steps=3)
-    explorer(folder / "page.html", folder / "branch", labels={"distance": "far"})
-    if COMM.rank == 0:
-        page = read(folder / "page.html")
-        np.testing.assert_array_equal(page.column("distance"), [42.0] * 4)
-        np.testing.assert_array_equal(page.column("series"), [43.0] * 4)
-        along = np.cumsum(read_journal(folder / "branch").columns()["step"])
-        np.testing.assert_array_equal(page.column("distance along the branch"), along)
-        names = [c["name"] for c in page.meta["columns"]]
-        assert len(set(names)) == len(names)
-    COMM.barrier()
-
-
-def test_a_round_obstacle_and_small_displacements(folder):
-    """Gaps that are long beside displacements are exact, and a page is made."""
-    disc = Sphere((0.5, -0.602), 0.6)
-    system, functionals = moved_block(COMM, obstacle=disc, sliding="small")
-    record(system, functionals, folder / "branch", max_steps=3, **KEPT)
-    explorer(folder / "page.html", folder / "branch", error=1e-4)
-    if COMM.rank == 0:
-        page = read(folder / "page.html")
-        journal = read_journal(folder / "branch")
-        check_states(page, journal, journal.entries(), 1e-4)
-        field = page.meta["fields"]["displacement"]
-        floor, moved, _ = journal.surface_at(0).obstacles["contact"]
-        (face,) = page.meta["surfaces"]
-        way = page.array(face["obstacle"]["way"])
-        start = page.array(face["obstacle"]["x"])[:, :2]
-        np.testing.assert_allclose(start + way, floor + moved, rtol=1e-15)
-        # Single precision would be seen where displacements are exaggerated.
-        np.testing.assert_allclose(np.hypot(*(floor - [0.5, -0.602]).T), 0.6, rtol=1e-15)
-        assert np.linalg.norm(way, axis=1).max() > 100 * field["largest"]
-    COMM.barrier()
-
-
 def round_tool(cell):
     """A polygon or globe below the block."""
     if cell == "quad":
@@ -307,37 +263,6 @@ def record_a_linear_block(folder, route):
         control = StepControl(initial=0.02, maximum=0.02)
         options = dict(gamma_range=(0.0, 1.0), control=control, route=route)
         follow(system, start, 0.0, record=kept, **options)
-
-
-@pytest.mark.verifies(
-    "explorer",
-    "pivoting",
-    reference="itself: a branch followed by steps",
-    aspects=("2D", "branches", "records"),
-)
-def test_between_two_points_of_a_piecewise_linear_branch(folder):
-    """A page says that the branch is linear between its points, and there it is."""
-    for route in ("pivoting", "steps"):
-        record_a_linear_block(folder / route, route)
-        explorer(folder / f"{route}.html", folder / route)
-    if COMM.rank == 0:
-        page, fine = (read(folder / f"{route}.html") for route in ("pivoting", "steps"))
-        assert page.meta["series"][0]["linear"]
-        assert not fine.meta["series"][0]["linear"]
-        gammas, others = page.column("gamma"), fine.column("gamma")
-        ends = np.flatnonzero(np.diff(gammas) <= 0)[:1] + 1  # the first part, up to a fold
-        last = int(ends[0]) if len(ends) else len(gammas)
-        count = int(np.flatnonzero(np.append(np.diff(others) <= 0, True))[0])
-        between = others[:count]
-        assert count > 3 * last
-        for column in ("pressure", "shear", "un"):
-            coarse = [page.table(page.meta["surfaces"][0], i)[column] for i in range(last)]
-            coarse = np.reshape(coarse, (last, -1))
-            for i, gamma in enumerate(between):
-                table = fine.table(fine.meta["surfaces"][0], i)[column].ravel()
-                mixed = [np.interp(gamma, gammas[:last], values) for values in coarse.T]
-                np.testing.assert_allclose(mixed, table, atol=1e-9 * max(abs(coarse).max(), 1))
-    COMM.barrier()
 
 
 @pytest.mark.ranks(2)
@@ -428,25 +353,6 @@ def test_names_of_users_are_text(tmp_path):
     np.testing.assert_array_equal(page.column(evil), [1, 2])
 
 
-@serial
-def test_values_that_are_not_finite(tmp_path):
-    journal = plain_journal([0.0, 1.0, 2.0], {"odd": [0.0, np.nan, np.inf], "none": [np.nan] * 3})
-    page = read(explorer(tmp_path / "page.html", journal))
-    np.testing.assert_array_equal(page.column("odd"), [0.0, np.nan, np.inf])
-    assert np.isnan(page.column("none")).all()
-    assert page.meta["axes"][0] == "gamma"
-    one = read(explorer(tmp_path / "one.html", plain_journal([1.0])))
-    assert one.column("gamma") == [1.0]
-
-
-@serial
-def test_ten_thousand_points(tmp_path):
-    gamma = np.linspace(0, 1, 10_000)
-    journal = plain_journal(gamma, {"force": np.sin(9 * gamma)})
-    page = read(explorer(tmp_path / "page.html", journal))
-    np.testing.assert_array_equal(page.column("force"), np.sin(9 * gamma))
-
-
 # -- charts ----------------------------------------------------------------------------------------
 
 
@@ -500,46 +406,6 @@ def test_a_chart(tmp_path):
     np.testing.assert_allclose(area(one), 14.0)
     x, y = three["place"]
     assert 2 < y < x
-
-
-@serial
-def test_a_picture_of_a_chart(tmp_path):
-    """It is filled up to the curves too, by areas: 2 of 16, and not the 1.5 of the cells."""
-    axes = plot.draw_chart(tmp_path / "chart.png", chart_of_a_wedge())
-    assert (tmp_path / "chart.png").stat().st_size > 8000
-    areas = []
-    for count in (1, 3):
-        shown = [p.get_xy() for p in axes.patches if to_hex(p.get_facecolor()) == FILLS[count]]
-        twice = [np.sum(x[:-1, 0] * x[1:, 1] - x[1:, 0] * x[:-1, 1]) for x in shown]
-        areas.append(np.abs(twice).sum())
-    assert abs(areas[1] / areas[0] - 2 / 14) < 0.01
-
-
-@serial
-def test_a_chart_without_curves(tmp_path):
-    meta = read(explorer(tmp_path / "page.html", Chart(chart_of_a_wedge().cells))).meta
-    assert not meta["chart"]["exact"]
-    assert any("regions end at cells" in note for note in meta["notes"])
-    assert {len(r["solutions"][0]) for r in meta["chart"]["regions"]} == {1, 3}
-
-
-@serial
-@pytest.mark.parametrize(
-    ("curve", "message"),
-    [
-        (
-            dict(kind="edge", points=((0, 1), (1, 1))),
-            "the kind of a curve must be one of fold, event",
-        ),
-        (dict(kind="fold", points=((0, 1),)), "two pairs or more"),
-        (dict(kind="fold", points=((0, 1), (float("nan"), 1))), "finite"),
-        (dict(kind="fold", points=((1, 1), (0, 1))), "must not fall"),
-        (dict(kind="fold", points="ab"), "pairs of numbers"),
-    ],
-)
-def test_curves_that_are_none(curve, message):
-    with pytest.raises(ValueError, match=message):
-        ChartCurve(**curve)
 
 
 # -- what is refused -------------------------------------------------------------------------------
@@ -631,56 +497,7 @@ def test_records_that_are_damaged(folder):
         assert read(file).meta["points"] == 3  # that of before
 
 
-def test_plotly_is_missing(branch, folder, monkeypatch):
-    """Or is that of Debian, which lacks the script."""
-    monkeypatch.setitem(sys.modules, "plotly", None)
-    file = folder / "page.html"
-    match = r"plotly is not installed: python3 -m pip install 'signorini-coulomb\[explorer\]'$"
-    with pytest.raises(ModuleNotFoundError, match=match):
-        explorer(file, branch)
-    monkeypatch.delitem(sys.modules, "plotly")
-    if COMM.rank == 0:
-        (folder / "plotly").mkdir()
-        (folder / "plotly" / "__init__.py").write_text("")
-    COMM.barrier()
-    monkeypatch.syspath_prepend(str(folder))
-    with pytest.raises(ModuleNotFoundError, match=r"without plotly.min.js, as python3-plotly"):
-        explorer(file, branch)
-    assert not file.exists()
-    monkeypatch.delitem(sys.modules, "plotly", raising=False)  # rank 0 alone looked for it
-
-
 # -- following, and the command line ---------------------------------------------------------------
-
-
-def test_a_record_that_grows(folder):
-    """The page is written whenever there is more, and no more when the run has ended."""
-    system, functionals = moved_block(COMM)
-    record(system, functionals, folder / "whole", max_steps=6, **KEPT)
-    if COMM.rank == 0:
-        lines = (folder / "whole" / FILE_NAME).read_bytes().splitlines(keepends=True)
-        shutil.copytree(folder / "whole", folder / "grows", ignore=lambda *_: [FILE_NAME])
-        journal = folder / "grows" / FILE_NAME
-        left = [lines[:2], lines[2:5], [lines[5][:20]], [lines[5][20:], *lines[6:]]]
-        said = []
-        pages = []
-
-        def told(text):
-            said.append(text.rpartition(": ")[2] if ": " in text else "waiting")
-            if (folder / "page.html").exists():
-                pages.append(read(folder / "page.html").meta)
-            if left:
-                with journal.open("ab") as file:
-                    file.writelines(left.pop(0))
-
-        watch(folder / "page.html", folder / "grows", seconds=0.01, report=told)
-        count = len(read_journal(folder / "whole").entries())
-        assert said == ["waiting", "waiting", "2 points", "2 points", f"{count} points"]
-        assert [page["reload"] for page in pages] == [0.01, 0.01, None]
-        for wrong in (0, -1.0, "x", float("nan")):
-            with pytest.raises(ValueError, match="seconds must be a positive number"):
-                watch(folder / "page.html", folder / "grows", seconds=wrong)
-    COMM.barrier()
 
 
 @pytest.mark.ranks(2)

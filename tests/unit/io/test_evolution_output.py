@@ -1,21 +1,15 @@
 """What histories leave on the disk: series, tables, animations."""
 
 import itertools
-import sys
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import same_tables
 from support.recorded_evolution import pair
-from support.vtk_files import read_grid
-from test_adhesion import C, W, along, bonded
-from test_evolution import cycle, dragged
 from test_output import number_of_colours
 
-from dolfinx_contact import RCCM, Coulomb, Regularised, io, plot, records
-from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact import io, plot, records
 from dolfinx_contact.io import EvolutionSeries
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import EvolutionRecord
@@ -94,75 +88,6 @@ def test_a_series_that_is_stopped(folder):
     assert len(list(folder.glob("evolution_contact0*.pvtu"))) == written
 
 
-def test_a_series_with_stresses_and_its_start(folder):
-    """Stresses are those of `write_fields` at the last step; the table begins before the first."""
-    pytest.importorskip("pyvista")
-    evolution = pair(COMM, n=2)
-    problem = evolution.problem
-    steel = LinearElastic.from_young(1000.0, 0.3).full_stress(problem.u)
-    stress = {1: steel, 2: 2 * steel}
-    with EvolutionSeries(folder, problem, stress=stress, start=True, format="vtk") as series:
-        history = evolution.run(TIMES, observer=series)
-    assert "evolution_body_stress.pvd" in [f.name for f in series.files]
-    rows = [row.split(",") for row in lines(folder / "steps.csv")]
-    assert [row[:3] for row in rows[:3]] == [
-        ["step", "time", "length"],
-        ["0", "0.0", "0.0"],
-        ["1", "1.0", "1.0"],
-    ]
-    first = dict(zip(rows[0], rows[1], strict=True))
-    assert {first[name] for name in ("external", "stored", "dissipated", "residue")} == {"0.0"}
-    assert first["stick"] == first["strategy"] == ""
-    with_start = history.rows(start=True)
-    assert with_start[1:] == history.rows()
-    assert list(with_start[0]) == rows[0]
-    written = ["" if value is None else str(value) for value in with_start[0].values()]
-    assert written == rows[1]
-    later = evolution.run([3.0, 4.0])
-    assert later.rows(start=True)[0]["stored"] == history.energies.stored
-    io.write_fields(folder / "last", problem, stress=stress, format="vtk")
-    if COMM.rank == 0:
-        last = read_grid(folder / "last" / "body_stress.pvd").point_data
-        assert set(last) >= {"stress", "von_mises", "displacement"}
-        written = sorted(folder.glob("evolution_body_stress*.pvtu"))
-        assert len(written) == len(history.steps)
-    COMM.barrier()
-    with EvolutionSeries(folder, problem, stress=stress, format="vtk") as series:
-        evolution.run([4.0, 4.5], observer=series)
-    io.write_fields(folder / "last", problem, stress=stress, format="vtk")
-    if COMM.rank == 0:
-        last = read_grid(folder / "last" / "body_stress.pvd").point_data
-        assert len(list(folder.glob("evolution_body_stress*.pvtu"))) == 1
-        found = read_grid(folder / "evolution_body_stress.pvd").point_data
-        for name in ("stress", "von_mises", "displacement"):
-            np.testing.assert_array_equal(found[name], last[name])
-        assert np.max(found["von_mises"]) > 0
-    COMM.barrier()
-    # The steps of later runs begin in what the series has not seen.
-    with EvolutionSeries(folder, problem, start=True, format="vtk") as series:
-        evolution.run([4.5, 5.0], observer=series)
-    rows = [row.split(",") for row in lines(folder / "steps.csv")]
-    first = dict(zip(rows[0], rows[1], strict=True))
-    assert (first["time"], first["stored"]) == ("4.5", "")
-    assert not list(folder.glob("evolution_body_stress*"))
-    with pytest.raises(ValueError, match="start must be True or False"):
-        EvolutionSeries(folder, problem, start=1)
-    with pytest.raises(ValueError, match="3 x 3 UFL stress"):
-        EvolutionSeries(folder, problem, stress=problem.u)
-
-
-def test_a_series_outside_of_its_context(folder):
-    evolution = pair(COMM, n=2)
-    series = EvolutionSeries(folder, evolution.problem)
-    with pytest.raises(ValueError, match="writes in its context alone"):
-        evolution.run(TIMES, observer=series)
-    with series:
-        pass
-    with pytest.raises(ValueError, match="writes in its context alone"):
-        evolution.run([1.0, 2.0], observer=series)
-    assert names(folder) == []
-
-
 @pytest.mark.ranks(2)
 def test_numbers_in_a_record(folder):
     """A second run goes on with them, also from a record that was closed."""
@@ -215,24 +140,6 @@ def test_tables_of_any_step(folder):
                 record.write_contact(folder, bad)
 
 
-def test_tables_of_a_law_that_knows_the_time(folder):
-    """Viscous damage, and creep, of the step that is looked at."""
-    laws = RCCM(C, C, W, viscosity=0.1), Regularised(Coulomb(0.3), speed=0.1)
-    for number, law in enumerate(laws):
-        problem, top = bonded(law=law)
-        evolution = QuasiStatic(problem, along(top, (0.02, -0.02), (0.3, -0.01)))
-        with EvolutionRecord(folder / str(number), evolution) as record:
-            history = evolution.run([0.0, 0.5, 1.0, 1.5, 2.0], record=record)
-            for step in history.steps:
-                shown = record.show(step.number)
-                wanted = step.result.tables["contact"]
-                found = shown.table(problem.surfaces[0])
-                same_tables(found, wanted)
-                if wanted.beta is not None:
-                    np.testing.assert_allclose(found.beta, wanted.beta, rtol=1e-10)
-    assert history.steps[0].result.counts["open"] == 0
-
-
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """A history of two blocks, and its record."""
@@ -279,45 +186,3 @@ def test_an_animation(folder, recorded):
         assert (np.abs(a - b).max(axis=2) > 30).sum() > 100
         assert a.mean() > 50
         assert number_of_colours(a) > 20
-
-
-def test_animations_that_cannot_be(folder, recorded, monkeypatch):
-    for given, message in (
-        ({"file": "a.avi"}, "animations are .gif or .mp4, not a.avi"),
-        ({"rate": 0.0}, "the rate must be a number"),
-        ({"rate": "3"}, "the rate must be a number"),
-        ({"steps": []}, "there are no states"),
-        ({"steps": [99]}, "are recorded, not 99"),
-        ({"scale": np.nan}, "scale of the displacement"),
-        *([({"rate": 1.0 + COMM.rank}, "rate differs")] if COMM.size > 1 else []),
-    ):
-        known = {"file": "a.gif"} | given
-        with pytest.raises(ValueError, match=message):
-            plot.animate(folder / known.pop("file"), recorded, **known)
-    for package, suffix in (("imageio_ffmpeg", ".mp4"), ("imageio", ".gif")):
-        monkeypatch.setitem(sys.modules, package, None)  # as if it was not installed
-        with pytest.raises(ModuleNotFoundError, match=package):
-            plot.animate(folder / f"a{suffix}", recorded)
-    assert names(folder) == []
-
-
-@pytest.mark.long
-@pytest.mark.verifies(
-    "pictures",
-    reference="itself: as many pictures as steps, no blanks",
-    aspects=(
-        "3D",
-        "records",
-    ),
-)
-def test_an_animation_in_space(folder):
-    from PIL import Image
-
-    problem, top = dragged("hex", n=2)
-    evolution = QuasiStatic(problem, cycle(top))
-    with EvolutionRecord(folder / "record", evolution) as record:
-        evolution.run([0.0, 1.0, 3.0], record=record)
-        file = plot.animate(folder / "block.gif", record, steps=[1, 2], scale=10.0)
-    with Image.open(file) as animation:
-        assert animation.n_frames == 2
-        assert np.asarray(animation.convert("RGB")).mean() > 50

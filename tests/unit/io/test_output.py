@@ -1,15 +1,9 @@
 """What is written: fields for ParaView, the table, pictures; read back and compared."""
 
 import csv
-import logging
-import os
 import re
 import shutil
-import subprocess
-import sys
 import textwrap
-from pathlib import Path
-from time import monotonic, sleep
 
 from mpi4py import MPI
 
@@ -19,23 +13,20 @@ import pytest
 from support.blocks import block, box, facets
 
 import ufl
-from dolfinx import fem, io, mesh
+from dolfinx import fem
 
 from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
     HalfSpace,
-    ParametricContact,
     Sphere,
     materials,
 )
-from dolfinx_contact.continuation import BranchPoint
-from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.io import STATUS_CODES, output_folder, write_contact_table, write_fields
 from dolfinx_contact.io.fields import body_fields
-from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
-from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.plot import picture_of_body, picture_of_contact
 
 COMM = MPI.COMM_WORLD
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
@@ -105,28 +96,6 @@ def test_von_mises_of_plane_strain():
     np.testing.assert_allclose(found, s * np.sqrt(1 - nu + nu**2), rtol=1e-10)
 
 
-@pytest.mark.parametrize(
-    "material",
-    [
-        MATERIAL,
-        NeoHookean(2.0, 1.0),
-        pytest.param(StVenantKirchhoff(2.0, 1.0), marks=pytest.mark.long),
-        pytest.param(CiarletGeymonat(2.0, 1.0, 0.2), marks=pytest.mark.long),
-    ],
-)
-def test_plane_strain_is_a_slice_of_space(material):
-    """The full stress in 2D is that of a 3D body with the same displacement in the plane."""
-    gradient = np.array([[0.1, 0.05, 0.0], [-0.02, -0.08, 0.0], [0.0, 0.0, 0.0]])
-    plane = linear_displacement(box(COMM, 1, "tri"), gradient[:2, :2])
-    space = linear_displacement(box(COMM, 1, "tet"), gradient)
-    stresses = [body_fields(u, material.full_stress(u))[0] for u in (plane, space)]
-    found = [s.x.array.reshape(-1, 9) for s in stresses]
-    expected = np.array(COMM.bcast(found[1][0].tolist() if len(found[1]) else None))
-    for s in found:
-        np.testing.assert_allclose(s, np.tile(expected, (len(s), 1)), atol=1e-12)
-    assert abs(expected[8]) > 1e-3
-
-
 def recipe():
     """The lines of the docstring of `materials`, but for the problem."""
     text = materials.__doc__.partition("comes out as well::\n")[2].partition("\nFor a body of")[0]
@@ -159,22 +128,6 @@ def test_energy_of_ones_own():
     first = fem.assemble_scalar(fem.form(ufl.derivative(names["energy"], plane, v)))
     P = J * expected.reshape(3, 3) @ np.linalg.inv(F).T
     np.testing.assert_allclose(COMM.allreduce(first), P[0, 0] + 0.3 * P[1, 1], rtol=1e-10)
-
-
-def test_stress_must_be_three_by_three(folder):
-    problem = block(cell="tri")
-    with pytest.raises(
-        ValueError, match=r"3 x 3 UFL stress, got \(2, 2\); in 2D pass .*full_stress"
-    ):
-        write_fields(folder, problem, stress=MATERIAL.stress(problem.u))
-    with pytest.raises(ValueError, match="3 x 3"):
-        picture_of_body(folder / "body.png", problem, stress=1.0)
-    other = MATERIAL.full_stress(block(cell="tri").u)
-    with pytest.raises(ValueError, match="the stress contains a Function of another mesh"):
-        write_fields(folder, problem, stress=other)
-    with pytest.raises(ValueError, match="the stress contains a Function of another mesh"):
-        picture_of_body(folder / "body.png", problem, stress=other)
-    assert not list(folder.iterdir())
 
 
 # -- fields on the contact surface ---------------------------------------------------------------
@@ -223,32 +176,6 @@ def test_nodal_fields_are_the_table(cell, method):
         (table.shear - table.pressure[:, None] * table.n)[rows],
         atol=1e-12 * force,
     )
-
-
-@pytest.mark.ranks(2)
-def test_clamped_nodes():
-    """A block held on one side down to the floor: its corner nodes are clamped, status 3."""
-    domain = box(COMM, 4, "tri")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    held = fem.locate_dofs_topological(V, 1, facets(domain, 0, 0.0))
-    surface = ContactSurface(
-        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(0.3)
-    )
-    load = ufl.dot(fem.Constant(domain, (0.0, -1.0)), u) * ufl.dx
-    problem = ContactProblem(
-        MATERIAL.energy(u) * ufl.dx - load,
-        u,
-        [surface],
-        bcs=[fem.dirichletbc(np.zeros(2), held, V)],
-    )
-    table = problem.solve().tables["contact"]
-    assert table.status[0] == "d"
-    assert table.count("d") == 1
-    fields = problem.contact_fields(surface)
-    rows = at_points(table, problem.discrete(surface).points.vertices.tabulate_dof_coordinates())
-    np.testing.assert_array_equal(fields["status"].x.array, codes(table)[rows])
-    np.testing.assert_allclose(fields["pressure"].x.array, table.pressure[rows], atol=1e-12)
 
 
 @pytest.mark.ranks(2)
@@ -392,30 +319,6 @@ def two_surfaces(names=("floor", "wall"), degree=1):
 
 
 @pytest.mark.ranks(2)
-@pytest.mark.parametrize("degree", [1, 2])
-def test_two_surfaces(folder, degree):
-    problem = two_surfaces(("floor", "right wall"), degree)
-    problem.solve()
-    names = [f.name for f in write_fields(folder / "new" / "one", problem)]
-    assert names == ["body.bp", "contact_floor.bp", "contact_right_wall.bp"]
-    assert all((folder / "new" / "one" / name).exists() for name in names)
-    with pytest.raises(ValueError, match="same file"):
-        write_fields(folder, two_surfaces(("a b", "a_b")))
-
-
-def test_without_adios2(folder, monkeypatch, caplog):
-    """VTK by default, which the log says."""
-    monkeypatch.delattr(io, "VTXWriter")
-    problem = two_surfaces()
-    with caplog.at_level(logging.INFO, "dolfinx_contact"):
-        files = write_fields(folder, problem, stress=MATERIAL.full_stress(problem.u))
-    assert [f.suffix for f in files] == [".pvd"] * 4
-    said = "built without ADIOS2: fields are written as VTK"
-    assert caplog.text.count(said) == (1 if COMM.rank == 0 else 0)
-    assert all(f.stat().st_size > 100 for f in files)
-
-
-@pytest.mark.ranks(2)
 def test_unwritable_folder(folder):
     """A file where the folder should be: the same error on every rank, before anything else."""
     blocked = folder / "file"
@@ -533,166 +436,8 @@ def test_pictures(folder, cell, degree):
     assert {f.name for f in folder.iterdir()} == {"body.png", "contact.png"}
 
 
-def strip(size, cells, *, tilt=0.0):
-    """A long body pressed on a ball, or a slender one in 2D, on its axes or tilted."""
-    dim = len(size)
-    corners = [np.zeros(len(size)), np.array(size, float)]
-    make = mesh.create_rectangle if dim == 2 else mesh.create_box
-    domain = make(COMM, corners, cells)
-    below = facets(domain, dim - 1, 0.0)
-    above = facets(domain, dim - 1, float(size[-1]))
-    turn = np.eye(3)
-    turn[np.ix_([0, dim - 1], [0, dim - 1])] = [
-        [np.cos(tilt), -np.sin(tilt)],
-        [np.sin(tilt), np.cos(tilt)],
-    ]
-    domain.geometry.x[:] = domain.geometry.x @ turn.T
-    radius = 1.5 * max(size) ** 2
-    centre = turn[:dim, :dim] @ [*(s / 2 for s in size[:-1]), -radius]
-    down = turn[:dim, :dim] @ [0.03, *[0.0] * (dim - 2), -0.05]
-    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-    u = fem.Function(V)
-    surface = ContactSurface(u, below, obstacle=Sphere(centre, radius), law=Coulomb(0.3))
-    bcs = [fem.dirichletbc(down, fem.locate_dofs_topological(V, dim - 1, above), V)]
-    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface], bcs=bcs)
-    problem.solve()
-    return problem
-
-
-def coloured(file, comm=COMM):
-    """Share of the pixels, of the columns and of the rows of a picture that have a colour."""
-    found = None
-    if comm.rank == 0:
-        pixels = matplotlib.image.imread(file)[..., :3]
-        has = np.ptp(pixels, axis=2) > 0.1
-        found = has.mean(), has.any(axis=0).mean(), has.any(axis=1).mean()
-    return comm.bcast(found)
-
-
-@pytest.mark.parametrize(
-    ("size", "cells", "tilt"),
-    [
-        pytest.param((20, 1, 1), (24, 3, 2), 0.0, marks=pytest.mark.long),
-        pytest.param((1, 20, 1), (3, 24, 2), 0.0, marks=pytest.mark.long),
-        ((20, 1, 1), (24, 3, 2), 0.5),
-    ],
-)
-def test_narrow_surfaces_fill_the_picture(folder, size, cells, tilt):
-    """A strip lies along the page, whichever way it lies in space."""
-    picture_of_contact(folder / "contact.png", strip(size, cells, tilt=tilt))
-    share, across, _ = coloured(folder / "contact.png")
-    assert share > 0.2
-    assert across > 0.8
-
-
-@pytest.mark.long
-def test_a_long_body_fills_the_picture(folder):
-    if shutil.which("xvfb-run") is None:
-        pytest.skip("VTK may need a display")
-    problem = strip((20, 1, 1), (24, 3, 2))
-    stress = MATERIAL.full_stress(problem.u)
-    picture_of_body(folder / "body.png", problem, stress=stress)
-    share, across, _ = coloured(folder / "body.png")
-    assert share > 0.08
-    assert across > 0.8
-
-
-@pytest.mark.parametrize(
-    ("size", "cells"), [pytest.param((20, 1), (40, 3), marks=pytest.mark.long), ((1, 20), (3, 40))]
-)
-def test_slender_bodies_fill_the_picture(folder, size, cells):
-    """Of a tower little is left but the body and the bar of its colours."""
-    problem = strip(size, cells)
-    stress = MATERIAL.full_stress(problem.u)
-    picture_of_body(folder / "body.png", problem, stress=stress)
-    share, across, along = coloured(folder / "body.png")
-    assert share > 0.09
-    assert max(across, along) > 0.8
-
-
-@pytest.mark.parametrize(("size", "cells"), [((20, 1), (40, 3)), ((1, 20), (3, 40))])
-def test_states_of_slender_bodies(folder, size, cells):
-    """They fill the picture, and one bar tells what the colours of all states mean."""
-    problem = strip(size, cells)
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
-    x = system.create_vector()
-    problem.write(x)
-    piece = system.piece_at(x, 0.0)
-    points = []
-    layout = Layout(system)
-    largest = COMM.allreduce(np.linalg.norm(problem.u.x.array.reshape(-1, 2), axis=1).max(), op=max)
-    for factor in (1.0, 0.5, 0.25):
-        part = x.copy()
-        part.scale(factor)
-        points.append(BranchPoint(layout.joined(part, 0.0), x, piece, 0.0, 0.0, 0))
-    figure = picture_of_states(folder / "states.png", system, points)
-    if COMM.rank == 0:
-        *panels, bar = figure.axes
-        assert (len(panels), bar.get_ylabel()) == (3, "|u|")
-        assert bar.get_ylim() == pytest.approx((0.0, largest))
-    share, across, along = coloured(folder / "states.png")
-    assert share > 0.04
-    assert max(across, along) > 0.65
-
-
-@pytest.mark.long
-def test_pictures_of_two_surfaces(folder):
-    problem = two_surfaces()
-    problem.solve()
-    for s in problem.surfaces:
-        picture_of_contact(folder / f"{s.name}.png", problem, surface=s)
-        assert drawn(folder / f"{s.name}.png") > 20
-    picture_of_body(folder / "body.png", problem)
-    assert drawn(folder / "body.png") > 20
-    with pytest.raises(ValueError, match="not one of the problem"):
-        picture_of_contact(folder / "x.png", problem, surface=two_surfaces().surfaces[0])
-
-
 @pytest.mark.ranks(2)
 def test_no_picture_in_a_missing_folder(folder):
     with pytest.raises(FileNotFoundError) as info:
         picture_of_contact(folder / "missing" / "contact.png", two_surfaces())
     assert info.value.filename == str(folder / "missing" / "contact.png")
-
-
-DRAWS = """
-import os
-from support.blocks import block
-from dolfinx_contact import plot
-plotter = plot.picture_of_body("body.png", block(n=2, cell="hex"))
-print(os.environ.get("DISPLAY"))
-"""
-
-
-def drawn_apart(folder, **environment):
-    """Draw in 3D in a process of its own; its return code and output."""
-    paths = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
-    known = {k: v for k, v in os.environ.items() if k != "DISPLAY" and "MPI" not in k}
-    words = dict(capture_output=True, text=True, cwd=folder, timeout=100)
-    env = known | {"PYTHONPATH": paths, **environment}
-    done = subprocess.run([sys.executable, "-c", DRAWS], env=env, **words)
-    return done.returncode, done.stdout.strip(), done.stderr
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
-def test_a_virtual_display_ends_with_the_process(folder):
-    """Also if a plotter is still open."""
-    if shutil.which("Xvfb") is None:
-        pytest.skip("there is no Xvfb")
-    code, display, errors = drawn_apart(folder)
-    assert code == 0, errors
-    assert (folder / "body.png").stat().st_size > 1000
-    if display != "None":
-        # the abstract socket of a server vanishes with it
-        end = monotonic() + 20.0
-        socket = f"@/tmp/.X11-unix/X{display.removeprefix(':')}\n"
-        while socket in Path("/proc/net/unix").read_text():
-            assert monotonic() < end
-            sleep(0.1)
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
-def test_no_display_at_all(folder):
-    """Without Xvfb and DISPLAY the build of VTK decides; the process is not aborted."""
-    code, _, errors = drawn_apart(folder, PATH="/nonexistent")
-    assert code == 0 or "RuntimeError: VTK needs a display" in errors

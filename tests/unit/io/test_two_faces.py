@@ -4,10 +4,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from matplotlib.legend import Legend
 from support.blocks import box, facets
 from support.vtk_files import read_grid
-from test_doubled_nodes import branched, force, record
 from test_pair import MATERIAL, displacement, held, tagged
 
 import ufl
@@ -21,13 +19,10 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
 )
-from dolfinx_contact.io import Report, write_fields
+from dolfinx_contact.io import write_fields
 from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.meshing import join
-from dolfinx_contact.plot import picture_of_body, picture_of_contact
-from dolfinx_contact.records import BranchRecord, write_series
 from dolfinx_contact.results.fields import vertex_state
-from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 MODULUS = 1000.0 * 0.7 / (1.3 * 0.4)  # of uniaxial strain
@@ -215,72 +210,6 @@ def test_forces_balance(case):
     np.testing.assert_allclose(total(problem, face, "traction"), found.master, atol=1e-12 * size)
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("cell", ["tri", "hex"])
-def test_like_nodes_have_opposite_tractions(cell):
-    """Node by node, where slip and pressure vary; and the support of what is held."""
-    problem = pressed(cell, 2, 2, 1, "nodal", friction=0.25)
-    problem.solve()
-    face = MasterFace(problem, problem.surfaces[0])
-    slave = problem.surfaces[0]
-    fields = face.fields(problem)
-    theirs = problem.contact_fields(slave)
-    for name, sign in (("traction", -1.0), ("pressure", 1.0)):
-        x, mine = gathered(fields[name])
-        y, other = gathered(theirs[name])
-        at = np.linalg.norm(x[:, None] - y[None], axis=2).argmin(axis=1)
-        scale = np.abs(other).max()
-        assert np.ptp(other) > 0.01 * scale
-        np.testing.assert_allclose(mine, sign * other[at], atol=1e-12 * scale)
-
-
-def test_no_moment_across_a_gap():
-    """It is not said, since shear makes one that small sliding leaves out."""
-    result = pressed("quad", 2, 2, 1, "nodal", friction=0.25, gap=0.005).solve()
-    assert result.pairs["contact"].imbalance < 1e-12
-    assert result.pairs["contact"].moment is None
-
-
-def test_a_crack_with_its_front():
-    """At the end of the arm two nodes push one; where nothing touches there is no force."""
-    system = branched(COMM)
-    system.set_parameter(1.0)
-    result = system.problem.solve()
-    pair = result.pairs["contact"]
-    assert np.linalg.norm(pair.slave) > 1.0
-    assert pair.imbalance < 1e-12
-    assert pair.moment < 1e-12
-    np.testing.assert_allclose(pair.slave, result.resultants["contact"], rtol=1e-12)
-
-
-def test_the_report_says_both(capsys):
-    result = pressed("quad", 2, 2, 1, "nodal").solve()
-    Report(COMM).result(result)
-    said = capsys.readouterr().out
-    if COMM.rank == 0:
-        assert "contact force on the slave (contact): " in said
-        assert "contact force on the master (contact): " in said
-
-
-def test_a_floating_body_is_said_once(caplog):
-    """Whatever is tried."""
-    both, u, pair = blocks("quad", 2, 2, 1, "nodal", law=Frictionless(), gap=0.01)
-    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
-    energy = MATERIAL.energy(u) * ufl.dx + fem.Constant(both.mesh, 3.0) * u[1] * ds(4)
-    problem = ContactProblem(energy, u, [pair], bcs=[held(u, both.facet_tags, 1, (0.0, 0.0))])
-    with caplog.at_level("INFO"), pytest.raises(FloatingBodyError) as info:
-        problem.solve()
-    failed = [r for r in caplog.records if " failed: " in r.getMessage()]
-    said = [
-        r.getMessage() for r in failed if "neither Dirichlet data nor contact" in r.getMessage()
-    ]
-    if COMM.rank == 0:
-        assert said == [f"full steps failed: {info.value}"]
-        assert len(failed) == len(info.value.attempts) > 3
-    else:
-        assert not failed
-
-
 # -- files -----------------------------------------------------------------------------------------
 
 
@@ -310,65 +239,6 @@ def test_files(format, case, folder):
         at = np.linalg.norm(x[None] - grid.points[:, None], axis=2).argmin(axis=1)
         read = grid[name].reshape(len(grid.points), -1)[:, : values.shape[1]]
         np.testing.assert_allclose(read, values[at], rtol=1e-14, atol=1e-14)
-
-
-def test_pictures():
-    """Both faces are drawn, each as it has moved; and no round-off where nothing is pressed."""
-    system = branched(COMM)
-    system.set_parameter(1.0)
-    (table,) = system.problem.solve().tables.values()
-    body = picture_of_body(None, system.problem)
-    contact = picture_of_contact(None, system.problem)
-    if COMM.rank > 0:
-        return
-    rims = [c for c in body.axes[0].collections if c.get_linewidth()[0] >= 1.0]
-    slave, master = (np.concatenate(c.get_segments()) for c in rims)
-    assert (len(slave), len(master)) == (12, 12)  # six edges each, and no obstacle
-    right = [x[np.argmax(x[:, 0])] for x in (slave, master)]
-    assert right[0][1] - right[1][1] > 0.01
-    (axes,) = contact.axes
-    legend = next(a for a in axes.artists if isinstance(a, Legend))
-    statuses = [text.get_text() for text in legend.get_texts()]
-    assert statuses == ["open (4)", "stick (1)", "slip, $u_t < 0$ (3)"]
-    assert (table.letters == "-").sum() == 3
-    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
-    (pressure,) = (values for name, values in lines.items() if name == "pressure")
-    (shear,) = (values for name, values in lines.items() if name.startswith("shear"))
-    pressure, shear = (v[np.isfinite(v)] for v in (pressure, shear))  # two curves with a gap
-    assert (pressure == 0.0).sum() == 4
-    assert np.all(shear[pressure == 0.0] == 0.0)
-    assert np.all(pressure[pressure != 0.0] > 1.0)
-
-
-@pytest.mark.long
-def test_pictures_are_drawn(folder):
-    problem = pressed("hex", 2, 3, 1, "nodal", friction=0.25)
-    problem.solve()
-    picture_of_body(folder / "body.png", problem)
-    picture_of_contact(folder / "contact.png", problem)
-    assert {file.name for file in folder.iterdir()} == {"body.png", "contact.png"}
-
-
-@pytest.mark.ranks(2)
-def test_series(folder):
-    """Of a branch on a crack; the sides have moved apart where the slave is open."""
-    system = branched(COMM)
-    record(system, folder / "record", max_steps=2, route="pivoting")
-    with BranchRecord(folder / "record", system, {"force": force}, resume=True) as r:
-        files = write_series(folder / "series", r, format="vtk")
-    names = ["body", "contact", "contact_opposite"]
-    assert [f.name for f in files] == [f"branch_0000_{name}.pvd" for name in names]
-    if COMM.rank > 0:
-        return
-    slave, master = map(read_grid, files[1:])
-    # Two nodes of the slave are at one place, and the displacements of both sides differ.
-    if COMM.size == 1:
-        assert (slave.n_points, master.n_points) == (8, 7)
-    for grid in (slave, master):
-        assert np.ptp(grid["gamma"]) == 0
-    ends = [grid["displacement"][np.argmax(grid.points[:, 0])] for grid in (slave, master)]
-    assert ends[0][1] - ends[1][1] == pytest.approx(slave["gap"][np.argmax(slave.points[:, 0])])
-    assert ends[0][1] - ends[1][1] > 1e-3
 
 
 @pytest.mark.ranks(2)

@@ -13,8 +13,6 @@ from support.recorded_run import moved_block, record
 from support.vtk_files import read_grid
 from test_two_faces import pressed
 
-from dolfinx import io
-
 from dolfinx_contact.io import write_fields
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord, write_series
@@ -147,19 +145,6 @@ def test_series_as_vtk(folder):
     for time, point in enumerate(points):
         gamma = read_grid(files[1], time)["gamma"]
         np.testing.assert_allclose(gamma, point.gamma, rtol=2e-15)
-
-
-@pytest.mark.ranks(2)
-def test_formats(folder, monkeypatch):
-    problem = block(cell="tri")
-    with pytest.raises(ValueError, match="format is 'vtu': vtx and vtk are known"):
-        write_fields(folder, problem, format="vtu")
-    monkeypatch.delattr(io, "VTXWriter")
-    with pytest.raises(ValueError, match="built without ADIOS2: format='vtk'"):
-        write_fields(folder, problem, format="vtx")
-    assert not list(folder.iterdir())
-    COMM.barrier()
-    assert [f.suffix for f in write_fields(folder, problem)] == [".pvd", ".pvd"]
 
 
 # -- ParaView --------------------------------------------------------------------------------------

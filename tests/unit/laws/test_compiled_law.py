@@ -2,17 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
-from types import SimpleNamespace
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 
-import ufl
-
 from dolfinx_contact.laws import (
-    OPEN,
     PLUS,
     RCCM,
     BilinearCohesive,
@@ -26,9 +22,6 @@ from dolfinx_contact.laws import (
     Regularised,
     Tresca,
 )
-from dolfinx_contact.laws.compiled import _Written
-from dolfinx_contact.laws.law import Bond, Border, StatusPiece
-from dolfinx_contact.laws.symbols import STEP, Symbols, from_memory
 
 COMM = MPI.COMM_WORLD
 N = 6
@@ -60,10 +53,7 @@ LAWS = {
     "bilinear": BilinearCohesive(2.0, 0.1, 0.5),
     "Maxwell": MaxwellLayer(3.0, 2.0, 1.0),
 }
-KINDS = [(name, dim) for name in LAWS for dim in (2, 3)]
 ROUGH = RoughNonlocal(0.3, 0.5)
-#: Of laws by energy and dissipation, which take two seconds to derive, one in each dimension.
-FEW = [kind for kind in KINDS if kind not in (("bilinear", 3), ("Maxwell", 2))]
 
 
 @cache
@@ -195,62 +185,6 @@ def test_what_spreads(name):
     assert values.shape[1] == 2 + len(known.law.given)
 
 
-@pytest.mark.parametrize("kinds", [FEW, pytest.param(KINDS, marks=pytest.mark.long)])
-def test_what_is_known_of_laws(kinds):
-    """Which are linear status by status, remember, have bonds, and are nothing without a time."""
-    linear = {"Frictionless", "Coulomb", "Tresca", "nonlocal", "compliance"}
-    bonds = {"RCCM", "bilinear", "Maxwell"}
-    signatures = set()
-    for name, dim in kinds:
-        law = LAWS[name]
-        compiled = LawAtPoints(law, dim, N, COMM).compiled
-        assert compiled.bonded == (name in bonds)
-        flat = dim == 2 or name == "Frictionless"
-        assert compiled.is_piecewise_linear == (name in linear and flat)
-        assert not compiled.knows_slip
-        assert compiled.rows[list(compiled.codes)].tolist() == list(range(len(compiled.codes)))
-        assert [n for n in compiled.names if n in law.given] == list(law.given)
-        assert compiled.needs_time(0.0) == (name == "RCCM")
-        assert isinstance(compiled.signature, str)
-        signatures.add(compiled.signature)
-    assert len(signatures) == len(kinds)
-
-
-def test_every_status_is_asked_whether_it_is_linear():
-    """Also after one that there always is, and whether it is there by what may change."""
-    known = LawAtPoints(Coulomb(0.3), 2, N, COMM).compiled
-    j, t = known._jump, known._traction
-    plain = StatusPiece(t, [Border(j[0] + t[1], PLUS)])
-    fixed = replace(plain, exists=ufl.lt(known._n[0], 0.0))
-    bent = StatusPiece(j[0] * t, [])
-    curved = StatusPiece(t, [Border(j[0] ** 2, PLUS)])
-    sometimes = replace(plain, exists=ufl.lt(j[0], 0.0))
-    for pieces, linear in (
-        ((plain, fixed, plain), True),
-        ((plain, bent), False),
-        ((plain, curved), False),
-        ((fixed, curved), False),
-        ((plain, sometimes), False),
-        ((fixed, plain, sometimes), False),
-    ):
-        w, dim = known._w, known.dim
-        one = SimpleNamespace(_roots=None, _jump=j, _traction=t, _w=w, dim=dim)
-        one._pieces = dict(enumerate(pieces))
-        assert type(known).is_piecewise_linear.func(one) == linear
-    one._pieces, one._roots = {0: plain}, "equations at points"
-    assert not type(known).is_piecewise_linear.func(one)
-
-
-def test_laws_of_a_kind_are_compiled_once():
-    one, other = (LawAtPoints(Coulomb(F), 2, N, COMM).compiled for F in (0.3, 0.7))
-    assert one is other
-    assert one is not LawAtPoints(Coulomb(0.3), 3, N, COMM).compiled
-    assert one is not LawAtPoints(Tresca(0.3), 2, N, COMM).compiled
-    assert one.signature != LawAtPoints(Tresca(0.3), 2, N, COMM).compiled.signature
-    alone = LawAtPoints(Coulomb(0.3), 2, N, MPI.COMM_SELF).compiled
-    assert (alone is one) == (COMM.size == 1)
-
-
 def test_bounds_of_the_disc():
     """F p and F at unit pressure of Coulomb, where slips answer the pressure p along the normal."""
     known, jump, traction, data, _ = at_points("Coulomb", 2)
@@ -267,61 +201,3 @@ def test_bounds_of_the_disc():
     (g,) = data.fields.values()
     np.testing.assert_array_equal(found.bound, g)
     np.testing.assert_array_equal(found.unit_bound, g)
-
-
-class Timed(Frictionless):
-    """A law with the step of time in one place."""
-
-    place = ""
-
-    def pieces(self, a):
-        passes = ufl.gt(a.step, -1.0)
-        found = dict(super().pieces(a))
-        piece = found[OPEN]
-        border = piece.borders[0]
-        if self.place == "answer":
-            piece = replace(piece, answer=a.step * a.n)
-        if self.place == "distance":
-            border = border._replace(distance=a.step * border.distance)
-        if self.place == "where":
-            border = border._replace(where=passes)
-        if self.place == "exists":
-            piece = replace(piece, exists=passes)
-        return {**found, OPEN: replace(piece, borders=[border, *piece.borders[1:]])}
-
-    def bound(self, a, p):
-        return a.step * p if self.place == "bound" else super().bound(a, p)
-
-    def bond(self, a):
-        if self.place != "bond":
-            return None
-        zero = ufl.as_ufl(0.0)
-        return Bond({}, 0.0 * a.n, a.step, zero, zero)
-
-
-@pytest.mark.parametrize("place", ["", "answer", "distance", "where", "exists", "bound", "bond"])
-def test_where_a_law_has_the_time(place):
-    """What it needs of memory is found wherever that stands."""
-    law = type("OfTime", (Timed,), {"place": place})()
-    symbols = Symbols(2, law.given, [], {}, from_memory(2), local=True)
-    found = symbols.used(_Written(law, symbols).scalars)
-    assert found == ([STEP] if place else [])
-
-
-class Sometimes(Frictionless):
-    """A law one of whose statuses there is under a condition."""
-
-    of_slip = True
-
-    def pieces(self, a):
-        found = dict(super().pieces(a))
-        condition = ufl.gt(ufl.dot(a.u_t, a.u_t), 1.0) if self.of_slip else ufl.gt(a.step, -2.0)
-        return {**found, OPEN: replace(found[OPEN], exists=condition)}
-
-
-@pytest.mark.parametrize("of_slip", [True, False])
-def test_statuses_that_come_and_go_with_a_displacement(of_slip):
-    """A law that has them is not linear status by status."""
-    law = type("Named", (Sometimes,), {"of_slip": of_slip})()
-    compiled = LawAtPoints(law, 2, N, COMM).compiled
-    assert compiled.is_piecewise_linear is not of_slip

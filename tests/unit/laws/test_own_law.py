@@ -17,9 +17,8 @@ from support.blocks import block, same_tables
 import ufl
 from dolfinx import mesh
 
-from dolfinx_contact import Coulomb, HalfSpace, Sphere, Tresca
+from dolfinx_contact import Coulomb, HalfSpace, Tresca
 from dolfinx_contact.continuation import Follower, StepControl
-from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.laws import OPEN, Border, FrictionLaw, Law, StatusPiece
 
 COMM = MPI.COMM_WORLD
@@ -70,43 +69,6 @@ def test_with_equal_coefficients_it_is_coulombs():
         dragged(Coulomb(0.3)).solve().tables["contact"],
         1e-8,
     )
-
-
-@pytest.mark.parametrize("law", [Orthotropic(0.2, 0.5, 0.3), SlipWeakening(0.5, 0.2, 0.01)])
-@pytest.mark.verifies(
-    "laws of one's own",
-    "orthotropic friction",
-    "friction of the slip",
-    reference="differences: central differences",
-    aspects=("3D",),
-)
-def test_jacobian_by_differences(law):
-    """The derivative of the rows, on a curved obstacle and with the statuses held."""
-    problem = dragged(law, obstacle=Sphere((0.5, 0.5, -5.0), 5.0))
-    problem.solve()
-    eq = problem.equations
-    x = problem.create_vector()
-    d = eq.create_vector()
-    ends = []
-    Jd = eq.create_vector()
-    problem.write(x)
-    d.setRandom()
-    d.array[: eq.owned_sizes[0]][eq.fixed[: eq.owned_sizes[0]]] = 0.0
-    d.scale(1e-3)
-    state = eq.contact(x)
-    jacobian = Jacobian(eq)
-    jacobian.update(state)
-    jacobian.matrix.mult(d, Jd)
-    h = 1e-4
-    for sign in (1, -1):
-        y = x.copy()
-        b = problem.create_vector()
-        y.axpy(sign * h, d)
-        eq.residual(y, b, state.statuses)
-        ends.append(b)
-    difference = (ends[0].array_r - ends[1].array_r) / (2 * h)
-    worst = COMM.allreduce(np.abs(difference - Jd.array_r).max(initial=0.0), op=max)
-    assert worst < 1e-5 * COMM.allreduce(np.abs(Jd.array_r).max(initial=0.0), op=max)
 
 
 @pytest.mark.parametrize("distance", [0.5, 0.05])
@@ -273,47 +235,9 @@ def test_statuses_that_are_none():
             block(law=law(make))
 
 
-def test_a_field_that_hides_a_method():
-    @dataclass(frozen=True)
-    class Hiding(FrictionLaw):
-        bound: Any
-
-    with pytest.raises(ValueError, match="fields of Hiding must not have the names of methods"):
-        block(law=Hiding(1.0))
-
-
 @pytest.mark.ranks(2)
 def test_fields_may_be_negative_where_the_law_allows_it():
     result = dragged(Orthotropic(0.1, 0.4, -0.5)).solve()
     assert result.kkt_violation < 1e-9
     with pytest.raises(ValueError, match="friction of Coulomb must be finite and nonnegative"):
         dragged(Coulomb(-0.5))
-
-
-@dataclass(frozen=True)
-class Curved(FrictionLaw):
-    """A bound by what the class holds."""
-
-    friction: Any
-    curve = staticmethod(lambda p: p)
-    table = np.ones(1)
-
-    def bound(self, a, p):
-        return self.friction * self.table[0] * self.curve(p)
-
-
-@dataclass(frozen=True)
-class Steeper(Curved):
-    """Another class, with what it has from that one."""
-
-
-def test_what_a_class_holds_is_in_the_kind(monkeypatch):
-    """A method, a digit of an array, what a class has in place of its base: each makes another."""
-    law = Steeper(0.3)
-    found = [law.kind]
-    changes = {"curve": staticmethod(lambda p: 2 * p), "table": np.array([1 + 1e-9])}
-    for name, value in {**changes, "bound": lambda self, a, p: p}.items():
-        monkeypatch.setattr(Steeper, name, value, raising=False)
-        found.append(law.kind)
-        assert Steeper(0.3).kind == law.kind
-    assert len(set(found)) == len(found)

@@ -4,14 +4,11 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-import scipy.sparse
-import scipy.sparse.linalg
 
-import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack
 
@@ -281,18 +278,6 @@ def test_the_order_of_the_pairs_and_their_sides_do_not_matter():
 
 
 @pytest.mark.ranks(2)
-def test_pairs_without_a_loop_keep_their_multipliers():
-    """A stem that is open and no pair: the jumps of the two others are independent."""
-    body = crossing(TEE, reach=1.0, cells=4)
-    u = displacement(body)
-    given = fem.Function(u.function_space)
-    given.interpolate(lambda x: np.array([0.0 * x[0], -0.02 * x[1]]))
-    problem = driven(u, body, pairs_of(u, body, LINE, Frictionless()), given)
-    tables = problem.solve().tables
-    assert [table.count("d") for table in tables.values()] == [1, 1]
-
-
-@pytest.mark.ranks(2)
 def test_what_nobody_can_take():
     """Arms of one facet from the crossing to where they end in the body."""
     body = crossing(CROSS, reach=0.5, cells=4)
@@ -302,114 +287,3 @@ def test_what_nobody_can_take():
         driven(u, body, pairs, fem.Function(u.function_space))
     with pytest.raises(ValueError, match="take multiplier_degree=1"):
         loaded(CROSS, (1.0, 3.0), degree=2, multiplier_degree=2)
-
-
-SHEARED = np.array([[-0.01, 0.012], [0.0, -0.008]])
-FRICTION = 0.2
-
-
-def sliding(groups, cells):
-    """The square under compression and shear: its energy, and slip by area, summed."""
-    body = crossing(groups, cells=cells)
-    u = displacement(body)
-    given = fem.Function(u.function_space)
-    given.interpolate(lambda x: SHEARED @ x[:2])
-    result = driven(u, body, pairs_of(u, body, groups, Coulomb(FRICTION)), given).solve()
-    assert all(set(table.status) <= set("d+-") for table in result.tables.values())
-    slips = [
-        table.area @ (np.linalg.norm(table.ut, axis=1) * (table.letters != "d"))
-        for table in result.tables.values()
-    ]
-    return result.energies["bulk"], sum(slips)
-
-
-def by_penalty(groups, cells, stiffness):
-    """The same by springs between all nodes of the arms, those at the crossing too.
-
-    A method of its own on the same stiffness matrix, on every rank alone: normal springs that only
-    push, tangential ones that give way at the friction times their pressure.
-
-    Args:
-        groups: of the arms.
-        cells: along a side.
-        stiffness: of the springs, by area.
-    """
-    body = crossing(groups, cells=cells, comm=MPI.COMM_SELF)
-    w = displacement(body)
-    V = w.function_space
-    energy = STEEL.energy(w) * ufl.dx
-    A = dolfinx.fem.petsc.assemble_matrix(fem.form(ufl.derivative(ufl.derivative(energy, w), w)))
-    A.assemble()
-    indptr, columns, values = A.getValuesCSR()
-    A.destroy()
-    K = scipy.sparse.csr_matrix((values, columns, indptr))
-    x = V.tabulate_dof_coordinates()[:, :2]
-    rows = []
-    for tag, (axis, _) in zip(groups, ARMS, strict=False):
-        sides = []
-        for side in (tag, body.tag(f"{tag}_opposite")):
-            nodes = fem.locate_dofs_topological(V, 1, body.facet_tags.find(side))
-            sides.append(nodes[np.argsort(x[nodes, axis])])
-        for i, j in zip(*sides, strict=True):
-            share = 0.5 if abs(x[i, axis]) < NEAR else 1.0
-            if i != j:
-                rows.append((i, j, 1 - axis, share * 2 / cells))
-    i, j, normal = np.array([row[:3] for row in rows]).T
-    areas = np.array([row[3] for row in rows])
-    springs = stiffness * areas
-    n = len(rows)
-    ones = np.ones(len(rows))
-
-    def jumps(axis):
-        places = np.tile(np.arange(n), 2), np.concatenate([2 * i + axis, 2 * j + axis])
-        return scipy.sparse.csr_matrix((np.concatenate([ones, -ones]), places), (n, x.size))
-
-    across = jumps(normal)
-    along = jumps(1 - normal)
-    inside = np.repeat(np.abs(x).max(axis=1) < 1 - NEAR, 2)
-    u = (x @ SHEARED.T).reshape(-1)
-    for _ in range(20):
-        depth = across @ u
-        slip = along @ u
-        force = np.maximum(springs * depth, 0.0)
-        stuck = np.abs(springs * slip) <= FRICTION * force
-        sense = np.where(stuck, 0.0, np.sign(slip))
-        friction = np.where(stuck, springs * slip, FRICTION * sense * force)
-        residual = (K @ u + across.T @ force + along.T @ friction)[inside]
-        if np.abs(residual).max() < 1e-10:
-            break
-        pushed = scipy.sparse.diags(springs * (depth > 0)) @ across
-        tangential = scipy.sparse.diags(np.where(stuck, springs, 0.0)) @ along
-        tangential += scipy.sparse.diags(FRICTION * sense) @ pushed
-        tangent = (K + across.T @ pushed + along.T @ tangential).tocsr()[inside][:, inside]
-        u[inside] -= scipy.sparse.linalg.spsolve(tangent.tocsc(), residual)
-    else:
-        raise AssertionError("the penalty method does not converge")
-    return u @ (K @ u) / 2, areas @ np.abs(along @ u)
-
-
-@pytest.mark.parametrize("groups", [TEE, CROSS], ids=["T", "X"])
-@pytest.mark.verifies(
-    "cracks that cross",
-    "Coulomb",
-    reference="independent code: penalties in plain DOLFINx, to their limit",
-    aspects=(
-        "2D",
-        "pairs",
-    ),
-)
-def test_sliding_arms_against_a_penalty(groups):
-    """Penalties tend to a limit with order 1, and this to the answer as the mesh is refined."""
-    off = []
-    for cells in (8, 16):
-        found = np.array([by_penalty(groups, cells, k) for k in (1e5, 1e6, 1e7)])
-        steps = np.diff(found, axis=0)
-        np.testing.assert_allclose(steps[0] / steps[1], 10.0, rtol=0.15)
-        limit = found[-1] + steps[-1] / 9
-        off.append(np.abs(np.array(sliding(groups, cells)) / limit - 1))
-    if groups == CROSS:  # what is at rest in the middle is at rest in both
-        assert np.max(off) < 1e-7
-    else:
-        # The crossing's gap and slip have parts in those of its neighbours.
-        assert np.all(off[0] < (5e-4, 0.06))
-        assert np.all(off[1] < off[0] / 3)

@@ -23,7 +23,6 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import mesh_from_gmsh
 
 COMM = MPI.COMM_WORLD
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
@@ -87,18 +86,6 @@ def test_bonds_are_seen(strength):
         assert (bound.max() > 0.1) == (strength < 1.0)
 
 
-@pytest.mark.long
-def test_a_map_of_bonds(folder):
-    """Where bonds pull the pressure is negative, and said to be."""
-    figure = plot.picture_of_contact(folder / "held.png", peeled(3))
-    if COMM.rank == 0:
-        left, right, *_ = figure.axes
-        assert left.get_title(loc="left") == "Normal pressure, negative where it pulls"
-        assert left.collections[0].get_array().min() < 0
-        assert right.get_title(loc="left") == "Status, and shear on the body"
-        assert (folder / "held.png").stat().st_size > 10_000
-
-
 @pytest.mark.ranks(2)
 def test_a_floor_under_the_body():
     """It reaches from one end of the body to the other wherever the body is."""
@@ -144,63 +131,6 @@ def test_a_plotter_can_be_changed(folder):
         assert first.read_bytes() != second.read_bytes()
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    "cell", ["tri", "quad", *(pytest.param(c, marks=needs_display) for c in ("tet", "hex"))]
-)
-def test_continuous_fields_are_exact(cell):
-    """At vertices, on and in the body; those that jump are between what they are beside."""
-    problem = block(n=3, cell=cell)
-    dim = problem.u.function_space.mesh.geometry.dim
-    problem.u.interpolate(lambda x: 0.01 * x[:dim] ** 2)
-    x = ufl.SpatialCoordinate(problem.V.mesh)
-    jumps = fem.Function(fem.functionspace(problem.V.mesh, ("DG", 0)))
-    jumps.x.array[:] = 1.0 + (np.arange(len(jumps.x.array)) % 2)
-    fields = {"ux": problem.u[0], "wave": ufl.sin(5 * x[0]), "jumps": jumps}
-    for clip in (None, "x") if dim == 3 else (None,):
-        drawing = plot.picture_of_body(None, problem, fields=fields, scale=0.0, clip=clip)
-        if COMM.rank > 0:
-            continue
-        if dim == 2:
-            meshes = [axes.collections[0] for axes in drawing.axes[:3]]
-            at = [m.get_paths()[0].vertices[:, 0] for m in meshes]
-            assert len(at) == 3
-            values = {n: m.get_array() for n, m in zip(fields, meshes, strict=True)}
-            at = meshes[0]._triangulation.x
-        else:
-            body = drawing.renderers[0].actors["body"].mapper.dataset
-            at = body.points[:, 0]
-            values = body.point_data
-            drawing.close()
-            assert (at.max() < 0.51) == (clip is not None)
-        if clip is None:  # values at a section are interpolated
-            np.testing.assert_allclose(values["wave"], np.sin(5 * at), atol=1e-6)
-            np.testing.assert_allclose(values["ux"], 0.01 * at**2, atol=1e-8)
-        assert np.min(values["jumps"]) >= 1.0 - 1e-6
-        assert np.max(values["jumps"]) <= 2.0 + 1e-6
-
-
-@pytest.mark.parametrize(
-    "cell", ["tri", pytest.param("tet", marks=[needs_display, pytest.mark.long])]
-)
-def test_where_a_field_is_no_number(cell):
-    """The bar says so, and has the range of the rest."""
-    problem = block(n=4, cell=cell)
-    x = ufl.SpatialCoordinate(problem.V.mesh)
-    field = {"root": ufl.sqrt(x[0] - 0.5)}
-    drawing = plot.picture_of_body(None, problem, fields=field)
-    if COMM.rank > 0:
-        return
-    label = "root (grey: not a number)"
-    if cell == "tri":
-        assert drawing.axes[-1].get_ylabel() == label
-        assert drawing.axes[-1].get_ylim() == pytest.approx((0.5, np.sqrt(0.5)))
-    else:
-        bar = drawing.scalar_bars[label]
-        assert bar.GetLookupTable().GetRange() == pytest.approx((0.5, np.sqrt(0.5)))
-        drawing.close()
-
-
 def test_a_box():
     problem = block(n=2)
     figure = plot.picture_of_body(None, problem, zoom=[[0.4, 0.4], [0.6, 0.6]])
@@ -232,19 +162,6 @@ def test_senses_of_slip_are_those_of_the_table(law, way):
     expected = {f"{name} ({names.count(name)})" for name in names}
     assert {text.get_text() for text in legend.get_texts()} == expected
     assert status.NAMES["-" if way < 0 else "+"] in names
-
-
-@pytest.mark.long
-@needs_display
-def test_the_bar_of_a_section_is_of_what_is_seen():
-    """Not of the surface, where this field vanishes: it would be of one colour."""
-    problem = block(n=6, cell="tet")
-    sines = [ufl.sin(np.pi * x) for x in ufl.SpatialCoordinate(problem.V.mesh)]
-    field = {"middle": sines[0] * sines[1] * sines[2]}
-    plotter = plot.picture_of_body(None, problem, fields=field, clip="x")
-    if COMM.rank == 0:
-        assert plotter.scalar_bars["middle"].GetLookupTable().GetRange()[1] > 0.5
-        plotter.close()
 
 
 @pytest.mark.ranks(2)
@@ -299,60 +216,3 @@ def test_plane_bodies_are_drawn(folder):
     plot.picture_of_contact(folder / "contact.svg", problem, units=("mm", "MPa"))
     assert (folder / "body.pdf").read_bytes().startswith(b"%PDF")
     assert (folder / "contact.svg").read_bytes().startswith(b"<?xml")
-
-
-@needs_display
-@pytest.mark.parametrize(
-    "look",
-    [
-        pytest.param({"clip": "-y", "zoom": 2.0}, marks=pytest.mark.long),
-        {"view": "below", "fields": ["displacement", "von Mises stress"]},
-    ],
-)
-def test_bodies_are_drawn(folder, look):
-    above = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    problem = block(n=3, cell="hex", obstacle=above, top=(0.02, 0.0, -0.05))
-    problem.solve()
-    stress = MATERIAL.full_stress(problem.u)
-    for name in ("body.png", "body.pdf") if "clip" in look else ("body.png",):
-        plotter = plot.picture_of_body(folder / name, problem, stress=stress, **look)
-        assert (plotter is None) == (COMM.rank > 0)
-        assert (folder / name).stat().st_size > 10_000
-        if plotter is not None:
-            plotter.close()
-
-
-def test_a_wheel_by_its_length():
-    """A closed face is cut opposite to contact, and drawn along t = (-n_y, n_x)."""
-    gmsh = pytest.importorskip("gmsh")
-
-    def draw_disc():
-        disc = gmsh.model.occ.addDisk(0.0, 1.0, 0.0, 1.0, 1.0)
-        gmsh.model.occ.synchronize()
-        gmsh.model.addPhysicalGroup(2, [disc], name="wheel")
-        rim = gmsh.model.getBoundary([(2, disc)])
-        gmsh.model.addPhysicalGroup(1, [abs(tag) for _, tag in rim], name="rim")
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.2)
-        gmsh.model.mesh.generate(2)
-
-    body = mesh_from_gmsh(COMM, draw_disc, dim=2)
-    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    surface = ContactSurface(u, body, tag="rim", obstacle=floor, law=Coulomb(0.3))
-    spring = 1e3 * (u[0] ** 2 + (u[1] + 0.1) ** 2)
-    problem = ContactProblem((MATERIAL.energy(u) + spring) * ufl.dx, u, [surface])
-    problem.solve()
-    figure = plot.picture_of_contact(None, problem)
-    if COMM.rank == 0:
-        (axes,) = figure.axes
-        assert axes.get_xlabel() == "length along the surface"
-        (pressure,) = (line for line in axes.lines if line.get_label() == "pressure")
-        at, values = (v[np.isfinite(v)] for v in pressure.get_data())
-        assert (np.diff(at) > 0).all()
-        assert np.ptp(at) == pytest.approx(2 * np.pi, rel=0.05)
-        contact = at[values > 0]
-        assert 0.4 < (contact.mean() - at[0]) / np.ptp(at) < 0.6
-        # what touches fills most of the picture
-        low, high = axes.get_xlim()
-        assert low < contact.min() <= contact.max() < high < low + 0.5 * np.ptp(at)

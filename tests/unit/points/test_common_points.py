@@ -242,40 +242,6 @@ def pressed(comm, dim, degrees, *, law=Coulomb(0.2), unit=1.0):  # noqa: B008
     return ContactProblem(steel.energy(u) * ufl.dx, u, [pair], bcs=ends)
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(("dim", "degrees"), [(3, (2, 1)), (2, (2, 2)), (2, (1, 1)), (2, (2, 1))])
-@pytest.mark.verifies(
-    "points in common",
-    reference="itself: what every rank finds alone",
-    aspects=(
-        "2D",
-        "3D",
-        "pairs",
-    ),
-)
-def test_on_any_number_of_ranks(dim, degrees):
-    """What every rank finds alone."""
-    tables = []
-    for comm in [COMM, MPI.COMM_SELF] if COMM.size > 1 else [COMM]:
-        result = pressed(comm, dim, degrees).solve()
-        assert all(result.counts[k] > 0 for k in ("open", "stick", "slip"))
-        assert result.imbalance < 1e-10
-        tables.append(result.tables["contact"])
-    for a in tables[1:]:
-        b = tables[0]
-        np.testing.assert_allclose(a.x, b.x, atol=1e-12)
-        np.testing.assert_allclose(a.force, b.force, atol=1e-9 * np.abs(b.force).max())
-        np.testing.assert_allclose(a.un, b.un, atol=1e-11)
-        assert a.status == b.status
-
-
-def test_units():
-    """Millimetres or metres: the same to round-off."""
-    a, b = (pressed(COMM, 2, (2, 1), unit=unit).solve().tables["contact"] for unit in (1.0, 1e-3))
-    assert a.status == b.status
-    np.testing.assert_allclose(b.pressure, a.pressure, atol=1e-8 * a.pressure.max())
-
-
 @pytest.mark.parametrize("degrees", DEGREES[:2])
 @pytest.mark.verifies(
     "points in common",
@@ -301,42 +267,6 @@ def test_more_elements_converge_to_one_body(degrees):
             energies.append(result.energies["bulk"])
         errors.append(abs(energies[1] / energies[0] - 1))
     assert errors[1] < 0.5 * errors[0] < 0.005
-
-
-@pytest.mark.ranks(2)
-def test_fields_of_the_law():
-    """What is given is evaluated at the points themselves, and anew when it changes."""
-    both = stacked(5, 7, (-0.3, 1.3), (0.0, 1.0), "tri", angle=0.3)
-    u = displacement(both.mesh, 2)
-    x = ufl.SpatialCoordinate(both.mesh)
-    field = fem.Function(fem.functionspace(both.mesh, ("Lagrange", 2)))
-    field.interpolate(lambda x: 0.3 + x[0] ** 2)
-    jumps = fem.Function(fem.functionspace(both.mesh, ("DG", 0)))
-    jumps.interpolate(lambda x: np.floor(8 * x[0]))
-    factor = fem.Constant(both.mesh, 2.0)
-    friction = ufl.conditional(x[0] > 0.35, factor * field, 0.1 + jumps**2)
-    pair = pair_of(u, both, (2, 1), law=Coulomb(friction), gap=1.0 + x[1] ** 2)
-    pair = discretise(pair)
-
-    def check():
-        at = pair.positions
-        known = pair.points.data
-        cells = pair.submesh.parent_facets[pair.points.cells]
-        assert len(cells) or pair.points.number == 0
-        np.testing.assert_allclose(known.gap, 1.0 + at[:, 1] ** 2, rtol=1e-13)
-        right = at[:, 0] > 0.35
-        wanted = factor.value * (0.3 + at[right, 0] ** 2)
-        np.testing.assert_allclose(known.fields["friction"][right], wanted, rtol=1e-13)
-        levels = np.sqrt(known.fields["friction"][~right] - 0.1)
-        np.testing.assert_allclose(levels, np.round(levels), atol=1e-12)
-
-    check()
-    factor.value = 3.0
-    field.x.array[:] *= 2
-    factor.value = 1.5
-    pair.update_geometry()
-    factor.value = 3.0
-    check()
 
 
 def of_second_order(body):

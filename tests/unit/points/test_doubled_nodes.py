@@ -12,15 +12,11 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, ParametricContact
-from dolfinx_contact.continuation import StepControl, follow
-from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack
-from dolfinx_contact.records import BranchRecord, read_journal
 
 COMM = MPI.COMM_WORLD
-CONTROL = StepControl(initial=0.25, maximum=0.25)
 
 
 def branched(comm, n=6, *, slave="5_opposite", method="nodal"):
@@ -61,26 +57,6 @@ def force(problem):
     return float(problem.table(problem.surfaces[0]).rt.sum())
 
 
-def start(system):
-    x = system.create_vector()
-    system.set_parameter(0.0)
-    system.problem.solve()
-    system.problem.write(x)
-    return x
-
-
-def record(system, folder, *, max_steps=1000, route="steps"):
-    with BranchRecord(folder, system, {"force": force}, every=3) as r:
-        return follow(
-            *(system, start(system), 0.0),
-            gamma_range=(-0.1, 1.0),
-            control=CONTROL,
-            max_steps=max_steps,
-            record=r,
-            route=route,
-        )
-
-
 def doubled(table):
     """The rows of the two points at the end of the arm."""
     return np.flatnonzero(np.isclose(table.x[:, 0], 0.5) & np.isclose(table.x[:, 1], 0.5))
@@ -96,15 +72,6 @@ def columns(system):
     """The table at the end of the branch."""
     t = system.problem.table(system.problem.surfaces[0])
     return {k: getattr(t, k) for k in ("x", "un", "ut", "force", "pressure", "letters")}
-
-
-def test_order():
-    """Round-off, here on both sides of half a unit in the ninth digit, does not count."""
-    x = np.array([[0.0009765625 + 1e-16, 1.0], [0.0009765625, 0.0], [1.0, 0.0], [0.0, 0.0]])
-    ids = np.array([[3], [2], [1], [0]])
-    assert by_coordinates(x, ids).tolist() == [3, 1, 0, 2]
-    x[:] = 0.5
-    assert by_coordinates(x, ids).tolist() == [3, 2, 1, 0]
 
 
 @pytest.mark.ranks(2, 3)
@@ -151,66 +118,3 @@ def test_two_points_at_one_place_differ():
     np.testing.assert_array_equal(table.x[a], table.x[b])
     assert table.letters[a] != table.letters[b]
     assert np.linalg.norm(table.ut[a] - table.ut[b]) > 1e-3
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    ("route", "first"),
-    [
-        pytest.param("pivoting", "all ranks", marks=pytest.mark.long),
-        pytest.param("steps", "all ranks", marks=pytest.mark.long),
-        ("pivoting", "one rank"),
-    ],
-)
-@pytest.mark.verifies(
-    "records of branches",
-    "cracks",
-    reference="itself: the branch without a stop, on one rank",
-    aspects=(
-        "2D",
-        "pairs",
-        "branches",
-        "records",
-    ),
-)
-def test_resumed_on_other_ranks(route, first, folder):
-    """On one rank and then on all of the test, or the other way round: as without a stop."""
-
-    def begun(comm):
-        record(branched(comm), folder / "parts", max_steps=3, route=route)
-
-    def gone_on(comm):
-        system = branched(comm)
-        with BranchRecord(folder / "parts", system, {"force": force}, every=3, resume=True) as r:
-            branch = r.go_on(max_steps=1000)
-        system.result_at(branch.points[-1])
-        return branch.reason, columns(system)
-
-    def whole(comm):
-        system = branched(comm)
-        branch = record(system, folder / "whole", route=route)
-        system.result_at(branch.points[-1])
-        return branch.reason, columns(system)
-
-    if first == "one rank":
-        alone(begun)
-        found = gone_on(COMM)
-    else:
-        begun(COMM)
-        found = alone(gone_on)
-    wanted = alone(whole)
-    assert found[0] == wanted[0] == "gamma reached the end of its range"
-    np.testing.assert_array_equal(found[1].pop("letters"), wanted[1].pop("letters"))
-    for key, values in wanted[1].items():
-        scale = np.abs(values).max()
-        np.testing.assert_allclose(found[1][key], values, atol=1e-9 * scale, err_msg=key)
-    a, b = (read_journal(folder / name) for name in ("parts", "whole"))
-    assert len(b.branches[0].points) > 4
-    for key in ("index", "status"):
-        np.testing.assert_array_equal(a.columns()[key], b.columns()[key])
-    for key in ("gamma", "force"):
-        np.testing.assert_allclose(a.columns()[key], b.columns()[key], rtol=1e-9, atol=1e-9)
-    assert a.header["points"] == b.header["points"]
-    for mine, theirs in zip(a.special()["changes"], b.special()["changes"], strict=True):
-        for key in ("surface", "before", "after"):
-            assert [c[key] for c in mine] == [c[key] for c in theirs]

@@ -109,19 +109,3 @@ def test_an_end_opposite_to_what_moves():
     for hold, sides in (((2,), (3, 2)), ((1,), (3, 2)), ((1,), (2, 3))):
         table = pressed(16, 15, Coulomb(0.4), hold=hold, sides=sides).solve().tables["contact"]
         assert "d" not in table.status
-
-
-@pytest.mark.ranks(2)
-def test_one_pair_in_several_problems():
-    """What one problem gives away the next one has again."""
-    energy, u, pair, ends = parts(16, 15, Coulomb(0.4))
-    found = []
-    for bcs in (ends, ends[:1], ends):
-        u.x.array[:] = 0.0
-        found.append(ContactProblem(energy, u, [pair], bcs=bcs).solve().tables["contact"])
-    alone = pressed(16, 15, Coulomb(0.4), hold=()).solve().tables["contact"]
-    for a, b in ((found[2], found[0]), (found[1], alone)):
-        assert a.status == b.status
-        np.testing.assert_allclose(a.force, b.force, atol=1e-9)
-        np.testing.assert_allclose(a.area, b.area, rtol=1e-12)
-    assert found[1].status != found[0].status

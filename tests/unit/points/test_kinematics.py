@@ -23,16 +23,7 @@ from dolfinx_contact import (
     Sphere,
     materials,
 )
-from dolfinx_contact.analysis.rows import component_rows
-from dolfinx_contact.equations.jacobian import Jacobian
-from dolfinx_contact.evolution.nscd import NSCD
-from dolfinx_contact.points.crossings import crossings
-from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.memory import Memory
-from dolfinx_contact.points.operators import Operator
-from dolfinx_contact.results.balance import pair_balance
-from dolfinx_contact.results.fields import vertex_state
-from dolfinx_contact.solvers.springs import springs
 
 COMM = MPI.COMM_WORLD
 RUBBER = materials.NeoHookean(600.0, 400.0)
@@ -266,100 +257,3 @@ def test_slips_since_the_last_step(dim):
     np.testing.assert_allclose(at.slip, plain.slip, rtol=0, atol=1e-14)
     moved = plain.slip - before.slip
     np.testing.assert_allclose(at.increment, moved, rtol=0, atol=1e-14)
-
-
-class Sliding(Operator):
-    """B of points that go on to others as the body moves: none of this package."""
-
-    def __init__(self, operator):
-        self._operator = operator
-        self.areas = operator.areas
-
-    def apply(self, v):
-        return 2.0 * self._operator.apply(v)
-
-    def rate(self, v):
-        return 2.0 * self._operator.rate(v)
-
-    def transpose(self, tractions):
-        return 2.0 * self._operator.transpose(tractions)
-
-    def transpose_rate(self, tractions, v):
-        return self._operator.transpose_rate(tractions, v)
-
-    def destroy(self):
-        self._operator.destroy()
-
-
-REFUSED = {
-    "Jacobian": lambda p: Jacobian(p.equations),
-    "solve": lambda p: p.solve(),
-    "rows": lambda p: component_rows(p.equations, np.zeros(0, dtype=np.intp), np.zeros((0, 2))),
-    "springs": lambda p: springs(
-        p.equations, p.equations.bulk.stiffness(p.u.x.array), None, [p.statuses[0] == 0]
-    ),
-    "motion": lambda p: NSCD(p, density=1.0, dt=0.1),
-    "jumps of rigid bodies": lambda p: p.equations.rigid.jump_matrix(p.surfaces[0]),
-}
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("what", REFUSED)
-def test_what_needs_a_constant_operator(what):
-    """It is refused in words, on every rank, and nowhere computed with another B."""
-    problem = mortar(2)
-    (s,) = problem.surfaces
-    s.points.operator = Sliding(s.points.operator)
-    with pytest.raises(ValueError, match=r"contact: .* keep what is opposite to them"):
-        REFUSED[what](problem)
-
-
-OPPOSITE = {
-    "pairs that cross": (
-        lambda dim: pair(dim, "tri"),
-        lambda p: crossings(p.V, p.surfaces, p.equations.constraints.fixed),
-    ),
-    "gaps of mixed contact": (
-        lambda dim: pair(dim, "tri", method="mixed"),
-        lambda p: p.equations.gaps(p.surfaces[0], p.evaluate()),
-    ),
-    "values at vertices": (
-        lambda dim: mortar(dim, method="integral"),
-        lambda p: vertex_state(p.equations, 0, p.evaluate()),
-    ),
-    "the table": (mortar, lambda p: p.table(p.surfaces[0])),
-    "the balance of a pair": (mortar, lambda p: pair_balance(p.equations, 0, p.evaluate())),
-}
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("what", OPPOSITE)
-def test_what_needs_the_nodes_opposite_to_stay(what):
-    """The stencil of the nodes is that of the reference configuration, and of B that stays."""
-    make, ask = OPPOSITE[what]
-    problem = make(2)
-    (s,) = problem.surfaces
-    ask(problem)
-    s.points.operator = Sliding(s.points.operator)
-    with pytest.raises(ValueError, match=r"contact: the map to opposite nodes needs .* keep"):
-        ask(problem)
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("off", [1.0, 0.1, 1e-7, 1e-9, 0.0])
-def test_the_rotation_from_one_normal_to_another(dim, off):
-    """It is one, as far as digits go, also where they are nearly opposite; there it is finite."""
-    rng = np.random.default_rng(5)
-    o = rng.normal(size=(50, dim))
-    o /= np.linalg.norm(o, axis=1)[:, None]
-    n = -o + off * rng.normal(size=o.shape)
-    n /= np.linalg.norm(n, axis=1)[:, None]
-    R = rotation(o, n)
-    assert np.isfinite(R).all()
-    across = rng.normal(size=o.shape)
-    across -= np.sum(across * o, axis=1)[:, None] * o
-    turned = np.einsum("nij,nj->ni", R, across)
-    if off >= 0.1:
-        sizes = np.linalg.norm(across, axis=1)
-        np.testing.assert_allclose(np.sum(turned * n, axis=1), 0.0, atol=1e-9)
-        np.testing.assert_allclose(np.linalg.norm(turned, axis=1), sizes, atol=1e-9)

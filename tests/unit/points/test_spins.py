@@ -22,10 +22,9 @@ from dolfinx_contact import (
     RigidSurface,
     Sphere,
 )
-from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
-from dolfinx_contact.meshing import join
 
 COMM = MPI.COMM_WORLD
 FRICTION = 0.2
@@ -248,19 +247,6 @@ def test_what_turns_together_does_not_spin():
 
 
 @pytest.mark.verifies(
-    "rigid bodies",
-    "Coulomb",
-    reference="closed form: the angle of a linear motion",
-    aspects=("3D",),
-)
-def test_a_rigid_body_that_spins_in_small_sliding():
-    """Its motion is linear there, so that a turn of 60 degrees is one of arctan(pi/3)."""
-    _, steps = on_a_body(None)
-    assert spin(steps[-1]) == pytest.approx(np.degrees(np.arctan(np.pi / 3.0)), rel=1e-2)
-    assert "spin of 'contact'" in steps[-1].result.warnings
-
-
-@pytest.mark.verifies(
     "cylinders",
     "spheres",
     "Coulomb",
@@ -317,26 +303,6 @@ def test_a_drum_that_turns_does_not_spin():
     assert spin(last) < 2.0
 
 
-@pytest.mark.verifies(
-    "planes",
-    "Coulomb",
-    "NSCD motion",
-    reference="closed form: an angle",
-    aspects=("3D",),
-)
-@pytest.mark.parametrize("given", [{}, {"mass": "lumped"}, {"mass": "lumped", "level": "velocity"}])
-def test_a_motion_that_spins(given):
-    """By 50 degrees in a step of time."""
-    disc = Disc(FLOOR)
-    load = spinning(disc, 50.0)
-    load(1.0)
-    disc.problem.solve()
-    motion = NSCD(disc.problem, 1e-3, dt=1.0, load=load, theta=1.0, **given)
-    last = motion.run([1.0, 2.0]).steps[-1]
-    assert spin(last) == pytest.approx(50.0, rel=2e-2)
-    assert "spin of 'contact'" in last.result.warnings
-
-
 @pytest.mark.ranks(2)
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 @pytest.mark.parametrize("given", [{}, {"method": "integral"}], ids=["nodal", "integral"])
@@ -355,57 +321,3 @@ def test_on_any_number_of_ranks(given):
     assert spin(alone) > 40.0
     assert spin(mine) == pytest.approx(spin(alone), rel=1e-8)
     assert mine.result.warnings == alone.result.warnings
-
-
-def on_the_floor(domain, young, poisson):
-    """The problem of bodies of half a unit in height, and the Function that moves their tops."""
-    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-    u = fem.Function(V)
-    top = fem.Function(V)
-    bottom, above = (
-        mesh.locate_entities_boundary(domain, 2, lambda x, z=z: np.isclose(x[2], z))
-        for z in (0.0, 0.5)
-    )
-    surface = ContactSurface(u, bottom, obstacle=FLOOR, law=Coulomb(FRICTION))
-    held = fem.dirichletbc(top, fem.locate_dofs_topological(V, 2, above))
-    energy = NeoHookean(*lame(young, poisson)).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface], bcs=[held])
-    return problem, top
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("angle", [60.0, 15.0])
-def test_one_of_two_bodies_on_a_floor_spins(angle):
-    """It is not averaged with the other, which slides far, in one surface."""
-    x = np.linspace(-1.0, 1.0, 3)
-    bodies = [create_grid(COMM, [x + at, x, [0.0, 0.5]], CELLS["hex"]) for at in (0.0, 4.0)]
-    domain = join(bodies).mesh
-    problem, top = on_the_floor(domain, 100.0, 0.0)
-
-    def load(t):
-        turn = Rotation.from_rotvec((0.0, 0.0, np.radians(angle) * max(t - 1.0, 0.0))).as_matrix()
-        down = np.array([[0.0], [0.0], [-0.01 * min(t, 1.0)]])
-        way = np.array([[30.0 * max(t - 1.0, 0.0)], [0.0], [0.0]])
-        top.interpolate(lambda x: down + np.where(x[0] < 2.0, turn @ x - x, way + 0.0 * x))
-
-    steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0]).steps
-    assert spin(steps[-1]) == pytest.approx(angle, rel=0.03)
-    assert ("spin of 'contact'" in steps[-1].result.warnings) == (angle > 21.0)
-
-
-def test_what_is_in_the_air_does_not_spin():
-    """Round-off of the tractions is no friction, whatever the units."""
-    for young in (1e-3, 3e5):
-        domain = create_grid(COMM, [np.linspace(-1.0, 1.0, 4)] * 2 + [[0.0, 0.5]], CELLS["hex"])
-        problem, top = on_the_floor(domain, young, 0.2)
-
-        def load(t, top=top):
-            turn = Rotation.from_rotvec((0.0, 0.0, np.radians(60.0) * max(t - 1.0, 0.0)))
-            up = np.array([[0.0], [0.0], [0.06 * min(t, 1.0) - 0.01]])
-            top.interpolate(lambda x: turn.as_matrix() @ x - x + up)
-
-        load(0.0)
-        problem.solve()
-        steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0]).steps
-        assert steps[-1].result.counts["open"] == 16
-        assert spin(steps[-1]) == 0.0

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from support.blocks import KINDS, block, box, facets
 
-import basix.ufl
 import ufl
 from dolfinx import fem
 
@@ -80,65 +79,6 @@ def test_gap_and_normal_are_those_of_the_obstacle(obstacle, distance):
         e = step * np.eye(3)[:, [axis]]
         slope = (distance(x + e) - distance(x - e)) / (2 * step)
         np.testing.assert_allclose(s.points.vertex_normals[:n, axis], -slope, atol=1e-8)
-
-
-@pytest.mark.parametrize(
-    "element", [("N1curl", 1), ("RT", 1), ("Lagrange", 2, (2,)), "mixed"], ids=str
-)
-def test_uniform_functions_of_any_element(element):
-    """Whether Functions in a curved obstacle are uniform is asked of their values.
-
-    Degrees of freedom of edges differ where a vector does not; and of a mixed space what the
-    obstacle does not have may vary.
-    """
-    domain = box(COMM, 3, "tri")
-    where = facets(domain, 1, 0.0)
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    kind = domain.basix_cell()
-    vectors = basix.ufl.element("Lagrange", kind, 1, shape=(2,))
-    mixed = basix.ufl.mixed_element([vectors, basix.ufl.element("Lagrange", kind, 2)])
-    W = fem.functionspace(domain, mixed if element == "mixed" else element)
-    f = fem.Function(W, name="centre")
-    centre = f if element != "mixed" else ufl.split(f)[0]
-    place = f if element != "mixed" else f.sub(0)
-
-    def touching(given):
-        return discretise(ContactSurface(u, where, obstacle=Sphere(given, 2.0), law=Coulomb(0.3)))
-
-    place.interpolate(lambda x: np.stack([0.5 + 0 * x[0], 0 * x[0] - 2.0]))
-    if element == "mixed":
-        f.sub(1).interpolate(lambda x: x[0])
-    s = touching(centre)
-    s.check_gaps()
-    expected = touching((0.5, -2.0)).points.vertex_gaps
-    np.testing.assert_allclose(s.points.vertex_gaps, expected, atol=1e-12)
-    place.interpolate(lambda x: np.stack([0.5 + 0.1 * x[0], 0.1 * x[1] - 2.0]))
-    with pytest.raises(ValueError, match="the Function centre, which varies"):
-        s.check_gaps()
-    f.x.array[:] = 1.0  # of edges, as long as the normal component is: no one vector
-    if element in (("N1curl", 1), ("RT", 1)):
-        with pytest.raises(ValueError, match="the Function centre, which varies"):
-            s.check_gaps()
-
-
-def test_a_linear_solver_that_the_database_names_after_the_first_solve():
-    """It wins over what is given, from the next solve on, and leaves with the option."""
-    problem = block(n=4)
-    given = PETSc.Options()
-    problem.solve()
-    assert problem.linear_solver.name == "direct"
-    expected = problem.u.x.array.copy()
-    problem.petsc_options["linear_solver"] = "direct"
-    given["contact_linear_solver"] = "amg"
-    try:
-        problem.u.x.array[:] = 0.0
-        problem.solve()
-        assert problem.linear_solver.name != "direct"
-    finally:
-        given.delValue("contact_linear_solver")
-    np.testing.assert_allclose(problem.u.x.array, expected, atol=1e-6 * np.abs(expected).max())
-    problem.solve()
-    assert problem.linear_solver.name == "direct"
 
 
 @pytest.mark.ranks(2, 3)

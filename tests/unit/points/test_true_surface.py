@@ -84,25 +84,6 @@ def test_a_press_fit(degree):
     assert chords.min() < 0.1
 
 
-def test_of_points_in_common():
-    """Gap and normal of the surface at the nodes, and between them as of what is deformed."""
-    both = tubes(5, 7)
-    u = displacement(both.mesh)
-    disc = Sphere((0.0, 0.0), MIDDLE - 0.01)
-    pair = discretise(
-        ContactPair(
-            *(u, both), slave=3, master=2, law=Frictionless(), method="integral", surface=disc
-        )
-    )
-    data = pair.points.data
-    np.testing.assert_allclose(data.gap, 0.01, rtol=1e-12)
-    radial = pair.positions / np.linalg.norm(pair.positions, axis=1)[:, None]
-    np.testing.assert_allclose(data.n, -radial, atol=2e-3)
-    n = pair.points.vertices.dofmap.index_map.size_local
-    x = u.function_space.tabulate_dof_coordinates()[pair.points.vertex_trace_dofs[:n], :2]
-    np.testing.assert_allclose(pair.points.vertex_normals[:n], -x, atol=1e-12)
-
-
 @pytest.mark.ranks(2)
 def test_bad_surfaces():
     both = tubes(3, 4)

@@ -2,12 +2,10 @@
 
 import copy
 import json
-import re
 import runpy
 import shutil
 import subprocess
 import sys
-from fractions import Fraction
 from pathlib import Path
 
 from mpi4py import MPI
@@ -180,17 +178,6 @@ def test_an_open_proof_is_not_decided(stored, monkeypatch, capsys):
     assert (code, out.splitlines()[-1]) == (1, "not decided")
 
 
-def test_proofs_stored_before_there_were_digests(stored):
-    """They are read as before, and proved of the numbers that stand in them."""
-    proof = Certificate.load(stored)
-    with np.load(stored) as archive:
-        old = {k: v for k, v in archive.items() if k not in ("format", "digests")}
-    np.savez_compressed(stored, **old)
-    again = Certificate.load(stored)
-    assert (again.digest, again.problem.digest) == (proof.digest, proof.problem.digest)
-    assert check(again).verdict == "complete"
-
-
 def mutated(steps, rng):
     """The steps with one number, list or word of any of them changed."""
     steps = copy.deepcopy(steps)
@@ -307,22 +294,6 @@ def test_what_is_proved_is_what_is_there(number, tmp_path):
         if proved.verdict == "complete" and not near and not proved.at_rest:
             assert says(proved) == expected
     assert several >= number // 8
-
-
-def test_printed_intervals_contain_the_sums(tmp_path, capsys):
-    """The digits that are left out are in the printed error: rn = 1/3 exactly."""
-    problem = cp.ReducedProblem(np.diag([3.0, 3.0]), np.array([0.1, -1 / 3]), np.ones(1))
-    certificate = prove_solutions(problem).certificate
-    certificate.save(tmp_path / "proof.npz")
-    assert cp.main([str(tmp_path / "proof.npz")]) == 0
-    value, off = re.search(r"sum rn = (\S+) \+- (\S+)", capsys.readouterr().out).groups()
-    assert abs(Fraction(value) - Fraction(1 / 3)) <= Fraction(off)
-
-
-def test_a_load_that_underflows_is_a_load():
-    problem = cp.ReducedProblem(np.eye(2), np.array([0.0, 1e-300]), np.zeros(1), np.array([1e30]))
-    with pytest.raises(cp.InvalidCertificate, match="there is a load"):
-        cp.check(cp.Certificate(problem, [{"do": "rest"}], []))
 
 
 def test_scales_of_any_size_are_checked():

@@ -23,10 +23,8 @@ from dolfinx_contact import (
     HalfSpace,
     ParametricContact,
     Tresca,
-    _factor,
 )
 from dolfinx_contact.analysis import check
-from dolfinx_contact.analysis.contact import reduced_problem
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 
@@ -182,20 +180,6 @@ def test_without_a_proof():
     assert solutions.proof is None
     with pytest.raises(ValueError, match="must be a nonnegative number"):
         found_at(system, 1.0, proof_seconds=-1)
-
-
-def test_errors_of_the_factorisation(monkeypatch):
-    """Another factorisation is within the bounds, which are small."""
-    found = []
-    for ordering in (0, 7):
-        monkeypatch.setitem(_factor.DEFAULTS, "mat_mumps_icntl_7", ordering)
-        system = linear_triangle(12, 1.7, preload=(3.0, -2.0))
-        found.append(reduced_problem(system.condensed(system.create_vector(), 0.3), 0.3))
-    one, other = found
-    assert (np.abs(one.S - other.S) <= one.dS + other.dS).all()
-    assert (np.abs(one.p - other.p) <= one.dp + other.dp).all()
-    assert 0 < one.dS.max() < 1e-10 * np.abs(one.S).max()
-    assert 0 < one.dp.max() < 1e-10 * np.abs(one.p).max()
 
 
 def plate(left, right, *, gap=0.0, push=(0.01, -0.02), n=10):

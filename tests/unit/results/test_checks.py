@@ -21,15 +21,13 @@ from dolfinx_contact import (
     HalfSpace,
     LevelSet,
     Sphere,
-    Tresca,
 )
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.laws import status
-from dolfinx_contact.materials import LinearElastic, NeoHookean, StVenantKirchhoff
+from dolfinx_contact.materials import LinearElastic, StVenantKirchhoff
 from dolfinx_contact.obstacles import Obstacle
 
 COMM = MPI.COMM_WORLD
-GHOSTS = list(mesh.GhostMode)[:2]
 
 
 def said(caplog, words):
@@ -263,14 +261,6 @@ def test_a_linear_body_that_rotates(log):
 # -- cells ---------------------------------------------------------------------------------------
 
 
-def with_vertex(domain, at, to):
-    """Move the vertex at one place to another."""
-    dim = len(at)
-    x = domain.geometry.x
-    x[np.isclose(x[:, :dim], at).all(axis=1), :dim] = to
-    return domain
-
-
 def strip(order):
     """Four triangles in a row, on rank 0 in the given order; the third is empty."""
     cells = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]], dtype=np.int64)[order]
@@ -299,44 +289,7 @@ def test_an_empty_cell_is_named(order):
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
-@pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
-def test_a_body_on_a_submesh(cell):
-    """A hyperelastic body that is a part of a mesh is solved like one with a mesh of its own."""
-    found = []
-    for part in (False, True):
-        domain = box(COMM, 2, cell)
-        dim = domain.topology.dim
-        if part:
-            cells = mesh.locate_entities(domain, dim, lambda x: x[0] > -1.0)
-            domain = mesh.create_submesh(domain, dim, cells)[0]
-        V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-        u = fem.Function(V)
-        floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
-        below = facets(domain, dim - 1, 0.0)
-        surface = ContactSurface(u, below, obstacle=floor, law=Coulomb(0.3))
-        top = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
-        held = fem.dirichletbc(np.append(np.full(dim - 1, 0.05), -0.1), top, V)
-        energy = NeoHookean(1.0, 1.0).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
-        result = ContactProblem(energy, u, [surface], bcs=[held]).solve()
-        found.append((result.min_det_F, *result.resultants["contact"]))
-    np.testing.assert_allclose(found[1], found[0], rtol=1e-8, atol=1e-10)
-
-
 # -- obstacles -----------------------------------------------------------------------------------
-
-
-def test_friction_without_contact(log):
-    far = HalfSpace((0, -20), (0, 1))
-    block(n=2, cell="tri", law=Tresca(1.0), obstacle=far)
-    message = said(log, "Tresca")
-    assert "20 away" in message
-    for quiet in (
-        {"law": Tresca(1.0), "obstacle": HalfSpace((0, -5), (0, 1))},
-        {"law": Tresca(0.0), "obstacle": far},
-        {"law": Coulomb(1.0), "obstacle": far},
-    ):
-        block(n=2, cell="tri", **quiet)
-    assert not log.records
 
 
 WHOLE = {"where": lambda d: mesh.exterior_facet_indices(d.topology)}
@@ -395,19 +348,6 @@ def test_obstacle_that_data_bring_to_the_wrong_side(what, log):
     result = problem.solve()
     assert np.abs(result.resultants["contact"]).max() < 1e-9
     assert said(log, "the obstacle is on the wrong side")
-
-
-def test_level_set_that_differentiates():
-    """By its position, to be a distance to first order."""
-
-    def steep(x):
-        phi = 2 * x[1] + 0.1 * x[0]
-        slope = ufl.diff(phi, x)
-        return phi / ufl.sqrt(ufl.dot(slope, slope))
-
-    plane = HalfSpace((0, 0), (0.1, 2))
-    forces = [block(obstacle=o).solve().resultants["contact"] for o in (plane, LevelSet(steep))]
-    np.testing.assert_allclose(*forces, rtol=1e-9)
 
 
 def test_reversed_floor_that_pulls():

@@ -13,11 +13,8 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
-from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
-from dolfinx_contact.problem import discretise
-from dolfinx_contact.results.balance import forces_at_vertices
 from dolfinx_contact.results.result import collect
 
 #: What ranks do to each other is tested in all cases on two of them.
@@ -29,11 +26,6 @@ STEEL = LinearElastic.from_young(1000.0, 0.3)
 
 def floor(dim):
     return HalfSpace(np.zeros(dim), np.eye(dim)[-1])
-
-
-def total(problem, integrand):
-    """Integral of a scalar over all ranks."""
-    return COMM.allreduce(fem.assemble_scalar(fem.form(integrand)))
 
 
 def arch(n, degree, lift=0.01):
@@ -53,41 +45,6 @@ def arch(n, degree, lift=0.01):
     energy = STEEL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
     clamp = fem.dirichletbc(np.array([0.004, 0.0]), held, V)
     return ContactProblem(energy, u, [surface], bcs=[clamp])
-
-
-def test_contact_of_an_arch_in_two_discretisations():
-    """P1 at nodes and P2 at Gauss points agree on contact; support holds much of the load."""
-    result = arch(24, 1).solve()
-    other = arch(12, 2).solve()
-    contact = result.resultants["contact"]
-    fine = other.resultants["contact"]
-    assert result.counts["clamped"] == 1
-    np.testing.assert_allclose(contact, fine, rtol=0.03)
-    np.testing.assert_allclose(result.support, other.support, atol=0.03 * fine[1])
-    # 1 x 1 with the wedge below taken off, times 20.
-    for r in (result, other):
-        np.testing.assert_allclose(r.external, (0.0, -20 * 0.995), atol=1e-12)
-        assert r.imbalance < 1e-9
-    # The clamped node is open, and what holds it is not contact.
-    table = result.tables["contact"]
-    assert table.letters[0] == "d"
-    assert table.un[0] > 0.009
-    assert np.linalg.norm(table.support[0]) > 0.01 * fine[1]
-    assert not table.force[0].any()
-    assert table.pressure[0] == table.rn[0] == 0.0
-
-
-def test_work_of_friction_is_that_of_contact():
-    """The clamped node moves by 0.004 against its support, which is no friction."""
-    problem = arch(12, 1, lift=0.0)
-    result = problem.solve()
-    table = result.tables["contact"]
-    free = table.letters != "d"
-    work = -np.sum(table.rt[free] * table.ut[free])
-    assert result.energies["friction"] == pytest.approx(work, rel=1e-12)
-    assert work > 0
-    support = -np.sum((table.support * table.ut)[:, 0])
-    assert abs(support) > 0.1 * work
 
 
 @pytest.mark.ranks(2, 3)
@@ -246,35 +203,6 @@ def test_support_as_a_field(degree):
         assert not fields["pressure"].x.array[clamped].any()
 
 
-@pytest.mark.ranks(2, 3)
-def test_forces_of_nodes_between_vertices():
-    """A half of each goes to either end of its edge, across the borders of ranks too."""
-    domain = box(COMM, 3, "tet")
-    V = fem.functionspace(domain, ("Lagrange", 2, (3,)))
-    below = facets(domain, 2, 0.0)
-    surface = discretise(
-        ContactSurface(fem.Function(V), below, obstacle=floor(3), law=Coulomb(0.3))
-    )
-    nodes = V.tabulate_dof_coordinates()
-    forces = np.where(np.isclose(nodes[:, 2:], 0.0), 1.0 + nodes, 0.0)
-    trace = surface.points.vertex_trace_dofs
-    found = forces_at_vertices(V, surface.submesh, trace, forces)
-    X = nodes[np.isclose(nodes[:, 2], 0.0)]
-    X = np.unique(np.round(np.vstack(COMM.allgather(X)), 9), axis=0)
-    grid = np.isclose(3 * X % 1, 0) | np.isclose(3 * X % 1, 1)
-    vertices, middles = X[grid.all(axis=1)], X[~grid.all(axis=1)]
-    # On the diagonals of squares, which all run one way, and on their sides.
-    for x, force in zip(nodes[trace], found, strict=True):
-        away = np.abs(middles - x)
-        side = np.isclose(np.sort(away, axis=1), [0.0, 0.0, 1 / 6]).all(axis=1)
-        along = np.isclose((middles - x)[:, 0], (middles - x)[:, 1])
-        diagonal = np.isclose(np.sort(away, axis=1), [0.0, 1 / 6, 1 / 6]).all(axis=1) & along
-        wanted = 1.0 + x + 0.5 * (1.0 + middles[side | diagonal]).sum(axis=0)
-        np.testing.assert_allclose(force, wanted, rtol=1e-8)
-    assert len(vertices) == 16
-    assert len(middles) == 33
-
-
 @pytest.mark.parametrize(("aside", "letter"), [(0.01, "+"), (0.0, "k"), (-0.001, "-")])
 def test_a_prescribed_slip_is_no_violation(aside, letter):
     """Where the support moves a closed node along the floor friction has nothing to hold."""
@@ -331,41 +259,3 @@ def test_constants_that_differ_between_ranks_at_a_solve(what):
             problem.solve()
     else:
         problem.solve()
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.parametrize("material", [LinearElastic, NeoHookean])
-def test_ghosts_follow_their_owners(material):
-    """As load, moduli, density and the state of a start, of which owners alone are given."""
-
-    def resultants(*, followed):
-        domain = box(COMM, 4, "tri")
-        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-        W = fem.functionspace(domain, ("Lagrange", 1))
-        u, pull, velocity = (fem.Function(V) for _ in range(3))
-        moduli, density = (fem.Function(W) for _ in range(2))
-        moduli.x.array[:] = 100.0
-        density.x.array[:] = 1.0
-        energy = material(moduli, moduli).energy(u) - ufl.dot(pull, u)
-        floor = HalfSpace((0.0, -0.01), (0.0, 1.0))
-        surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-        problem = ContactProblem(energy * ufl.dx, u, [surface])
-        given = {
-            u: lambda x: np.stack([0.01 * x[1], 0.01 * x[0]]),
-            pull: lambda x: np.stack([1 + x[1], -2 - x[0]]),
-            velocity: lambda x: np.stack([1 + x[1], -1 - x[0]]),
-            moduli: lambda x: 100.0 + x[0],
-            density: lambda x: 1.0 + x[0],
-        }
-        for f, values in given.items():
-            f.interpolate(values)
-            dofmap = f.function_space.dofmap
-            owned = dofmap.index_map.size_local * dofmap.index_map_bs
-            if not followed:
-                f.x.array[owned:] = 0.5
-        motion = NSCD(problem, density, dt=0.01, velocity=velocity, mass="lumped")
-        return [step.result.resultants["contact"] for step in motion.run([0.0, 0.04]).steps]
-
-    found, expected = (np.array(resultants(followed=followed)) for followed in (False, True))
-    assert np.abs(expected).max() > 1.0
-    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()

@@ -1,14 +1,11 @@
 """Rigid surfaces of facets: distances, orientation, files, and contact with them."""
 
-from itertools import pairwise
-
 from mpi4py import MPI
 
 import demo_punch
 import numpy as np
 import pytest
-from _surfaces import ball, brick, cylinder, disc, outward, write_stl
-from scipy.spatial import ConvexHull, Delaunay
+from _surfaces import ball, brick, cylinder, disc, write_stl
 from scipy.spatial.transform import Rotation
 from support import blocks
 from support.blocks import same_tables
@@ -22,7 +19,7 @@ from test_curved_friction import (
 from test_large_sliding import block, shaken
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact import (
     ContactProblem,
@@ -144,201 +141,6 @@ def test_normals_of_points():
         np.testing.assert_allclose(surface.distances(x).normal, x, atol=1e-12)
         beside = 1.0001 * surface.distances(0.9 * x).feet
         assert np.isfinite(surface.distances(beside).normal).all()
-
-
-def _punch(dim, angles, radius=0.1):
-    """A box of the width 1 with a top at 0, whose edges are cut to facets with these angles."""
-    edge = [(0.4 + radius * np.sin(a), radius * (np.cos(a) - 1.0)) for a in np.radians(angles)]
-    section = [*edge, (edge[-1][0], -1.0)]
-    if dim == 2:
-        points = np.array([(-x, y) for x, y in section[::-1]] + section)
-        n = np.arange(len(points))
-        return points, np.stack([(n + 1) % len(points), n], axis=1)
-    signs = [(a, b) for a in (-1, 1) for b in (-1, 1)]
-    points = np.array([(a * x, b * x, z) for a, b in signs for x, z in section])
-    return points, outward(points, ConvexHull(points).simplices)
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("angles", [range(0, 91, 15), range(0, 91, 30), (0, 50)])
-@pytest.mark.verifies(
-    "surfaces of facets", reference="closed form: a plane has one normal", aspects=("2D", "3D")
-)
-def test_normals_of_flat_parts(dim, angles):
-    """Narrow facets of edges that are rounded or cut do not tilt a flat part beside them."""
-    punch = RigidSurface(*_punch(dim, angles))
-    x = np.zeros((50, dim))
-    x[:, :-1] = np.random.default_rng(3).uniform(-0.4, 0.4, (50, dim - 1))
-    up = np.eye(dim)[-1]
-    np.testing.assert_allclose(punch.distances(x).normal, np.tile(up, (50, 1)), atol=1e-3)
-
-
-def _turned(profile, angles):
-    """Rings of a profile (radius, height) about z, which ends on the axis, and its facets."""
-    n = len(angles)
-    points = [(r * np.cos(a), r * np.sin(a), z) for r, z in profile[1:-1] for a in angles]
-    rings = [np.arange(n) + n * k for k in range(len(profile) - 2)]
-    first, last = len(points), len(points) + 1
-    points += [(0.0, 0.0, profile[0][1]), (0.0, 0.0, profile[-1][1])]
-    cells = [(first, rings[0][(i + 1) % n], rings[0][i]) for i in range(n)]
-    for a, b in pairwise(rings):
-        for i, j in ((i, (i + 1) % n) for i in range(n)):
-            cells += [(a[i], a[j], b[j]), (a[i], b[j], b[i])]
-    cells += [(last, rings[-1][i], rings[-1][(i + 1) % n]) for i in range(n)]
-    return np.array(points), np.array(cells)
-
-
-def _even(n):
-    return np.arange(n) * 2 * np.pi / n
-
-
-def _capsule():
-    """Of radius 1, between half-spheres around -1 and 1, and its normals."""
-    angles = np.linspace(0, np.pi / 2, 5)
-    lower = [(np.sin(a), -1 - np.cos(a)) for a in angles]
-    profile = lower + [(r, -z) for r, z in lower[::-1]]
-    return _turned(profile, _even(16)), lambda x: x - np.clip(x, -1, 1) * [0, 0, 1]
-
-
-def _wall():
-    """Of a cylinder with facets of different widths, which go from one end to the other."""
-    steps = np.cumsum(np.where(np.arange(24) % 6 == 0, 5.0, 0.7))
-    surface = _turned([(0, -1), (1, -1), (1, 1), (0, 1)], steps * 2 * np.pi / steps[-1])
-    return surface, lambda x: x * [1, 1, 0]
-
-
-def _rounded_box():
-    """With parts of spheres for corners, and flat parts that are narrower than the round ones."""
-    inner, radius = np.array([0.5, 0.3, 0.05]), 0.3
-    angles = np.linspace(-np.pi / 4, np.pi / 4, 7)
-    way = np.array([(1.0, np.tan(a), np.tan(b)) for a in angles for b in angles])
-    ways = np.concatenate([s * np.roll(way, i, axis=1) for i in range(3) for s in (-1, 1)])
-    ways /= np.linalg.norm(ways, axis=1)[:, None]
-    signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
-    mine = ((ways[None] * signs[:, None]) > -1e-9).all(axis=2)
-    points = np.concatenate(
-        [s * inner + radius * ways[m] for s, m in zip(signs, mine, strict=True)]
-    )
-    points = np.unique(np.round(points, 12), axis=0)
-    cells = outward(points, ConvexHull(points, qhull_options="Qt").simplices)
-    return (points, cells), lambda x: x - np.clip(x, -inner, inner)
-
-
-def _cone():
-    """Of facets from the tip to the rim, with generators that rise by 45 degrees."""
-    profile = [(0, 0), (1, 1), (0, 1)]
-    return _turned(profile, _even(48)), lambda x: x * [1, 1, 0] / _radius(x) - [0, 0, 1]
-
-
-def _radius(x):
-    return np.maximum(np.linalg.norm(x[:, :2], axis=1, keepdims=True), 1e-300)
-
-
-ROUND = {
-    "capsule": (_capsule, lambda n: np.ones(len(n), dtype=bool), 1e-3),
-    "wall of a cylinder": (_wall, lambda n: np.abs(n[:, 2]) < 0.5, 1e-6),
-    "rounded box": (_rounded_box, lambda n: np.ones(len(n), dtype=bool), 1e-3),
-    "cone": (_cone, lambda n: n[:, 2] < 0, 0.04),
-}
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
-@pytest.mark.parametrize("name", ROUND)
-@pytest.mark.verifies(
-    "surfaces of facets",
-    reference="closed form: normals of spheres, cylinders, cones and planes that touch",
-    aspects=("3D",),
-)
-def test_normals_of_round_parts(name):
-    """Where parts of different curvature meet, facets are narrow, or a cone has its tip.
-
-    The bound of the cone is that of its facets, which are off by half the angle between them.
-    """
-    made, counted, bound = ROUND[name]
-    (points, cells), exact = made()
-    surface = RigidSurface(points, cells, crease=50.0)
-    rng = np.random.default_rng(5)
-    flat = surface._surface.normals
-    facets = np.flatnonzero(counted(flat))
-    parts = rng.dirichlet((1.0, 1.0, 1.0), (5, len(facets)))
-    x = np.einsum("skc,kci->ski", parts, surface.points[surface.cells[facets]]).reshape(-1, 3)
-    n = exact(x)
-    n /= np.linalg.norm(n, axis=1)[:, None]
-    np.testing.assert_allclose(surface.distances(x).normal, n, atol=bound)
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
-@pytest.mark.refuses("surfaces of facets", aspects=("3D",))
-def test_facets_that_are_there_twice():
-    """Those with the same side are left out; a plate without thickness is none to be mended."""
-    points, cells = brick((0, 0, 0), (1, 1, 1))
-    again = np.concatenate([cells, np.roll(cells[:5], 1, axis=1), cells[3:4]])
-    with pytest.raises(ValueError, match="6 facets are there twice: mend=True"):
-        RigidSurface(points, again)
-    np.testing.assert_array_equal(RigidSurface(points, again, mend=True).cells, cells)
-    with pytest.raises(ValueError, match="no manifold"):
-        RigidSurface(points, np.concatenate([cells, cells[:1, ::-1]]), mend=True)
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
-@pytest.mark.parametrize("seed", [0, 2, 3])
-@pytest.mark.verifies(
-    "surfaces of facets", reference="closed form: normals of a saddle", aspects=("3D",)
-)
-def test_normals_of_slivers(seed):
-    """Facets of a round surface that bend little beside slivers are no flat parts of it."""
-    side = np.linspace(-1, 1, 20)
-    ends = np.ones(20)
-    rims = [(side, -ends), (side, ends), (-ends, side), (ends, side)]
-    inner = np.random.default_rng(seed).uniform(-1, 1, (400, 2))
-    x, y = np.unique(np.concatenate([inner, *(np.stack(r, axis=1) for r in rims)]), axis=0).T
-    cells = Delaunay(np.stack([x, 8 * y], axis=1)).simplices
-    surface = RigidSurface(np.stack([x, y, x * y], axis=1), cells, crease=60)._surface
-    at = surface.points[surface.cells]
-    exact = np.stack([-at[..., 1], -at[..., 0], np.ones(at.shape[:2])], axis=2)
-    exact /= np.linalg.norm(exact, axis=2)[..., None]
-    off = np.linalg.norm(surface.corner_normals - exact, axis=2)
-    facets = np.linalg.norm(surface.normals[:, None] - exact, axis=2)
-    assert np.sqrt(np.mean(off**2)) < 0.016
-    assert facets.max() > 0.5
-    # No normal is nearly opposite to a facet, whatever the edges say.
-    assert off.max() < facets.max()
-
-
-def _fine_beside_coarse(fine):
-    """A box whose top has a finer grid of triangles than its sides, with points on their edges."""
-    points, cells = brick((0, 0, 0), (1, 1, 1))
-    cells = cells[~np.isclose(points[cells][:, :, 2], 1).all(axis=1)]
-    grid = np.array([(i, j, fine) for i in range(fine + 1) for j in range(fine + 1)]) / fine
-    a = np.array([i * (fine + 1) + j for i in range(fine) for j in range(fine)])
-    top = np.concatenate(
-        [np.stack([a, a + fine + 1, a + fine + 2], 1), np.stack([a, a + fine + 2, a + 1], 1)]
-    )
-    return np.concatenate([points, grid]), np.concatenate([cells, top + len(points)])
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
-@pytest.mark.refuses("surfaces of facets", aspects=("3D",))
-def test_points_on_edges():
-    """Of facets that do not meet: refused, and mended by cutting those that have the edges."""
-    points, cells = _fine_beside_coarse(3)
-    points = np.float64(np.float32(points + 0.3)) - 0.3  # as from a file
-    mended = RigidSurface(points, cells, mend=True)
-    assert mended.closed
-    x = places(3) / 2 + 0.5
-    box = RigidSurface(*brick((0, 0, 0), (1, 1, 1)))
-    np.testing.assert_allclose(mended.distances(x).distance, box.distances(x).distance, atol=1e-6)
-    # Without the points that are in one place there are still those on edges.
-    plate = np.array(
-        [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0, 0), (1, -1, 0), (2, -1, 0)]
-    )
-    facets = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 1)]
-    with pytest.raises(ValueError, match="1 points of rims are on the edges of facets of others"):
-        RigidSurface(plate, facets)
-    assert len(RigidSurface(plate, facets, mend=True).cells) == 5
-    with pytest.raises(ValueError, match="1 points of rims are on the segments of others"):
-        RigidSurface([(0, 0), (2, 0), (1, 0), (1, 1)], [(0, 1), (2, 3)])
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="not collective")
@@ -570,55 +372,6 @@ def test_corner_between_points_is_said(caplog):
     assert ("by 0.26 of the facet size" in caplog.text) == (COMM.rank == 0)
 
 
-def flat_punch(method):
-    """A punch whose corners are above nodes of a slab, pressed by 60 and led sideways by 0.1."""
-    corners = [[-1.0, -0.8], [1.0, 0.0]]
-    domain = mesh.create_rectangle(COMM, corners, [16, 5], mesh.CellType.quadrilateral)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    force, way = (fem.Constant(domain, 0.0) for _ in range(2))
-    punch = RigidSurface(*brick((-0.5, 0.0), (0.5, 1.0)))
-    move = {"load": {"y": force}, "motion": {"x": way}, "held": ["rz"], "name": "punch"}
-    tool = RigidBody(punch, about=(0.0, 0.0), **move)
-    top, bottom = (
-        mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
-        for y in (0.0, -0.8)
-    )
-    contact = ContactSurface(u, top, obstacle=tool, law=Coulomb(0.3), method=method, name="face")
-    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, bottom), V)
-    energy = NeoHookean(*lame(1000.0, 0.3)).energy(u) * ufl.dx(metadata={"quadrature_degree": 2})
-    problem = ContactProblem(energy, u, [contact], bcs=[held])
-
-    def load(t):
-        force.value = -60.0 * min(t, 1.0)
-        way.value = 0.1 * max(t - 1.0, 0.0)
-
-    times = [0.0, 0.5, 1.0, 1.5, 2.0]
-    return QuasiStatic(problem, load).run(times).steps[-1].result
-
-
-@pytest.mark.verifies(
-    "surfaces of facets",
-    "rigid bodies",
-    "Coulomb",
-    reference="closed form: a flat punch is dragged by friction alone",
-    aspects=("2D", "large sliding"),
-)
-def test_edge_that_ploughs_is_said(caplog):
-    """Nodes beside a sharp edge are pushed by its side, which gives a warning; Gauss points pass
-    under it.
-    """
-    ploughs, passes = (flat_punch(method) for method in ("nodal", "integral"))
-    drag = [-r.rigid_bodies["punch"].contact[0] / (0.3 * 60.0) for r in (ploughs, passes)]
-    assert drag[0] > 1.5
-    assert drag[1] == pytest.approx(1.0, abs=0.01)
-    assert ploughs.indicators.surfaces["face"].across > 0.02
-    assert "take method='integral'" in ploughs.warnings["across of 'face'"]
-    assert not passes.warnings
-    # Once in a history.
-    assert caplog.text.count("acts across the face") == (COMM.rank == 0)
-
-
 # -- bad input -------------------------------------------------------------------------------------
 
 
@@ -695,13 +448,6 @@ def test_bad_use():
             OnBody(dim, RigidSurface(*shape), Coulomb(0.3), **given)
 
 
-def together(*parts):
-    """One surface of several (points, cells)."""
-    starts = np.cumsum([0, *(len(x) for x, _ in parts)])
-    cells = [np.asarray(k) + start for (_, k), start in zip(parts, starts[:-1], strict=True)]
-    return RigidSurface(np.concatenate([x for x, _ in parts]), np.concatenate(cells))
-
-
 PLATE = brick((-1.0, -0.07), (2.0, -0.02))
 
 
@@ -737,95 +483,6 @@ def test_a_step_through_a_thin_tool_is_said():
         ) == through
 
 
-THROUGH = {
-    # Thinner than a part of the way.
-    "sheet": (RigidSurface(*brick((-1.0, -0.0225), (2.0, -0.02))), (0.0, -10.0)),
-    # Entered beside its middle, where the way is a chord of less than a quarter of it.
-    "disc": (Sphere((0.5, -0.4), 0.2), (0.0, -50.0)),
-}
-
-
-@pytest.mark.parametrize("name", THROUGH)
-def test_ways_through_thin_parts(name):
-    """Thin parts of a tool are passed where the normals at both ends of a step are opposite."""
-    tool, velocity = THROUGH[name]
-    for part, through in ((1.0, True), (0.01, False)):
-        motion = thrown_at_a_thin_tool(Frictionless(), part * np.array(velocity), tool)
-        steps = motion.run([0.0, 0.04]).steps
-        assert any("passing of 'contact'" in step.result.warnings for step in steps) == through
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize(("angle", "through"), [(2.0, True), (0.1, False)])
-def test_ways_through_tools_that_turn(dim, angle, through):
-    """A bar at the end of an arm comes through a block on an arc, and not on the chord of that."""
-    low, high = [-0.6, *[-2.0] * (dim - 2), -0.02], [0.6, *[2.0] * (dim - 2), 0.02]
-    points, cells = brick(low, high)
-    points[:, 0] += 5.0
-    turned = np.array([[np.cos(1.0), np.sin(1.0)], [-np.sin(1.0), np.cos(1.0)]])
-    points[:, [0, -1]] = points[:, [0, -1]] @ turned.T
-    axis = np.array([-4.5, *[0.5] * (dim - 2), 0.0])
-    name = "rz" if dim == 2 else "ry"
-    turns = []
-
-    def body(domain):
-        turns.append(fem.Constant(domain, 0.0))
-        names = ["x", "y", "rz"] if dim == 2 else ["x", "y", "z", "rx", "ry", "rz"]
-        held = [c for c in names if c != name]
-        bar = RigidSurface(points + axis, cells)
-        return RigidBody(bar, about=axis, motion={name: turns[0]}, held=held)
-
-    on_body = OnBody(dim, body, Frictionless(), n=3, sliding="large")
-
-    def load(t):
-        turns[0].value = angle * t * (1 if dim == 2 else -1)
-
-    steps = QuasiStatic(on_body.problem, load).run([0.0, 1.0]).steps
-    assert ("passing of 'contact'" in steps[-1].result.warnings) == through
-
-
-@pytest.mark.parametrize(
-    "drum", [Sphere((0.5, -0.5), 0.5), RigidSurface(*disc(48, radius=0.5, centre=(0.5, -0.5)))]
-)
-def test_drums_that_spin(drum):
-    """A block slips on a drum, which spins by a third of a turn a step, and does not pass it.
-
-    A drum of facets warns of the slip over several of these in a step.
-    """
-    domain = blocks.box(COMM, 4, "quad")
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    angle = fem.Constant(domain, 0.0)
-    body = RigidBody(drum, about=(0.5, -0.5), motion={"rz": angle}, held=["x", "y"])
-    face = blocks.facets(domain, 1, 0.0)
-    contact = ContactSurface(u, face, obstacle=body, law=Coulomb(0.1), sliding="large")
-    top = fem.locate_dofs_topological(u.function_space, 1, blocks.facets(domain, 1, 1.0))
-    bcs = [fem.dirichletbc(np.array([0.0, -0.03]), top, u.function_space)]
-    dx = ufl.dx(metadata={"quadrature_degree": 3})
-    problem = ContactProblem(NeoHookean(*lame(1.0, 0.3)).energy(u) * dx, u, [contact], bcs=bcs)
-
-    def load(t):
-        angle.value = np.radians(120) * t
-
-    steps = QuasiStatic(problem, load).run([0.0, 1.0, 2.0]).steps
-    assert not any("passing of 'contact'" in s.result.warnings for s in steps)
-    slips = [s.result.indicators.surfaces["contact"].slip_in_step for s in steps[1:]]
-    if isinstance(drum, Sphere):
-        assert not any(slips)
-        return
-    way = [np.linalg.norm(s.result.tables["contact"].increment, axis=-1).max() for s in steps[1:]]
-    np.testing.assert_allclose(slips, np.array(way) / 0.2, rtol=1e-2)  # of five nodes on a unit
-    assert all("slip_in_step of 'contact'" in s.result.warnings for s in steps[1:])
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.skipif(COMM.size == 1, reason="ranks that differ")
-@REFUSED
-def test_ranks_with_other_tools():
-    shape = RigidSurface(*disc(20, start=0.01 * COMM.rank))
-    with pytest.raises(ValueError, match="obstacle differs between ranks"):
-        OnBody(2, shape, Coulomb(0.3))
-
-
 @pytest.mark.skipif(COMM.size > 1, reason="looks at a file")
 @pytest.mark.refuses("surfaces of facets", aspects=("3D",))
 def test_truncated_stl_files_are_refused(folder):
@@ -840,31 +497,6 @@ def test_truncated_stl_files_are_refused(folder):
             (folder / "part.stl").write_bytes(content[:size])
             with pytest.raises(ValueError, match=r"truncated|is no complete"):
                 RigidSurface.read(folder / "part.stl")
-
-
-@pytest.mark.skipif(COMM.size > 1, reason="looks at a file")
-@pytest.mark.verifies(
-    "surfaces of facets", reference="itself: the same file in lower case", aspects=("3D",)
-)
-def test_ascii_stl_of_other_writers(folder):
-    """Upper case, a byte order mark, several solids, and keywords within the name of a solid."""
-    write_stl(folder / "plain.stl", *ball(1), binary=False)
-    expected = RigidSurface.read(folder / "plain.stl")
-    text = (folder / "plain.stl").read_text()
-    facets = text.split("\n", 1)[1].rsplit("endsolid", 1)[0]
-    middle = facets.index("endfacet", len(facets) // 2) + len("endfacet\n")
-    halves = [f"solid part\n{half}endsolid\n" for half in (facets[:middle], facets[middle:])]
-    variants = (
-        text.upper().encode(),
-        b"\xef\xbb\xbf" + text.encode(),
-        f"solid facet normal vertex 1 2 3\n{facets}endsolid facet vertex\n".encode(),
-        "".join(halves).encode(),
-    )
-    for content in variants:
-        (folder / "variant.stl").write_bytes(content)
-        read = RigidSurface.read(folder / "variant.stl")
-        np.testing.assert_array_equal(read.points, expected.points)
-        np.testing.assert_array_equal(read.cells, expected.cells)
 
 
 @pytest.mark.ranks(2)

@@ -11,11 +11,9 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from support.blocks import KINDS, block, box
+from support.blocks import block, box
 
-from dolfinx_contact import ConvergenceError, HalfSpace, Sphere
-from dolfinx_contact.solvers.history import Attempt
-from dolfinx_contact.solvers.newton import Newton
+from dolfinx_contact import ConvergenceError
 
 COMM = MPI.COMM_WORLD
 
@@ -144,82 +142,6 @@ def test_a_problem_goes_on_after_its_objects_were_freed():
     problem.solve()
     assert problem.solver is solver
     assert solver.getConvergedReason() > 0
-
-
-@pytest.mark.parametrize(("dim", "cell"), KINDS)
-def test_reach_is_half_of_what_is_left_to_approach(dim, cell):
-    down = -0.01 * np.eye(dim)[-1]
-    rest = 0.03 * np.eye(dim)[0]
-    slope = np.array([0.6, *[0.0] * (dim - 2), 0.8])
-    below = np.zeros(dim) - 0.5 * np.eye(dim)[-1]
-    for top, obstacle, reach in [
-        (down, None, 0.005),
-        (down + rest, None, 0.005),
-        (rest, None, 0.0),
-        (-down, None, 0.0),
-        (down, HalfSpace(below, slope), 0.004),
-        (down - rest, HalfSpace(below, slope), 0.004 + 0.009),
-    ]:
-        problem = block(n=3, cell=cell, top=top, obstacle=obstacle)
-        assert problem.equations.reach(problem.surfaces[0], problem.u.x.array) == pytest.approx(
-            reach, abs=1e-15
-        )
-    problem = block(n=3, cell=cell, top=down)
-    problem.solve()
-    assert problem.equations.reach(problem.surfaces[0], problem.u.x.array) == pytest.approx(
-        0.0, abs=1e-15
-    )
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        dict(cell="tri"),
-        dict(cell="tri", method="mixed"),
-        dict(cell="quad", degree=2),
-        dict(cell="tet"),
-        dict(cell="tet", degree=2, n=2),
-    ],
-    ids=str,
-)
-def test_touching_is_a_matter_of_the_displacement(options):
-    """Also where averages of it are unknowns that do not know it yet."""
-    dim = 3 if options["cell"] == "tet" else 2
-    floor = HalfSpace((*[0.0] * (dim - 1), -0.002), np.eye(dim)[-1])
-    problem = block(**options, obstacle=floor)
-    (s,) = problem.surfaces
-    assert (problem.equations.gaps(s, problem.evaluate()) > 0.0019).all()
-    assert (problem.equations.gaps(s, problem.evaluate()) < 0.0021).all()
-    problem.u.x.array.reshape(-1, dim)[:, -1] = -0.0015
-    assert (problem.equations.gaps(s, problem.evaluate()) < 0.0006).all()
-
-
-@pytest.mark.ranks(2)
-def test_the_guess_finds_the_contact_in_fewer_steps(monkeypatch):
-    """Than steps from the state as it is, of which the first leads into the obstacle."""
-    ball = Sphere((0.5, 0.5, -10.0), 10.0)
-    steps = []
-    tables = []
-    for _ in range(2):
-        problem = block(n=12, cell="tet", top=(0.004, 0.0, -0.02), obstacle=ball)
-        result = problem.solve()
-        steps.append(result.iterations)
-        tables.append(result.tables["contact"])
-        monkeypatch.setattr(Newton, "_first_statuses", lambda _, statuses, state: statuses)
-    assert steps[0] < steps[1]
-    assert tables[0].status == tables[1].status
-    np.testing.assert_allclose(tables[0].rn, tables[1].rn, atol=1e-7 * tables[0].rn.max())
-
-
-def test_a_status_that_is_held_is_no_matter_of_guessing():
-    problem = block(n=4, cell="quad")
-    eq = problem.equations
-    x = problem.create_vector()
-    attempt = Attempt("held")
-    with Newton(eq, problem.linear_solver, "none", None) as solver:
-        assert solver.run(x, attempt, held=eq.contact(x).statuses)
-    assert attempt.iterations == 1
-    assert not eq.fields(x)[1].any()
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")

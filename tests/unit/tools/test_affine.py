@@ -19,7 +19,6 @@ from dolfinx_contact import (
     ParametricContact,
     RigidBody,
 )
-from dolfinx_contact.analysis import contact_family
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.evolution import NSCD, ArcLength
 from dolfinx_contact.materials import LinearElastic
@@ -67,40 +66,6 @@ class Plate:
 
 def pull(p):
     return -5 * p.u[0] * p.side
-
-
-JUMPS = {
-    "friction": (lambda p: 20 * abs(p.u[0]) * ufl.dx - 5 * p.u[0] * ufl.dx, r"\|u\[0\]\|"),
-    "friction on a face": (lambda p: 20 * abs(p.u[0]) * p.side + pull(p), r"\|u\[0\]\|"),
-    "one way": (lambda p: ufl.max_value(p.u[1], p.u[0]) * ufl.dx, "max_value"),
-    "of a smooth body": (
-        lambda p: ufl.exp(p.u[1]) * ufl.dx + ufl.sign(p.u[0]) * p.u[0] * ufl.dx,
-        "sign",
-    ),
-    "on inner facets": (
-        lambda p: abs(ufl.jump(ufl.grad(p.u[0]))[0]) * ufl.dS,
-        "grad",
-    ),
-}
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.parametrize("name", JUMPS)
-def test_a_bulk_that_jumps_is_not_solved(name):
-    """The error names the possibility; the displacement is as it was."""
-    term, words = JUMPS[name]
-    p = Plate(term)
-    message = rf"kinks in u, by .*{words}.*: if its residual jumps there.*such as Tresca"
-    with pytest.raises(ConvergenceError, match=message):
-        p.problem.solve(progress=False)
-    assert not p.u.x.array.any()
-
-
-def test_nothing_is_proved_of_an_energy_that_jumps():
-    """Its derivative, in which the jump is absent, is that of a linear body."""
-    p = Plate(lambda p: ufl.conditional(p.u[0] > 1e-3, 1.0, 0.0) * ufl.dx)
-    p.problem.solve()
-    assert p.problem.uniqueness().verdict == "not proved"
 
 
 def test_a_residual_that_jumps_is_not_solved():
@@ -163,30 +128,6 @@ def test_what_is_affine_stays_so():
     p.problem.solve()
     assert p.problem.uniqueness().verdict == "proved"
     assert follow(system, _start(system), 0.0, gamma_range=(0.0, 1.0), route="pivoting").points
-
-
-@pytest.mark.parametrize(
-    ("term", "rest", "load"),
-    [
-        (None, 0.0, 0.0),
-        (lambda p: ufl.dot(p.u, p.u) ** 1.0 * ufl.dx, 0.0, 0.0),
-        (lambda p: (3.0 + p.u[0] * p.u[1]) * ufl.dx, 3.0, 0.0),
-        (lambda p: (p.u[0] - 0.5) ** 2 * ufl.dx, 0.25, -1.0),
-        (lambda p: -5 * p.u[0] * p.side, 0.0, -5.0),
-    ],
-)
-def test_what_is_left_at_rest(term, rest, load, monkeypatch):
-    """The energy, and the sum of the rows, at zero displacement: assembled if anything is left."""
-    body = Plate(term).problem.equations.bulk
-    assembled = []
-    plain = body.residual_at
-    monkeypatch.setattr(body, "residual_at", lambda u: assembled.append(1) or plain(u))
-    none = np.zeros_like(body.displacement.x.array)
-    body.stiffness(none)
-    assert body.energy_at(none) == pytest.approx(rest, abs=1e-14)
-    rows = body.affine_load().sum()
-    assert COMM.allreduce(rows) == pytest.approx(load, abs=1e-14)
-    assert len(assembled) == int(load != 0)
 
 
 SHAPES = {
@@ -262,34 +203,6 @@ def test_data_with_kinks_in_gamma(name, of):
         assert (y - there).norm() < 1e-6 * there.norm()
 
 
-def bump(p):
-    """Nothing at the ends and in the middle of 0 to 1, one at 1/4."""
-    return ufl.max_value(1 - 20 * abs(p.other - 0.25), 0)
-
-
-SECOND = {
-    "a load": lambda: Plate(lambda p: (p.gamma - p.other - bump(p)) * p.u[0] * p.side),
-    "friction": lambda: Plate(
-        lambda p: p.gamma * p.u[0] * p.side, law=lambda p: Coulomb(0.3 + 0.1 * p.other + bump(p))
-    ),
-    "a gap": lambda: Plate(
-        lambda p: p.gamma * p.u[0] * p.side,
-        floor=lambda p: HalfSpace(ufl.as_vector([0.0, 0.01 * (p.other + bump(p))]), (0.0, 1.0)),
-    ),
-    "the stiffness": lambda: Plate(
-        lambda p: (p.gamma * p.u[0] + p.other * p.u[0] + bump(p) * p.u[0] ** 2) * p.side
-    ),
-    "the rate": lambda: Plate(lambda p: (p.gamma * (1 + bump(p)) + p.other) * p.u[0] * p.side),
-}
-
-
-@pytest.mark.parametrize("name", SECOND)
-def test_a_second_parameter_between_samples(name):
-    p = SECOND[name]()
-    with pytest.raises(ValueError, match="must be affine in the second parameter"):
-        contact_family(p.parametric(), p.other, mu_range=(0.0, 1.0))
-
-
 def _motion(damping, **options):
     """A body that floats, with the velocity and the speed of a wind."""
     domain = mesh.create_unit_square(COMM, 2, 2)
@@ -335,9 +248,3 @@ def test_damping_in_a_wind():
 def test_damping_that_is_not_affine(damping, words):
     with pytest.raises(ValueError, match=words):
         _motion(damping)
-
-
-@pytest.mark.ranks(2)
-def test_a_density_that_moves():
-    with pytest.raises(ValueError, match="the density depends on the displacement"):
-        _motion(lambda v, w, t, u: ufl.inner(v, t) * ufl.dx, density=lambda u, v: 1 + u[0] ** 2)

@@ -1,6 +1,5 @@
 """What is dropped while an exception travels, in processes of their own, which might hang."""
 
-import gc
 import subprocess
 import sys
 from pathlib import Path
@@ -8,9 +7,6 @@ from pathlib import Path
 from mpi4py import MPI
 
 import pytest
-from support.blocks import box
-
-from dolfinx_contact import _kept
 
 SCRIPT = """
 import gc
@@ -62,25 +58,3 @@ def test_the_next_collective_does_not_wait_for_ever(launcher):
     done = subprocess.run(command, cwd=here, capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("done") == max(len(launcher) - 1, 1)
-
-
-@pytest.mark.ranks(2)
-def test_garbage_that_is_collected_while_meshes_are_freed(monkeypatch):
-    """Both free the same meshes, which left one of them with places that were gone."""
-
-    def collected(number):
-        gc.collect()
-        return range(number)
-
-    monkeypatch.setattr(_kept, "_kept", [])
-    gc.disable()
-    try:
-        meshes = [box(MPI.COMM_SELF, 1, "tri") for _ in range(3)]
-        for domain in meshes:
-            _kept.keep(domain)
-        del meshes, domain
-        monkeypatch.setattr(_kept, "range", collected, raising=False)
-        _kept.keep(box(MPI.COMM_SELF, 1, "quad"))
-    finally:
-        gc.enable()
-    assert len(_kept._kept) == 1

@@ -1,6 +1,5 @@
 """Progress of solves on rank 0, and log records: once, readable, and none that were not wanted."""
 
-import io
 import logging
 import re
 import subprocess
@@ -14,20 +13,10 @@ from support.blocks import block
 from test_diagram import smooth, start
 
 from dolfinx_contact import ConvergenceError, _progress
-from dolfinx_contact._progress import Line
 from dolfinx_contact.continuation import explore, follow
-from dolfinx_contact.equations.measures import Measures
-from dolfinx_contact.solvers import choice, ladder
-from dolfinx_contact.solvers.history import SolveProgress, Step
 
 COMM = MPI.COMM_WORLD
-STEP = Step(3, Measures(1e-3, 2e-5, 4e-2), 5, 1.0, 17)
 LINE = r"contact solve: full steps  iteration \d+  residual \S+  Krylov \d+  \d+ s"
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
 
 
 def lines(capsys):
@@ -53,19 +42,6 @@ def test_progress_when_wanted(capsys):
     assert re.fullmatch(r"contact solve: solved by full steps, \d+ iterations, \S+ s", found[-1])
 
 
-@pytest.mark.ranks(2)
-def test_progress_of_a_long_solve(capsys, caplog, monkeypatch):
-    """By itself once a solve takes some seconds; never where it is not wanted, or all is logged."""
-    monkeypatch.setattr(_progress, "_PATIENCE", 0.0)
-    block().solve()
-    assert len(on_root(lines(capsys))) > 1
-    block().solve(progress=False)
-    assert not on_root(lines(capsys))
-    caplog.set_level(logging.INFO, "dolfinx_contact")
-    block().solve()
-    assert not on_root(lines(capsys))
-
-
 def test_progress_of_a_solve_that_fails(capsys):
     """The last line is no success."""
     problem = block(options={"snes_max_it": 0})
@@ -74,44 +50,6 @@ def test_progress_of_a_solve_that_fails(capsys):
     found = on_root(lines(capsys))
     assert found
     assert not any("solved" in x for x in found)
-
-
-def test_line_of_a_terminal():
-    """Kept up to date in place, and taken back before others write."""
-    stream = Terminal()
-    progress = SolveProgress(COMM, True, stream=stream)
-    progress.strategy = "pivoting"
-    progress.step(STEP)
-    progress.step(STEP)
-    progress.clear()
-    progress.end(3)
-    text = on_root(stream.getvalue())
-    head = "contact solve: pivoting  iteration 3  residual 4.0e-02  Krylov 17  0 s"
-    assert text.startswith(head + "\r\x1b[K" + head + "\r\x1b[K")
-    assert text.count("\n") == 1
-    assert text.endswith("\n")
-
-
-@pytest.mark.ranks(2)
-def test_line_elsewhere():
-    """A line at once, others only from time to time; what must not be lost always."""
-    stream = io.StringIO()
-    line = Line(COMM, stream=stream, seconds=1000.0)
-    for i in range(5):
-        line.update(f"step {i}")
-    line.write("fold")
-    assert on_root(stream.getvalue()) == COMM.bcast("step 0\nfold\n" if COMM.rank == 0 else "")
-
-
-def test_a_monitor_finds_a_line_of_its_own(capsys, monkeypatch):
-    """What a monitor prints on a terminal does not mix with the line."""
-    stream = Terminal()
-    monkeypatch.setattr(sys, "stderr", stream)
-    block().solve(progress=True, monitor=lambda _: stream.write("mine\n"))
-    for part in stream.getvalue().split("mine\n")[1:]:
-        assert COMM.rank > 0 or part.startswith("contact solve")
-    for part in stream.getvalue().split("mine\n")[1:-1]:
-        assert COMM.rank > 0 or part.endswith("\r\x1b[K")
 
 
 @pytest.mark.ranks(2)
@@ -183,14 +121,6 @@ def test_log_of_failures(caplog):
     assert sum(x.startswith("full steps failed: ") for x in said(caplog)) == 1
 
 
-def test_log_of_a_stagnating_solver(caplog, monkeypatch):
-    """A new preconditioner, then the direct solver: each said once."""
-    monkeypatch.setattr(choice, "_LARGEST_DIRECT", {3: 10})
-    with caplog.at_level(logging.WARNING):
-        block(cell="tet", n=4, options={"ksp_rtol": 1e-12, "ksp_max_it": 2}).solve()
-    assert sum("the direct solver takes over" in x for x in said(caplog)) == 1
-
-
 @pytest.mark.ranks(2)
 def test_log_of_branches(caplog):
     system = smooth(
@@ -205,20 +135,6 @@ def test_log_of_branches(caplog):
     found = said(caplog)
     assert "branch ended: gamma reached the end of its range" in found
     assert "4 branches, 1 bifurcations: every ray has been followed" in found
-
-
-def test_a_solve_that_takes_longer_than_predicted(caplog, monkeypatch):
-    problem = block()
-    monkeypatch.setattr(ladder, "_SHORT", 1e9)
-    with caplog.at_level(logging.INFO):
-        problem.solve()
-    assert 0 < problem.linear_solver.predicted < 60
-    assert not any("were predicted" in x for x in said(caplog))
-    monkeypatch.setattr(ladder, "_SHORT", 0.0)
-    problem.linear_solver.predicted = 1e-6
-    with caplog.at_level(logging.INFO):
-        problem.solve()
-    assert sum("s; 1e-06 s were predicted" in x for x in said(caplog)) == 1
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")

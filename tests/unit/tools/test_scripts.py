@@ -13,7 +13,7 @@ from _plots import draw_maps
 from support.blocks import block, box, facets
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact import (
     ContactProblem,
@@ -25,10 +25,8 @@ from dolfinx_contact import (
     plot,
     records,
 )
-from dolfinx_contact.continuation import Branch, find_solutions, follow, follower_for, points_at
-from dolfinx_contact.grids import create_grid, graded
+from dolfinx_contact.continuation import Branch, follow, follower_for, points_at
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import draw_polygon, mesh_from_gmsh
 from dolfinx_contact.records import BranchRecord, leftmost, rightmost, total
 
 COMM = MPI.COMM_WORLD
@@ -145,25 +143,6 @@ def test_journal_in_memory_is_that_of_a_record(followed, folder):
         records.journal_of(system, [branch], {"wheels": 4})
 
 
-@pytest.mark.parametrize("cell", ["quad", "hex"])
-def test_functionals_are_those_of_the_table(cell):
-    system = pushed(cell, 2)
-    system.set_parameter(1.0)
-    table = system.problem.solve().tables["contact"]
-    found = {name: f(system.problem) for name, f in FUNCTIONALS.items()}
-    assert found["ut"] == pytest.approx(table.along(table.ut)[0])
-    assert found["un"] == pytest.approx(table.un[-1])
-    assert found["rn"] == pytest.approx(table.rn.sum())
-    force = table.rt.sum(axis=0)
-    assert found["rt"] == pytest.approx(force[0] if cell == "quad" else np.linalg.norm(force))
-    with pytest.raises(ValueError, match="un, ut, rn or rt"):
-        leftmost("wheels")
-    with pytest.raises(ValueError, match="no surface is named 'x'"):
-        leftmost("ut", "x")(system.problem)
-    with pytest.raises(ValueError, match="forces are summed"):
-        total("ut")
-
-
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 def test_points_of_a_branch_at_one_gamma(route):
     system = pushed(n=2)
@@ -181,17 +160,6 @@ def test_points_of_a_branch_at_one_gamma(route):
         points_at(system, branch, 2.0, **way)
     with pytest.raises(ValueError, match="a Branch with points"):
         points_at(system, Branch(), 0.5, **way)
-
-
-def test_solutions_as_points(followed):
-    system, x, branch = followed
-    found = find_solutions(system, [x], 1.0)
-    (point,) = found.points(system)
-    assert records.journal_of(system, [Branch([point])], FUNCTIONALS).rows()[0][
-        "rn"
-    ] == pytest.approx(records.journal_of(system, [branch], FUNCTIONALS).rows()[-1]["rn"], rel=1e-9)
-    assert system.result_at(point).kkt_violation < 1e-9
-    assert found.continua == ()
 
 
 # -- pictures and tables -------------------------------------------------------------------------
@@ -218,26 +186,6 @@ def test_pictures_of_curves_and_regions(folder):
     with pytest.raises(KeyError, match="b"):
         draw_maps(folder / "d.png", x[:3], x[:2], {"map": cells}, {"a": "first"})
     assert not (folder / "d.png").exists()
-
-
-def test_diagrams_with_several_panels(followed, folder):
-    system, _, branch = followed
-    journal = records.journal_of(system, [branch], FUNCTIONALS)
-    if COMM.rank > 0:
-        return
-    sizes = []
-    for i, names in enumerate(
-        [["ut"], ["ut", "rn"], {"ut": "$u_t$", "rn": "N", "rt": "T"}, [*FUNCTIONALS]]
-    ):
-        for counts in (False, True):
-            file = folder / f"{i}{counts}.png"
-            plot.draw_diagram(file, journal, names, names=["the branch"], counts=counts)
-            sizes.append(file.stat().st_size)
-    assert min(sizes) > 10_000
-    with pytest.raises(ValueError, match="1 branches need as many names, got 2"):
-        plot.draw_diagram(folder / "no.png", journal, names=["a", "b"])
-    with pytest.raises(ValueError, match="'wheels' is not a recorded number"):
-        plot.draw_diagram(folder / "no.png", journal, ["ut", "wheels"])
 
 
 @pytest.mark.ranks(2)
@@ -293,35 +241,3 @@ def test_closed_forms_of_hertz(dim):
         Hertz(dim, 0.0, 1.0)
     with pytest.raises(ValueError, match="2 or 3"):
         Hertz(4, 1.0, 1.0)
-
-
-def test_graded_grid():
-    x = graded(10.0, 0.1, 5, 7)
-    assert x[0] == 0
-    assert x[-1] == pytest.approx(10.0, rel=1e-12)
-    h = np.diff(x)
-    np.testing.assert_allclose(h[:5], 0.1)
-    np.testing.assert_allclose(h[6:] / h[5:-1], h[5] / h[4])
-    assert graded(1.0, 0.1, 5, 5) == pytest.approx(np.linspace(0, 1, 11))
-    for wrong in ((10.0, 0.1, 100, 1), (10.0, 0.1, 5, 0), (10.0, 0.0, 5, 5)):
-        with pytest.raises(ValueError, match="do not fill"):
-            graded(*wrong)
-    domain = create_grid(COMM, [x, [1.0, 2.0, 4.0]], mesh.CellType.quadrilateral)
-    area = fem.assemble_scalar(fem.form(fem.Constant(domain, 1.0) * ufl.dx))
-    assert COMM.allreduce(area) == pytest.approx(30.0)
-    with pytest.raises(ValueError, match="must rise"):
-        create_grid(COMM, [x, [1.0, 1.0]], mesh.CellType.quadrilateral)
-
-
-def test_polygon_and_its_bounds():
-    corners = [(0, 0), (2, 0), (2, 1), (0, 1)]
-    sides = {"below": [0], "rest": [1, 3]}
-    body = mesh_from_gmsh(COMM, lambda: draw_polygon(corners, 0.5, sides), dim=2, groups=sides)
-    np.testing.assert_allclose(body.bounds("below"), [[0, 0, 0], [2, 0, 0]], atol=1e-12)
-    np.testing.assert_allclose(body.bounds("rest"), [[0, 0, 0], [2, 1, 0]], atol=1e-12)
-    length = fem.assemble_scalar(fem.form(fem.Constant(body.mesh, 1.0) * body.ds("rest")))
-    assert COMM.allreduce(length) == pytest.approx(2.0)
-    with pytest.raises(ValueError, match="no group of facets is named 'above'"):
-        body.bounds("above")
-    with pytest.raises(ValueError, match="do not make a polygon"):
-        mesh_from_gmsh(COMM, lambda: draw_polygon(corners, 0.5, {"x": [4]}))
