@@ -22,7 +22,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb
-from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 from dolfinx_contact.problem import discretise

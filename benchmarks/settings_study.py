@@ -37,7 +37,7 @@ from dolfinx_contact import (
     HalfSpace,
     Sphere,
 )
-from dolfinx_contact._forcing import Forcing
+from dolfinx_contact._inexact import Forcing
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 from dolfinx_contact.meshing import join
 

@@ -5,15 +5,17 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from dolfinx_contact._name import refuse_mixture, require_dolfinx, warn_of_namesake
+from dolfinx_contact._install import (
+    refuse_mixture,
+    refuse_serial_copies,
+    require_dolfinx,
+    warn_of_namesake,
+)
 
-refuse_mixture()  # before anything is imported that may be another's
+refuse_mixture()  # before other modules of the package are imported
 require_dolfinx("mpi4py")
 warn_of_namesake()
-
-# MPI comes first: compiled modules of wheels find the library that mpi4py has loaded.
-from dolfinx_contact._launcher import refuse_serial_copies
-
+# MPI comes first: compiled modules of wheels use the library that mpi4py has loaded.
 refuse_serial_copies()
 require_dolfinx("petsc4py", "dolfinx")
 

@@ -22,7 +22,7 @@ from petsc4py import PETSc
 import dolfinx
 
 import dolfinx_contact
-from dolfinx_contact._errors import on_root
+from dolfinx_contact._mpi import on_root
 from dolfinx_contact.analysis.check_proof import Certificate
 from dolfinx_contact.analysis.check_proof import check as follow_proof
 from dolfinx_contact.analysis.check_proof import main as check

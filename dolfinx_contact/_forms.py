@@ -27,7 +27,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 from ufl.domain import extract_unique_domain
 
 from dolfinx_contact._compat import domains_of, instantiated
-from dolfinx_contact._errors import everywhere
+from dolfinx_contact._mpi import everywhere
 
 __all__ = [
     "Content",

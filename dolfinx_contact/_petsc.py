@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""PETSc: options of problems, events and stages of ``-log_view``, errors, matrices.
+"""PETSc: options of problems, events and stages of ``-log_view``, errors, matrices, factorisations.
 
 Options in PETSc's database (the command line, PETSC_OPTIONS) take precedence over those of a
 problem. Options that this package reads itself are validated, as are options of SNES that would
@@ -13,16 +13,27 @@ import argparse
 import ctypes
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from difflib import get_close_matches
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
 
 from dolfinx_contact._validate import one_of, positive
 
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix as Columns
+
 __all__ = [
+    "BATCH",
+    "DEFAULTS",
+    "Entries",
+    "Factor",
     "ProblemOptions",
     "as_raised",
     "check_options",
@@ -30,7 +41,10 @@ __all__ = [
     "half_of",
     "has_package",
     "in_database",
+    "is_symmetric",
     "logged",
+    "marked_symmetric",
+    "matrix_of",
     "options_in_database",
     "parse_arguments",
     "require_real",
@@ -242,3 +256,251 @@ def staged(name: str) -> Iterator[None]:
         yield
     finally:
         stage.pop()
+
+
+# -- entries of matrices --------------------------------------------------------------------------
+
+
+class Entries:
+    """Places of entries on this rank. Entries at one place add up, also on different ranks.
+
+    Args:
+        rows: global row numbers, shape (n,); entries with a negative row or column are omitted.
+        columns: global column numbers, shape (n,).
+
+    Attributes:
+        number: number n of entries.
+    """
+
+    def __init__(self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]):
+        self.number = len(rows)
+        self._kept = np.flatnonzero((rows >= 0) & (columns >= 0))
+        i = rows[self._kept]
+        j = columns[self._kept]
+        width = int(j.max(initial=0)) + 1
+        places = i * width + j
+        #: Places of the sums; None if every entry has its own place, in order.
+        self._sums: npt.NDArray[np.int64] | None = None
+        if not np.all(places[1:] > places[:-1]):
+            places, self._sums = np.unique(places, return_inverse=True)
+            i, j = np.divmod(places, width)
+        self._size = len(places)
+        starts = np.flatnonzero(np.diff(i, prepend=-1))
+        self._rows = i[starts].astype(PETSc.IntType)
+        self._starts = np.append(starts, self._size).astype(PETSc.IntType)
+        self._columns = j.astype(PETSc.IntType)
+
+    def numbers(self, rows: int) -> npt.NDArray[np.int64]:
+        """Return the numbers of places in each of the first ``rows`` rows."""
+        return np.bincount(self._rows, weights=np.diff(self._starts), minlength=rows).astype(
+            np.int64
+        )
+
+    def add(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
+        """Add values, in the order of the places, to ``A`` and assemble it. Collective."""
+        self.insert(values, A)
+        A.assemble()
+
+    def insert(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
+        """As `add`, without the assembly of ``A``. Not collective."""
+        summed = values[self._kept]
+        if self._sums is not None:
+            sums = np.bincount(self._sums, weights=summed, minlength=self._size)
+            summed = np.asarray(sums, dtype=np.float64)
+        csr = self._starts, self._columns, summed
+        A.setValuesIJV(*csr, addv=PETSc.InsertMode.ADD_VALUES, rowmap=self._rows)
+
+
+def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETSc.Mat:
+    """Return a matrix of zeros whose pattern contains places of entries. Collective.
+
+    Args:
+        comm: communicator.
+        shape: numbers of rows and columns of this rank.
+        entries: places in the pattern.
+    """
+    A = PETSc.Mat().createAIJ(((shape[0], None), (shape[1], None)), comm=comm)
+    if comm.size == 1:  # on several ranks, entries of other ranks are unknown
+        numbers = sum(e.numbers(shape[0]) for e in entries)
+        A.setPreallocationNNZ(np.minimum(numbers, shape[1]).astype(PETSc.IntType))
+        A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+    A.setUp()
+    for e in entries:
+        e.insert(np.zeros(e.number), A)
+    A.assemble()
+    A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+    return A
+
+
+# -- factorisations -------------------------------------------------------------------------------
+#: Options without entries in the database; ICNTL(14) is additional workspace in percent.
+DEFAULTS: dict[str, Any] = {
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": 80,
+}
+BATCH = 128  # right-hand sides that are solved together
+_TRIES = 4  # attempts at a factorisation, each with twice the workspace
+#: INFOG(1) of MUMPS if workspace or buffers are too small (users' guide, section 8).
+_NO_ROOM = (-8, -9, -14, -15, -17, -20)
+_SYMMETRIC = 1e-12  # relative difference to the transpose that counts as round-off
+
+
+class Factor:
+    """Factorisations of several matrices, one after the other. Collective, as its methods are.
+
+    Args:
+        comm: communicator.
+        prefix: prefix of PETSc options.
+        symmetric: whether the matrices are marked symmetric (`marked_symmetric`), which halves the
+            work and provides the number of negative eigenvalues; default: False.
+        determinant: whether the sign of the determinant is required; default: False.
+        counted: whether vanishing pivots are counted, for singular matrices; default: False.
+        columns: whether many right-hand sides are solved together; default: False.
+        room: additional workspace of MUMPS in percent of its estimate.
+
+    Attributes:
+        ksp: linear solver.
+        defaults: options without entries in the database.
+    """
+
+    def __init__(
+        self,
+        comm: Any,
+        prefix: str,
+        *,
+        symmetric: bool = False,
+        determinant: bool = False,
+        counted: bool = False,
+        columns: bool = False,
+        room: int = DEFAULTS["mat_mumps_icntl_14"],
+    ):
+        self._prefix = prefix
+        self.defaults = DEFAULTS | {"mat_mumps_icntl_14": room}
+        if symmetric:
+            self.defaults["pc_type"] = "cholesky"
+        if counted:
+            self.defaults["mat_mumps_icntl_24"] = 1
+        if columns:
+            self.defaults["mat_mumps_icntl_27"] = BATCH
+        if determinant:
+            self.defaults["mat_mumps_icntl_33"] = 1
+        self.ksp = PETSc.KSP().create(comm)
+        self.ksp.setOptionsPrefix(prefix)
+        with self.options():
+            self.ksp.setFromOptions()
+
+    def options(self) -> AbstractContextManager[None]:
+        """Context with the options in the database; MUMPS reads its options at every set-up."""
+        return options_in_database(self._prefix, self.defaults)
+
+    def factorise(self, A: PETSc.Mat) -> bool:
+        """Factorise ``A``; return False for a singular matrix or entries that are not finite.
+
+        MUMPS does not always survive entries that are not finite.
+        """
+        if not np.isfinite(A.norm(PETSc.NormType.FROBENIUS)):
+            return False
+        self.ksp.setOperators(A)
+        for _ in range(_TRIES):
+            with self.options():
+                self.ksp.setUp()
+            if self.ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.NOERROR:
+                return True
+            lacking = self._lacks_room()
+            self.ksp.reset()  # MUMPS does not recover from a singular matrix
+            if not lacking:
+                return False
+            self.defaults["mat_mumps_icntl_14"] *= 2
+            self.ksp.setOperators(A)
+        return False
+
+    def _lacks_room(self) -> bool:
+        """Return whether MUMPS ran out of workspace that may be enlarged. Collective."""
+        if PETSc.Options().hasName(self._prefix + "mat_mumps_icntl_14"):
+            return False
+        pc = self.ksp.getPC()
+        if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
+            return False
+        return pc.getFactorMatrix().getMumpsInfog(1) in _NO_ROOM
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
+        """Solve A x = b and return whether this succeeded."""
+        self.ksp.solve(b, x)
+        return bool(self.ksp.getConvergedReason() > 0)
+
+    def solve_transposed(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
+        """Solve A^T x = b and return whether this succeeded."""
+        self.ksp.solveTranspose(b, x)
+        return bool(self.ksp.getConvergedReason() > 0)
+
+    def solve_columns(self, loads: Columns) -> PETSc.Mat:
+        """Solve A X = B and return X, dense, which the caller destroys.
+
+        Args:
+            loads: owned rows of B, shape (n, k).
+        """
+        pc = self.ksp.getPC()
+        factor = pc.getFactorMatrix()
+        n, k = loads.shape
+        comm = factor.comm
+        X = PETSc.Mat().createDense(((n, None), (None, k)), comm=comm)
+        X.setUp()
+        X.assemble()
+        # On one rank MUMPS exploits the zeros of a sparse right-hand side.
+        if comm.size == 1 and pc.getFactorSolverType() == "mumps":
+            index = PETSc.IntType
+            csr = loads.indptr.astype(index), loads.indices.astype(index), loads.data
+            rows = PETSc.Mat().createAIJ((k, n), csr=csr, comm=comm)
+            B = PETSc.Mat().createTranspose(rows)
+            rows.destroy()
+        else:
+            B = PETSc.Mat().createDense(((n, None), (None, k)), comm=comm)
+            B.setUp()
+            B.getDenseArray()[:] = np.asarray(loads.todense())
+            B.assemble()
+        factor.matSolve(B, X)
+        B.destroy()
+        return X
+
+    @property
+    def determinant_sign(self) -> float:
+        """Sign of the determinant, from MUMPS."""
+        return float(np.sign(self.ksp.getPC().getFactorMatrix().getMumpsRinfog(12)))
+
+    @property
+    def inertia(self) -> tuple[int, int, int]:
+        """Numbers of negative, zero and positive eigenvalues of a symmetric matrix."""
+        negative, zero, positive = self.ksp.getPC().getFactorMatrix().getInertia()
+        return int(negative), int(zero), int(positive)
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether the factorisation is one of a symmetric matrix."""
+        return bool(self.ksp.getPC().getType() == "cholesky")
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self.ksp.destroy()
+
+
+def is_symmetric(A: PETSc.Mat) -> bool:
+    """Return whether a matrix is symmetric up to round-off. Collective.
+
+    PETSc's test considers the rows of each rank alone, and fails if a rank has few rows.
+    """
+    size = A.norm(PETSc.NormType.NORM_INFINITY)
+    off = A.transpose(PETSc.Mat())
+    off.axpy(-1.0, A, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    largest = off.norm(PETSc.NormType.NORM_INFINITY)
+    off.destroy()
+    return bool(largest <= _SYMMETRIC * size)
+
+
+def marked_symmetric(A: PETSc.Mat) -> bool:
+    """Mark a matrix as symmetric if it is; return whether it is. Collective."""
+    symmetric = is_symmetric(A)
+    if symmetric:
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    return symmetric

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from dolfinx import mesh
 
-from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._mpi import Arguments, collective
 
 __all__ = ["create_grid", "graded"]
 

@@ -27,9 +27,9 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
 
-from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_expression
-from dolfinx_contact._ufl_data import refuse_other_mesh
+from dolfinx_contact._mpi import require
+from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import positive
 
 __all__ = [

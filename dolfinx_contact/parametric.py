@@ -22,11 +22,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import is_mesh_of, is_value_of
-from dolfinx_contact._errors import on_root, require
-from dolfinx_contact._frozen import ReadOnly, copy_with
-from dolfinx_contact._ufl_data import described, refuse_other_mesh
+from dolfinx_contact._mpi import Arguments, collective, on_root, require
+from dolfinx_contact._ufl import described, refuse_other_mesh
+from dolfinx_contact._validate import ReadOnly, copy_with
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma

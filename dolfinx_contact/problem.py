@@ -19,16 +19,20 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import everywhere, require, same_everywhere
-from dolfinx_contact._frozen import ReadOnly, copy_with
 from dolfinx_contact._geometry import mesh_mark
-from dolfinx_contact._kept import keep
+from dolfinx_contact._mpi import (
+    Arguments,
+    anywhere,
+    collective,
+    everywhere,
+    keep,
+    require,
+    same_everywhere,
+)
 from dolfinx_contact._petsc import ProblemOptions, check_options, in_database, require_real, staged
 from dolfinx_contact._progress import check_progress
-from dolfinx_contact._shared import anywhere
-from dolfinx_contact._ufl_data import described
-from dolfinx_contact._validate import instance, is_count, nonnegative, positive
+from dolfinx_contact._ufl import described
+from dolfinx_contact._validate import ReadOnly, copy_with, instance, is_count, nonnegative, positive
 from dolfinx_contact.body.bulk import Bulk, weighted
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.equations.contact import ContactEquations

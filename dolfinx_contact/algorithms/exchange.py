@@ -38,7 +38,7 @@ from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from dolfinx_contact._files import part_of
-from dolfinx_contact._optional import optional
+from dolfinx_contact._install import optional
 from dolfinx_contact.algorithms.local_problem import LocalProblem
 from dolfinx_contact.algorithms.point_problem import PointProblem
 

@@ -21,9 +21,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import everywhere
 from dolfinx_contact._files import part_of
+from dolfinx_contact._mpi import Arguments, collective, everywhere
 from dolfinx_contact._progress import Line
 from dolfinx_contact._validate import count, flag, is_number, one_of, positive
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves

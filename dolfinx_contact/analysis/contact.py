@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import on_root
+from dolfinx_contact._mpi import on_root
 from dolfinx_contact.analysis.check_proof import ReducedProblem
 from dolfinx_contact.analysis.rays import ProvedRays, apex_problem, prove_rays
 from dolfinx_contact.analysis.renard import criterion_at

@@ -39,9 +39,8 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root
-from dolfinx_contact._optional import slepc
+from dolfinx_contact._install import slepc
+from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._petsc import as_raised, options_in_database, staged
 from dolfinx_contact._validate import is_count
 from dolfinx_contact.analysis.rows import Problem, static_equations

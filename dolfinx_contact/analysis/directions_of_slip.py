@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import block_diag
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root, require
+from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact._validate import is_count
 from dolfinx_contact.analysis.critical_friction import (
     BodySolverKind,

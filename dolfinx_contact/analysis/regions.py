@@ -21,8 +21,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import everywhere
+from dolfinx_contact._mpi import Arguments, collective, everywhere
 from dolfinx_contact._progress import Line
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily

@@ -32,11 +32,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._entries import Entries, matrix_of
-from dolfinx_contact._errors import everywhere, on_root, require
-from dolfinx_contact._optional import slepc
-from dolfinx_contact._petsc import options_in_database, staged
+from dolfinx_contact._install import slepc
+from dolfinx_contact._mpi import Arguments, collective, everywhere, on_root, require
+from dolfinx_contact._petsc import Entries, matrix_of, options_in_database, staged
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,

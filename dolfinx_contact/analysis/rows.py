@@ -15,8 +15,8 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._entries import Entries, matrix_of
-from dolfinx_contact._errors import require
+from dolfinx_contact._mpi import require
+from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.validation import validate_data

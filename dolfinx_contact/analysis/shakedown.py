@@ -40,8 +40,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import everywhere, on_root
+from dolfinx_contact._mpi import Arguments, collective, everywhere, on_root
 from dolfinx_contact._validate import count, instance, listed, nonnegative, positive
 from dolfinx_contact.algorithms.complementarity import coulomb_by_lemke
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel

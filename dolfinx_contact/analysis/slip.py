@@ -24,7 +24,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import require
+from dolfinx_contact._mpi import require
 from dolfinx_contact.analysis.rows import (
     component_rows,
     free_axes,

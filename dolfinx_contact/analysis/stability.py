@@ -40,10 +40,8 @@ from scipy.linalg import eig
 
 import ufl
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root, require
-from dolfinx_contact._factor import is_symmetric
-from dolfinx_contact._petsc import staged
+from dolfinx_contact._mpi import Arguments, collective, on_root, require
+from dolfinx_contact._petsc import is_symmetric, staged
 from dolfinx_contact._validate import is_count
 from dolfinx_contact.analysis.rows import (
     Problem,

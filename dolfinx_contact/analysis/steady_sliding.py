@@ -28,11 +28,9 @@ from scipy.optimize import brentq, minimize_scalar
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import require
-from dolfinx_contact._frozen import ReadOnly
+from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._petsc import staged
-from dolfinx_contact._validate import is_count
+from dolfinx_contact._validate import ReadOnly, is_count
 from dolfinx_contact.analysis.rows import Problem, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.analysis.vibrations import (

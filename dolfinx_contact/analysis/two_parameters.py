@@ -2,7 +2,7 @@
 """Curves of folds and events of a contact problem with two parameters.
 
 The first parameter is that of the branches, the second a Constant: the friction coefficient or
-another load, in which the data must be affine by what they are made of (`_affine`). The problem is
+another load, in which the data must be affine by what they are made of (`_ufl`). The problem is
 condensed onto its contact points at two values of it, and at a third between them for a check.
 """
 
@@ -15,8 +15,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root, require
+from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.analysis.contact import obstacle_to_proof
 from dolfinx_contact.analysis.curve_search import follow_events

@@ -33,10 +33,10 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._errors import everywhere, on_root
-from dolfinx_contact._factor import DEFAULTS as FACTOR
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._optional import slepc
+from dolfinx_contact._install import slepc
+from dolfinx_contact._mpi import everywhere, on_root
+from dolfinx_contact._petsc import DEFAULTS as FACTOR
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.analysis.slip import Slip
 from dolfinx_contact.body.bulk import weighted

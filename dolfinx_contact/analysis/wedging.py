@@ -40,8 +40,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq, linprog
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root
+from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import is_count, is_number
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.analysis.check_proof import ReducedProblem, flexibility, gamma

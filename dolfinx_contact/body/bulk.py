@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Body without contact: residual and stiffness, assembled once if they are linear.
 
-A residual that is affine in the displacement (classified by `_affine`) equals K u + f, where K and
+A residual that is affine in the displacement (classified by `_ufl`) equals K u + f, where K and
 f change only with the user's data. Both are kept until a coefficient or a Constant changes.
 
 A residual with kinks is nonlinear. Its derivative is that of the side on which a state lies, so
@@ -26,10 +26,10 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, la
 
-from dolfinx_contact._affine import dependence, has_branches, is_affine
 from dolfinx_contact._forms import Content, content_of, derived_form
+from dolfinx_contact._mpi import SharedValues, anywhere
 from dolfinx_contact._petsc import half_of
-from dolfinx_contact._shared import SharedValues, anywhere
+from dolfinx_contact._ufl import dependence, has_branches, is_affine
 from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk", "circumference", "weighted"]

@@ -16,7 +16,7 @@ import basix
 from dolfinx import fem, geometry, mesh
 
 from dolfinx_contact._compat import geometry_dofmap
-from dolfinx_contact._errors import require
+from dolfinx_contact._mpi import require
 
 __all__ = [
     "cells_around",

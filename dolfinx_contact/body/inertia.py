@@ -27,8 +27,8 @@ import ufl
 from dolfinx import fem
 from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._mpi import require
 from dolfinx_contact.body.rigid import combine, parts, rigid_motions
 
 __all__ = ["Mass", "mass_matrix", "rigid_errors"]

@@ -38,8 +38,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._factor import is_symmetric
-from dolfinx_contact._petsc import half_of
+from dolfinx_contact._petsc import half_of, is_symmetric
 from dolfinx_contact.body.bulk import Bulk
 
 __all__ = ["MovingBody", "Scheme", "TimeStep"]

@@ -13,7 +13,7 @@ import scipy
 from dolfinx import fem, la
 
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._shared import largest, total
+from dolfinx_contact._mpi import largest, total
 from dolfinx_contact.body.cells import vertex_moments
 
 __all__ = [

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._mpi import everywhere, same_everywhere
 from dolfinx_contact._progress import check_progress
 from dolfinx_contact._validate import count, instance, number, one_of, vector
 from dolfinx_contact.continuation.observer import Stop, as_observer, is_observer

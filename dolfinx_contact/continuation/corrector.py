@@ -24,9 +24,8 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._forcing import Forcing
+from dolfinx_contact._inexact import ROUNDS, Forcing, settle
 from dolfinx_contact._petsc import as_raised, options_in_database
-from dolfinx_contact._settling import ROUNDS, settle
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import Piece

@@ -19,7 +19,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._validate import count, positive
 from dolfinx_contact.continuation.arguments import (
     check_listeners,

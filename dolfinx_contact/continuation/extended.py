@@ -22,8 +22,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import require
+from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact.continuation.arguments import (
     check_system,
     checked_gamma,

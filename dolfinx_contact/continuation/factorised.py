@@ -15,7 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._factor import Factor
+from dolfinx_contact._petsc import Factor
 from dolfinx_contact.continuation.layout import BorderedSolver, Enough, Layout
 from dolfinx_contact.continuation.row_update import RowUpdate
 from dolfinx_contact.continuation.system import Piece

@@ -17,7 +17,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._validate import one_of, positive
 from dolfinx_contact.continuation.arguments import (
     check_listeners,

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import require, same_everywhere
+from dolfinx_contact._mpi import Arguments, collective, require, same_everywhere
 from dolfinx_contact.continuation.arguments import (
     check_system,
     checked_gamma,

@@ -22,7 +22,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._factor import Factor
+from dolfinx_contact._petsc import Factor
 
 __all__ = ["RowUpdate"]
 

@@ -30,7 +30,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._validate import count, listed, nonnegative, positive
 from dolfinx_contact.continuation.affine import largest
 from dolfinx_contact.continuation.arguments import (

@@ -19,9 +19,8 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._shared import SharedValues, largest, total
+from dolfinx_contact._mpi import SharedValues, largest, require, total
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.held_ends import resting

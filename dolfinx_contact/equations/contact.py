@@ -36,10 +36,9 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import mesh_mark, node_positions
+from dolfinx_contact._mpi import anywhere, require, total
 from dolfinx_contact._petsc import ProblemOptions, logged
-from dolfinx_contact._shared import anywhere, total
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.constraints import Constraints, PrescribedDisplacement, check_overlap

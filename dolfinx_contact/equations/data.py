@@ -19,7 +19,7 @@ import ufl
 from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact._shared import largest
+from dolfinx_contact._mpi import largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.obstacles import Measured
 from dolfinx_contact.points.surface import DiscreteSurface

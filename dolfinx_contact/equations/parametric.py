@@ -19,10 +19,9 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._compat import dirichlet_value, is_value_of
-from dolfinx_contact._errors import require
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._shared import anywhere
+from dolfinx_contact._mpi import anywhere, require
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import (

@@ -21,9 +21,9 @@ import ufl
 from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 
-from dolfinx_contact._affine import dependence, has_branches, is_affine
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
+from dolfinx_contact._ufl import dependence, has_branches, is_affine
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.points.contact_points import Given

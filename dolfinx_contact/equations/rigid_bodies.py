@@ -21,8 +21,8 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._entries import Entries, matrix_of
-from dolfinx_contact._errors import require
+from dolfinx_contact._mpi import require
+from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.points.rigid_body import RigidBody, number
 from dolfinx_contact.points.surface import DiscreteSurface
 

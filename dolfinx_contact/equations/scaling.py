@@ -19,9 +19,8 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._shared import anywhere, total
+from dolfinx_contact._mpi import anywhere, require, total
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import extents, number_of_parts, parts, sums_of_parts

@@ -20,7 +20,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.points.sliding.facing import Facing

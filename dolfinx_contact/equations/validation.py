@@ -25,9 +25,8 @@ from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact._errors import require, same_everywhere
-from dolfinx_contact._shared import anywhere, largest
-from dolfinx_contact._ufl_data import refuse_other_condition, refuse_other_mesh
+from dolfinx_contact._mpi import anywhere, largest, require, same_everywhere
+from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact._validate import listed as as_list
 from dolfinx_contact.body.cells import cells_around, smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations

@@ -22,8 +22,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import require
+from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact.continuation.arguments import (
     check_rays,
     check_steps,

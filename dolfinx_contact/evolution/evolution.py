@@ -16,9 +16,8 @@ from typing import ClassVar, Generic, TypeVar
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._collective import collective
-from dolfinx_contact._errors import everywhere, require
-from dolfinx_contact._frozen import ReadOnly
+from dolfinx_contact._mpi import collective, everywhere, require
+from dolfinx_contact._validate import ReadOnly
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.data import Datum
 from dolfinx_contact.equations.state import State

@@ -23,9 +23,9 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._affine import dependence
-from dolfinx_contact._errors import everywhere
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._mpi import everywhere
+from dolfinx_contact._ufl import dependence
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.body.bulk import circumference, weighted
 from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors

@@ -34,7 +34,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import require
+from dolfinx_contact._mpi import require
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep

@@ -28,8 +28,8 @@ from typing import Any
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._ufl_data import described, refuse_other_mesh
+from dolfinx_contact._mpi import Arguments, collective
+from dolfinx_contact._ufl import described, refuse_other_mesh
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import Scheme, TimeStep

@@ -16,9 +16,8 @@ import logging
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._shared import largest
+from dolfinx_contact._mpi import largest, require
 from dolfinx_contact.body.moving import TimeStep
 from dolfinx_contact.evolution.motion_energy import Deviation, Motion
 from dolfinx_contact.problem import ContactProblem

@@ -20,7 +20,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies

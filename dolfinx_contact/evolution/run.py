@@ -24,7 +24,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._collective import Arguments
+from dolfinx_contact._mpi import Arguments
 from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import (
     check_functions,

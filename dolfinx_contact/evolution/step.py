@@ -29,8 +29,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import everywhere, require
-from dolfinx_contact._shared import anywhere
+from dolfinx_contact._mpi import anywhere, everywhere, require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Constancy, placed_data
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses

@@ -37,7 +37,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import everywhere, require
+from dolfinx_contact._mpi import everywhere, require
 from dolfinx_contact._validate import listed, one_of, positive
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation.arguments import check_rays

@@ -18,10 +18,9 @@ from mpi4py import MPI
 
 import numpy as np
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root
 from dolfinx_contact._files import part_of
-from dolfinx_contact._optional import optional
+from dolfinx_contact._install import optional
+from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import count, is_number, number, one_of, positive
 from dolfinx_contact.analysis import Chart, EventCurves, ProvedCount, Regions
 from dolfinx_contact.analysis.chart_regions import chart_scene

@@ -18,8 +18,8 @@ from xml.etree import ElementTree as ET
 
 from mpi4py import MPI
 
-from dolfinx_contact._errors import on_root
 from dolfinx_contact._files import os_error, part_of, sync
+from dolfinx_contact._mpi import on_root
 
 __all__ = ["aside", "put", "write_text"]
 

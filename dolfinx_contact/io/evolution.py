@@ -10,8 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root
+from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import count, flag
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.io.disk import aside

@@ -26,11 +26,10 @@ import ufl
 from dolfinx import fem, mesh
 from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact._collective import collective
 from dolfinx_contact._compat import interpolation_points
-from dolfinx_contact._errors import everywhere, same_everywhere
 from dolfinx_contact._forms import compiled_expression, is_of_cells
-from dolfinx_contact._ufl_data import described, refuse_other_mesh
+from dolfinx_contact._mpi import collective, everywhere, same_everywhere
+from dolfinx_contact._ufl import described, refuse_other_mesh
 from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.master import MasterFace

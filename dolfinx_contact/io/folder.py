@@ -18,7 +18,7 @@ import numpy as np
 
 import dolfinx
 
-from dolfinx_contact._errors import everywhere, on_root, same_everywhere
+from dolfinx_contact._mpi import everywhere, on_root, same_everywhere
 from dolfinx_contact.io.disk import write_text
 
 __all__ = ["agreed_path", "output_folder", "write_summary"]

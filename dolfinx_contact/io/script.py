@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from dolfinx_contact._errors import on_root
+from dolfinx_contact._mpi import on_root
 from dolfinx_contact.io.disk import put
 
 __all__ = ["SCRIPT_NAME", "write_script"]

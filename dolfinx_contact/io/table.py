@@ -12,8 +12,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-from dolfinx_contact._errors import on_root
 from dolfinx_contact._files import os_error
+from dolfinx_contact._mpi import on_root
 from dolfinx_contact.io.disk import write_text
 from dolfinx_contact.results.tables import ContactTable
 

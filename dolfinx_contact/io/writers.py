@@ -20,8 +20,8 @@ from mpi4py import MPI
 from dolfinx import fem, io
 
 from dolfinx_contact._compat import VTXFile, has_vtx
-from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._files import os_error
+from dolfinx_contact._mpi import everywhere, require, same_everywhere
 
 __all__ = ["FieldSeries", "FieldsOfFile", "Format", "checked_format"]
 

@@ -21,8 +21,8 @@ import numpy.typing as npt
 import ufl
 from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact._affine import Kind, dependence
-from dolfinx_contact._errors import everywhere
+from dolfinx_contact._mpi import everywhere
+from dolfinx_contact._ufl import Kind, dependence
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
 from dolfinx_contact.laws.roots import Roots

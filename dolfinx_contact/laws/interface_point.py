@@ -16,7 +16,7 @@ from ufl.classes import Variable, Zero
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
-from dolfinx_contact._affine import Kind, dependence
+from dolfinx_contact._ufl import Kind, dependence
 from dolfinx_contact.laws.friction import FrictionLaw
 from dolfinx_contact.laws.interface_state import InterfaceState, Rates
 from dolfinx_contact.laws.law import ContactPoint, Internal, StatusPiece

@@ -26,7 +26,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact._ufl_data import refuse_other_mesh
+from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import instance, one_of
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, MINUS, WHERE_OPEN
 

@@ -20,9 +20,7 @@ from scipy.sparse.csgraph import connected_components
 import basix
 from dolfinx import mesh
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root
-from dolfinx_contact._kept import keep
+from dolfinx_contact._mpi import Arguments, collective, keep, on_root
 from dolfinx_contact._validate import listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 from dolfinx_contact.meshing.whole import WholeMesh, check_tags, distributed, gathered

@@ -22,11 +22,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import gmsh_io
-from dolfinx_contact._errors import everywhere, require
-from dolfinx_contact._kept import keep
-from dolfinx_contact._optional import optional
+from dolfinx_contact._install import optional
+from dolfinx_contact._mpi import Arguments, collective, everywhere, keep, require
 
 __all__ = [
     "GmshMesh",

@@ -19,15 +19,13 @@ import numpy.typing as npt
 import basix
 from dolfinx import mesh
 
-from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._compat import (
     create_mesh,
     geometry_dofmap,
     is_topology_of,
     tags_of_entities,
 )
-from dolfinx_contact._errors import require
-from dolfinx_contact._kept import keep
+from dolfinx_contact._mpi import Arguments, collective, keep, require
 from dolfinx_contact._validate import listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 
@@ -189,7 +187,7 @@ def _check(a: Arguments) -> None:
     a.meshes = bodies
 
 
-@collective("joining meshes", _check, otherwise=MPI.COMM_WORLD)
+@collective("joining meshes", _check)
 def join(
     meshes: Sequence[mesh.Mesh] | Sequence[GmshMesh],
     *,

@@ -4,7 +4,7 @@
 Where files of both are in one folder and its head is the other's, this is what that finds.
 """
 
-from dolfinx_contact._name import refuse_mixture
+from dolfinx_contact._install import refuse_mixture
 
 __all__: list[str] = []
 

@@ -20,9 +20,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact._collective import Arguments, collective
 from dolfinx_contact._geometry import unit
-from dolfinx_contact._ufl_data import refuse_other_mesh
+from dolfinx_contact._mpi import Arguments, collective
+from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import number
 from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
 from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState

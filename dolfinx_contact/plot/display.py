@@ -8,7 +8,7 @@ import os
 import shutil
 import subprocess
 
-from dolfinx_contact._optional import optional
+from dolfinx_contact._install import optional
 
 __all__ = ["ensure_display"]
 

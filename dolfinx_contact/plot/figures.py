@@ -13,9 +13,9 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import on_root
 from dolfinx_contact._files import part_of
-from dolfinx_contact._optional import optional
+from dolfinx_contact._install import optional
+from dolfinx_contact._mpi import on_root
 
 if TYPE_CHECKING:
     import pyvista

@@ -18,10 +18,16 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact._files import part_of
-from dolfinx_contact._optional import optional
+from dolfinx_contact._install import optional
+from dolfinx_contact._mpi import (
+    Arguments,
+    collective,
+    everywhere,
+    on_root,
+    require,
+    same_everywhere,
+)
 from dolfinx_contact._validate import is_number, number
 from dolfinx_contact.plot.bodies import (
     body_scene,

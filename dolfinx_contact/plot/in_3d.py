@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._optional import optional
+from dolfinx_contact._install import optional
 from dolfinx_contact.plot.display import ensure_display
 from dolfinx_contact.plot.figures import INK, LINES, with_unit
 from dolfinx_contact.plot.in_2d import (

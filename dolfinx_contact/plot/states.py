@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._optional import optional
+from dolfinx_contact._install import optional
+from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._validate import number
 from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.io.outside import patch

@@ -16,9 +16,8 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, depth_first_order
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import same_everywhere
 from dolfinx_contact._geometry import area_vectors, unit
+from dolfinx_contact._mpi import Arguments, collective, same_everywhere
 from dolfinx_contact.io.gathering import Arrays, gather_cells
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.figures import INK, drawn_on_root, new_figure, save, with_unit

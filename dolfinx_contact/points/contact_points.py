@@ -29,7 +29,7 @@ from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.descriptions import ContactMethod

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.held_ends import resting
 from dolfinx_contact.points.trace import at_global_places
 

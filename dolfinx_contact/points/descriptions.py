@@ -20,9 +20,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import require
-from dolfinx_contact._ufl_data import described
+from dolfinx_contact._mpi import Arguments, collective, require
+from dolfinx_contact._ufl import described
 from dolfinx_contact._validate import (
     count,
     flag,
@@ -331,7 +330,7 @@ def _declared(
     """Return a class decorator that validates the arguments collectively; see `collective`."""
 
     def decorate(cls: type[T]) -> type[T]:
-        validated = collective(what, check, compare=compare, local=local, where="name")
+        validated = collective(what, check, compare=compare, local=local)
         setattr(cls, "__init__", validated(getattr(cls, "__init__")))  # noqa: B009, B010
         return cls
 

@@ -46,8 +46,8 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._compat import merge_entity_maps
-from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._mpi import require
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.laws.symbols import before

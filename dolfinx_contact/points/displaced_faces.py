@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._geometry import area_vectors, dot, unit
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets

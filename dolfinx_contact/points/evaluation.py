@@ -29,8 +29,8 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
 from dolfinx_contact._forms import Part, compiled_expression, content_by, derived_form
-from dolfinx_contact._shared import SharedValues
-from dolfinx_contact._ufl_data import data_of
+from dolfinx_contact._mpi import SharedValues
+from dolfinx_contact._ufl import data_of
 from dolfinx_contact.obstacles import Measured, Obstacle, fields_within, require_uniform
 from dolfinx_contact.points.trace import owned_exterior
 

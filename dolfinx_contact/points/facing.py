@@ -13,8 +13,8 @@ import numpy.typing as npt
 import basix
 from dolfinx import fem, mesh
 
-from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._mpi import require
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import exchanged, nearest, ranks_nearby
 from dolfinx_contact.points.trace import facet_closures, facet_normals

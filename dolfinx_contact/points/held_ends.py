@@ -30,8 +30,8 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
-from dolfinx_contact._entries import Entries, matrix_of
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._mpi import SharedValues
+from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.points.operators import multiplied, rows_of
 from dolfinx_contact.points.opposite import Opposite
 

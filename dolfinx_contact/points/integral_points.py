@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Trace
 from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import (

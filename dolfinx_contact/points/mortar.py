@@ -24,7 +24,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.points.clipping import Cover, basis, nodal_points
 
 __all__ = ["Coupling", "between", "coupling"]

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 import basix
 
-from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import closed

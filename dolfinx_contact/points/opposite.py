@@ -25,10 +25,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact._entries import Entries, matrix_of
-from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._mpi import SharedValues, require
+from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, cover

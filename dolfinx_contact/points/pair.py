@@ -8,9 +8,7 @@ import numpy.typing as npt
 
 from dolfinx import mesh
 
-from dolfinx_contact._errors import require
-from dolfinx_contact._kept import keep
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._mpi import SharedValues, keep, require
 from dolfinx_contact.meshing import GmshMesh
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.descriptions import ContactPair, ContactSurface, Overlap

@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from dolfinx import fem, mesh
 
-from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._mpi import require
 
 __all__ = ["axis_condition", "check_section", "mirrored", "on_axis"]
 

@@ -35,9 +35,8 @@ from dolfinx import fem, mesh
 from ufl.algorithms.analysis import extract_constants
 from ufl.utils.stacks import StackDict
 
-from dolfinx_contact._frozen import ReadOnly
-from dolfinx_contact._ufl_data import refuse_other_mesh
-from dolfinx_contact._validate import listed, scalar, vector, word
+from dolfinx_contact._ufl import refuse_other_mesh
+from dolfinx_contact._validate import ReadOnly, listed, scalar, vector, word
 from dolfinx_contact.obstacles import Obstacle, Outline, gap_at, has_ufl
 
 __all__ = ["COMPONENTS", "RigidBody", "number"]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._kept import keep
+from dolfinx_contact._mpi import keep
 from dolfinx_contact.points.descriptions import ContactSurface, Overlap, SelfContact
 from dolfinx_contact.points.sliding.points import SlidingFacets, check_slave
 from dolfinx_contact.points.surface import DiscreteSurface

@@ -16,10 +16,9 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._compat import create_facet_submesh
-from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._geometry import area_vectors, node_positions
-from dolfinx_contact._kept import keep
-from dolfinx_contact._ufl_data import described, refuse_displacement, refuse_other_mesh
+from dolfinx_contact._mpi import everywhere, keep, require, same_everywhere
+from dolfinx_contact._ufl import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.laws import Answers, Law, LawAtPoints, PointData

@@ -17,9 +17,8 @@ from dolfinx import fem, la, mesh
 
 from dolfinx_contact import _geometry
 from dolfinx_contact._compat import geometry_dofmap, is_topology_of
-from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._shared import SharedValues, anywhere
+from dolfinx_contact._mpi import SharedValues, anywhere, everywhere, require, same_everywhere
 from dolfinx_contact._validate import count, instance, number, one_of
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags

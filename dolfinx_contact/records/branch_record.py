@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dolfinx_contact._errors import require, same_everywhere
+from dolfinx_contact._mpi import require, same_everywhere
 from dolfinx_contact.continuation import (
     Branch,
     BranchPoint,

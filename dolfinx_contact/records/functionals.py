@@ -18,9 +18,9 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._compat import merge_entity_maps
-from dolfinx_contact._errors import everywhere, require, same_everywhere
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._ufl_data import described
+from dolfinx_contact._mpi import everywhere, require, same_everywhere
+from dolfinx_contact._ufl import described
 from dolfinx_contact.body.bulk import weighted
 from dolfinx_contact.equations.data import placed_data
 from dolfinx_contact.laws import status

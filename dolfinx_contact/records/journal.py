@@ -33,7 +33,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._optional import optional
+from dolfinx_contact._install import optional
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.io.outside import OuterSurface, SurfaceState

@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._errors import everywhere, same_everywhere
+from dolfinx_contact._mpi import everywhere, same_everywhere
 from dolfinx_contact.continuation import Branch, BranchPoint, Change, Node, SpecialPoint
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.points import require_solutions

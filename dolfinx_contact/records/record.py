@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
 from petsc4py import PETSc
 
-from dolfinx_contact._errors import everywhere, on_root, require, same_everywhere
 from dolfinx_contact._files import os_error
+from dolfinx_contact._mpi import everywhere, on_root, require, same_everywhere
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.io.folder import agreed_path, output_folder
 from dolfinx_contact.io.outside import Outside

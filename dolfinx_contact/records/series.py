@@ -14,7 +14,7 @@ from pathlib import Path
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import same_everywhere
+from dolfinx_contact._mpi import same_everywhere
 from dolfinx_contact.io.disk import aside
 from dolfinx_contact.io.fields import Face, faces, state_fields
 from dolfinx_contact.io.folder import output_folder

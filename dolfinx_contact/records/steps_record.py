@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 import ufl
 
-from dolfinx_contact._errors import everywhere, require, same_everywhere
+from dolfinx_contact._mpi import everywhere, require, same_everywhere
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.layout import Layout

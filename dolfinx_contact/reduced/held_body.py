@@ -22,7 +22,7 @@ import numpy.typing as npt
 from scipy.sparse import csc_matrix as Columns
 from scipy.sparse import csr_matrix as Rows
 
-from dolfinx_contact._factor import BATCH, Factor, marked_symmetric
+from dolfinx_contact._petsc import BATCH, Factor, marked_symmetric
 from dolfinx_contact.equations.contact import ContactEquations
 
 __all__ = [

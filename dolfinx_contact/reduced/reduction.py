@@ -42,10 +42,8 @@ from scipy.sparse import csc_matrix as Columns
 
 from dolfinx import fem
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root, require
+from dolfinx_contact._mpi import Arguments, collective, on_root, require, total
 from dolfinx_contact._petsc import staged
-from dolfinx_contact._shared import total
 from dolfinx_contact.algorithms.exchange import save_points
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.continuation import Piece

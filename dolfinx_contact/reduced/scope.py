@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dolfinx_contact._errors import require
+from dolfinx_contact._mpi import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.cones import is_polyhedral

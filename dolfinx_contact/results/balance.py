@@ -32,7 +32,7 @@ from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._shared import SharedValues
+from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation

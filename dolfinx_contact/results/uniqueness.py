@@ -10,7 +10,7 @@ from typing import Literal
 
 from mpi4py import MPI
 
-from dolfinx_contact._collective import Arguments, collective
+from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact.equations.state import State
 
 __all__ = ["Theory", "Uniqueness", "check_seconds", "checked_seconds"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._optional import optional
+from dolfinx_contact._install import optional
 from dolfinx_contact.meshing.gmsh import empty_model
 
 __all__ = ["group_of"]

@@ -17,10 +17,8 @@ import numpy.typing as npt
 
 from dolfinx import mesh
 
-from dolfinx_contact._collective import Arguments, collective
-from dolfinx_contact._errors import on_root
-from dolfinx_contact._frozen import ReadOnly, copy_with
-from dolfinx_contact._validate import is_number, positive, word
+from dolfinx_contact._mpi import Arguments, collective, on_root
+from dolfinx_contact._validate import ReadOnly, copy_with, is_number, positive, word
 from dolfinx_contact.obstacles import Measured, Obstacle, Outline, Start
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.distance import Distances, distances_from

@@ -12,7 +12,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._factor import Factor
+from dolfinx_contact._petsc import Factor
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import with_dirichlet_rows
 from dolfinx_contact.solvers.hierarchy import Hierarchy

@@ -19,7 +19,7 @@ import numpy as np
 
 from dolfinx import fem
 
-from dolfinx_contact._errors import on_root
+from dolfinx_contact._mpi import on_root
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.algorithms import (
     ALGORITHMS,

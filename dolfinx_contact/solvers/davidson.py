@@ -23,8 +23,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._errors import on_root
-from dolfinx_contact._shared import total
+from dolfinx_contact._mpi import on_root, total
 
 __all__ = ["Davidson"]
 

@@ -10,8 +10,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._factor import DEFAULTS
-from dolfinx_contact._petsc import logged
+from dolfinx_contact._petsc import DEFAULTS, logged
 from dolfinx_contact.equations.jacobian import Jacobian
 
 if TYPE_CHECKING:

@@ -12,12 +12,12 @@ A Newton step from an iterate x:
    saved exceed the cost of the set-up; costs are counted in iterations (`PLAIN`, `SMOOTHED`,
    measured in `benchmarks/settings_study.py`). Smoothed aggregates replace plain ones by the same
    rule.
-4. Choose the relative tolerance by the forcing terms of Eisenstat and Walker (`_forcing`).
+4. Choose the relative tolerance by the forcing terms of Eisenstat and Walker (`_inexact`).
 5. Solve by FGMRES, starting from one application of the preconditioner. Stop early if the residual
    of the contact conditions after the step, a measure of the nonlinearity, exceeds the linear
    residual.
 6. After the full step, correct the surface unknowns for their own rows, with the body held
-   (`_settling`, `Multigrid.correct`).
+   (`_inexact`, `Multigrid.correct`).
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ import numpy.typing as npt
 
 from dolfinx import la
 
-from dolfinx_contact._forcing import Forcing
+from dolfinx_contact._inexact import Forcing
+from dolfinx_contact._mpi import total
 from dolfinx_contact._petsc import has_package, logged
-from dolfinx_contact._shared import total
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.trace import facet_closures
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy

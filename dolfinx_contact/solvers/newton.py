@@ -22,10 +22,9 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._errors import everywhere
+from dolfinx_contact._inexact import ROUNDS, settle
+from dolfinx_contact._mpi import anywhere, everywhere
 from dolfinx_contact._petsc import as_raised, logged, options_in_database
-from dolfinx_contact._settling import ROUNDS, settle
-from dolfinx_contact._shared import anywhere
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses, differs
 from dolfinx_contact.equations.measures import Measures, Scales

@@ -18,7 +18,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._shared import total
+from dolfinx_contact._mpi import total
 from dolfinx_contact.algorithms import Penalty, Trend, TrescaFixedPoint, Uzawa
 from dolfinx_contact.algorithms.penalty import LEAST, Extrapolation
 from dolfinx_contact.algorithms.tresca import BoundRelaxation

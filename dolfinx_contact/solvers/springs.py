@@ -22,7 +22,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._entries import Entries, matrix_of
+from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.points.operators import ConstantOperator, Operator

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from dolfinx import la
 
-from dolfinx_contact._factor import Factor
+from dolfinx_contact._petsc import Factor
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.points.trace import facet_closures, owned_exterior
 from dolfinx_contact.solvers.history import LinearSolverError

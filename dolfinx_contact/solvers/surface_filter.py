@@ -19,8 +19,8 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mpi import total
 from dolfinx_contact._petsc import logged
-from dolfinx_contact._shared import total
 from dolfinx_contact.solvers.condensation import CondensedBlock
 from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.surface_block import SurfaceBlock, SurfaceSet

@@ -19,7 +19,7 @@ from dolfinx_contact import (
     HalfSpace,
     ParametricContact,
 )
-from dolfinx_contact._errors import everywhere
+from dolfinx_contact._mpi import everywhere
 from dolfinx_contact.continuation import Observer, find_solutions, follow
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord

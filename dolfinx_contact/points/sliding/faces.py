@@ -22,10 +22,9 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh
-from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import area_vector_rates, area_vectors, node_positions, unit
+from dolfinx_contact._mpi import SharedValues, require
 from dolfinx_contact._petsc import logged
-from dolfinx_contact._shared import SharedValues
 from dolfinx_contact.body.cells import cells_around
 from dolfinx_contact.points.clipping import Faces, basis, cover
 from dolfinx_contact.points.facing import faces_of

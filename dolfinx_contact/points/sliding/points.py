@@ -16,8 +16,8 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact._errors import require
 from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._mpi import require
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.laws import Frictionless, LawAtPoints
 from dolfinx_contact.laws.compiled import CompiledLaw

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Forcing terms: relative tolerances of the linear systems of Newton steps.
+"""Inexact Newton methods: forcing terms, and nonlinear elimination of a few unknowns.
 
-The tolerance of step k is gamma (F_k / F_(k-1))^2, with the safeguard against accidental decreases
-(Eisenstat and Walker, SIAM J. Sci. Comput. 17, 1996, choice 2). Additions for kinks:
+*Forcing terms* are the relative tolerances of the linear systems of Newton steps. The tolerance of
+step k is gamma (F_k / F_(k-1))^2, with the safeguard against accidental decreases (Eisenstat and
+Walker, SIAM J. Sci. Comput. 17, 1996, choice 2). Additions for kinks:
 
 1. While points change their status, the reduction of the residual does not predict the accuracy of
    the next linear model, so the tolerance keeps its largest value.
@@ -13,13 +14,23 @@ The tolerance of step k is gamma (F_k / F_(k-1))^2, with the safeguard against a
 Within a solve the linear model is tested: H after the present step, in the rows of the contact
 conditions, is the remainder of the linear model. The linear residual need not be reduced further
 below it. (Choice 1 of Eisenstat and Walker compares the two after the solve.)
+
+*Nonlinear elimination* corrects a few unknowns between Newton steps of all unknowns: Newton steps
+of some rows for their own unknowns, with the others held (Lanzkron, Rose and Wilkes, SIAM J. Sci.
+Comput. 17, 1996; truncated nonsmooth Newton multigrid, Graeser and Kornhuber, J. Comput. Math. 27,
+2009). Points at the edge of the contact thus find their status without a step of the whole body. A
+nearly incompressible body with held unknowns is too stiff for this; H then grows considerably, and
+the correction is discarded.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
-__all__ = ["Forcing"]
+from petsc4py import PETSc
+
+__all__ = ["ROUNDS", "Forcing", "settle"]
 
 _SOON = 1e-3  # smallest reduction of the linear residual between two tests of the model
 _FURTHER = 3.0  # smallest factor between two tests of the model
@@ -127,3 +138,43 @@ class Forcing:
             return True
         self._next = min(max(remainder, _SOON * reduction), reduction / _FURTHER)
         return False
+
+
+_GROWTH = 10.0  # largest factor by which a correction may enlarge the norm of H
+ROUNDS = 2  #: Worthwhile corrections when few points still change their status.
+
+
+def settle(
+    evaluate: Callable[[PETSc.Vec, PETSc.Vec], None],
+    correct: Callable[[PETSc.Vec, PETSc.Vec, PETSc.Vec], bool],
+    x: PETSc.Vec,
+    b: PETSc.Vec,
+    d: PETSc.Vec,
+    rounds: int,
+) -> bool:
+    """Correct ``x`` in place and return whether it has changed. Collective.
+
+    Args:
+        evaluate: function of (x, b) that writes H(x) into b.
+        correct: function of (x, b, d) that writes the vector to subtract from x into d and returns
+            whether there is a correction.
+        x: unknowns.
+        b: vector for residuals.
+        d: vector for corrections.
+        rounds: largest number of corrections.
+    """
+    changed = False
+    trial = x.duplicate()
+    evaluate(x, b)
+    for _ in range(rounds):
+        if not correct(x, b, d):
+            break
+        size = b.norm()
+        trial.waxpy(-1.0, d, x)
+        evaluate(trial, b)
+        if not b.norm() < _GROWTH * size:  # also if it is NaN
+            break
+        trial.copy(x)
+        changed = True
+    trial.destroy()
+    return changed

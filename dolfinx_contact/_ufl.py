@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Symbolic classification of the dependence of UFL on a Function, a Constant or a variable.
+r"""UFL of the user: its dependence on a terminal, its Functions, Constants and meshes, its content.
 
-After lowering algebra and expanding derivatives, an expression E is traversed from its terminals
+*Dependence* of UFL on a Function, a Constant or a variable v is classified symbolically. After
+lowering algebra and expanding derivatives, an expression E is traversed from its terminals
 upwards. Every node is independent of v (absent), a polynomial in v of some degree, kinked
 (continuous, like |v|), jumping (like the sign of v), or other:
 
@@ -29,13 +30,27 @@ from typing import Any
 import numpy as np
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 from ufl import classes
 from ufl.algorithms import expand_derivatives, expand_indices
 from ufl.algorithms.remove_complex_nodes import remove_complex_nodes
 from ufl.corealg.traversal import unique_post_traversal, unique_pre_traversal
 
-__all__ = ["Dependence", "Kind", "dependence", "has_branches", "is_affine"]
+from dolfinx_contact._compat import dirichlet_value, domains_of, is_mesh_of
+from dolfinx_contact._validate import is_number
+
+__all__ = [
+    "Dependence",
+    "Kind",
+    "data_of",
+    "dependence",
+    "described",
+    "has_branches",
+    "is_affine",
+    "refuse_displacement",
+    "refuse_other_condition",
+    "refuse_other_mesh",
+]
 
 
 class Kind(IntEnum):
@@ -267,3 +282,98 @@ def _power(node: Any, base: _Part) -> _Part:
     if base.kind > Kind.POLYNOMIAL:
         return base
     return _Part(Kind.POLYNOMIAL, base.degree * round(number))
+
+
+# -- data and content ------------------------------------------------------------------------------
+
+
+def data_of(expression: Any) -> tuple[list[Any], list[Any], set[Any]]:
+    """Return the Functions and Constants of a UFL expression, in UFL's order, and its meshes."""
+    functions = set[Any]()
+    constants = set[Any]()
+    domains = set[Any]()
+    for part in unique_pre_traversal(expression):
+        if part._ufl_is_terminal_:
+            domains.update(domains_of(part))
+            if isinstance(part, ufl.Coefficient):
+                functions.add(part)
+            elif isinstance(part, ufl.Constant):
+                constants.add(part)
+    return (
+        sorted(functions, key=lambda f: f.count()),
+        sorted(constants, key=lambda c: c.count()),
+        domains - {None},
+    )
+
+
+def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
+    """Raise ``ValueError`` if a UFL expression or form belongs to another mesh.
+
+    Args:
+        expression: UFL expression of any shape, or form.
+        domain: required mesh.
+        what: name of the expression in the message.
+    """
+    if isinstance(expression, ufl.Form):
+        functions, constants = expression.coefficients(), expression.constants()
+        domains = set(expression.ufl_domains())
+    else:
+        functions, constants, domains = data_of(expression)
+    required = domain.ufl_domain()
+    for kind, data in (("Function", functions), ("Constant", constants)):
+        for d in data:
+            if set(domains_of(d)) != {required}:
+                verb = "is" if d is expression else "contains"
+                raise ValueError(f"{what} {verb} a {kind} of another mesh")
+    if domains - {required}:
+        raise ValueError(f"{what} belongs to another mesh")
+
+
+def refuse_displacement(u: fem.Function, what: str, *functions: Any) -> None:
+    """Raise ``ValueError`` if the displacement is among the Functions of an obstacle or a law.
+
+    Args:
+        u: displacement.
+        what: name of the obstacle or law in the message.
+        functions: Functions in its UFL.
+    """
+    if any(f is u for f in functions):
+        raise ValueError(
+            f"{what} depends on the displacement: its gap and normal are those of the reference "
+            "configuration, to which the displacement is added (the gap is then gap - u.n)"
+        )
+
+
+def refuse_other_condition(bc: fem.DirichletBC, domain: mesh.Mesh) -> None:
+    """Raise ``ValueError`` if a Dirichlet condition or its Function belongs to another mesh."""
+    value = dirichlet_value(bc)
+    spaces = [bc.function_space, getattr(value, "function_space", bc.function_space)]
+    if not all(is_mesh_of(domain, space) for space in spaces):
+        raise ValueError("a Dirichlet condition, or its value, is on a space of another mesh")
+
+
+def described(value: Any, domain: mesh.Mesh) -> str:
+    """Return the content of an argument as text, equal on ranks that pass the same argument.
+
+    UFL is described by the values of its Constants and by its signature, which contains neither the
+    counts of UFL's objects nor the values of Functions, which are distributed over the ranks.
+
+    Args:
+        value: number, UFL expression or form on ``domain``, Dirichlet condition, or any object with
+            a `repr`.
+        domain: mesh.
+    """
+    if isinstance(value, fem.DirichletBC):
+        value = dirichlet_value(value)
+        is_function = hasattr(value, "function_space")
+        return "a Function" if is_function else repr(np.asarray(value.value).tolist())
+    if is_number(value):
+        return repr(float(value))
+    if isinstance(value, ufl.constantvalue.Zero):
+        return "0"
+    if isinstance(value, ufl.core.expr.Expr):
+        value = ufl.inner(value, value) * ufl.dx(domain=domain)
+    if not isinstance(value, ufl.Form):
+        return repr(value)
+    values = [np.asarray(c.value).tolist() for c in value.constants()]
+    return f"{', '.join(map(repr, values)) or 'an expression'} (form {value.signature()[:12]})"

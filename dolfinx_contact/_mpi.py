@@ -1,0 +1,440 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""MPI: errors on all ranks, comparison of arguments, shared values, and the life of meshes.
+
+A few numbers are sent through MPI's buffers: the lower-case methods of mpi4py pickle arrays, which
+takes twenty times as long, as much as the evaluation of a law at some contact points.
+"""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import os
+import pickle
+import sys
+import time
+import traceback
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import wraps
+from inspect import signature
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from dolfinx import common, la, mesh
+
+__all__ = [
+    "Arguments",
+    "SharedValues",
+    "anywhere",
+    "collective",
+    "everywhere",
+    "keep",
+    "largest",
+    "on_root",
+    "require",
+    "same_everywhere",
+    "total",
+]
+
+Array = npt.NDArray[np.float64]
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_PATIENCE = 45.0  # seconds that a rank with an error waits for the others
+
+
+# -- errors on all ranks ---------------------------------------------------------------------------
+
+
+def require(comm: MPI.Comm, ok: bool, message: str) -> None:
+    """Raise ``ValueError(message)`` on every rank if ``ok`` is false on any rank. Collective.
+
+    The message is that of the lowest rank that failed, so it does not depend on the printing rank.
+    """
+    messages = comm.allgather(None if ok else message)
+    failed = [m for m in messages if m is not None]
+    if failed:
+        raise ValueError(failed[0])
+
+
+@contextmanager
+def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
+    """Raise an error of one rank in the context on every rank. Collective, at its end.
+
+    Use it for code of the user and for local work that may fail. The error is that of the lowest
+    rank that failed, with its traceback as a note; KeyboardInterrupt and SystemExit are included.
+    If the code of the failed rank should have communicated, the other ranks wait for it inside the
+    context. They cannot be reached, and after some time the run is aborted with the traceback.
+
+    Args:
+        comm: communicator.
+        what: description of the work for the note; default: none.
+    """
+    failure: BaseException | None = None
+    try:
+        yield
+    except BaseException as error:
+        failure = error
+    mine = np.array([int(failure is not None)])
+    failed = np.zeros(1, dtype=int)
+    request = comm.Iallreduce(mine, failed, op=MPI.MAX)
+    end = time.monotonic() + _PATIENCE
+    while failure is not None and not request.Test():
+        if time.monotonic() > end:
+            traceback.print_exception(failure)
+            print(
+                f"rank {comm.rank} failed{f' in {what}' if what else ''} (above) while other ranks "
+                "wait for it in a collective call: the run is aborted",
+                file=sys.stderr,
+                flush=True,
+            )
+            comm.Abort(1)
+        time.sleep(1e-3)
+    request.Wait()
+    if failed[0]:
+        first = _first(comm, failure, what)
+        raise first from (failure if failure is not first else first.__cause__)
+
+
+def _first(comm: MPI.Comm, failure: BaseException | None, what: str) -> BaseException:
+    """Return the error of the lowest failed rank; on that rank the same object. Collective."""
+    sent = None
+    if failure is not None:
+        where = f"on rank {comm.rank}{f', in {what}' if what else ''}:\n"
+        note = where + "".join(traceback.format_exception(failure))
+        try:
+            sent = pickle.dumps(failure), note
+            pickle.loads(sent[0])
+        except Exception:  # an exception of a user's class need not be picklable
+            sent = pickle.dumps(RuntimeError(f"{type(failure).__name__}: {failure}")), note
+    parts = comm.allgather(sent)
+    rank, first = next((i, p) for i, p in enumerate(parts) if p is not None)
+    if rank == comm.rank and failure is not None:
+        return failure
+    error: BaseException = pickle.loads(first[0])
+    error.add_note(first[1])
+    return error
+
+
+def on_root(comm: MPI.Comm, do: Callable[[], R]) -> R:
+    """Return what ``do`` returns on rank 0, or raise its error, on every rank. Collective.
+
+    Rank 0 raises the error itself, with its traceback; on other ranks the traceback is a note.
+    """
+    if comm.size == 1:
+        return do()
+    result: R | None = None
+    with everywhere(comm):
+        if comm.rank == 0:
+            result = do()
+    return comm.bcast(result)  # type: ignore[no-any-return]
+
+
+# -- comparison of arguments -----------------------------------------------------------------------
+
+#: Arguments of a call, by name.
+Arguments: TypeAlias = SimpleNamespace
+#: Listeners may be present on some ranks only; each rank has its own part of a state.
+_MAY_DIFFER = ("self", "observer", "monitor", "progress", "state")
+#: Attributes through which a communicator is found.
+_WHERE = ("comm", "mesh", "function_space", "problem", "equations")
+
+
+def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
+    """Raise ``ValueError`` on every rank if a value is not the same on all. Collective.
+
+    Args:
+        comm: communicator.
+        where: beginning of the message; default: none.
+        values: values by name (underscores stand for blanks), compared by their `repr`. Functions
+            are called and their return values compared, on several ranks only.
+    """
+    if comm.size == 1:
+        return
+    mine = {name: repr(v() if callable(v) else v) for name, v in values.items()}
+    everyone = comm.allgather(mine)
+    first = everyone[0]
+    for rank, theirs in enumerate(everyone):
+        for name, value in first.items():
+            if value != theirs.get(name):
+                raise ValueError(
+                    f"{where and f'{where}: '}{name.replace('_', ' ')} differs between ranks: "
+                    f"{value} on rank 0, {theirs.get(name)} on rank {rank}"
+                )
+
+
+def collective(
+    what: str,
+    check: Callable[[Arguments], None] | None = None,
+    *,
+    compare: Callable[[Arguments], Mapping[str, Any]] | None = None,
+    local: Collection[str] = (),
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator for functions that all ranks call together.
+
+    Before a call, arguments are validated and compared between ranks. An error on one rank is
+    raised on all ranks, and arguments that differ raise ``ValueError`` on all ranks. Numbers,
+    strings, paths and their containers (arrays, sequences, dictionaries, frozen dataclasses) are
+    compared by value; for other objects only their presence is compared. Listeners (``observer``,
+    ``monitor``, ``progress``) may be present on some ranks only.
+
+    Args:
+        what: description of the call for notes of errors.
+        check: function of the arguments by name, called on each rank, that raises ``ValueError``.
+            It may replace arguments, for example an iterator by a list. Default: none.
+        compare: function of the validated arguments that returns values to compare, by name,
+            instead of arguments of these names or in addition to them. Functions among the values
+            are called. It is used on several ranks only. Default: none.
+        local: names of arguments that may differ between ranks, such as indices of facets.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        form = signature(function)
+
+        @wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> R:
+            bound = form.bind(*args, **kwargs)
+            bound.apply_defaults()
+            given = bound.arguments
+            named = Arguments(**given)
+            comm = next(filter(None, map(_communicator_of, given.values())), None)
+            if check is not None and comm is not None:
+                with everywhere(comm, what):
+                    check(named)
+            elif check is not None:  # an argument of the wrong type, which every rank refuses
+                check(named)
+            given.update(vars(named))
+            if comm is not None and comm.size > 1:
+                skipped = (*_MAY_DIFFER, *local)
+                values = {n: _comparable(v) for n, v in given.items() if n not in skipped}
+                if compare is not None:
+                    values |= compare(named)
+                same_everywhere(comm, **values)
+            return function(*bound.args, **bound.kwargs)
+
+        return call
+
+    return decorate
+
+
+def _communicator_of(value: Any) -> MPI.Comm | None:
+    """Return the communicator of an argument or of its first item, or None."""
+    if isinstance(value, MPI.Comm):
+        return value
+    for name in _WHERE:
+        inner = getattr(value, name, None)
+        found = None if inner is None else _communicator_of(inner)
+        if found is not None:
+            return found
+    return _communicator_of(value[0]) if isinstance(value, list | tuple) and value else None
+
+
+class _Words(str):
+    """Text in the place of a value in messages."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+_GIVEN = _Words("given")
+
+
+def _comparable(value: Any) -> Any:
+    """Return the value by which an argument is compared, or a sign of its presence."""
+    if isinstance(value, float):
+        return value + 0.0  # -0.0 is 0.0
+    if isinstance(value, Enum):
+        return _Words(value)
+    if value is None or isinstance(value, bool | int | complex | str | bytes):
+        return value
+    if isinstance(value, set | frozenset):
+        return sorted(repr(_comparable(v)) for v in value)
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, np.ndarray):
+        return value.tolist() if value.dtype != object else _GIVEN
+    if isinstance(value, Mapping):
+        return {_comparable(k): _comparable(v) for k, v in value.items()}
+    if isinstance(value, Sequence):
+        parts = tuple(_comparable(v) for v in value)
+        unknown = bool(parts) and all(part is _GIVEN for part in parts)
+        return _Words(f"{len(parts)} of them") if unknown else parts
+    frozen = is_dataclass(value) and getattr(value, "__dataclass_params__").frozen  # noqa: B009
+    if not frozen or isinstance(value, type):
+        return _GIVEN
+    # Arrays in a dataclass may belong to one rank.
+    found = {f.name: getattr(value, f.name) for f in fields(value)}
+    words = [
+        f"{k}={_GIVEN if isinstance(v, np.ndarray) else _comparable(v)!r}" for k, v in found.items()
+    ]
+    return _Words(f"{type(value).__name__}({', '.join(words)})")
+
+
+# -- values ----------------------------------------------------------------------------------------
+
+
+class SharedValues:
+    """Values at the local places of an index map, owned places first.
+
+    DOLFINx creates communicators of neighbours for every vector, a collective call of a millisecond
+    or more. Frequent users keep this object, which creates one vector for each number of entries.
+
+    Args:
+        index_map: index map of the places.
+    """
+
+    def __init__(self, index_map: common.IndexMap):
+        from dolfinx import la  # `continuation` uses this module without DOLFINx
+
+        self._la = la
+        self.index_map = index_map
+        self._size: int = index_map.size_local + index_map.num_ghosts
+        self._vectors: dict[int, la.Vector] = {}
+
+    def zeros(self, width: int) -> la.Vector:
+        """Return the kept vector with ``width`` entries per place, set to 0.
+
+        Collective at the first call. The next call of any method with this width overwrites it.
+        """
+        vector = self._vectors.get(width)
+        if vector is None:
+            vector = self._vectors[width] = self._la.vector(self.index_map, width)
+        vector.array[:] = 0.0
+        return vector
+
+    def sums(self, places: npt.NDArray[np.integer], parts: Array) -> Array:
+        """Return sums over all ranks of parts at local places. Collective.
+
+        Args:
+            places: local places, any shape.
+            parts: values there, shape (*places.shape, *s) with any shape s.
+
+        Returns:
+            Sums at the local places, shape (n, *s).
+        """
+        shape = parts.shape[places.ndim :]
+        v, rows = self._rows(shape)
+        np.add.at(rows, places.reshape(-1), parts.reshape(places.size, rows.shape[1]))
+        v.scatter_reverse(self._la.InsertMode.add)
+        v.scatter_forward()
+        return rows.reshape(self._size, *shape).copy()
+
+    def from_owners(self, values: Array) -> Array:
+        """Return values at the local places (n, *s) from those at owned places. Collective."""
+        shape = values.shape[1:]
+        v, rows = self._rows(shape)
+        owned = self.index_map.size_local
+        rows[:owned] = values[:owned].reshape(owned, rows.shape[1])
+        v.scatter_forward()
+        return rows.reshape(self._size, *shape).copy()
+
+    def _rows(self, shape: tuple[int, ...]) -> tuple[la.Vector, Array]:
+        """Return a vector for values of a shape, and its rows, shape (n, entries)."""
+        width = int(np.prod(shape, dtype=int))
+        v = self.zeros(width)
+        return v, v.array.reshape(self._size, width)
+
+
+def total(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
+    """Return sums over all ranks of numbers of any shape, as floats. Collective.
+
+    Sums of empty arrays may be integers on some ranks, and MPI would mix the types.
+    """
+    local = np.ascontiguousarray(values, dtype=np.float64)
+    sums = np.empty_like(local)
+    comm.Allreduce(local, sums)
+    return sums.reshape(np.shape(values))
+
+
+def largest(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
+    """Return entrywise maxima over all ranks; NaN if a rank has NaN. Collective."""
+    local = np.ascontiguousarray(values, dtype=np.float64)
+    maxima = np.empty_like(local)
+    comm.Allreduce(local, maxima, op=_LARGEST)
+    return maxima.reshape(np.shape(values))
+
+
+def anywhere(comm: MPI.Comm, *here: bool) -> list[bool]:
+    """Return for each of several flags whether it is set on any rank. Collective."""
+    local = np.array(here, dtype=bool)
+    flags = np.empty_like(local)
+    comm.Allreduce(local, flags, op=MPI.LOR)
+    return [bool(flag) for flag in flags]
+
+
+def _larger(one: MPI.buffer, other: MPI.buffer, _: MPI.Datatype) -> None:
+    """Maximum that keeps NaN, which MPI's own may lose."""
+    target = np.frombuffer(other, dtype=np.float64)
+    np.maximum(np.frombuffer(one, dtype=np.float64), target, out=target)
+
+
+_LARGEST = MPI.Op.Create(_larger, commute=True)
+
+
+# -- the life of meshes ----------------------------------------------------------------------------
+# DOLFINx frees the communicator of a mesh together with the mesh. mpi4py keeps a lock for every
+# communicator on which objects were sent, and acquires a global lock to discard it. If that happens
+# while an exception propagates, for example when `make_problem().solve(wrong)` drops the problem,
+# the global lock is never released: the next collective call of mpi4py on any communicator hangs. A
+# kept mesh is freed when a later one is kept, or after garbage collection, when no exception
+# propagates.
+
+#: C++ meshes, each with an index set that keeps the duplicate of its communicator in PETSc.
+_kept: list[tuple[Any, PETSc.IS]] = []
+_freeing = False
+_ALONE = 2  # references to a mesh that nothing else uses: this list, and the call that counts
+
+
+def keep(domain: mesh.Mesh) -> None:
+    """Keep a mesh until nothing else uses it and it is safe to free it. Collective."""
+    if _collected not in gc.callbacks:
+        gc.callbacks.append(_collected)
+    _free()
+    held = domain._cpp_object
+    if not any(other is held for other, _ in list(_kept)):
+        _kept.append((held, PETSc.IS().createGeneral([], comm=domain.comm)))
+
+
+def _free() -> None:
+    """Free the meshes that nothing else uses.
+
+    Python may collect garbage at any place of the loop, which calls this function again.
+    """
+    global _freeing
+    if _freeing:
+        return
+    _freeing = True
+    try:
+        for k in reversed(range(len(_kept))):
+            if sys.getrefcount(_kept[k][0]) <= _ALONE:
+                held, of_petsc = _kept.pop(k)
+                of_petsc.destroy()
+                del held
+    finally:
+        _freeing = False
+
+
+def _collected(phase: str, info: dict[str, int]) -> None:
+    if phase == "stop":
+        _free()
+
+
+@atexit.register
+def _end() -> None:
+    _kept.clear()
+    if _collected in gc.callbacks:
+        gc.callbacks.remove(_collected)
