@@ -196,7 +196,7 @@ class Corrector:
     # -- the three correctors --------------------------------------------------------------------
 
     def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
-        """Correct ``y`` in place, orthogonally to ``t``, and update ``t`` in place."""
+        """Correct ``y`` in place, orthogonally to ``t``, which serves as work space."""
         self._reference = None
         self._polish = False
         self._T = t
@@ -514,13 +514,15 @@ class Corrector:
             self._rule.restart(warm=True)
         return self._rule.tolerance(error, self.control.tolerance, changed)
 
-    def _improve(self, _snes: PETSc.SNES, it: int, _norm: float) -> None:
+    def _improve(self, snes: PETSc.SNES, it: int, _norm: float) -> None:
         """Update the Moore-Penrose tangent with the factorisation of the last step.
 
         With an iterative solver the tangent is kept, because every right-hand side costs a solve.
         """
         b = self.bordered
         if it == 0 or self._T is None or not b.solver.many_sides or self._chords.number:
+            return
+        if snes.getConvergedReason() > 0:  # the tangent of the point itself follows
             return
         new = b.vector()
         if b.solver.solve(self._e, new):

@@ -13,7 +13,6 @@ from __future__ import annotations
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx_contact._petsc import Factor
 from dolfinx_contact.continuation.layout import BorderedSolver, Enough, Layout
@@ -28,7 +27,6 @@ _MORE = 48  # largest number of changed rows for reuse in a large system
 _ROUND_OFF = 1e-13  # relative tolerance of GMRES
 _MOST_ITERATIONS = 40  # largest number of GMRES iterations before the matrix is factorised
 _WORN = 20  # number of GMRES iterations above which the next matrix is factorised
-_DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 
 class _Updated:
@@ -191,39 +189,6 @@ class Factorised(BorderedSolver):
             return 0.0
         return self.factor.determinant_sign
 
-    def determinant_quotient(
-        self,
-        y: PETSc.Vec,
-        before: tuple[PETSc.Vec, Piece | None],
-        after: tuple[PETSc.Vec, Piece | None],
-    ) -> int:
-        """See `BorderedSolver`.
-
-        With D = J_1 - J_0 in the rows E in which they differ, and W = J_0^{-1} E, the quotient is
-        det(I + D W). Without the border row folds would look like bifurcations.
-        """
-        self.assemble(y, *after)
-        difference = self.matrix.copy()
-        self.assemble(y, *before)
-        difference.axpy(-1.0, self.matrix, structure=_DIFFERENT)
-        rows = _changed_rows(difference, self.matrix)
-        e, w, dw = (self.layout.vector() for _ in range(3))
-        start, end = e.getOwnershipRange()
-        S = np.zeros((len(rows), len(rows)))
-        for j, r in enumerate(rows):
-            e.set(0.0)
-            if start <= r < end:
-                e.array[r - start] = 1.0
-            self.solve(e, w)
-            difference.mult(w, dw)
-            own = {i: float(dw.array_r[q - start]) for i, q in enumerate(rows) if start <= q < end}
-            for part in self.comm.allgather(own):
-                for i, value in part.items():
-                    S[i, j] = value
-        for item in (difference, e, w, dw):
-            item.destroy()
-        return int(np.sign(np.linalg.det(np.eye(len(rows)) + S)))
-
     def destroy(self) -> None:
         matrices = (self.matrix, self._column, self._row, self._corner)
         vectors = (self._c, self._at, self._base_at)
@@ -231,20 +196,3 @@ class Factorised(BorderedSolver):
             item.destroy()
         if self._nest is not None:
             self._nest.destroy()
-
-
-def _changed_rows(difference: PETSc.Mat, reference: PETSc.Mat) -> list[int]:
-    """Global rows in which ``difference`` is not negligible. Collective."""
-    size = _row_sums(difference)
-    scale = _row_sums(reference)
-    start = difference.getOwnershipRange()[0]
-    changed = np.flatnonzero(size > 1e-12 * (scale + size)) + start
-    return [int(r) for part in difference.comm.tompi4py().allgather(changed) for r in part]
-
-
-def _row_sums(A: PETSc.Mat) -> npt.NDArray[np.float64]:
-    """Sums of absolute values of the local rows of ``A``."""
-    offsets, _, values = A.getValuesCSR()
-    sums = np.zeros(len(offsets) - 1)
-    np.add.at(sums, np.repeat(np.arange(len(sums)), np.diff(offsets)), np.abs(values))
-    return sums

@@ -241,18 +241,6 @@ class Krylov(BorderedSolver):
                 item.destroy()
         return self._sign
 
-    def determinant_quotient(
-        self,
-        y: PETSc.Vec,
-        before: tuple[PETSc.Vec, Piece | None],
-        after: tuple[PETSc.Vec, Piece | None],
-    ) -> int:
-        signs = []
-        for row, piece in (after, before):
-            self.assemble(y, row, piece)
-            signs.append(self.determinant_sign())
-        return int(signs[0] * signs[1])
-
     def destroy(self) -> None:
         vectors = (self._c, self._v, self._w, self._f, self._x, self._r, self._d)
         for item in (self.ksp, self.matrix, self._way, self._way_more, *vectors):

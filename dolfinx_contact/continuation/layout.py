@@ -175,20 +175,5 @@ class BorderedSolver(ABC):
         """Return the sign of det J up to a constant factor; 0 if J is singular. Collective."""
 
     @abstractmethod
-    def determinant_quotient(
-        self,
-        y: PETSc.Vec,
-        before: tuple[PETSc.Vec, Piece | None],
-        after: tuple[PETSc.Vec, Piece | None],
-    ) -> int:
-        """Return the sign of det J_1 / det J_0 at ``y``. Collective.
-
-        Args:
-            y: state.
-            before: last row and piece of J_0.
-            after: last row and piece of J_1.
-        """
-
-    @abstractmethod
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -435,13 +435,14 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
     J = [grad H; t^T] is evaluated with the incoming tangent (J_0) and with the outgoing ray (J_1).
     """
     b = corrector.bordered
-    rows = b.vector(), b.vector()
-    for row, tangent in zip(rows, (t, ray.tangent), strict=True):
+    row = b.vector()
+    sign = 1.0
+    for tangent, own in ((ray.tangent, ray.piece), (t, piece)):
         b.dual(tangent, row)
-    sign = b.solver.determinant_quotient(y, (rows[0], piece), (rows[1], ray.piece))
-    for row in rows:
-        row.destroy()
-    return sign
+        b.solver.assemble(y, row, own)
+        sign *= b.solver.determinant_sign()
+    row.destroy()
+    return int(sign)
 
 
 def _slopes(
