@@ -44,7 +44,6 @@ ALGORITHMS = {
     "gauss-seidel, two levels": GaussSeidel(two_level=True, max_iterations=1000),
     "cg": "projected-gradient",
     "lemke": Lemke(),
-    "lemke, Klarbring": Lemke(form="klarbring"),
     "interior-point": "interior-point",
 }
 LARGE = [

@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "demos"))
 
 import demo_proofs_3d
 
-from dolfinx_contact.analysis import ReducedProblem, check, prove_solutions
+from dolfinx_contact.proofs import ReducedProblem, check, prove_solutions
 
 SIZES = (2, 4, 8, 12, 16)
 FRICTIONS = (0.5, 1.0, 2.0, 5.0)

@@ -6,7 +6,7 @@
 reads every local or global problem in FOLDER (FCLib's HDF5, Siconos' text formats), for example
 `numerics/src/FrictionContact/test/data` of Siconos, and prints a table in Markdown: size, friction,
 rank of the compliance, algorithm, time, violation of the law, and a statement on the solutions. If
-the compliance is regular, `analysis.prove_solutions` searches for all solutions. If it is singular,
+the compliance is regular, `proofs.prove_solutions` searches for all solutions. If it is singular,
 the statement is the dimension of the set of forces with the same velocities. Seconds are processor
 seconds on one core.
 """
@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from dolfinx_contact.algorithms import LocalProblem, RayTermination, load_local
-from dolfinx_contact.analysis import ReducedProblem, prove_solutions
+from dolfinx_contact.proofs import ReducedProblem, prove_solutions
 
 HEAD = "| problem | dim, points | F | rank | algorithm | steps | s | violation | statement | s |"
 

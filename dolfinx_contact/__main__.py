@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """``python3 -m dolfinx_contact``: explore a record, check a stored proof, list what is installed.
 
-``check`` is the same code as ``python3 dolfinx_contact/analysis/check_proof.py PROOF``, which needs
+``check`` is the same code as ``python3 dolfinx_contact/proofs/check_proof.py PROOF``, which needs
 numpy alone; this way imports the package, and so needs DOLFINx. Where the package is
 installed by pip, ``dolfinx_contact`` is the same command.
 """
@@ -23,10 +23,10 @@ import dolfinx
 
 import dolfinx_contact
 from dolfinx_contact._mpi import on_root
-from dolfinx_contact.analysis.check_proof import Certificate
-from dolfinx_contact.analysis.check_proof import check as follow_proof
-from dolfinx_contact.analysis.check_proof import main as check
 from dolfinx_contact.explorer import SolutionCount, explorer, watch
+from dolfinx_contact.proofs.check_proof import Certificate
+from dolfinx_contact.proofs.check_proof import check as follow_proof
+from dolfinx_contact.proofs.check_proof import main as check
 
 __all__ = ["main"]
 

@@ -42,7 +42,6 @@ from dolfinx_contact.laws import Coulomb, Frictionless, status
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.proofs import obstacle_to_proof, proved, proved_rays
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense, obstacle_in_space
 from dolfinx_contact.results.indicators import (
@@ -358,9 +357,11 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
         """All solutions at gamma, with a proof (`analysis`). Collective.
 
-        None where no certificate applies (`analysis.contact.obstacle_to_proof`) and beyond 128
+        None where no certificate applies (`analysis.body_proofs.obstacle_to_proof`) and beyond 128
         contact points.
         """
+        from dolfinx_contact.analysis.body_proofs import obstacle_to_proof, proved
+
         assert isinstance(condensed, Reduction)
         if condensed.points.number > _MOST_PROVED or obstacle_to_proof(self.equations, condensed):
             return None
@@ -368,6 +369,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     def obstacle_to_proof(self) -> str:
         """Why nothing is proved of a problem in 3D, in words; "" in 2D, or if it is. Collective."""
+        from dolfinx_contact.analysis.body_proofs import obstacle_to_proof
+
         if self.equations.dim == 2:
             return ""
         if self.kinks:
@@ -388,11 +391,13 @@ class ParametricContact(ReadOnly, ParametricEquations):
         cone: AffineSystem,
         known: Sequence[tuple[npt.NDArray[np.int8], float]],
     ) -> RayProof | None:
-        """All rays of a tangent cone, with a proof (`analysis.rays`). Collective.
+        """All rays of a tangent cone, with a proof (`proofs.rays`). Collective.
 
         None for other laws than Coulomb's and none of friction, beyond 128 contact points, and
         where `proof_seconds` is 0.
         """
+        from dolfinx_contact.analysis.body_proofs import proved_rays
+
         assert isinstance(condensed, Reduction)
         known_laws = all(type(s.law) in (Coulomb, Frictionless) for s in self.equations.surfaces)
         seconds = checked_seconds(self.comm, self.proof_seconds)

@@ -58,7 +58,6 @@ from dolfinx_contact.points.pair import DiscretePair
 from dolfinx_contact.points.revolution import axis_condition
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.proofs import theory_of, uniqueness
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.indicators import small_sliding_violated
 from dolfinx_contact.results.result import Result, Shown, collect, log_warnings
@@ -893,6 +892,8 @@ class ContactProblem(ReadOnly):
                 data, ``proof_seconds`` is negative or differs between ranks, or the data are not
                 admissible.
         """
+        from dolfinx_contact.analysis.body_proofs import uniqueness
+
         # A question by default concerns the law of this problem, not that of the last step.
         with self._shown(state) as problem:
             eq = problem.equations
@@ -918,6 +919,8 @@ class ContactProblem(ReadOnly):
         Raises:
             ValueError: on every rank, if the data are not admissible.
         """
+        from dolfinx_contact.analysis.theory import theory_of
+
         x = self.create_vector()
         self.write(x)
         try:

@@ -80,16 +80,13 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.algorithms import ALGORITHMS, SemismoothNewton
 from dolfinx_contact.analysis import (
-    ReducedProblem,
     SteadySliding,
-    check,
     contact_family,
     count_solutions,
     critical_friction,
     critical_friction_by_direction,
     event_curves,
     prove_counts,
-    prove_solutions,
     renard_criterion,
     shakedown,
     solution_regions,
@@ -100,6 +97,7 @@ from dolfinx_contact.continuation import StepControl, explore, find_solutions, f
 from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
 from dolfinx_contact.laws import OPEN, PLUS, STICK, Border, FrictionLaw, Law, StatusPiece
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean, StVenantKirchhoff
+from dolfinx_contact.proofs import ReducedProblem, check, prove_solutions
 from dolfinx_contact.records import (
     BranchRecord,
     EvolutionRecord,

@@ -77,7 +77,7 @@ ROOMS = {
         ],
     ),
     "checker": (
-        ["analysis/check_proof.py"],
+        ["proofs/check_proof.py"],
         ["recorded_proofs", "check_proof", "certificates", "proofs_in_space"],
     ),
     "pivoting": (

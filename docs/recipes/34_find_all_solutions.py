@@ -8,8 +8,8 @@
 
 from common import triangle
 
-from dolfinx_contact.analysis import check
 from dolfinx_contact.continuation import find_solutions
+from dolfinx_contact.proofs import check
 
 system = triangle(friction=2.5, n=16)
 x = system.create_vector()

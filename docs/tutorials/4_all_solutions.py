@@ -25,9 +25,9 @@ from dolfinx_contact import (
     plot,
     records,
 )
-from dolfinx_contact.analysis import check
 from dolfinx_contact.continuation import explore, find_solutions
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.proofs import check
 from dolfinx_contact.records import BranchRecord, leftmost, total
 
 # ## The triangle
@@ -91,7 +91,7 @@ assert found.complete
 assert len(found.found) == 3
 
 # The proof can be kept. What has to be trusted is one file that needs numpy alone: `python3
-# dolfinx_contact/analysis/check_proof.py proof.npz` checks it without this package.
+# dolfinx_contact/proofs/check_proof.py proof.npz` checks it without this package.
 
 found.proof.certificate.save("proof.npz")
 verdict = check(found.proof.certificate).verdict

@@ -4,12 +4,11 @@
 `ContactProblem.solve(algorithm=...)` selects them by name.
 """
 
-from dolfinx_contact.algorithms.complementarity import Lemke, coulomb_by_lemke
 from dolfinx_contact.algorithms.exchange import load_local, load_points, save_points
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
 from dolfinx_contact.algorithms.interior_point import InteriorPoint
 from dolfinx_contact.algorithms.iteration import Algorithm, Outcome, Trend
-from dolfinx_contact.algorithms.lemke import RayTermination, lemke
+from dolfinx_contact.algorithms.lemke import Lemke, RayTermination, coulomb_by_lemke, lemke
 from dolfinx_contact.algorithms.local_problem import LocalProblem, LocalSolution
 from dolfinx_contact.algorithms.penalty import Penalty
 from dolfinx_contact.algorithms.point_problem import PointProblem

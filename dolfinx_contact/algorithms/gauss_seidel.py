@@ -7,10 +7,10 @@ other points are fixed, and the free components are over-relaxed,
     a_i <- a_i + omega (a_i* - a_i),   S_ii a_i* = r_i* + p_i - sum_{j != i} S_ij a_j.
 
 Sticking points keep zero slip, and points in contact remain on the obstacle (Raous, Chabrand and
-Lebon, J. Mec. Theor. Appl. 7 suppl. 1, 1988; Jourdan, Alart and Jean, CMAME 155, 1998). Aitken's
-extrapolation a_k + (a_{k+1} - a_k)/(1 - lambda) with the ratio lambda of successive changes is
-accepted if it reduces the residual. In a two-level scheme (`two_level`), sweeps are the smoother:
-they visit the coarse points first, and the coarse problem corrects long-wave errors.
+Lebon, J. Mec. Theor. Appl. 7 suppl. 1, 1988; Jourdan, Alart and Jean, CMAME 155, 1998). In a
+two-level scheme (`two_level`), sweeps are the smoother: they visit the coarse points first, and the
+coarse problem corrects long-wave errors. Sweeps stop when the measure is below the tolerance; for
+large friction they may cycle or diverge.
 """
 
 from __future__ import annotations
@@ -39,29 +39,20 @@ class GaussSeidel(Algorithm):
 
     Attributes:
         relaxation: relaxation factor omega, between 0 and 2.
-        aitken: number of sweeps between two extrapolations; 0 for no extrapolation.
         two_level: whether a coarse correction follows every sweep.
-        coarsening: number of points per coarse point along one direction.
     """
 
     name: ClassVar[str] = "gauss-seidel"
     max_iterations: int = 20000
     relaxation: float = 1.0
-    aitken: int = 0
     two_level: bool = False
-    coarsening: float = 2.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(
-            self,
-            relaxation=0 < self.relaxation < 2,
-            aitken=self.aitken >= 0,
-            coarsening=self.coarsening > 1,
-        )
+        check(self, relaxation=0 < self.relaxation < 2)
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
-        coarse = CoarseProblem(contact, self.coarsening) if self.two_level else None
+        coarse = CoarseProblem(contact) if self.two_level else None
         sweeps = Sweeps(contact, self.relaxation, coarse.order if coarse else None)
         a = contact.displacements(r)
         if coarse is not None and not r.any() and contact.number > _FEW:
@@ -71,28 +62,10 @@ class GaussSeidel(Algorithm):
                 start.iterations,
                 *start.series.get("coarse sweeps", []),
             ]
-        changes: list[Array] = []
         while not iteration.stops(a, contact.forces(a)):
-            before = a
             a = sweeps(a)
             if coarse is not None:
                 a = coarse.corrected(a, iteration.force, iteration.length)
-            if self.aitken:
-                changes = [*changes[-1:], a - before]
-                if (iteration.trend.count + 1) % self.aitken == 0 and len(changes) == 2:
-                    a = self._extrapolated(a, changes, iteration)
-                    changes = []
-
-    def _extrapolated(self, a: Array, changes: list[Array], iteration: Iteration) -> Array:
-        old, new = (c.reshape(-1) for c in changes)
-        ratio = float(new @ old) / (float(old @ old) or 1.0)
-        if not 0 < ratio < 1:
-            return a
-        further = a + changes[1] * ratio / (1 - ratio)
-        further[:, -1] = np.maximum(further[:, -1], 0.0)
-        forces = iteration.contact.forces
-        better = iteration.measure(further, forces(further)).worst
-        return further if better < iteration.measure(a, forces(a)).worst else a
 
 
 class Sweeps:

@@ -23,16 +23,14 @@ from typing import ClassVar, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
 from dolfinx_contact.algorithms.point_problem import PointProblem
 
-__all__ = ["InteriorPoint", "follow_centre"]
+__all__ = ["InteriorPoint"]
 
 Array = npt.NDArray[np.float64]
 _Direction: TypeAlias = tuple[Array, Array, Array, Array]  # of r, y, l, s
-_MOST = 100
-_PATIENCE = 4  # largest number of successive steps without improvement
-_ROUND_OFF = 100.0  # accepted measure after stagnation, relative to the tolerance
+_BOUNDARY = 0.9  # largest step, relative to the distance to the boundary
 _LONG = 0.3  # step length at which no stronger centring is tried
 _LEAST = 1e-290
 _TINY = 1e-12  # friction bound that counts as zero, relative to the largest one
@@ -41,19 +39,10 @@ _SHORTEST = 1e-10  # step length at which the method fails
 
 @dataclass(frozen=True)
 class InteriorPoint(Algorithm):
-    """Interior-point method; an iteration is a Newton step.
-
-    Attributes:
-        boundary: largest step, relative to the distance to the boundary, between 0 and 1.
-    """
+    """Interior-point method; an iteration is a Newton step."""
 
     name: ClassVar[str] = "interior-point"
     max_iterations: int = 200
-    boundary: float = 0.9
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check(self, boundary=0 < self.boundary < 1)
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         nothing = np.zeros_like(r)
@@ -63,7 +52,7 @@ class InteriorPoint(Algorithm):
             return
         state = _Interior(contact, r)
         while not iteration.stops(state.a, state.r, gap=state.mu):
-            if not state.step(self.boundary):
+            if not state.step():
                 if free:  # without contact forces the solution is at the boundary
                     iteration.stops(contact.free, nothing, gap=0.0)
                     return
@@ -71,41 +60,6 @@ class InteriorPoint(Algorithm):
                     f"the central path turns back: step length zero at a gap of {state.mu:.1e}"
                 )
                 return
-
-
-def follow_centre(given: PointProblem, tolerance: float) -> tuple[Array, int, bool]:
-    """Solve Tresca's problem by the interior-point method.
-
-    Args:
-        given: Tresca's problem.
-        tolerance: largest measure of a converged state.
-
-    Returns:
-        Displacements (m, dim), the number of steps, and whether they converged.
-    """
-    state = _Interior(given, np.zeros((given.number, given.dim)))
-    force = given.force
-    length = given.length
-    best = state.a
-    least = np.inf
-    since = 0
-    steps = 0
-    while steps < _MOST:
-        a = state.a
-        r = state.r
-        force = max(force, float(np.abs(r).max()))
-        length = max(length, float(np.abs(a).max()))
-        worst = given.measure(a, r, force, length).worst
-        since = since + 1
-        steps = steps + 1
-        if worst < least:
-            best = a
-            least = worst
-            since = 0
-        if worst <= tolerance or since > _PATIENCE or not state.step(0.9):
-            break
-    # Near the boundary, round-off prevents further progress.
-    return best, steps, least <= _ROUND_OFF * tolerance
 
 
 class _Interior:
@@ -175,7 +129,7 @@ class _Interior:
     def _state(self) -> _Direction:
         return self._r, self._y, self._l, self._s
 
-    def step(self, boundary: float) -> bool:
+    def step(self) -> bool:
         """A step of predictor and corrector; False if it has no length."""
         self._linearise()
         forecast = self._direction(0.0)
@@ -184,7 +138,7 @@ class _Interior:
         length = 0.0
         for centring, curved in ((max((1.0 - part) ** 2, 1e-4), True), (0.3, True), (0.8, False)):
             direction = self._direction(centring, forecast if curved else None, part)
-            possible = self._longest(direction, boundary)
+            possible = self._longest(direction, _BOUNDARY)
             if possible > length:
                 best = direction
                 length = possible

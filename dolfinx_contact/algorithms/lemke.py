@@ -1,41 +1,50 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Lemke's method, with a proof that it solves Coulomb friction (`complementarity`).
+r"""Lemke's method for Coulomb friction as a linear complementarity problem.
 
 The reduced problem has S a = r + p with the positive definite stiffness S of the contact points,
-a = (ut, un) and the forces r = (rt, rn) on the body. With A = S^{-1}, c = A p and
-rt = rt+ - rt-, Signorini's and Coulomb's conditions are the linear complementarity problem
-0 <= w = q + M z, z >= 0, w.z = 0 for z = (rn, rt+, rt-, l),
+a = (ut, un) and the forces r = (rt, rn) on the body. With A = S^{-1} and c = A p, friction acts in
+directions d_1..d_k of the tangent plane: +-t in 2D, where they are exact, and k of equal angles in
+3D, where the friction disc is replaced by an inscribed regular polygon with k corners. The polygon
+reduces the friction bound by up to O(1/k^2); slip directions have an error of up to pi/k, and so do
+the forces. With rt = sum_j b_j d_j and z = (rn, b_1..b_k, l), l the magnitude of a slip, the
+conditions of Signorini and Coulomb are 0 <= w = q + M z against z >= 0,
 
-    un           = A_nn rn + A_nt (rt+ - rt-)       + c_n   against rn,
-    l + ut       = A_tn rn + A_tt (rt+ - rt-) + l   + c_t   against rt+,
-    l - ut       = -A_tn rn - A_tt (rt+ - rt-) + l  - c_t   against rt-,
-    F rn - rt+ - rt-                                        against l = |ut| of a slip.
+    un = A_nn rn + A_nt sum_j b_j d_j + c_n    against rn,
+    l + d_j.ut                                 against b_j,
+    F rn + g - sum_j b_j                       against l.
 
 **Lemke's method ends in a solution for every F >= 0.** z^T M z = r^T A r + F l.rn, since the terms
-with rt+ and rt- times l cancel, so M is copositive. Let z >= 0 with M z >= 0 and z^T M z = 0; then
-r = 0 because A is positive definite, so rn = 0, and the last rows of M z >= 0 leave
-rt+ + rt- <= F rn = 0; what remains is z = (0, 0, 0, l), and q^T z = 0 because q vanishes in those
-rows. For a copositive M with q^T z >= 0 on that cone the method does not end in a ray (Cottle, Pang
-and Stone, The Linear Complementarity Problem, theorem 4.4.13), and with the lexicographic rule it
-does not cycle (section 4.9 there). So a solution exists, and failing to find it is a fault of the
-program or of round-off. A bound g >= 0 given in advance (Tresca) enters q alone.
+with b times l cancel, so M is copositive. Let z >= 0 with M z >= 0 and z^T M z = 0; then r = 0
+because A is positive definite, so rn = 0, and the last rows of M z >= 0 leave sum_j b_j <= F rn,
+which is 0; what remains is z = (0, 0, l), and q^T z = g.l >= 0. For a copositive M with q^T z >= 0
+on that cone the method does not end in a ray (Cottle, Pang and Stone, The Linear Complementarity
+Problem, theorem 4.4.13), and with the lexicographic rule it does not cycle (section 4.9 there). So
+a solution exists, and failing to find it is a fault of the program or of round-off, which occurs
+for condition numbers of S from about 1e8.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg.blas import dger
 
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact.algorithms.point_problem import PointProblem
+from dolfinx_contact.algorithms.semismooth import newton_step
+from dolfinx_contact.laws.coulomb import violation
+
 __all__ = [
-    "Compliant",
+    "Lemke",
     "RayTermination",
     "copositive_forces",
     "copositive_form",
+    "coulomb_by_lemke",
     "lemke",
-    "parts_of",
     "tangents",
 ]
 
@@ -44,27 +53,151 @@ Array = npt.NDArray[np.float64]
 _TIE = 1e-11  # difference of equal ratios, relative to the largest unknown
 _NOTHING = 1e-9  # value of z_0 that counts as zero, relative to the largest unknown
 _PIVOT = 1e-11  # entry that counts as zero, relative to the largest of its column
+_POLISH = 6  # largest number of Newton steps after Lemke's method
+_POLISHED = 1e-3  # target measure of these steps, relative to the tolerance
+_ROUND_OFF = 1e-12  # relative violation of the law that needs no Newton step
+_LARGEST_VIOLATION = 1e-7  # relative violation above which an answer is rejected
 
 
 class RayTermination(ArithmeticError):
     """Lemke's method ended in a ray, exceeded the pivots, or failed because of round-off."""
 
 
-def lemke(
-    M: Array,
-    q: Array,
-    *,
-    max_pivots: int | None = None,
-    path: list[tuple[float, Array]] | None = None,
+@dataclass(frozen=True)
+class Lemke(Algorithm):
+    """Lemke's method. It counts as one iteration; the number of pivots is reported.
+
+    Attributes:
+        max_iterations: largest number of pivots per unknown of the complementarity problem.
+        facets: number of corners of the polygon that replaces the friction disc in 3D.
+    """
+
+    name: ClassVar[str] = "lemke"
+    max_iterations: int = 50
+    facets: int = 8
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self, facets=self.facets >= 3)
+
+    def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
+        iteration.stops(contact.displacements(r), r, pivots=0)
+        try:
+            r, pivots = _by_lemke(contact, self.facets, self.max_iterations)
+        except RayTermination as error:
+            iteration.fails(str(error))
+            return
+        a = contact.displacements(r)
+        if contact.dim == 2:
+            enough = _POLISHED * iteration.trend.tolerance
+            a, r = _polished(contact, r, lambda a, r: iteration.measure(a, r).worst, enough)
+        iteration.stops(a, r, pivots=pivots)
+        worst = f"{iteration.outcome.measures[-1].worst:.1e}"
+        if iteration.outcome.converged or (contact.dim == 3 and not pivots):
+            return
+        if contact.dim == 2:
+            iteration.fails(f"round-off: the law is violated by {worst}")
+        else:
+            iteration.fails(
+                f"the solution of a polygon of {self.facets} facets: off the disc by {worst}"
+            )
+
+
+def coulomb_by_lemke(
+    S: Array, p: Array, friction: Array, *, bound: Array | None = None
 ) -> tuple[Array, int]:
+    """Return a solution of S a = r + p with Coulomb friction in 2D.
+
+    A solution exists for every friction coefficient; see the module.
+
+    Args:
+        S: reduced stiffness, shape (2 m, 2 m), ordered (ut, un) point by point, positive definite.
+        p: reduced load, shape (2 m,).
+        friction: friction coefficients F >= 0, shape (m,).
+        bound: prescribed friction bounds g >= 0, added to F rn; forces, shape (m,); default zero.
+
+    Returns:
+        State (ut, un, rt, rn) of every point, shape (m, 4), and the number of pivots.
+
+    Raises:
+        ValueError: as for `PointProblem`, and for a problem in 3D.
+        RayTermination: if round-off spoils the result, which occurs for badly conditioned S (1e8).
+    """
+    given = PointProblem(S, p, friction, np.zeros(0) if bound is None else bound)
+    if given.dim != 2:
+        raise ValueError("friction in space is no complementarity problem but for a polygon")
+    contact, stiffness, length = given.scaled()
+    r, pivots = _by_lemke(contact, 2)
+
+    def measure(a: Array, r: Array) -> float:
+        ut, un = a.T
+        rt, rn = r.T
+        return violation(ut, un, rt, rn, contact.friction, contact.bound)
+
+    a, r = _polished(contact, r, measure, _ROUND_OFF)
+    worst = measure(a, r)
+    if not worst < _LARGEST_VIOLATION:
+        raise RayTermination(f"round-off: the law is violated by {worst:.1e} of the load")
+    return np.column_stack([a * length, r * stiffness * length]), pivots
+
+
+def _polished(
+    contact: PointProblem, r: Array, measure: Callable[[Array, Array], float], enough: float
+) -> tuple[Array, Array]:
+    """Remove the round-off of Lemke's pivots from forces by Newton steps.
+
+    The compliance and the tableau determine displacements and forces up to their condition number
+    times round-off, but the statuses are correct. Newton's method solves equilibrium again with
+    these statuses, using the stiffness itself.
+
+    Args:
+        contact: reduced problem in 2D.
+        r: contact forces from Lemke's method, shape (m, 2).
+        measure: function of displacements and forces that returns the violation of the laws.
+        enough: violation at which no further step is taken.
+
+    Returns:
+        Displacements and forces with the smallest violation, shape (m, 2) each.
+    """
+    a = contact.displacements(r)
+    best = (a, r)
+    least = measure(a, r)
+    for _ in range(_POLISH):
+        if least <= enough:
+            break
+        try:
+            a, r = newton_step(contact, a, r)
+        except np.linalg.LinAlgError:  # the statuses do not determine the state
+            break
+        worst = measure(a, r)
+        if worst < least:
+            best = (a, r)
+            least = worst
+    return best
+
+
+def _by_lemke(contact: PointProblem, facets: int, most: int | None = None) -> tuple[Array, int]:
+    """Return contact forces (m, dim), in 3D of the polygon, and the number of pivots.
+
+    Args:
+        contact: reduced problem.
+        facets: number of directions of friction in 3D.
+        most: largest number of pivots per unknown; by default as in `lemke`.
+    """
+    problem, stiffness, length = contact.scaled()
+    directions = tangents(problem.dim, facets)
+    M, q = copositive_form(problem.A, problem.free, problem.friction, problem.bound, directions)
+    z, pivots = lemke(M, q, max_pivots=None if most is None else most * len(q))
+    return copositive_forces(z, directions) * stiffness * length, pivots
+
+
+def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, int]:
     """Solve 0 <= q + M z against z >= 0 by Lemke's method with the lexicographic rule.
 
     Args:
         M: square matrix, shape (n, n).
         q: right-hand side, shape (n,).
         max_pivots: maximum number of pivots; by default 50 n + 100.
-        path: list to which (z_0, z) of every vertex of the path is appended. Here z solves the
-            problem with q + z_0 (1, ..., 1) in place of q.
 
     Returns:
         Solution z, shape (n,), and the number of pivots.
@@ -77,8 +210,6 @@ def lemke(
         return np.zeros(n), 0
     table = _Tableau(M, q)
     leaving = table.first()
-    if path is not None:
-        path.append(table.corner())
     for pivots in range(1, (50 * n + 100 if max_pivots is None else max_pivots) + 1):
         if leaving == table.artificial:
             return table.solution(), pivots
@@ -89,8 +220,6 @@ def lemke(
             if table.covers():
                 raise
             return table.solution(), pivots
-        if path is not None:
-            path.append(table.corner())
     raise RayTermination(f"Lemke's method took more than {pivots} pivots")
 
 
@@ -201,12 +330,6 @@ class _Tableau:
         self.values = np.asarray(solved[:, -1], dtype=np.float64).copy()
         self._since = 0
 
-    def corner(self) -> tuple[float, Array]:
-        """Return z_0 and z at the current basis."""
-        values = np.zeros(2 * self.n + 1)
-        values[self.basic] = self.values
-        return float(values[self.artificial]), values[self.n : self.artificial]
-
     def solution(self) -> Array:
         """Return z at the current basis, computed from M and q."""
         values = np.linalg.solve(self._columns(self.basic), self._q)
@@ -214,28 +337,6 @@ class _Tableau:
         inside = (self.basic >= self.n) & (self.basic < 2 * self.n)
         z[self.basic[inside] - self.n] = np.maximum(values[inside], 0.0)
         return z
-
-
-class Compliant(Protocol):
-    """A contact problem with a compliance: a `PointProblem` or a `LocalProblem`."""
-
-    @property
-    def number(self) -> int: ...
-
-    @property
-    def dim(self) -> int: ...
-
-    @property
-    def A(self) -> Array: ...
-
-    @property
-    def free(self) -> Array: ...
-
-    @property
-    def friction(self) -> Array: ...
-
-    @property
-    def bound(self) -> Array: ...
 
 
 def tangents(dim: int, facets: int) -> Array:
@@ -246,19 +347,21 @@ def tangents(dim: int, facets: int) -> Array:
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def parts_of(contact: Compliant) -> tuple[Array, Array, Array, Array]:
-    """Return A (m, dim, m, dim), normal and tangential parts of c, and diagonal matrix F."""
-    m = contact.number
-    d = contact.dim
-    free = contact.free
-    return contact.A.reshape(m, d, m, d), free[:, -1], free[:, :-1], np.diag(contact.friction)
+def copositive_form(
+    A: Array, free: Array, friction: Array, bound: Array, directions: Array
+) -> tuple[Array, Array]:
+    """Return M and q of the complementarity problem, z = (rn, b of point 1, b of point 2, ..., l).
 
-
-def copositive_form(contact: Compliant, directions: Array) -> tuple[Array, Array]:
-    """Return M and q of the copositive form, with z = (rn, b of point 1, b of point 2, ..., l)."""
-    m = contact.number
+    Args:
+        A: compliance, shape (dim m, dim m).
+        free: displacements c without contact forces, shape (m, dim).
+        friction: friction coefficients F, shape (m,).
+        bound: prescribed friction bounds g, shape (m,).
+        directions: unit directions of friction, shape (k, dim - 1).
+    """
+    m, d = free.shape
     k = len(directions)
-    A, cn, ct, F = parts_of(contact)
+    A = A.reshape(m, d, m, d)
     ant = np.einsum("iap,jp->iaj", A[:, -1, :, :-1], directions).reshape(m, m * k)
     att = np.einsum("jp,ipaq,lq->ijal", directions, A[:, :-1, :, :-1], directions)
     ones = np.kron(np.eye(m), np.ones((k, 1)))
@@ -267,10 +370,10 @@ def copositive_form(contact: Compliant, directions: Array) -> tuple[Array, Array
         [
             [A[:, -1, :, -1], ant, none],
             [ant.T, att.reshape(m * k, m * k), ones],
-            [F, -ones.T, none],
+            [np.diag(friction), -ones.T, none],
         ]
     )
-    return M, np.concatenate([cn, (ct @ directions.T).reshape(-1), contact.bound])
+    return M, np.concatenate([free[:, -1], (free[:, :-1] @ directions.T).reshape(-1), bound])
 
 
 def copositive_forces(z: Array, directions: Array) -> Array:

@@ -204,7 +204,9 @@ class LocalProblem:
         length = float(np.abs(self.q).max()) or 1.0
         scaled = LocalProblem(np.asarray(self.W * k), np.asarray(self.q / length), self.friction)
         directions = tangents(2, 2)
-        z, pivots = lemke(*copositive_form(scaled, directions))
+        u = scaled.q.reshape(self.number, -1)
+        none = np.zeros(self.number)
+        z, pivots = lemke(*copositive_form(scaled.W, u, self.friction, none, directions))
         r = copositive_forces(z, directions)
         return self._solution("lemke", r * k * length, pivots)
 
@@ -244,23 +246,6 @@ class LocalProblem:
         B = np.concatenate(columns, axis=1)
         values = np.linalg.eigvalsh(B.T @ self.W @ B)
         return int((values <= _ZERO * np.linalg.norm(self.W, 2)).sum())
-
-    # -- the names that `copositive_form` shares with `PointProblem` ------------------------------
-
-    @property
-    def A(self) -> Array:
-        """The compliance W."""
-        return self.W
-
-    @property
-    def free(self) -> Array:
-        """Velocities without contact forces (m, dim)."""
-        return self.q.reshape(self.number, -1)
-
-    @property
-    def bound(self) -> Array:
-        """Friction bounds given in advance: none (m,)."""
-        return np.zeros(self.number)
 
 
 @dataclass(frozen=True, eq=False)

@@ -254,12 +254,6 @@ class PointProblem:
             float(np.max(np.maximum(*sizes))) / force,
         )
 
-    def energy(self, a: Array) -> float:
-        """Return the energy a.S a/2 - p.a + sum g |ut| of Tresca's problem, for un >= 0."""
-        flat = a.reshape(-1)
-        rubbing = float(self.bound @ np.linalg.norm(a[:, :-1], axis=1))
-        return float(0.5 * flat @ (self.S @ flat) - self.p @ flat) + rubbing
-
     def scaled(self) -> tuple[PointProblem, float, float]:
         """Return the scaled problem and its units of stiffness and length."""
         stiffness = float(np.diag(self.S).mean())

@@ -9,12 +9,9 @@ Schoeberl, Comput. Optim. Appl. 30, 2005; for discs Dostal and Kozubek, Math. Pr
 2. if it would leave the feasible set, a step to the boundary and a projected gradient step;
 3. if the chopped gradient at the bounds outweighs the free gradient, a projected gradient step.
 
-The energy decreases in every step.
-
-In terms of displacements the functional contains |ut|, which is not differentiable at stick, so
-conjugate gradients would need a regularisation. Replacing |ut| by a quadratic function for
-|ut| <= e adds e |rt|^2/(2 g) to q, a diagonal term. The dual problem needs no regularisation: the
-default is e = 0.
+The energy decreases in every step. Between two updates of the friction bounds the projected
+gradient decreases by a factor of 1000. The iteration stops when the measure of Coulomb's law is
+below the tolerance; as the fixed point of Tresca's problems, it may cycle for large friction.
 """
 
 from __future__ import annotations
@@ -25,47 +22,34 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.laws.coulomb import project
 
-__all__ = ["GivenBound", "ProjectedGradient"]
+__all__ = ["ProjectedGradient"]
 
 Array = npt.NDArray[np.float64]
 _BALANCE = 1.0  # ratio of squared chopped and free gradients above which bounds are released
+_REDUCTION = 1e-3  # of the projected gradient between two updates of the friction bounds
 _ON = 1e-12  # distance to the friction circle, relative to its radius, that counts as zero
 
 
 @dataclass(frozen=True)
 class ProjectedGradient(Algorithm):
-    """Projected conjugate gradients; an iteration is a product with the compliance.
-
-    Attributes:
-        reduction: factor by which the projected gradient decreases between two updates of the
-            friction bounds.
-        regularisation: length e, relative to the largest displacement. The error of a solution of
-            the regularised law is of this order; the measures use Coulomb's law.
-    """
+    """Projected conjugate gradients; an iteration is a step on the forces."""
 
     name: ClassVar[str] = "projected-gradient"
     max_iterations: int = 20000
-    reduction: float = 1e-3
-    regularisation: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check(self, reduction=0 < self.reduction < 1, regularisation=self.regularisation >= 0)
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
-        softness = self.regularisation * contact.length
         r = contact.allowed(r)
         energy = 0.0
         a = contact.displacements(r)
         while not iteration.stops(a, r, energy=energy):
-            inner = GivenBound(contact, contact.radius(r[:, -1]), r, softness)
+            inner = _GivenBound(contact, contact.radius(r[:, -1]), r)
             # Do not solve more accurately than the stopping measure can resolve.
             seen = 0.1 * iteration.trend.tolerance * iteration.length
-            least = max(self.reduction * inner.left, seen)
+            least = max(_REDUCTION * inner.left, seen)
             inner.step()
             while inner.left > least and not iteration.stops(inner.a, inner.r, energy=inner.energy):
                 inner.step()
@@ -76,31 +60,22 @@ class ProjectedGradient(Algorithm):
             energy = inner.energy
 
 
-class GivenBound:
+class _GivenBound:
     """Projected conjugate gradients on the forces of Tresca's problem.
 
     Args:
         contact: reduced problem; its friction is ignored.
         bound: friction bounds g, shape (m,).
         r: initial forces, shape (m, dim).
-        softness: length e of the regularisation.
 
     Attributes:
         r: feasible forces, shape (m, dim).
-        a: displacements under these forces, shape (m, dim).
-        products: number of products with the compliance so far.
+        a: displacements under these forces, the gradient of q, shape (m, dim).
     """
 
-    def __init__(self, contact: PointProblem, bound: Array, r: Array, softness: float = 0.0):
+    def __init__(self, contact: PointProblem, bound: Array, r: Array):
         self._contact = contact
         self._bound = bound
-        self._longest = contact.longest
-        yielding = np.zeros_like(r)
-        yielding[:, :-1] = (softness / np.maximum(bound, 1e-300))[:, None]
-        yielding[bound <= 0] = 0.0
-        self._yielding = yielding
-        self._longest += float(yielding.max())
-        self.products = 0
         self.r = self._projected(r)
         self._refresh()
 
@@ -108,20 +83,18 @@ class GivenBound:
         return np.column_stack([project(r[:, :-1], self._bound), np.maximum(r[:, -1], 0.0)])
 
     def _times(self, v: Array) -> Array:
-        self.products += 1
-        A = self._contact.A
-        return (A @ v.reshape(-1)).reshape(v.shape) + self._yielding * v
+        return (self._contact.A @ v.reshape(-1)).reshape(v.shape)
 
     def _refresh(self) -> None:
         """Compute the gradient and restart the conjugate directions."""
-        self._gradient = self._times(self.r) + self._contact.free
+        self.a = self._times(self.r) + self._contact.free
         self._split()
         self._direction = self._free.copy()
 
     def _split(self) -> None:
         """Split the projected gradient into its free and its chopped part."""
         r = self.r
-        g = self._gradient
+        g = self.a
         size = np.linalg.norm(r[:, :-1], axis=1)
         inside = np.zeros(r.shape, dtype=bool)
         inside[:, -1] = r[:, -1] > 0
@@ -137,11 +110,6 @@ class GivenBound:
         self._chopped = chopped
 
     @property
-    def a(self) -> Array:
-        """Displacements under the forces (m, dim)."""
-        return self._gradient - self._yielding * self.r
-
-    @property
     def left(self) -> float:
         """Largest entry of the projected gradient, a length."""
         return float(np.abs(self._free + self._chopped).max())
@@ -149,7 +117,7 @@ class GivenBound:
     @property
     def energy(self) -> float:
         """Value of q at the current forces."""
-        return float(0.5 * np.sum((self._gradient + self._contact.free) * self.r))
+        return float(0.5 * np.sum((self.a + self._contact.free) * self.r))
 
     def step(self) -> None:
         """Perform one step of the method; see the module."""
@@ -164,22 +132,22 @@ class GivenBound:
         if not curvature > 0:
             self._expand()
             return
-        length = float(np.sum(self._gradient * d)) / curvature
+        length = float(np.sum(self.a * d)) / curvature
         most = self._feasible(d)
         self.r = self.r - min(length, most) * d
         if length <= most:
-            self._gradient = self._gradient - length * Ad
+            self.a = self.a - length * Ad
             self._split()
             beta = float(np.sum(self._free * Ad)) / curvature
             self._direction = self._free - beta * np.where(self._inside, d, 0.0)
         else:
-            self._gradient = self._gradient - most * Ad
+            self.a = self.a - most * Ad
             self._split()
             self._expand()
 
     def _expand(self) -> None:
         """Perform a projected gradient step of length 1/|A|, which decreases the energy."""
-        self.r = self._projected(self.r - self._gradient / self._longest)
+        self.r = self._projected(self.r - self.a / self._contact.longest)
         self._refresh()
 
     def _feasible(self, d: Array) -> float:

@@ -27,26 +27,26 @@ import numpy.typing as npt
 
 from dolfinx_contact.algorithms.point_problem import PointProblem
 
-__all__ = ["CoarseProblem", "hats", "linearised"]
+__all__ = ["CoarseProblem"]
 
 Array = npt.NDArray[np.float64]
+_COARSENING = 2.0  # number of points per coarse point along one direction
 
 
-def hats(x: Array, coarsening: float) -> Array:
+def _hats(x: Array) -> Array:
     """Return interpolation weights from coarse points to all points, shape (m, coarse).
 
-    The coarse points are a subset of all points with distances larger than ``coarsening`` times the
-    median distance of neighbours. Weights decrease linearly with the distance and add up to 1. For
+    The coarse points are a subset of all points with distances larger than twice the median
+    distance of neighbours. Weights decrease linearly with the distance and add up to 1. For
     equidistant points on a line they are the weights of linear interpolation.
 
     Args:
         x: coordinates of the points, shape (m, any).
-        coarsening: number of points per coarse point along one direction.
     """
     away = np.linalg.norm(x[:, None] - x[None], axis=2)
     others = away + np.diag(np.full(len(x), np.inf))
     spacing = float(np.median(others.min(axis=1))) if len(x) > 1 else 1.0
-    width = coarsening * spacing
+    width = _COARSENING * spacing
     chosen: list[int] = []
     free = np.ones(len(x), dtype=bool)
     for i in np.lexsort(x.T[::-1]):
@@ -59,7 +59,7 @@ def hats(x: Array, coarsening: float) -> Array:
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
-def linearised(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array, Array]:
+def _linearised(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array, Array]:
     """Linearise the equations G(a) = 0 for fixed statuses; n = dim m.
 
     Args:
@@ -104,15 +104,14 @@ class CoarseProblem:
 
     Args:
         contact: reduced problem; points without positions are treated as equidistant on a line.
-        coarsening: number of points per coarse point along one direction.
     """
 
-    def __init__(self, contact: PointProblem, coarsening: float):
+    def __init__(self, contact: PointProblem):
         self._contact = contact
         x = contact.positions
         x = np.arange(contact.number, dtype=float)[:, None] if x is None else x
         self._x = x
-        self._hats = hats(x, coarsening)
+        self._hats = _hats(x)
         self._P = np.kron(self._hats, np.eye(contact.dim))
 
     @property
@@ -152,7 +151,7 @@ class CoarseProblem:
         """
         contact = self._contact
         r = contact.forces(a)
-        G, J, free = linearised(contact, a, r)
+        G, J, free = _linearised(contact, a, r)
         P = np.where(free[:, None], self._P, 0.0)
         coarse, *_ = np.linalg.lstsq(P.T @ J @ P, P.T @ G, rcond=1e-12)
         step = (P @ coarse).reshape(a.shape)

@@ -1,19 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What is known of the solutions of a contact problem: whether they are all, unique, and stable.
+"""Analyses of contact problems with friction: uniqueness, charts, critical friction, stability.
 
-Of the proofs what has to be trusted is in one file, `check_proof.py`, which needs numpy alone; the
-rest looks for proofs.
+Proofs that all solutions are known are in `dolfinx_contact.proofs`.
 """
 
 from dolfinx_contact.analysis.branch_counts import BranchCounts, ProvedCount, prove_counts
 from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve, count_solutions
-from dolfinx_contact.analysis.check_proof import (
-    Certificate,
-    InvalidCertificate,
-    Proved,
-    ReducedProblem,
-    check,
-)
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
 from dolfinx_contact.analysis.directions_of_slip import (
     FrictionByDirection,
@@ -23,7 +15,6 @@ from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeti
 from dolfinx_contact.analysis.regions import Region, Regions, solution_regions
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
 from dolfinx_contact.analysis.shakedown import LoadCycles, Shakedown, shakedown
-from dolfinx_contact.analysis.solutions import ProvedSolution, ProvedSolutions, prove_solutions
 from dolfinx_contact.analysis.stability import Stability, stability_at_rest
 from dolfinx_contact.analysis.steady_sliding import Onset, SlidingModes, SteadySliding
 from dolfinx_contact.analysis.two_parameters import contact_family, event_curves
@@ -31,7 +22,6 @@ from dolfinx_contact.analysis.wedging import Wedging, wedging_friction
 
 __all__ = [
     "BranchCounts",
-    "Certificate",
     "Chart",
     "ChartCell",
     "ChartCurve",
@@ -39,15 +29,10 @@ __all__ = [
     "EventCurve",
     "EventCurves",
     "FrictionByDirection",
-    "InvalidCertificate",
     "LoadCycles",
     "Meeting",
     "Onset",
-    "Proved",
     "ProvedCount",
-    "ProvedSolution",
-    "ProvedSolutions",
-    "ReducedProblem",
     "Region",
     "Regions",
     "Renard",
@@ -57,14 +42,12 @@ __all__ = [
     "Stability",
     "SteadySliding",
     "Wedging",
-    "check",
     "contact_family",
     "count_solutions",
     "critical_friction",
     "critical_friction_by_direction",
     "event_curves",
     "prove_counts",
-    "prove_solutions",
     "renard_criterion",
     "shakedown",
     "solution_regions",

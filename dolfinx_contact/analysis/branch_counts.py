@@ -26,9 +26,9 @@ import numpy as np
 from dolfinx_contact._files import part_of
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._validate import is_count, is_number
-from dolfinx_contact.analysis.check_proof import Certificate
 from dolfinx_contact.continuation import Branch, Diagram, Solutions, System, find_solutions
 from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.proofs.check_proof import Certificate
 
 __all__ = ["BranchCounts", "ProvedCount", "prove_counts"]
 

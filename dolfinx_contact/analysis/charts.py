@@ -27,9 +27,9 @@ from dolfinx_contact._progress import Line
 from dolfinx_contact._validate import count, flag, is_number, one_of, positive
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
-from dolfinx_contact.analysis.solutions import prove_solutions
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.laws import status
+from dolfinx_contact.proofs.solutions import prove_solutions
 
 __all__ = ["Chart", "ChartCell", "ChartCurve", "count_solutions"]
 

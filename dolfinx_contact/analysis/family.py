@@ -33,9 +33,9 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import ReducedProblem
 from dolfinx_contact.laws.coulomb import BASES, BORDERS, FIRST_BORDER, INSIDE, WITHOUT_FRICTION
 from dolfinx_contact.laws.status import OPEN, PLUS
+from dolfinx_contact.proofs.check_proof import ReducedProblem
 
 __all__ = ["ContactFamily", "Frame"]
 

@@ -22,8 +22,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.algorithms.complementarity import coulomb_by_lemke
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
+from dolfinx_contact.algorithms.lemke import coulomb_by_lemke
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import newton_step
 

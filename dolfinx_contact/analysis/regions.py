@@ -25,9 +25,9 @@ from dolfinx_contact._mpi import Arguments, collective, everywhere
 from dolfinx_contact._progress import Line
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
-from dolfinx_contact.analysis.solutions import prove_solutions
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.laws import status
+from dolfinx_contact.proofs.solutions import prove_solutions
 
 __all__ = ["Region", "Regions", "solution_regions"]
 

@@ -42,8 +42,8 @@ import numpy.typing as npt
 
 from dolfinx_contact._mpi import Arguments, collective, everywhere, on_root
 from dolfinx_contact._validate import count, instance, listed, nonnegative, positive
-from dolfinx_contact.algorithms.complementarity import coulomb_by_lemke
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
+from dolfinx_contact.algorithms.lemke import coulomb_by_lemke
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.analysis.load_cycles import LoadCycles, step_cycles
 from dolfinx_contact.analysis.static_bound import largest_factor, states_at_rest

@@ -17,7 +17,7 @@ from dolfinx import fem
 
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact.algorithms.point_problem import PointProblem
-from dolfinx_contact.analysis.contact import obstacle_to_proof
+from dolfinx_contact.analysis.body_proofs import obstacle_to_proof
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.event_curves import EventCurves
 from dolfinx_contact.analysis.family import ContactFamily

@@ -8,7 +8,7 @@ With a point's displacement a = (ut, un), tangents first, and its force r = (rt,
 F is Coulomb's coefficient, g a bound that is given in advance (Tresca). With an augmentation k,
 force by length, this is r = P(r - k a), with the projection P on rn >= 0 and then on the disc of
 radius F rn + g (Alart and Curnier, CMAME 92, 1991). `friction` has the same laws in UFL, for any
-coefficient and status by status; the checker of proofs (`analysis.check_proof`) has its own, to be
+coefficient and status by status; the checker of proofs (`proofs.check_proof`) has its own, to be
 read by itself.
 
 In the plane and without g the statuses are cones of w = (ut, un, rt, rn), affine in F: a point is

@@ -26,7 +26,8 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import Coulomb, ParametricContact, materials
-from dolfinx_contact.analysis import (
+from dolfinx_contact.continuation import find_solutions
+from dolfinx_contact.proofs import (
     Certificate,
     InvalidCertificate,
     ReducedProblem,
@@ -34,7 +35,6 @@ from dolfinx_contact.analysis import (
     check_proof,
     prove_solutions,
 )
-from dolfinx_contact.continuation import find_solutions
 
 CHECKER = Path(check_proof.__file__)
 

@@ -32,19 +32,18 @@ from dolfinx_contact.algorithms import (
     InteriorPoint,
     Lemke,
     Penalty,
-    ProjectedGradient,
     TrescaFixedPoint,
     Uzawa,
 )
 from dolfinx_contact.analysis import (
     SteadySliding,
     critical_friction,
-    prove_solutions,
     renard_criterion,
     stability_at_rest,
 )
 from dolfinx_contact.continuation import explore, find_solutions, follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.proofs import prove_solutions
 
 COMM = MPI.COMM_WORLD
 
@@ -260,12 +259,7 @@ WORDS = ("word", None, [], {}, 1j)
         (Penalty, "accuracy"),
         (TrescaFixedPoint, "relaxation"),
         (GaussSeidel, "relaxation"),
-        (GaussSeidel, "aitken"),
-        (GaussSeidel, "coarsening"),
-        (ProjectedGradient, "reduction"),
-        (ProjectedGradient, "regularisation"),
         (Lemke, "facets"),
-        (InteriorPoint, "boundary"),
         (InteriorPoint, "max_iterations"),
     ],
 )

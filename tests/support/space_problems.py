@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dolfinx_contact.analysis import ReducedProblem
-from dolfinx_contact.analysis.space.starts import many_solutions
+from dolfinx_contact.proofs import ReducedProblem
+from dolfinx_contact.proofs.starts import many_solutions
 
 
 def random_stiffness(n, rng, condition=10.0):

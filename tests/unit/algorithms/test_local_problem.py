@@ -16,7 +16,7 @@ from dolfinx_contact.algorithms import (
     load_points,
     save_points,
 )
-from dolfinx_contact.analysis import ReducedProblem, prove_solutions
+from dolfinx_contact.proofs import ReducedProblem, prove_solutions
 
 SICONOS = Path(__file__).parents[2] / "data" / "siconos"
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process is enough")

@@ -22,11 +22,12 @@ from dolfinx_contact import (
     plot,
     records,
 )
-from dolfinx_contact.analysis import Certificate, check, prove_counts
+from dolfinx_contact.analysis import prove_counts
 from dolfinx_contact.analysis.branch_counts import default_gammas
 from dolfinx_contact.continuation import Diagram, explore
 from dolfinx_contact.explorer import explorer
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.proofs import Certificate, check
 
 TOTAL = dict(sum_rn=records.total("rn"))
 

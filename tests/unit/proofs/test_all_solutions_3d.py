@@ -19,10 +19,10 @@ from dolfinx_contact import (
     ParametricContact,
     Tresca,
 )
-from dolfinx_contact.analysis import check
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.proofs import check
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="long, and the same on every rank")

@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from dolfinx_contact.analysis.check_proof import Ball, hypot
+from dolfinx_contact.proofs.check_proof import Ball, hypot
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
 

@@ -12,8 +12,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from dolfinx_contact.analysis import Certificate, InvalidCertificate, ReducedProblem, check
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.proofs import Certificate, InvalidCertificate, ReducedProblem, check
+from dolfinx_contact.proofs.check_proof import (
     Ball,
     Dual,
     SpaceRegion,

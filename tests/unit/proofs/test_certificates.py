@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from dolfinx_contact.algorithms import coulomb_by_lemke
-from dolfinx_contact.analysis import (
+from dolfinx_contact.proofs import (
     Certificate,
     InvalidCertificate,
     ReducedProblem,
     check,
     prove_solutions,
 )
-from dolfinx_contact.analysis.check_proof import StatusRegion, solve_piece
+from dolfinx_contact.proofs.check_proof import StatusRegion, solve_piece
 
 serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the same on every rank")
 pytestmark = serial

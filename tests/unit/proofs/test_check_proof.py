@@ -14,18 +14,17 @@ import numpy as np
 import pytest
 from test_certificates import enumerated, random_problem
 
-from dolfinx_contact import analysis
-from dolfinx_contact.analysis import (
+from dolfinx_contact.proofs import (
     Certificate,
     InvalidCertificate,
     ReducedProblem,
     check,
     prove_solutions,
 )
-from dolfinx_contact.analysis import check_proof as cp
+from dolfinx_contact.proofs import check_proof as cp
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
-CHECKER = Path(analysis.__file__).with_name("check_proof.py")
+CHECKER = Path(cp.__file__)
 DATA = ("S", "p", "friction", "bound", "S_error", "p_error")
 #: Runs a script where nothing but the standard library, and what else is named, can be imported.
 ALONE = """

@@ -19,14 +19,14 @@ from support.space_problems import (
     two_far_nodes,
 )
 
-from dolfinx_contact.analysis import (
+from dolfinx_contact.proofs import (
     Certificate,
     InvalidCertificate,
     ReducedProblem,
     check,
     prove_solutions,
 )
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.proofs.check_proof import (
     IN_SLIP,
     OF_RN,
     OF_S,

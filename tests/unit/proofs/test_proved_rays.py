@@ -11,9 +11,9 @@ import pytest
 from _triangle import linear_triangle
 from support.textbook import coulomb_system
 
-from dolfinx_contact.analysis import ReducedProblem
-from dolfinx_contact.analysis.rays import apex_problem, prove_rays
 from dolfinx_contact.continuation.rays import outgoing
+from dolfinx_contact.proofs import ReducedProblem
+from dolfinx_contact.proofs.rays import apex_problem, prove_rays
 
 COMM = MPI.COMM_WORLD
 OPEN = 0

@@ -24,7 +24,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from dolfinx_contact.analysis import check_proof as cp
+from dolfinx_contact.proofs import check_proof as cp
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
 FILE = Path(__file__).parents[2] / "data" / "proofs.json"

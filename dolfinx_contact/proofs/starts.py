@@ -12,14 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.laws import coulomb
+from dolfinx_contact.proofs.check_proof import (
     IN_OPEN,
     IN_SLIP,
     Cells,
     ReducedProblem,
     directions,
 )
-from dolfinx_contact.laws import coulomb
 
 __all__ = ["forces_within", "many_solutions"]
 

@@ -14,19 +14,19 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._mpi import on_root
-from dolfinx_contact.analysis.check_proof import ReducedProblem
-from dolfinx_contact.analysis.rays import ProvedRays, apex_problem, prove_rays
 from dolfinx_contact.analysis.renard import criterion_at
-from dolfinx_contact.analysis.solutions import ProvedSolutions, prove_solutions
-from dolfinx_contact.analysis.space.uniqueness import is_only_in_space
 from dolfinx_contact.analysis.theory import theory_of
-from dolfinx_contact.analysis.uniqueness import OnlySolution, is_only
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.parametric import JacobianSolver, ParametricEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca, status
+from dolfinx_contact.proofs.check_proof import ReducedProblem
+from dolfinx_contact.proofs.only_in_space import is_only_in_space
+from dolfinx_contact.proofs.only_solution import OnlySolution, is_only
+from dolfinx_contact.proofs.rays import ProvedRays, apex_problem, prove_rays
+from dolfinx_contact.proofs.solutions import ProvedSolutions, prove_solutions
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense, obstacle_in_space
 from dolfinx_contact.results.uniqueness import Uniqueness

@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.candidates import candidates
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.proofs.candidates import candidates
+from dolfinx_contact.proofs.check_proof import (
     Certificate,
     PieceSolution,
     ReducedProblem,
@@ -24,8 +24,8 @@ from dolfinx_contact.analysis.check_proof import (
     differences,
     solve_piece,
 )
-from dolfinx_contact.analysis.multipliers import find_weights
-from dolfinx_contact.analysis.solutions import prove_solutions
+from dolfinx_contact.proofs.plane_weights import find_weights
+from dolfinx_contact.proofs.solutions import prove_solutions
 
 __all__ = ["OnlySolution", "is_only"]
 

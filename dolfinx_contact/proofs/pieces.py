@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.proofs.check_proof import (
     IN_CLOSED,
     IN_OPEN,
     IN_SLIP,

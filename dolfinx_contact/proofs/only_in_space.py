@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.proofs.check_proof import (
     Certificate,
     InvalidCertificate,
     Proved,
@@ -22,11 +22,11 @@ from dolfinx_contact.analysis.check_proof import (
     solve_in_space,
     space_differences,
 )
-from dolfinx_contact.analysis.solutions import ProvedSolution, prove_solutions
-from dolfinx_contact.analysis.space.pieces import codes_of, piece_at, solved_piece, unknowns
-from dolfinx_contact.analysis.space.starts import many_solutions
-from dolfinx_contact.analysis.space.weights import find_space_weights
-from dolfinx_contact.analysis.uniqueness import OnlySolution
+from dolfinx_contact.proofs.only_solution import OnlySolution
+from dolfinx_contact.proofs.pieces import codes_of, piece_at, solved_piece, unknowns
+from dolfinx_contact.proofs.solutions import ProvedSolution, prove_solutions
+from dolfinx_contact.proofs.space_weights import find_space_weights
+from dolfinx_contact.proofs.starts import many_solutions
 
 __all__ = ["is_only_in_space"]
 

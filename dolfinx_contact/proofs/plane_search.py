@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.candidates import candidates, within
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.proofs.candidates import candidates, within
+from dolfinx_contact.proofs.check_proof import (
     CLOSED,
     OPENED,
     Certificate,
@@ -35,8 +35,8 @@ from dolfinx_contact.analysis.check_proof import (
     restricted,
     solve_piece,
 )
-from dolfinx_contact.analysis.multipliers import find_weights
-from dolfinx_contact.analysis.probing import probe, prove_empty
+from dolfinx_contact.proofs.plane_probing import probe, prove_empty
+from dolfinx_contact.proofs.plane_weights import find_weights
 
 __all__ = ["search"]
 

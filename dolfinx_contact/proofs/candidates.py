@@ -17,7 +17,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
+from dolfinx_contact.proofs.check_proof import (
     CLOSED,
     IS_FREE,
     IS_OPEN,
@@ -28,7 +29,6 @@ from dolfinx_contact.analysis.check_proof import (
     has_status,
     matrix_of,
 )
-from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 
 __all__ = ["candidates", "within"]
 

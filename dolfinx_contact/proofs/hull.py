@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.proofs.check_proof import (
     IN_CLOSED,
     IN_OPEN,
     IN_SLIP,
@@ -28,7 +28,7 @@ from dolfinx_contact.analysis.check_proof import (
     directions,
     ends_of,
 )
-from dolfinx_contact.analysis.space.simplex import Simplex
+from dolfinx_contact.proofs.simplex import Simplex
 
 __all__ = ["Hull"]
 

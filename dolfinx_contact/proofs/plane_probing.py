@@ -14,8 +14,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import Certificate, StatusRegion, has_status, used
-from dolfinx_contact.analysis.relaxation import Relaxation
+from dolfinx_contact.proofs.check_proof import Certificate, StatusRegion, has_status, used
+from dolfinx_contact.proofs.relaxation import Relaxation
 
 __all__ = ["probe", "prove_empty"]
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from dolfinx_contact.analysis.check_proof import Differences
+from dolfinx_contact.proofs.check_proof import Differences
 
 __all__ = ["Weights", "find_weights"]
 

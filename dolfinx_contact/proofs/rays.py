@@ -30,10 +30,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import ReducedProblem, gamma, least_eigenvalue, up
-from dolfinx_contact.analysis.solutions import prove_solutions
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.laws.status import OPEN, STICK
+from dolfinx_contact.proofs.check_proof import ReducedProblem, gamma, least_eigenvalue, up
+from dolfinx_contact.proofs.solutions import prove_solutions
 
 __all__ = ["Apex", "ProvedRays", "apex_problem", "prove_rays"]
 

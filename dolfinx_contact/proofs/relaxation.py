@@ -19,8 +19,8 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import Masks, ReducedProblem, has_status, used
-from dolfinx_contact.analysis.tableau import Tableau
+from dolfinx_contact.proofs.check_proof import Masks, ReducedProblem, has_status, used
+from dolfinx_contact.proofs.tableau import Tableau
 
 __all__ = ["Relaxation"]
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.proofs.check_proof import (
     IN_CLOSED,
     IN_OPEN,
     IN_SLIP,
@@ -38,7 +38,7 @@ from dolfinx_contact.analysis.check_proof import (
     solve_in_space,
     space_differences,
 )
-from dolfinx_contact.analysis.space.pieces import (
+from dolfinx_contact.proofs.pieces import (
     codes_of,
     piece_at,
     relaxed,
@@ -46,9 +46,9 @@ from dolfinx_contact.analysis.space.pieces import (
     solved_piece,
     unknowns,
 )
-from dolfinx_contact.analysis.space.probing import Probing
-from dolfinx_contact.analysis.space.starts import many_solutions
-from dolfinx_contact.analysis.space.weights import find_space_weights
+from dolfinx_contact.proofs.space_probing import Probing
+from dolfinx_contact.proofs.space_weights import find_space_weights
+from dolfinx_contact.proofs.starts import many_solutions
 
 __all__ = ["search_in_space"]
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Weights of the quadratic inequalities in space that make their sum positive definite.
 
-As in the plane (`analysis.multipliers`): with what vanishes eliminated and the form scaled to a
+As in the plane (`proofs.plane_weights`): with what vanishes eliminated and the form scaled to a
 unit diagonal, its least eigenvalue is maximised over the logarithms of the weights, by the soft
 minimum -tau log sum exp(-lambda / tau). The forms act on (d, e) of a point, six numbers, so that
 neither the sum nor its derivatives take more than products of matrices. Nothing is proved here
@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from dolfinx_contact.analysis.check_proof import FAMILIES, SpaceDifferences
+from dolfinx_contact.proofs.check_proof import FAMILIES, SpaceDifferences
 
 __all__ = ["SpaceWeights", "find_space_weights"]
 

@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 from dolfinx_contact._progress import Progress, check_progress
 from dolfinx_contact._validate import instance, is_number
-from dolfinx_contact.analysis.branching import search
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.laws.status import MINUS, OPEN, STICK, WHERE_OPEN
+from dolfinx_contact.proofs.check_proof import (
     Certificate,
     Masks,
     OpenCells,
@@ -27,8 +27,8 @@ from dolfinx_contact.analysis.check_proof import (
     Verdict,
     in_words,
 )
-from dolfinx_contact.analysis.space import search_in_space
-from dolfinx_contact.laws.status import MINUS, OPEN, STICK, WHERE_OPEN
+from dolfinx_contact.proofs.plane_search import search
+from dolfinx_contact.proofs.space_search import search_in_space
 
 __all__ = ["ProvedSolution", "ProvedSolutions", "prove_solutions"]
 

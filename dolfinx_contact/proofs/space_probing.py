@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.analysis.check_proof import (
+from dolfinx_contact.proofs.check_proof import (
     IN_CLOSED,
     IN_OPEN,
     IN_SLIP,
@@ -25,7 +25,7 @@ from dolfinx_contact.analysis.check_proof import (
     SpaceDual,
     SpaceRegion,
 )
-from dolfinx_contact.analysis.space.hull import Hull
+from dolfinx_contact.proofs.hull import Hull
 
 __all__ = ["Probing"]
 

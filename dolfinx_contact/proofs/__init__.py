@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""All solutions of a reduced contact problem, with a proof that there are no others.
+
+The checker (`check_proof.py`) is the only part that must be trusted; it needs numpy alone. The
+remaining modules search for proofs: those with ``plane`` in their names in 2D, those with ``space``
+in 3D.
+"""
+
+from dolfinx_contact.proofs.check_proof import (
+    Certificate,
+    InvalidCertificate,
+    Proved,
+    ReducedProblem,
+    check,
+)
+from dolfinx_contact.proofs.solutions import ProvedSolution, ProvedSolutions, prove_solutions
+
+__all__ = [
+    "Certificate",
+    "InvalidCertificate",
+    "Proved",
+    "ProvedSolution",
+    "ProvedSolutions",
+    "ReducedProblem",
+    "check",
+    "prove_solutions",
+]
